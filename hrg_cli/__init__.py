@@ -1,0 +1,41 @@
+"""hrg: calibration of solid-state wave (hemispherical resonator) gyroscopes, from recorded samples to correction tables.
+
+Conventions, the same in memory, files, settings and flags:
+
+* SI units, angles in radians; a name that carries a unit ends in it (`time_s`, `rate_rad_s`, `temperature_degc`).
+* The channels C and S see the displacement W = C cos mθ + S sin mθ, m = mode_number.
+* Envelopes with e^{+jωt}: C = Re[C0 e^{jωt}], C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ).
+* Output equation: m·dθ/dt = −K·Ω + D(T, θ).
+* ν = 1/τ; δω = (ω_p − ω_q)/2; axes θ_μ (damping) and θ_ω (stiffness) are physical angles in [0, π/m).
+
+As a library:
+
+    from hrg_cli import store, Wave, calibrate
+    waves = [store.read(path, Wave) for path in paths]
+    table = calibrate(waves, harmonics=2)
+"""
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "store": ("hrg_cli.store", None),
+    "HrgError": ("hrg_cli.errors", "HrgError"),
+    **{name: ("hrg_cli.records", name) for name in ("Recording", "Periods", "Wave", "Resonator", "Calibration", "Compensated", "Diagnosis", "collect")},
+    **{name: (f"hrg_cli.stages.{name}", name) for name in ("simulate", "demodulate", "estimate", "identify", "calibrate", "compensate", "diagnose", "plan")},
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Public names load on first use, so that `hrg --help` stays fast."""
+    if name in _PUBLIC:
+        module, attribute = _PUBLIC[name]
+        loaded = import_module(module)
+        return loaded if attribute is None else getattr(loaded, attribute)
+    raise AttributeError(f"module 'hrg_cli' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_PUBLIC])

@@ -1,0 +1,13 @@
+"""Errors a person can act on: one sentence naming the file, what was found, what was expected and what to do."""
+
+
+class HrgError(Exception):
+    """The input or the run failed; the message is the one line a user sees (exit status 1)."""
+
+
+class UsageError(HrgError):
+    """The command line asks for something that does not exist (exit status 2)."""
+
+
+class DiskFullError(HrgError):
+    """The output's disk is full; HDF5 cannot close its file cleanly afterwards (exit status 1)."""

@@ -1,0 +1,118 @@
+"""What a simulated gyro is made of: one plain description that both engines integrate and that effects change.
+
+A simulation file becomes an `Environment` (what the world does), a `Plant` (resonator), a `Control` (loops and drive) and a
+`Readout` (pick-off, converter). The fast engine integrates the second-order equations from them sample by sample, the slow
+engine the envelopes; an effect adds its fast term through `Plant`, `Control`, `Readout`, `Environment` and its slow term
+by its own formula, so that one mistake cannot hide in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .resonator import Mechanics
+
+Array = np.ndarray
+
+POLYNOMIAL = (
+    "r2_z",  # |z|² z: cubic spring
+    "r4_z",  # |z|⁴ z: quintic spring
+    "v2_z",  # |v|² z
+    "zv_v",  # (z·v) v
+    "zv_z",  # (z·v) z
+    "r2_v",  # |z|² v: damping that grows with displacement
+    "v2_v",  # |v|² v: damping that grows with speed
+    "quartic_c",  # ∇ Re(x + jy)⁴ / 4 = (x³ − 3xy², y³ − 3x²y): anisotropic cubic spring
+    "quartic_s",  # ∇ Im(x + jy)⁴ / 4 = (3x²y − y³, x³ − 3xy²)
+)
+"""Names of the polynomial accelerations, in the order of `Plant.polynomial`: z'' = … + Σ coefficient × term."""
+
+Acceleration = Callable[[float, float, float, float, float], tuple[float, float]]
+"""(t, x, y, vx, vy) -> (ax, ay): a further acceleration, compiled with numba where it is there."""
+
+
+@dataclass
+class Environment:
+    """The world on one time grid (k rows, linear in between): true temperature of the resonator and true rate, and what is logged of them."""
+
+    time_s: Array
+    temperature_degc: Array
+    rate_rad_s: Array
+    logged_temperature_degc: Array
+    logged_rate_rad_s: Array
+
+
+@dataclass
+class Plant:
+    """The resonator on the environment's grid: z'' = −2(N − KΩJ) z' − (W − KΩ'J) z + polynomial + extra + drive.
+
+    damping N (k, 2, 2) [1/s]; stiffness W (k, 2, 2) [rad²/s²]; scale_factor K (k,); polynomial (9,) as `POLYNOMIAL`
+    (displacement unit: the read-out's full wave amplitude unit).
+    """
+
+    mechanics: Mechanics
+    damping: Array
+    stiffness: Array
+    scale_factor: Array
+    polynomial: Array = field(default_factory=lambda: np.zeros(len(POLYNOMIAL)))
+    extra: Acceleration | None = None
+
+
+@dataclass
+class Control:
+    """Drive and loops; nothing acts in a free run.
+
+    Force on the envelope, a second: F = D·[e_A a_ΦA e^{−jΔφ_A} + j·… e_B a_ΦB e^{−jΔφ_B}] e^{jφ}  (CONTRACT sign convention;
+    seed A (7)), D = `drive_matrix`. `parasitic_force` (complex 2-vector, amplitude a second) is added as it is, coherent with φ.
+    """
+
+    forced: bool = False
+    main_amplitude: float = 1.0
+    amplitude_gain_1_s: float = 5.0
+    amplitude_integral_1_s2: float = 0.0
+    quadrature_loop: str = "off"  # off | finite | spring
+    quadrature_gain_1_s: float = 0.0
+    drive: str = "force"  # force | parametric
+    drive_matrix: Array = field(default_factory=lambda: np.eye(2))
+    main_phase_error_rad: float = 0.0
+    quadrature_phase_error_rad: float = 0.0
+    parasitic_force: Array = field(default_factory=lambda: np.zeros(2, complex))
+    on_off: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """Intervals (start_s, stop_s) in which the drive is off; none: always on."""
+
+
+@dataclass
+class Samples:
+    """A block of samples on its way through the read-out: times, displacement z and z'/ω of both channels, drive, environment at the samples."""
+
+    time_s: Array
+    z: Array  # (2, n) displacement
+    v_over_omega: Array  # (2, n) velocity / ω
+    drive: Array  # (2, n) instantaneous drive, unit of force / ω² (0 when off)
+    temperature_degc: Array
+    rate_rad_s: Array
+
+
+ReadoutStep = Callable[[Samples, Array], Array]
+"""(block, y (2, n)) -> y (2, n): one step of the pick-off chain, in order."""
+
+
+@dataclass
+class Readout:
+    """Pick-off chain: steps applied to the displacement, then carrier, noise, converter."""
+
+    kind: str = "direct"  # direct | carrier
+    carrier_hz: float = 0.0
+    carrier_phase_rad: float = 0.0
+    model: str = "linear"  # linear | full (seed B's U_c, U_s)
+    gap: float = 1.0
+    steps: list[ReadoutStep] = field(default_factory=list)
+    after: list[ReadoutStep] = field(default_factory=list)
+    """Steps after the carrier and noise (converter side: saturation, dropped samples)."""
+    noise: float = 0.0
+    adc_bits: int = 0
+    full_scale: float = 1.0
+    clock_error: float = 0.0

@@ -1,0 +1,100 @@
+"""The linear resonator: second-order equations of motion, their slow generator exact to second order, and its propagator.
+
+Fast, in the instrument axes z = (C, S)   (seed A (3) at θ_x = 0, with the Euler term of PHYSICS M14):
+    z'' + 2(N − KΩ J) z' + (W − KΩ' J) z = force,   N = ν I + ν δμ R(2mθ_μ),   W = (ω² + δω²) I + 2 ω δω R(2mθ_ω)
+Slow, z = Re[u e^{jω_r t}]: u' = L u, L the solvent of the quadratic eigenproblem near
+    L₀ = −N + j δω R(2mθ_ω) + j(ω − ω_r) + KΩ J   (PHYSICS §0)
+R(α) = [[cos α, sin α], [sin α, −cos α]], J = [[0, 1], [−1, 0]].
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+IDENTITY = np.eye(2)
+J = np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+PARAMETERS = (
+    ("frequency_hz", "Hz"),
+    ("damping_rate_1_s", "s-1"),
+    ("damping_split_1_s", "s-1"),
+    ("damping_axis_rad", "rad"),
+    ("frequency_split_rad_s", "rad s-1"),
+    ("stiffness_axis_rad", "rad"),
+    ("scale_factor", "1"),
+)
+"""Resonator parameters (CONTRACT) with their units, in file order."""
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """The linear resonator's parameters: f, ν = 1/τ, νδμ, θ_μ, δω = (ω_p − ω_q)/2, θ_ω, K, and the mode number m."""
+
+    frequency_hz: float
+    damping_rate_1_s: float
+    damping_split_1_s: float = 0.0
+    damping_axis_rad: float = 0.0
+    frequency_split_rad_s: float = 0.0
+    stiffness_axis_rad: float = 0.0
+    scale_factor: float = 0.55
+    mode_number: int = 2
+
+    @property
+    def omega_rad_s(self) -> float:
+        """Mean angular frequency ω = (ω_p + ω_q)/2."""
+        return 2 * np.pi * self.frequency_hz
+
+    def damping_matrix(self) -> Array:
+        """N, 1/s."""
+        return self.damping_rate_1_s * IDENTITY + self.damping_split_1_s * reflection(2 * self.mode_number * self.damping_axis_rad)
+
+    def stiffness_matrix(self) -> Array:
+        """W, rad²/s²: eigenvalues (ω ± δω)²."""
+        omega, split = self.omega_rad_s, self.frequency_split_rad_s
+        return (omega**2 + split**2) * IDENTITY + 2 * omega * split * reflection(2 * self.mode_number * self.stiffness_axis_rad)
+
+
+def reflection(alpha: float | Array) -> Array:
+    """R(α) = [[cos α, sin α], [sin α, −cos α]], (..., 2, 2)."""
+    cos, sin = np.cos(alpha), np.sin(alpha)
+    return np.stack([np.stack([cos, sin], -1), np.stack([sin, -cos], -1)], -2)
+
+
+def generator(mechanics: Mechanics, rate_rad_s: float | Array = 0.0, reference_frequency_hz: float | None = None, second_order: float = 1.0) -> Array:
+    """Slow generator L (..., 2, 2) complex, 1/s, for a constant rate (shape ...).
+
+    second_order: 1 for the solvent, exact to O(L³/ω²); 0 for plain averaging. The envelope is taken against the reference frequency.
+    """
+    omega_r = 2 * np.pi * (mechanics.frequency_hz if reference_frequency_hz is None else reference_frequency_hz)
+    turning = mechanics.scale_factor * np.asarray(rate_rad_s, float)[..., None, None] * J
+    damping = mechanics.damping_matrix() - turning
+    if second_order == 0:
+        split = mechanics.frequency_split_rad_s * reflection(2 * mechanics.mode_number * mechanics.stiffness_axis_rad)
+        return -damping + 1j * (split + (mechanics.omega_rad_s - omega_r) * IDENTITY)
+    return solvent(damping, mechanics.stiffness_matrix(), omega_r, second_order)
+
+
+def solvent(damping: Array, stiffness: Array, omega_r: float, second_order: float = 1.0) -> Array:
+    """L with (jω_r + L)² + 2Γ(jω_r + L) + W = 0 near −Γ + j(W − ω_r²)/2ω_r: Γ = `damping`, W = `stiffness` (..., 2, 2)."""
+    first = -damping + 1j * (stiffness - omega_r**2 * IDENTITY) / (2 * omega_r)
+    L = first
+    for _ in range(3):
+        L = first - second_order * (L @ L + 2 * damping @ L) / (2j * omega_r)
+    return L
+
+
+def exponential(L: Array, time_s: float | Array) -> Array:
+    """exp(L t) of 2 × 2 matrices (..., 2, 2) in closed form, through equal eigenvalues too.
+
+    exp(Lt) = e^{ht}[cosh(dt) I + t·sinhc(dt)(L − hI)], h = tr L/2, d² = h² − det L.
+    """
+    t = np.asarray(time_s)[..., None, None]
+    half = (L[..., 0, 0] + L[..., 1, 1])[..., None, None] / 2
+    rest = L - half * IDENTITY
+    d = np.sqrt((rest[..., 0, 0] ** 2 + rest[..., 0, 1] * rest[..., 1, 0]).astype(complex))[..., None, None]
+    x = d * t
+    small = np.abs(x) < 1e-4
+    safe = np.where(small, 1.0, x)
+    sinhc = np.where(small, 1 + x**2 / 6, np.sinh(safe) / safe)
+    return np.exp(half * t) * (np.cosh(x) * IDENTITY + t * sinhc * rest)

@@ -1,0 +1,151 @@
+"""Settings of a stage: defaults stand in its signature alone; a TOML file, `--set` and flags change them; all are checked.
+
+A stage function declares each setting as a keyword with an annotated type, e.g.
+`periods_per_window: Annotated[float, Field(gt=0, description="...")] = 1.0`.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import tomllib
+import typing
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from .errors import HrgError, UsageError
+
+
+@functools.cache
+def model_of(stage: Callable[..., Any]) -> Any:
+    """Pydantic model of a stage's keyword-only settings: strict, frozen, no unknown key, no NaN."""
+    from pydantic import ConfigDict, create_model
+
+    hints = typing.get_type_hints(stage, include_extras=True)
+    fields: dict[str, Any] = {
+        name: (hints[name], parameter.default)
+        for name, parameter in inspect.signature(stage).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    }
+    config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
+    return create_model(f"{stage.__name__} settings", __config__=config, **fields)
+
+
+def load_toml(path: Path | str) -> dict[str, Any]:
+    """A TOML file as a dictionary. HrgError: missing, not text, not TOML."""
+    path = Path(path)
+    if not path.exists():
+        raise HrgError(f"{path}: no such file; name a TOML file")
+    try:
+        if path.stat().st_size > 16 << 20:
+            raise HrgError(f"{path}: has {path.stat().st_size} bytes, a settings file of at most 16 MB was expected")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise HrgError(f"{path}: is not a text file, a TOML file was expected") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise HrgError(f"{path}: is not TOML ({error or 'nested too deeply'}); correct it") from error
+    except OSError as error:
+        raise HrgError(f"{path}: cannot be read ({error.strerror}); name a TOML file") from error
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """`key=value` of --set; the value is TOML, or text where it is not."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise UsageError(f"--set {text}: key=value was expected, e.g. --set periods_per_window=4")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
+
+
+def assign(tree: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key of nested tables; a number addresses an element of an array of tables."""
+    *parents, last = key.split(".")
+    for part in parents:
+        if isinstance(tree, list):
+            if not part.isdigit() or int(part) >= len(tree):
+                raise UsageError(f"--set {key}: there is no element {part}")
+            tree = tree[int(part)]
+        else:
+            tree = tree.setdefault(part, {})
+        if not isinstance(tree, dict | list):
+            raise UsageError(f"--set {key}: {part} is a value, a table was expected")
+    if isinstance(tree, list):
+        raise UsageError(f"--set {key}: an element's key was expected after its number")
+    tree[last] = value
+
+
+def resolve(
+    stage: Callable[..., Any], config: Path | None = None, assignments: tuple[str, ...] = (), flags: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The stage's whole checked settings: signature < [stage] table of `config` < --set < flags that were given (not None)."""
+    name = stage.__name__
+    from_file: dict[str, Any] = {}
+    if config is not None:
+        tree = load_toml(config)
+        table = tree.get(name, {})
+        if not isinstance(table, dict):
+            raise HrgError(f"{config}: {name} is not a table; write its settings under [{name}]")
+        from_file = table
+        validate(model_of(stage), from_file, str(config), prefix=f"{name}.")
+    given: dict[str, Any] = {}
+    for text in assignments:
+        key, value = parse_assignment(text)
+        assign(given, key.removeprefix(f"{name}."), value)
+    given |= {key: value for key, value in (flags or {}).items() if value is not None}
+    checked = validate(model_of(stage), from_file | given, "settings", usage=True)
+    return {key: getattr(checked, key) for key in type(checked).model_fields}
+
+
+def validate(model: Any, values: Mapping[str, Any], where: str, prefix: str = "", usage: bool = False) -> Any:
+    """An instance of a pydantic model, or one sentence that lists every wrong key."""
+    from pydantic import ValidationError
+
+    try:
+        return model.model_validate(dict(values))
+    except ValidationError as error:
+        problems = []
+        for e in error.errors():
+            key = prefix + ".".join(str(p) for p in e["loc"])
+            if e["type"] == "extra_forbidden":
+                close = _closest(str(e["loc"][-1]), model, e["loc"][:-1])
+                problems.append(f"unknown key {key}" + (f" (did you mean {close}?)" if close else ""))
+            elif e["type"] == "missing":
+                problems.append(f"{key} is missing")
+            else:
+                problems.append(f"{key} = {str(e['input'])[:60]!r}: {e['msg'].removeprefix('Value error, ')[:1].lower() + e['msg'].removeprefix('Value error, ')[1:]}")
+        kind = UsageError if usage else HrgError
+        raise kind(f"{where}: {'; '.join(problems)}") from error
+
+
+def _closest(word: str, model: Any, place: tuple[Any, ...]) -> str:
+    import difflib
+
+    for part in place:
+        field = getattr(model, "model_fields", {}).get(part)
+        model = getattr(field, "annotation", None)
+    found = difflib.get_close_matches(word, list(getattr(model, "model_fields", {})), 1)
+    return found[0] if found else ""
+
+
+def to_toml(values: Mapping[str, Any]) -> str:
+    """Settings as TOML text; None is left out."""
+    import tomli_w
+
+    return tomli_w.dumps(_plain(values))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "model_dump"):
+        value = value.model_dump()
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items() if v is not None}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "item"):
+        return value.item()
+    return value

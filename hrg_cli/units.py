@@ -1,0 +1,32 @@
+"""Units: the spelling kept in files, the spellings accepted from laboratories, and the factors for a person's screen."""
+
+import math
+
+CANONICAL = {
+    "1": ("1", "", "dimensionless", "-"),
+    "s": ("s", "sec", "second", "seconds"),
+    "Hz": ("Hz", "hertz", "1/s (cycles)"),
+    "rad": ("rad", "radian", "radians"),
+    "rad s-1": ("rad s-1", "rad/s", "rad s^-1", "rad*s-1", "rad.s-1"),
+    "s-1": ("s-1", "1/s", "s^-1"),
+    "degC": ("degC", "°C", "celsius", "deg_C", "degrees_celsius"),
+}
+"""Unit as the files spell it -> the spellings accepted on reading."""
+
+_SPELLING = {spelling: unit for unit, spellings in CANONICAL.items() for spelling in spellings}
+
+DEGREE = math.pi / 180
+DEGREE_PER_HOUR = DEGREE / 3600
+"""One °/h in rad/s."""
+EARTH_RATE_RAD_S = 7.292115e-5
+"""Rotation of the Earth against the stars, rad/s (15.041 °/h)."""
+
+
+def canonical(unit: str) -> str:
+    """The spelling of `unit` that files use; an unknown unit is returned as it is."""
+    return _SPELLING.get(unit.strip(), unit.strip())
+
+
+def to_deg_per_hour(rate_rad_s: float) -> float:
+    """A rate in rad/s as °/h, for people."""
+    return rate_rad_s / DEGREE_PER_HOUR
