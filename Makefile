@@ -1,0 +1,50 @@
+# hrg: everything sets itself up in .venv; bare `make` prints this help.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+JOBS ?= 2
+READY := $(VENV)/.ready
+
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help run test test-browser study bench lint sample-data build clean
+
+help:  ## Print this help
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 22
+
+$(READY): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet -e '.[dev]'
+	@touch $@
+
+run: $(READY)  ## Run the whole chain on the sample data; results in build/run
+	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/run_chain.sh build/run
+
+test: $(READY)  ## Run the tests (quick samples of the long studies included)
+	$(BIN)/python -m pytest -n $(JOBS) -m "not slow and not browser" tests
+
+test-browser: $(READY)  ## Test the report page in Debian's chromium (installed when missing and possible)
+	command -v chromium >/dev/null || (apt-get update -qq && apt-get install -y -qq chromium >/dev/null)
+	$(BIN)/python -m pytest -m browser tests
+
+study: $(READY)  ## Run the long statistical studies
+	$(BIN)/python -m pytest -n $(JOBS) -m slow tests
+
+bench: $(READY)  ## Print speed and accuracy ratios measured now
+	@for bench in benchmarks/bench_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done
+
+lint: $(READY)  ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+sample-data: $(READY)  ## Make sample_data/ again from configs/
+	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/make_sample_data.sh
+
+build: $(READY)  ## Build wheel and sdist into dist/
+	$(BIN)/python -m pip install --quiet build
+	$(BIN)/python -m build --outdir dist .
+
+clean:  ## Remove everything that make has made
+	rm -rf $(VENV) build dist *.egg-info

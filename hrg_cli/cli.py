@@ -1,0 +1,140 @@
+"""The command line: each command parses, calls one function and reports. Heavy imports happen inside commands."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .command import Common, command, command_line, existing
+from .errors import HrgError, UsageError
+
+app = typer.Typer(
+    name="hrg",
+    help="Calibration of solid-state wave (hemispherical resonator) gyroscopes: from recorded samples to correction tables.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="The chain: simulate or import, demodulate, estimate, then identify, calibrate or diagnose, compensate, report.",
+)
+
+Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE...", show_default=False)]
+OneFile = Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from . import __version__
+
+        print(f"hrg {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _root(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")] = False) -> None:
+    pass
+
+
+def _run(run: Common, name: str, inputs: list[Path], *, beside: dict[str, Path | None] | None = None, **flags: Any) -> None:
+    """The body of every command that is one stage on files."""
+    from .pipeline import STAGES, run_stage
+    from .reporting import console, tables
+
+    stage = STAGES[name]
+    values = run.settings(stage.function(), **flags)
+    inputs = existing(inputs, f"a {stage.takes} file")
+    output = run.need_output(f"{stage.gives}.h5")
+    with console.progress_bar(name, run.quiet or run.json) as progress:
+        outcome = run_stage(
+            name,
+            inputs,
+            output,
+            values,
+            beside={key: path for key, path in (beside or {}).items() if path is not None},
+            force=run.force,
+            command_line=command_line(),
+            progress=progress,
+        )
+    run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+
+
+@command(app, "simulate", "hrg simulate configs/free_run_downs.toml -o run.h5")
+def simulate(
+    run: Common,
+    config_file: Annotated[Path | None, typer.Argument(metavar="CONFIG.toml", show_default=False)] = None,
+    model: Annotated[str | None, typer.Option(help="fast (equations of motion, sample by sample) or slow (envelopes).", show_default=False)] = None,
+    only_run: Annotated[str | None, typer.Option("--run", help="Only this run of the file.", show_default=False)] = None,
+    effects_from: Annotated[Path | None, typer.Option(help="Python file with effects of your own; it is executed.", show_default=False)] = None,
+) -> None:
+    """Simulate recordings of a gyro described in TOML; several [[run]] tables give OUTPUT-RUN.h5 each."""
+    from .reporting import console
+    from .simulating import simulate_files
+
+    started = time.monotonic()
+    config_file = existing([config_file] if config_file else [], "a simulation file (TOML)")[0]
+    with console.progress_bar("simulate", run.quiet or run.json) as progress:
+        report = simulate_files(config_file, run, model=model, only_run=only_run, effects_from=effects_from, progress=progress)
+    run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3)})
+
+
+@command(app, "demodulate", "hrg demodulate run.h5 -o periods.h5 --periods-per-window 50")
+def demodulate(
+    run: Common,
+    recording: OneFile = None,
+    periods_per_window: Annotated[float | None, typer.Option(help="Oscillation periods a window (default 1).", show_default=False)] = None,
+    nominal_frequency_hz: Annotated[float | None, typer.Option(help="Look for the oscillation near this frequency.", show_default=False)] = None,
+) -> None:
+    """Samples to signals a window: least squares at the oscillation frequency, which is found and followed."""
+    _run(run, "demodulate", [recording] if recording else [], periods_per_window=periods_per_window, nominal_frequency_hz=nominal_frequency_hz)
+
+
+@command(app, "estimate", "hrg estimate periods.h5 -o wave.h5")
+def estimate(
+    run: Common,
+    periods: OneFile = None,
+    solver: Annotated[str | None, typer.Option(help="gauss-newton, levenberg-marquardt or closed-form.", show_default=False)] = None,
+    start: Annotated[str | None, typer.Option(help="Start of the solver: previous, closed-form or fixed.", show_default=False)] = None,
+    carrier_phase_rad: Annotated[float | None, typer.Option(help="Known carrier phase; estimated a period otherwise.", show_default=False)] = None,
+) -> None:
+    """Signals to the wave: main amplitude, quadrature, wave angle and phases with standard deviations."""
+    _run(run, "estimate", [periods] if periods else [], solver=solver, start=start, carrier_phase_rad=carrier_phase_rad)
+
+
+@command(app, "identify", "hrg identify wave-*.h5 -o resonator.h5 --method all")
+def identify(
+    run: Common,
+    waves: Files = None,
+    method: Annotated[str | None, typer.Option(help="Method of identification, or all (compared in one table).", show_default=False)] = None,
+    rate_rad_s: Annotated[float | None, typer.Option(help="Constant rate where the files log none (or to override).", show_default=False)] = None,
+    scale_factor: Annotated[float | None, typer.Option(help="Known scale factor K, held fixed.", show_default=False)] = None,
+    window: Annotated[str | None, typer.Option(help="auto: cut the free windows out of long records.", show_default=False)] = None,
+    profile: Annotated[bool | None, typer.Option("--profile", help="Profile likelihood of every parameter.", show_default=False)] = None,
+    eliminate_rate: Annotated[
+        bool | None, typer.Option("--eliminate-rate", help="fixed-axes with the published elimination of the rate (halves the damping split).", show_default=False)
+    ] = None,
+) -> None:
+    """Resonator parameters from free run-downs: damping and frequency split, their axes, scale factor."""
+    _run(
+        run,
+        "identify",
+        waves or [],
+        method=method,
+        rate_rad_s=rate_rad_s,
+        scale_factor=scale_factor,
+        window=window,
+        profile=profile,
+        eliminate_rate=eliminate_rate,
+    )
+
+
+def main() -> None:
+    """Entry point of the `hrg` script."""
+    app(prog_name="hrg")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,161 @@
+"""What every command has in common: its options, its error handling and its exit status."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .errors import DiskFullError, HrgError, UsageError
+
+DONE, FAILED, USAGE, REFUSED = 0, 1, 2, 3
+
+
+@dataclass(frozen=True)
+class Common:
+    """The options that every command takes."""
+
+    output: Path | None
+    force: bool
+    config: Path | None
+    assignments: tuple[str, ...]
+    show_config: bool
+    json: bool
+    quiet: bool
+    verbose: bool
+    strict: bool
+    seed: int | None
+    jobs: int
+
+    def settings(self, function: Callable[..., Any], **flags: Any) -> dict[str, Any]:
+        """The command's resolved settings; with --show-config they are printed and the command ends."""
+        from . import settings
+
+        accepted = inspect.signature(function).parameters
+        for name in ("seed", "jobs"):
+            if name in accepted and name not in flags:
+                flags[name] = getattr(self, name) if name == "seed" else (self.jobs if self.jobs != 1 else None)
+        values = settings.resolve(function, self.config, self.assignments, flags)
+        if self.show_config:
+            print(settings.to_toml({function.__name__: values}), end="")
+            raise typer.Exit(DONE)
+        return values
+
+    def need_output(self, example: str) -> Path:
+        """The output, or the usage error that names an example."""
+        if self.output is None:
+            raise UsageError(f"no output is named; add -o {example}")
+        return self.output
+
+    def finish(self, report: Mapping[str, Any], show: Callable[[], None] | None = None) -> None:
+        """Print the result and leave with the exit status that its validity asks for."""
+        from .reporting import console
+
+        if self.json:
+            console.print_json(report)
+        elif not self.quiet:
+            if show is not None:
+                show()
+            if report.get("output"):
+                print(f"{report['output']}: {report['kind']}, {report['status']}")
+        for reason in report.get("status_reasons", []):
+            if not self.json and not (self.quiet and report["status"] == "valid"):
+                console.message(f"{report['status']}: {reason}")
+        if report.get("status") == "refused" or (self.strict and report.get("status") == "suspect"):
+            raise typer.Exit(REFUSED)
+
+
+_OPTIONS: dict[str, tuple[Any, Any]] = {
+    "output": (Annotated[Path | None, typer.Option("--output", "-o", help="File (or folder) to write.", show_default=False)], None),
+    "force": (Annotated[bool, typer.Option("--force", help="Replace an existing output.")], False),
+    "config": (Annotated[Path | None, typer.Option("--config", help="TOML file with a table named as the command.", show_default=False)], None),
+    "assignments": (
+        Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated.", show_default=False)],
+        None,
+    ),
+    "show_config": (Annotated[bool, typer.Option("--show-config", help="Print the resolved settings as TOML and leave.")], False),
+    "json": (Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")], False),
+    "quiet": (Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")], False),
+    "verbose": (Annotated[bool, typer.Option("--verbose", "-v", help="Say more; show the traceback of an internal error.")], False),
+    "strict": (Annotated[bool, typer.Option("--strict", help="A suspect result, too, ends with status 3.")], False),
+    "seed": (Annotated[int | None, typer.Option("--seed", help="Seed of whatever is drawn at random.", show_default=False)], None),
+    "jobs": (Annotated[int, typer.Option("--jobs", min=1, help="Processes to use where work can be shared.")], 1),
+}
+
+
+def command(app: typer.Typer, name: str, example: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Register a command: common options added, errors turned into one line and an exit status, an example under its help."""
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
+
+        @functools.wraps(function)
+        def run(**arguments: Any) -> None:
+            given = {key: arguments.pop(key) for key in _OPTIONS}
+            given["assignments"] = tuple(given["assignments"] or ())
+            common = Common(**given)
+            guarded(functools.partial(function, common, **arguments), common.verbose)
+
+        parameters = [*own, *(inspect.Parameter(k, inspect.Parameter.KEYWORD_ONLY, annotation=a, default=d) for k, (a, d) in _OPTIONS.items())]
+        run.__signature__ = inspect.Signature([p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters])  # type: ignore[attr-defined]
+        run.__annotations__ = {p.name: p.annotation for p in parameters}
+        del run.__wrapped__  # type: ignore[attr-defined]
+        return app.command(name, epilog=f"Example: {example}")(run)
+
+    return register
+
+
+def guarded(body: Callable[[], None], verbose: bool = False) -> None:
+    """Run a command's body; every failure becomes one line on standard error and an exit status."""
+    try:
+        body()
+    except UsageError as error:
+        leave(str(error), USAGE)
+    except DiskFullError as error:
+        print(f"hrg: {error}", file=sys.stderr, flush=True)
+        sys.stdout.flush()
+        os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
+    except HrgError as error:
+        leave(str(error), FAILED)
+    except KeyboardInterrupt:
+        leave("interrupted; no output was written", 130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(FAILED) from None
+    except MemoryError:
+        leave("not enough memory; use fewer or shorter inputs", FAILED)
+    except typer.Exit:
+        raise
+    except Exception as error:
+        if verbose:
+            import traceback
+
+            traceback.print_exc()
+        leave(f"internal error: {type(error).__name__}: {str(error)[:200]}; run again with -v and report it", FAILED)
+
+
+def leave(text: str, status: int) -> None:
+    """One line on standard error, then the exit status."""
+    print(f"hrg: {' '.join(text.split())}", file=sys.stderr, flush=True)
+    raise typer.Exit(status) from None
+
+
+def command_line() -> str:
+    """The command as it was typed, for `history`."""
+    import shlex
+
+    return "hrg " + shlex.join(sys.argv[1:])
+
+
+def existing(paths: Sequence[Path], what: str) -> list[Path]:
+    """The inputs, at least one."""
+    if not paths:
+        raise UsageError(f"no input is named; name {what}")
+    return list(paths)

@@ -1,0 +1,186 @@
+"""The chain as a literal table, and the one way a stage is run on files: read, call, judge, write, remember where it came from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from . import __version__, settings, store
+from .errors import HrgError
+from .records import KINDS, Provenance, Record, Source
+
+Progress = Callable[[float | None], None]
+"""Called with the share done (0…1), or None where it is unknown."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step: where its function lives, what it reads and writes, whether it takes many records and whether it streams."""
+
+    name: str
+    takes: str
+    gives: str
+    many: bool = False
+    beside: Mapping[str, str] = field(default_factory=dict)
+    """Further records by argument name -> kind."""
+
+    def function(self) -> Callable[..., Any]:
+        """The stage's function, imported now."""
+        return getattr(import_module(f"hrg_cli.stages.{self.name}"), self.name)
+
+    def summary(self, record: Record) -> dict[str, Any]:
+        """The stage's part of the JSON."""
+        module = import_module(f"hrg_cli.stages.{self.name}")
+        return module.summary(record) if hasattr(module, "summary") else {}
+
+
+STAGES = {
+    stage.name: stage
+    for stage in (
+        Stage("demodulate", "recording", "periods"),
+        Stage("estimate", "periods", "wave"),
+        Stage("identify", "wave", "resonator", many=True),
+        Stage("calibrate", "wave", "calibration", many=True, beside={"resonator": "resonator"}),
+        Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
+        Stage("compensate", "wave", "compensated", beside={"calibration": "calibration"}),
+    )
+}
+"""Every stage that makes a file from files, in the order of the work."""
+
+_KIND = {cls.kind: cls for cls in KINDS}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command has to report: the record without its rows' story, and the JSON."""
+
+    record: Record
+    json: dict[str, Any]
+
+
+def run_stage(
+    name: str,
+    inputs: Sequence[Path],
+    output: Path,
+    values: Mapping[str, Any],
+    *,
+    beside: Mapping[str, Path] | None = None,
+    force: bool = False,
+    command_line: str = "",
+    progress: Progress | None = None,
+) -> Outcome:
+    """Run one stage on files: records in, one record out, whole or not at all.
+
+    values: the stage's resolved settings. HrgError: an input is of the wrong kind, damaged or changed while it was read; the output exists.
+    """
+    stage = STAGES[name]
+    started = time.monotonic()
+    store.check_output(output, force)
+    beside = beside or {}
+    for path in (*inputs, *beside.values()):
+        if path.exists() and output.exists() and path.samefile(output):
+            raise HrgError(f"{output}: is an input of this command too; choose another --output")
+    with ExitStack() as open_files, Sources([*inputs, *beside.values()]) as sources:
+        kind = _KIND[stage.takes]
+        further = {key: store.read(path, _KIND[stage.beside[key]]) for key, path in beside.items()}
+        if stage.many:
+            records: list[Record] = [store.read(path, kind) for path in inputs]
+            result = stage.function()(records, **further, **values)
+            parents = [*records, *further.values()]
+        else:
+            record = open_files.enter_context(store.open_record(inputs[0], kind))
+            result = stage.function()(record, **further, **values)
+            result = _watched(result, record, progress)
+            parents = [record, *further.values()]
+        text = settings.to_toml({name: values})
+        written = store.write(output, result, force, finish=lambda last: _with_provenance(last, parents, sources.done(), text, command_line or f"hrg {name}"))
+    return Outcome(written, report(written, output, started, stage.summary(written)))
+
+
+def write_first(output: Path, stream: Any, values: Mapping[str, Any], table: str, sources: Sequence[Path], *, force: bool, command_line: str) -> Record:
+    """Write the record of a command that starts a chain (import, simulate)."""
+    with Sources(sources) as hashed:
+        text = settings.to_toml({table: values})
+        return store.write(output, stream, force, finish=lambda last: _with_provenance(last, [], hashed.done(), text, command_line))
+
+
+def report(record: Record, output: Path | None, started: float, extra: Mapping[str, Any]) -> dict[str, Any]:
+    """The JSON object of a command: the common keys, then the stage's own."""
+    return {
+        "kind": record.kind,
+        "status": record.status,
+        "status_reasons": list(record.status_reasons),
+        "output": None if output is None else str(output),
+        "elapsed_s": round(time.monotonic() - started, 3),
+        **extra,
+    }
+
+
+def _watched(result: Any, source: Record, progress: Progress | None) -> Any:
+    """Report progress by the time of the last row of each block."""
+    if progress is None or isinstance(result, Record):
+        return result
+    return _report_blocks(result, source, progress)
+
+
+def _report_blocks(stream: Iterable[Record], source: Record, progress: Progress) -> Iterator[Record]:
+    end = float(source.times(len(source) - 1)[-1]) if hasattr(source, "times") else float(source.time_s[-1])  # type: ignore[attr-defined]
+    for block in stream:
+        yield block
+        if len(block):
+            progress(min(1.0, float(block.time_s[-1]) / end) if end > 0 else None)  # type: ignore[attr-defined]
+
+
+def _with_provenance(record: Record, parents: Sequence[Record], sources: tuple[Source, ...], text: str, command_line: str) -> Record:
+    history: dict[str, None] = {}
+    for parent in parents:
+        history.update(dict.fromkeys(parent.provenance.history))
+    now = store.created_now()
+    history[f"{now} hrg {__version__} {command_line}"] = None
+    provenance = Provenance(tuple(history), text, sources, now, f"hrg {__version__}")
+    return replace(record, provenance=provenance)
+
+
+class Sources:
+    """The inputs' names, kinds and SHA-256, hashed in the background while the stage reads them; a changed input is an error."""
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths = [Path(p) for p in paths]
+        self._pool = ThreadPoolExecutor(1)
+
+    def __enter__(self) -> Sources:
+        for path in self._paths:
+            if not path.exists():
+                raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
+        self._before = [self._stamp(p) for p in self._paths]
+        self._hashes: list[Future[str]] = [self._pool.submit(store.sha256, p) for p in self._paths]
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    @staticmethod
+    def _stamp(path: Path) -> tuple[int, int]:
+        stat = path.stat()
+        return stat.st_size, stat.st_mtime_ns
+
+    def done(self) -> tuple[Source, ...]:
+        """The sources, after checking that none changed since the command began."""
+        hashes = [future.result() for future in self._hashes]
+        for path, before in zip(self._paths, self._before):
+            if not path.exists() or self._stamp(path) != before:
+                raise HrgError(f"{path}: changed while it was read; run the command again when it is whole")
+        return tuple(Source(path.name, _kind_name(path), digest) for path, digest in zip(self._paths, hashes))
+
+
+def _kind_name(path: Path) -> str:
+    try:
+        return store.kind_of(path).kind
+    except HrgError:
+        return path.suffix.lstrip(".").lower() or "file"

@@ -1,0 +1,79 @@
+"""The table a person sees after a command, one function a kind of record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
+from ..units import to_deg_per_hour
+from .console import print_table
+
+
+def show(record: Record, report: Mapping[str, Any]) -> None:
+    """Print the table of a record; `report` is the command's JSON."""
+    head, rows = table(record, report)
+    if rows:
+        print_table("", head, rows)
+
+
+def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Head and rows of a record's table."""
+    if isinstance(record, Resonator):
+        return ("parameter", "value", "std", "unit"), [(n, v, s, u) for n, (v, s, u) in record.parameters().items()]
+    if isinstance(record, Diagnosis):
+        return _diagnosis(report)
+    if isinstance(record, Calibration):
+        return _calibration(report)
+    rows = [(key, value) for key, value in report.items() if key not in ("kind", "status", "status_reasons", "output") and not isinstance(value, dict | list)]
+    return ("figure", "value"), rows
+
+
+def facts(record: Record) -> dict[str, Any]:
+    """The figures `hrg info` prints of a record."""
+    found: dict[str, Any] = {"rows": len(record)}
+    for name, spec in record.columns().items():
+        value = getattr(record, name)
+        if spec.dims is None and value not in (None, "") and spec.group != "/truth" and not (isinstance(value, str) and len(value) > 60):
+            found[name] = value
+    if isinstance(record, Recording):
+        last = record.times(len(record) - 1)
+        found["duration_s"] = float(last[-1]) if len(last) else 0.0
+        found["auxiliary"] = [n for n in ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature") if getattr(record, n) is not None]
+    if isinstance(record, Periods | Wave):
+        flags = np.asarray(record.flags[:])
+        found |= {f"flagged_{name}": int(np.sum(flags & bit > 0)) for name, bit in (("clipped", 1), ("gap", 2), ("not_finite", 4), ("settling", 8))}
+        found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
+    if isinstance(record, Resonator):
+        found |= {name: value for name, (value, _, _) in record.parameters().items()}
+    if isinstance(record, Compensated):
+        found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
+    return found
+
+
+def _diagnosis(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    rows: list[tuple[Any, ...]] = [("verdict", report.get("verdict"), "", "", "")]
+    for effect in report.get("effects", []):
+        values = ", ".join(f"{k} = {p['value']:.4g} ± {p['std']:.2g} {p['units']}" for k, p in effect["parameters"].items())
+        rows.append((effect["name"], values, effect["z"], effect["p_value"], ", ".join(effect["indistinguishable_from"])))
+        if effect.get("next_experiment"):
+            rows.append(("  next", effect["next_experiment"], "", "", ""))
+    if report.get("remainder"):
+        rows.append(("remainder", report["remainder"]["description"], "", "", ""))
+    before, after = report.get("baseline", {}), report.get("after", {})
+    rows.append(("χ² a degree of freedom", f"{before.get('chi2_per_dof', float('nan')):.4g} → {after.get('chi2_per_dof', float('nan')):.4g}", "", "", ""))
+    return ("found", "size", "z", "p", "cannot be told from"), rows
+
+
+def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    rows: list[tuple[Any, ...]] = []
+    drift, scale = report.get("drift_rms_rad_s", {}), report.get("scale_factor_rms_ppm", {})
+    for key in ("before", "after", "held_out"):
+        d = drift.get(key)
+        rows.append((key.replace("_", " "), None if d is None else to_deg_per_hour(d), scale.get(key)))
+    for stage in report.get("ladder", []):
+        d = stage.get("drift_rms_rad_s")
+        rows.append((str(stage.get("stage")), None if d is None else to_deg_per_hour(d), stage.get("scale_factor_rms_ppm")))
+    return ("rms residual", "drift, °/h", "scale factor, ppm"), rows
