@@ -116,3 +116,28 @@ class Readout:
     adc_bits: int = 0
     full_scale: float = 1.0
     clock_error: float = 0.0
+
+
+@dataclass
+class SlowState:
+    """What an effect's slow term may look at, beside the envelopes u (..., 2): all of shape (...) that broadcasts with u's.
+
+    `slow_environment(p, state) -> SlowState` may return a changed copy (true temperature and rate from the logged ones);
+    `slow(p, u, state) -> du/dt (..., 2)` adds to the envelope equation; `slow_readout(p, u, state) -> u` is the static read-out.
+    """
+
+    mechanics: Mechanics
+    time_s: Array
+    temperature_degc: Array
+    temperature_rate_degc_s: Array
+    branch: Array
+    """Sign of the last temperature change: +1 rising, −1 falling, 0 before any."""
+    rate_rad_s: Array
+    table_angle_rad: Array
+    """∫Ω dt of the run, from 0."""
+    drive: Array
+    """Commanded force on the envelopes (..., 2) complex, amplitude a second, before any drive defect; zero in a free run."""
+    forced: Array
+    """1 where the drive is on, else 0."""
+    omega_r_rad_s: float
+    """Reference frequency of the envelopes."""
