@@ -116,6 +116,8 @@ class Readout:
     adc_bits: int = 0
     full_scale: float = 1.0
     clock_error: float = 0.0
+    dropped: list[tuple[float, int]] = field(default_factory=list)
+    """(time_s, number of samples lost there): the samples after it are those of later instants, closed up."""
 
 
 @dataclass
