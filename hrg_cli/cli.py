@@ -131,6 +131,37 @@ def identify(
     )
 
 
+@command(app, "info", "hrg info wave.h5 --json")
+def info(run: Common, file: OneFile = None) -> None:
+    """What a file holds: kind, validity, history, sources, figures."""
+    from . import store
+    from .reporting import console, tables
+
+    path = existing([file] if file else [], "an hrg file")[0]
+    with store.open_record(path, store.kind_of(path)) as record:
+        facts = tables.facts(record)
+    report = {
+        "kind": record.kind,
+        "status": record.status,
+        "status_reasons": list(record.status_reasons),
+        "output": None,
+        "facts": facts,
+        "history": list(record.provenance.history),
+        "created": record.provenance.created,
+        "generated_by": record.provenance.generated_by,
+        "sources": [vars(source) for source in record.provenance.sources],
+    }
+    if run.json:
+        console.print_json(report)
+        return
+    print(f"{path}: {record.kind}, {record.status}, made by {record.provenance.generated_by or 'unknown'} {record.provenance.created}")
+    for reason in record.status_reasons:
+        print(f"  {record.status}: {reason}")
+    console.print_table("", ("figure", "value"), list(facts.items()))
+    for line in record.provenance.history:
+        print(line)
+
+
 def main() -> None:
     """Entry point of the `hrg` script."""
     app(prog_name="hrg")

@@ -1,0 +1,73 @@
+"""Settings: signature < file < --set < flags; every wrong key is named, nothing strange passes."""
+
+from typing import Annotated, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import Field
+
+from hrg_cli import settings
+from hrg_cli.errors import HrgError, UsageError
+
+
+def smooth(record, *, width: Annotated[float, Field(gt=0, description="width")] = 1.0, kind: Literal["a", "b"] = "a", repeats: int = 3) -> None:
+    """A stage for these tests."""
+
+
+def test_order_of_precedence(tmp_path):
+    file = tmp_path / "c.toml"
+    file.write_text("[smooth]\nwidth = 2.0\nkind = 'b'\n[other]\nx = 1\n")
+    assert settings.resolve(smooth) == {"width": 1.0, "kind": "a", "repeats": 3}
+    assert settings.resolve(smooth, file)["width"] == 2.0
+    assert settings.resolve(smooth, file, ("width=3",))["width"] == 3.0
+    assert settings.resolve(smooth, file, ("smooth.width=3",), {"width": 4.0, "kind": None}) == {"width": 4.0, "kind": "b", "repeats": 3}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[smooth]\nwidht = 2.0", "did you mean width"),
+        ("[smooth]\nwidth = -2.0", "greater than 0"),
+        ("[smooth]\nwidth = nan", "finite"),
+        ("[smooth]\nwidth = 'wide'", "width"),
+        ("[smooth]\nkind = 'c'", "kind"),
+        ("smooth = 3", "not a table"),
+        ("[smooth", "not TOML"),
+        ("a = " + "[" * 5000, "not TOML"),
+    ],
+)
+def test_wrong_files_are_refused_in_words(text, says, tmp_path):
+    file = tmp_path / "c.toml"
+    file.write_text(text)
+    with pytest.raises(HrgError, match=says) as caught:
+        settings.resolve(smooth, file)
+    assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["width", "=3", "width=-1", "other=1", "width.x=1"])
+def test_wrong_assignments_are_usage_errors(text):
+    with pytest.raises(UsageError):
+        settings.resolve(smooth, None, (text,))
+
+
+def test_not_utf8_and_missing(tmp_path):
+    (tmp_path / "c.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(HrgError, match="not a text file"):
+        settings.resolve(smooth, tmp_path / "c.toml")
+    with pytest.raises(HrgError, match="no such file"):
+        settings.resolve(smooth, tmp_path / "d.toml")
+
+
+tables = st.recursive(
+    st.one_of(st.integers(-(2**60), 2**60), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=20), st.booleans()),
+    lambda children: st.one_of(st.lists(children, max_size=3), st.dictionaries(st.text(min_size=1, max_size=8), children, max_size=3)),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.text(min_size=1, max_size=8), tables, max_size=4))
+def test_toml_round_trip(tree):
+    import tomllib
+
+    assert tomllib.loads(settings.to_toml(tree)) == tree

@@ -1,0 +1,244 @@
+"""Files: what is written is read back, opens in xarray, is whole or absent, and is refused in words when it is wrong."""
+
+import json
+import os
+import threading
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+
+from hrg_cli import store
+from hrg_cli.errors import HrgError
+from hrg_cli.records import KINDS, Calibration, Compensated, Diagnosis, Periods, Provenance, Recording, Resonator, Source, Wave, collect
+
+
+def small(kind, rows=7):
+    """A record of any kind with every column filled, made from its own declarations."""
+    rng = np.random.default_rng(3)
+    sizes = {"row": rows, "signal": 4, "channel": 2, "auxiliary_row": 5, "truth_row": 4, "parameter": 3, "parameter_2": 3, "coefficient": 4, "coefficient_2": 4}
+    values = {}
+    for name, spec in kind.columns().items():
+        if spec.dims is None:
+            values[name] = {"i8": 2, "f8": 5000.0}.get(spec.dtype, "text") if name not in ("mode", "readout", "axis") else None
+            continue
+        shape = tuple(sizes.get(d, 3) for d in spec.dims)
+        if spec.dtype == "str":
+            values[name] = np.array([f"n{i}" for i in range(shape[0])], dtype=object)
+        elif spec.dtype == "raw":
+            values[name] = rng.integers(-100, 100, shape).astype("i2")
+        else:
+            values[name] = np.sort(rng.uniform(1, 50, shape), axis=0).astype(spec.dtype)
+    values |= {k: v for k, v in {"mode": "free", "readout": "direct", "axis": "temperature"}.items() if k in kind.columns()}
+    if kind is Recording:
+        values |= {"time_s": None, "c_units": "V", "s_units": "V"}
+    if kind is Calibration:
+        values |= {"frequency_hz": None}
+    return kind(**values, provenance=Provenance(history=("then hrg made it",), sources=(Source("a", "b", "c"),), settings="[x]\n"))
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
+def test_round_trip(kind, tmp_path):
+    record = small(kind)
+    store.write(tmp_path / "a.h5", record)
+    back = store.read(tmp_path / "a.h5", kind)
+    for name in kind.columns():
+        found, put = getattr(back, name), getattr(record, name)
+        if put is None:
+            assert found is None
+        else:
+            np.testing.assert_array_equal(found, put)
+    assert back.provenance.sources == record.provenance.sources and back.provenance.history == record.provenance.history
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
+def test_every_group_opens_in_xarray(kind, tmp_path):
+    store.write(tmp_path / "a.h5", small(kind))
+    with h5py.File(tmp_path / "a.h5") as file:
+        groups = list(file)
+        assert file.attrs["format"] == "hrg" and file.attrs["format_version"] == "1.0" and file.attrs["kind"] == kind.kind
+        for key in ("generated_by", "created", "history", "settings", "sources", "status", "status_reasons"):
+            assert key in file.attrs
+        json.loads(file.attrs["sources"]), json.loads(file.attrs["status_reasons"])
+        file.visititems(lambda name, item: _has_unit(name, item))
+    for group in groups:
+        assert xarray.open_dataset(tmp_path / "a.h5", group=group, engine="h5netcdf").sizes
+
+
+def _has_unit(name, item):
+    if isinstance(item, h5py.Dataset) and "NAME" not in item.attrs:
+        assert "units" in item.attrs, name
+
+
+def test_a_stream_gives_the_same_bytes_as_the_whole(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
+    whole = small(Periods, 100)
+    store.write(tmp_path / "whole.h5", whole)
+    store.write(tmp_path / "again.h5", whole)
+    store.write(tmp_path / "stream.h5", whole.blocks(16))
+    assert (tmp_path / "whole.h5").read_bytes() == (tmp_path / "again.h5").read_bytes()
+    streamed = store.read(tmp_path / "stream.h5", Periods)
+    np.testing.assert_array_equal(streamed.signals, whole.signals)
+    np.testing.assert_array_equal(collect(whole.blocks(9)).signals, whole.signals)
+
+
+def test_lazy_rows_read_only_what_is_asked(tmp_path):
+    record = small(Wave, 50)
+    store.write(tmp_path / "a.h5", record)
+    with store.open_record(tmp_path / "a.h5", Wave) as opened:
+        assert isinstance(opened.time_s, h5py.Dataset)
+        np.testing.assert_array_equal(opened.rows(10, 20).wave_angle_rad, record.wave_angle_rad[10:20])
+
+
+def test_existing_output_is_refused_and_kept(tmp_path):
+    path = tmp_path / "a.h5"
+    store.write(path, small(Wave))
+    before = path.read_bytes()
+    with pytest.raises(HrgError, match="exists already"):
+        store.write(path, small(Wave, 9))
+    assert path.read_bytes() == before
+    store.write(path, small(Wave, 9), force=True)
+    assert len(store.read(path, Wave)) == 9
+
+
+def test_a_stage_that_fails_leaves_nothing(tmp_path):
+    def stream():
+        yield small(Wave)
+        raise RuntimeError("in the middle")
+
+    with pytest.raises(RuntimeError):
+        store.write(tmp_path / "a.h5", stream())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_of_two_writers_one_wins_whole(tmp_path):
+    path, results = tmp_path / "a.h5", []
+    barrier = threading.Barrier(2)
+
+    def writer(rows):
+        def stream():
+            yield small(Wave, rows)
+            barrier.wait(10)
+
+        try:
+            store.write(path, stream())
+            results.append("written")
+        except HrgError as error:
+            results.append(str(error))
+
+    threads = [threading.Thread(target=writer, args=(n,)) for n in (5, 6)]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+    assert results.count("written") == 1 and any("another program" in r or "exists already" in r for r in results)
+    assert len(store.read(path, Wave)) in (5, 6)
+    assert os.listdir(tmp_path) == ["a.h5"]
+
+
+def test_left_over_of_a_killed_writer_is_removed(tmp_path):
+    stale = tmp_path / ".a.h5.hrg-999999999-1.tmp"
+    stale.write_bytes(b"half")
+    store.write(tmp_path / "a.h5", small(Wave))
+    assert not stale.exists()
+
+
+def damage(path, what):
+    with h5py.File(path, "r+") as file:
+        group = file["wave"]
+        if what == "missing dataset":
+            del group["wave_angle_rad"]
+        elif what == "wrong unit":
+            group["wave_angle_rad"].attrs["units"] = "deg"
+        elif what == "unequal lengths":
+            del group["phase_rad"]
+            group["phase_rad"] = np.zeros(3)
+        elif what == "text for numbers":
+            del group["phase_rad"]
+            group["phase_rad"] = ["a"] * 7
+        elif what == "a group for a dataset":
+            del group["phase_rad"]
+            group.create_group("phase_rad")
+        elif what == "no attribute":
+            del group.attrs["window_s"]
+        elif what == "attribute not a number":
+            group.attrs["window_s"] = "long"
+        elif what == "unknown kind":
+            file.attrs["kind"] = "poem"
+        elif what == "newer format":
+            file.attrs["format_version"] = "2.0"
+        elif what == "foreign HDF5":
+            del file.attrs["format"]
+        elif what == "claims a huge size":
+            del group["phase_rad"]
+            group.create_dataset("phase_rad", shape=(1 << 50,), chunks=(1024,), dtype="f8")
+        elif what == "status":
+            file.attrs["status"] = "splendid"
+        elif what == "reasons are not JSON":
+            file.attrs["status_reasons"] = "{"
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        ("missing dataset", "wave_angle_rad is missing"),
+        ("wrong unit", "'deg', 'rad' was expected"),
+        ("unequal lengths", "lengths must be equal"),
+        ("text for numbers", "real numbers were expected"),
+        ("a group for a dataset", "is a group"),
+        ("no attribute", "window_s"),
+        ("attribute not a number", "a number was expected"),
+        ("unknown kind", "poem"),
+        ("newer format", "format_version 2.0"),
+        ("foreign HDF5", "hrg import"),
+        ("claims a huge size", "lengths must be equal"),
+        ("status", "splendid"),
+        ("reasons are not JSON", "not JSON"),
+    ],
+)
+def test_wrong_files_are_refused_in_words(what, says, tmp_path):
+    path = tmp_path / "a.h5"
+    store.write(path, small(Wave))
+    damage(path, what)
+    with pytest.raises(HrgError, match=says) as caught:
+        store.read(path, Wave)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_not_hdf5_truncated_empty_missing_folder(tmp_path):
+    (tmp_path / "text.h5").write_text("time,c,s\n1,2,3\n" * 100)
+    (tmp_path / "empty.h5").touch()
+    store.write(tmp_path / "whole.h5", small(Wave, 5000))
+    whole = (tmp_path / "whole.h5").read_bytes()
+    (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
+    for name, says in (("text.h5", "hrg import"), ("empty.h5", "is empty"), ("cut.h5", "truncated"), ("none.h5", "no such file"), (".", "folder")):
+        with pytest.raises(HrgError, match=says):
+            store.read(tmp_path / name, Wave)
+
+
+def test_a_flipped_bit_does_not_pass(tmp_path):
+    path = tmp_path / "a.h5"
+    record = small(Wave, 4000)
+    store.write(path, record)
+    with h5py.File(path) as file:
+        chunk = file["wave/wave_angle_rad"].id.get_chunk_info(0)
+    raw = bytearray(path.read_bytes())
+    raw[chunk.byte_offset + chunk.size // 2] ^= 16
+    path.write_bytes(raw)
+    with pytest.raises(HrgError, match="damaged"):
+        store.read(path, Wave)
+
+
+def test_a_wrong_kind_names_the_command_that_makes_the_right_one(tmp_path):
+    store.write(tmp_path / "a.h5", small(Recording))
+    with pytest.raises(HrgError, match="is a recording file, a periods file was expected; make one with `hrg demodulate`"):
+        store.read(tmp_path / "a.h5", Periods)
+
+
+def test_status_only_gets_worse():
+    record = small(Resonator)
+    assert record.judged([]).status == "valid"
+    assert record.judged(["a"], "refused").judged(["b"], "suspect").status == "refused"
+    assert record.judged(["a"]).judged(["b"]).status_reasons == ("a", "b")
+    assert small(Compensated) and small(Diagnosis)
