@@ -23,8 +23,14 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "store": ("hrg_cli.store", None),
     "HrgError": ("hrg_cli.errors", "HrgError"),
-    **{name: ("hrg_cli.records", name) for name in ("Recording", "Periods", "Wave", "Resonator", "Calibration", "Compensated", "Diagnosis", "collect")},
-    **{name: (f"hrg_cli.stages.{name}", name) for name in ("simulate", "demodulate", "estimate", "identify", "calibrate", "compensate", "diagnose", "plan")},
+    **{
+        name: ("hrg_cli.records", name)
+        for name in ("Recording", "Periods", "Wave", "Resonator", "Calibration", "Compensated", "Diagnosis", "collect")
+    },
+    **{
+        name: (f"hrg_cli.stages.{name}", name)
+        for name in ("simulate", "demodulate", "estimate", "identify", "calibrate", "compensate", "diagnose", "plan")
+    },
 }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from .command import Common, command, command_line, existing
-from .errors import HrgError, UsageError
 
 app = typer.Typer(
     name="hrg",
@@ -35,7 +33,9 @@ def _version(wanted: bool) -> None:
 
 
 @app.callback()
-def _root(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")] = False) -> None:
+def _root(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")] = False,
+) -> None:
     pass
 
 
@@ -66,9 +66,13 @@ def _run(run: Common, name: str, inputs: list[Path], *, beside: dict[str, Path |
 def simulate(
     run: Common,
     config_file: Annotated[Path | None, typer.Argument(metavar="CONFIG.toml", show_default=False)] = None,
-    model: Annotated[str | None, typer.Option(help="fast (equations of motion, sample by sample) or slow (envelopes).", show_default=False)] = None,
+    model: Annotated[
+        str | None, typer.Option(help="fast (equations of motion, sample by sample) or slow (envelopes).", show_default=False)
+    ] = None,
     only_run: Annotated[str | None, typer.Option("--run", help="Only this run of the file.", show_default=False)] = None,
-    effects_from: Annotated[Path | None, typer.Option(help="Python file with effects of your own; it is executed.", show_default=False)] = None,
+    effects_from: Annotated[
+        Path | None, typer.Option(help="Python file with effects of your own; it is executed.", show_default=False)
+    ] = None,
 ) -> None:
     """Simulate recordings of a gyro described in TOML; several [[run]] tables give OUTPUT-RUN.h5 each."""
     from .reporting import console
@@ -86,10 +90,18 @@ def demodulate(
     run: Common,
     recording: OneFile = None,
     periods_per_window: Annotated[float | None, typer.Option(help="Oscillation periods a window (default 1).", show_default=False)] = None,
-    nominal_frequency_hz: Annotated[float | None, typer.Option(help="Look for the oscillation near this frequency.", show_default=False)] = None,
+    nominal_frequency_hz: Annotated[
+        float | None, typer.Option(help="Look for the oscillation near this frequency.", show_default=False)
+    ] = None,
 ) -> None:
     """Samples to signals a window: least squares at the oscillation frequency, which is found and followed."""
-    _run(run, "demodulate", [recording] if recording else [], periods_per_window=periods_per_window, nominal_frequency_hz=nominal_frequency_hz)
+    _run(
+        run,
+        "demodulate",
+        [recording] if recording else [],
+        periods_per_window=periods_per_window,
+        nominal_frequency_hz=nominal_frequency_hz,
+    )
 
 
 @command(app, "estimate", "hrg estimate periods.h5 -o wave.h5")
@@ -98,7 +110,9 @@ def estimate(
     periods: OneFile = None,
     solver: Annotated[str | None, typer.Option(help="gauss-newton, levenberg-marquardt or closed-form.", show_default=False)] = None,
     start: Annotated[str | None, typer.Option(help="Start of the solver: previous, closed-form or fixed.", show_default=False)] = None,
-    carrier_phase_rad: Annotated[float | None, typer.Option(help="Known carrier phase; estimated a period otherwise.", show_default=False)] = None,
+    carrier_phase_rad: Annotated[
+        float | None, typer.Option(help="Known carrier phase; estimated a period otherwise.", show_default=False)
+    ] = None,
 ) -> None:
     """Signals to the wave: main amplitude, quadrature, wave angle and phases with standard deviations."""
     _run(run, "estimate", [periods] if periods else [], solver=solver, start=start, carrier_phase_rad=carrier_phase_rad)
@@ -108,13 +122,20 @@ def estimate(
 def identify(
     run: Common,
     waves: Files = None,
-    method: Annotated[str | None, typer.Option(help="Method of identification, or all (compared in one table).", show_default=False)] = None,
-    rate_rad_s: Annotated[float | None, typer.Option(help="Constant rate where the files log none (or to override).", show_default=False)] = None,
+    method: Annotated[
+        str | None, typer.Option(help="Method of identification, or all (compared in one table).", show_default=False)
+    ] = None,
+    rate_rad_s: Annotated[
+        float | None, typer.Option(help="Constant rate where the files log none (or to override).", show_default=False)
+    ] = None,
     scale_factor: Annotated[float | None, typer.Option(help="Known scale factor K, held fixed.", show_default=False)] = None,
     window: Annotated[str | None, typer.Option(help="auto: cut the free windows out of long records.", show_default=False)] = None,
     profile: Annotated[bool | None, typer.Option("--profile", help="Profile likelihood of every parameter.", show_default=False)] = None,
     eliminate_rate: Annotated[
-        bool | None, typer.Option("--eliminate-rate", help="fixed-axes with the published elimination of the rate (halves the damping split).", show_default=False)
+        bool | None,
+        typer.Option(
+            "--eliminate-rate", help="fixed-axes with the published elimination of the rate (halves the damping split).", show_default=False
+        ),
     ] = None,
 ) -> None:
     """Resonator parameters from free run-downs: damping and frequency split, their axes, scale factor."""

@@ -75,9 +75,14 @@ class Common:
 _OPTIONS: dict[str, tuple[Any, Any]] = {
     "output": (Annotated[Path | None, typer.Option("--output", "-o", help="File (or folder) to write.", show_default=False)], None),
     "force": (Annotated[bool, typer.Option("--force", help="Replace an existing output.")], False),
-    "config": (Annotated[Path | None, typer.Option("--config", help="TOML file with a table named as the command.", show_default=False)], None),
+    "config": (
+        Annotated[Path | None, typer.Option("--config", help="TOML file with a table named as the command.", show_default=False)],
+        None,
+    ),
     "assignments": (
-        Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated.", show_default=False)],
+        Annotated[
+            list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated.", show_default=False)
+        ],
         None,
     ),
     "show_config": (Annotated[bool, typer.Option("--show-config", help="Print the resolved settings as TOML and leave.")], False),
@@ -103,7 +108,10 @@ def command(app: typer.Typer, name: str, example: str) -> Callable[[Callable[...
             common = Common(**given)
             guarded(functools.partial(function, common, **arguments), common.verbose)
 
-        parameters = [*own, *(inspect.Parameter(k, inspect.Parameter.KEYWORD_ONLY, annotation=a, default=d) for k, (a, d) in _OPTIONS.items())]
+        parameters = [
+            *own,
+            *(inspect.Parameter(k, inspect.Parameter.KEYWORD_ONLY, annotation=a, default=d) for k, (a, d) in _OPTIONS.items()),
+        ]
         run.__signature__ = inspect.Signature([p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters])  # type: ignore[attr-defined]
         run.__annotations__ = {p.name: p.annotation for p in parameters}
         del run.__wrapped__  # type: ignore[attr-defined]

@@ -99,11 +99,15 @@ def run_stage(
             result = _watched(result, record, progress)
             parents = [record, *further.values()]
         text = settings.to_toml({name: values})
-        written = store.write(output, result, force, finish=lambda last: _with_provenance(last, parents, sources.done(), text, command_line or f"hrg {name}"))
+        written = store.write(
+            output, result, force, finish=lambda last: _with_provenance(last, parents, sources.done(), text, command_line or f"hrg {name}")
+        )
     return Outcome(written, report(written, output, started, stage.summary(written)))
 
 
-def write_first(output: Path, stream: Any, values: Mapping[str, Any], table: str, sources: Sequence[Path], *, force: bool, command_line: str) -> Record:
+def write_first(
+    output: Path, stream: Any, values: Mapping[str, Any], table: str, sources: Sequence[Path], *, force: bool, command_line: str
+) -> Record:
     """Write the record of a command that starts a chain (import, simulate)."""
     with Sources(sources) as hashed:
         text = settings.to_toml({table: values})

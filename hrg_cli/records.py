@@ -41,14 +41,23 @@ class Column:
 
 
 def column(
-    units: str, meaning: str, dims: tuple[str, ...] = ("row",), *, group: str | None = None, name: str | None = None, dtype: str = "f8", optional: bool = False
+    units: str,
+    meaning: str,
+    dims: tuple[str, ...] = ("row",),
+    *,
+    group: str | None = None,
+    name: str | None = None,
+    dtype: str = "f8",
+    optional: bool = False,
 ) -> Any:
     """Declare a dataset; `units` is its canonical unit ("any" for the channel's own), `dims` the names of its dimensions."""
     spec = Column(units, meaning, dims, group, name, dtype, optional)
     return field(default=None, metadata={"column": spec}) if optional else field(metadata={"column": spec})
 
 
-def attribute(meaning: str, *, default: Any = dataclasses.MISSING, dtype: str = "str", group: str | None = None, name: str | None = None) -> Any:
+def attribute(
+    meaning: str, *, default: Any = dataclasses.MISSING, dtype: str = "str", group: str | None = None, name: str | None = None
+) -> Any:
     """Declare an attribute of the record's group; with `default` it may be missing from a file."""
     optional = default is not dataclasses.MISSING
     return field(default=default, metadata={"column": Column(None, meaning, None, group, name, dtype, optional)})
@@ -131,7 +140,7 @@ def collect(stream: R | Iterable[R]) -> R:
     if not parts:
         raise HrgError("an empty stream holds no record; the stage before it produced nothing")
     last = parts[-1]
-    joined = {}
+    joined: dict[str, Any] = {}
     for name, spec in last.columns().items():
         if spec.dims and spec.dims[0] in GROWING and getattr(last, name) is not None:
             joined[name] = np.concatenate([getattr(p, name) for p in parts])
@@ -169,14 +178,22 @@ class Recording(Record):
     auxiliary_time_s: Array | None = column("s", "time of the log", ("auxiliary_row",), group="/auxiliary", name="time_s", optional=True)
     temperature_degc: Array | None = column("degC", "temperature log", ("auxiliary_row",), group="/auxiliary", optional=True)
     rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis", ("auxiliary_row",), group="/auxiliary", optional=True)
-    drive_main: Array | None = column("any", "commanded drive of the main wave, force/(2ω) a second", ("auxiliary_row",), group="/auxiliary", optional=True)
-    drive_quadrature: Array | None = column("any", "commanded drive of the quadrature wave", ("auxiliary_row",), group="/auxiliary", optional=True)
+    drive_main: Array | None = column(
+        "any", "commanded drive of the main wave, force/(2ω) a second", ("auxiliary_row",), group="/auxiliary", optional=True
+    )
+    drive_quadrature: Array | None = column(
+        "any", "commanded drive of the quadrature wave", ("auxiliary_row",), group="/auxiliary", optional=True
+    )
     truth_time_s: Array | None = column("s", "time of the truth", ("truth_row",), group="/truth", name="time_s", optional=True)
-    truth_main_amplitude: Array | None = column("any", "true main amplitude", ("truth_row",), group="/truth", name="main_amplitude", optional=True)
+    truth_main_amplitude: Array | None = column(
+        "any", "true main amplitude", ("truth_row",), group="/truth", name="main_amplitude", optional=True
+    )
     truth_quadrature_amplitude: Array | None = column(
         "any", "true quadrature amplitude", ("truth_row",), group="/truth", name="quadrature_amplitude", optional=True
     )
-    truth_wave_angle_rad: Array | None = column("rad", "true wave angle", ("truth_row",), group="/truth", name="wave_angle_rad", optional=True)
+    truth_wave_angle_rad: Array | None = column(
+        "rad", "true wave angle", ("truth_row",), group="/truth", name="wave_angle_rad", optional=True
+    )
     truth_phase_rad: Array | None = column("rad", "true phase", ("truth_row",), group="/truth", name="phase_rad", optional=True)
     truth_settings: str = attribute("the simulation's settings as TOML", default="", group="/truth", name="settings")
 
@@ -227,15 +244,26 @@ class Periods(Record):
     lot_id: str = attribute("the lot", default="")
     start_time: str = attribute("ISO 8601 time of t = 0", default="")
     units: str = attribute("unit of the signals", default="1", name="signal_units")
-    spectrum_frequency_hz: Array | None = column("Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True)
+    spectrum_frequency_hz: Array | None = column(
+        "Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True
+    )
     spectrum_density: Array | None = column(
-        "any", "one-sided power density of the residual, both channels, signal unit²/Hz", ("frequency", "channel"), group="/spectrum", name="density", optional=True
+        "any",
+        "one-sided power density of the residual, both channels, signal unit²/Hz",
+        ("frequency", "channel"),
+        group="/spectrum",
+        name="density",
+        optional=True,
     )
     spectrum_line_frequency_hz: Array | None = column(
         "Hz", "lines that stand out of the residual", ("line",), group="/spectrum", name="line_frequency_hz", optional=True
     )
-    spectrum_line_amplitude: Array | None = column("any", "their amplitudes, both channels", ("line", "channel"), group="/spectrum", name="line_amplitude", optional=True)
-    spectrum_line_ratio: Array | None = column("1", "their power over the noise floor", ("line",), group="/spectrum", name="line_ratio", optional=True)
+    spectrum_line_amplitude: Array | None = column(
+        "any", "their amplitudes, both channels", ("line", "channel"), group="/spectrum", name="line_amplitude", optional=True
+    )
+    spectrum_line_ratio: Array | None = column(
+        "1", "their power over the noise floor", ("line",), group="/spectrum", name="line_ratio", optional=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,15 +306,26 @@ class Wave(Record):
     lot_id: str = attribute("the lot", default="")
     start_time: str = attribute("ISO 8601 time of t = 0", default="")
     units: str = attribute("unit of the amplitudes", default="1", name="amplitude_units")
-    spectrum_frequency_hz: Array | None = column("Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True)
+    spectrum_frequency_hz: Array | None = column(
+        "Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True
+    )
     spectrum_density: Array | None = column(
-        "any", "one-sided power density of the residual, both channels", ("frequency", "channel"), group="/spectrum", name="density", optional=True
+        "any",
+        "one-sided power density of the residual, both channels",
+        ("frequency", "channel"),
+        group="/spectrum",
+        name="density",
+        optional=True,
     )
     spectrum_line_frequency_hz: Array | None = column(
         "Hz", "lines that stand out of the residual", ("line",), group="/spectrum", name="line_frequency_hz", optional=True
     )
-    spectrum_line_amplitude: Array | None = column("any", "their amplitudes, both channels", ("line", "channel"), group="/spectrum", name="line_amplitude", optional=True)
-    spectrum_line_ratio: Array | None = column("1", "their power over the noise floor", ("line",), group="/spectrum", name="line_ratio", optional=True)
+    spectrum_line_amplitude: Array | None = column(
+        "any", "their amplitudes, both channels", ("line", "channel"), group="/spectrum", name="line_amplitude", optional=True
+    )
+    spectrum_line_ratio: Array | None = column(
+        "1", "their power over the noise floor", ("line",), group="/spectrum", name="line_ratio", optional=True
+    )
 
     def good(self) -> Array:
         """Rows that are neither flagged nor failed: (n,) bool."""
@@ -313,8 +352,12 @@ class Resonator(Record):
     flat_directions: str = attribute("JSON list of sentences: what these runs cannot tell", default="[]")
     details: str = attribute("JSON: method comparison, profiles, bounds", default="{}")
     run: Array | None = column("1", "run", ("run",), group="/fit", name="run_id", dtype="str", optional=True)
-    run_chi2_per_dof: Array | None = column("1", "χ² a degree of freedom of the run", ("run",), group="/fit", name="chi2_per_dof", optional=True)
-    run_residual_rms: Array | None = column("any", "rms of the run's envelope residual", ("run",), group="/fit", name="residual_rms", optional=True)
+    run_chi2_per_dof: Array | None = column(
+        "1", "χ² a degree of freedom of the run", ("run",), group="/fit", name="chi2_per_dof", optional=True
+    )
+    run_residual_rms: Array | None = column(
+        "any", "rms of the run's envelope residual", ("run",), group="/fit", name="residual_rms", optional=True
+    )
     run_rows: Array | None = column("1", "windows used of the run", ("run",), group="/fit", name="rows", dtype="i8", optional=True)
 
     def parameters(self) -> dict[str, tuple[float, float, str]]:
@@ -347,7 +390,9 @@ class Calibration(Record):
     drift_harmonics_std: Array = column("rad s-1", "their standard deviations", ("node", "harmonic"))
     scale_factor_harmonics: Array = column("1", "constant, cos 2mθ, sin 2mθ, …", ("node", "harmonic_k"))
     scale_factor_harmonics_std: Array = column("1", "their standard deviations", ("node", "harmonic_k"))
-    covariance: Array = column("any", "covariance of all coefficients, node-major, drift then scale factor a node", ("coefficient", "coefficient_2"))
+    covariance: Array = column(
+        "any", "covariance of all coefficients, node-major, drift then scale factor a node", ("coefficient", "coefficient_2")
+    )
     axis: str = attribute('"temperature" or "frequency"', default="temperature")
     model: str = attribute("variant: table, parametric, quadrature, phase, physical", default="table")
     interpolation: str = attribute("between nodes: linear, cubic, monotone", default="linear")
@@ -358,6 +403,7 @@ class Calibration(Record):
     node_max: float = attribute("highest node value the table may be used at", dtype="f8")
     rate_min_rad_s: float = attribute("lowest rate calibrated", dtype="f8")
     rate_max_rad_s: float = attribute("highest rate calibrated", dtype="f8")
+
     @property
     def node(self) -> Array:
         """The nodes of the table's first axis."""
@@ -365,7 +411,9 @@ class Calibration(Record):
         assert nodes is not None
         return nodes
 
-    correction: str = attribute("sign and order of the correction", default="rate = (D - m*dtheta/dt) / K; subtract drift first, then divide")
+    correction: str = attribute(
+        "sign and order of the correction", default="rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
+    )
     details: str = attribute("JSON: rms figures, ladder, cross-validation, stability, model coefficients", default="{}")
 
 

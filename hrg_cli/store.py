@@ -141,7 +141,9 @@ def _record(file: h5py.File, path: Path, kind: type[AnyRecord], lazy: bool) -> A
     status = _text(file.attrs.get("status", "valid"))
     if status not in ("valid", "suspect", "refused"):
         raise HrgError(f'{path}: its status is {status!r}, expected "valid", "suspect" or "refused"')
-    record = kind(**values, status=status, status_reasons=tuple(_json_list(file, "status_reasons", path)), provenance=_provenance(file, path))
+    record = kind(
+        **values, status=status, status_reasons=tuple(_json_list(file, "status_reasons", path)), provenance=_provenance(file, path)
+    )
     return _checked(record, path)
 
 
@@ -189,7 +191,9 @@ def _read_dataset(dataset: Any, path: Path, place: str, spec: Column, sizes: dic
         raise HrgError(f"{path}: dataset {place} holds {dataset.dtype}, {'text' if spec.dtype == 'str' else 'real numbers'} were expected")
     units = dataset.attrs.get("units")
     if units is not None and spec.units not in (None, "any", "1") and canonical(_text(units)) != spec.units:
-        raise HrgError(f"{path}: dataset {place} has units {_text(units)!r}, {spec.units!r} was expected; convert it and write the file again")
+        raise HrgError(
+            f"{path}: dataset {place} has units {_text(units)!r}, {spec.units!r} was expected; convert it and write the file again"
+        )
     for dim, size in zip(spec.dims, dataset.shape):
         known, where = sizes.setdefault(dim, (size, place))
         if known != size:
@@ -236,7 +240,9 @@ def _checked(record: AnyRecord, path: Path) -> AnyRecord:
     if len(record) == 0:
         raise HrgError(f"{path}: holds no samples; record again")
     if (record.sample_rate_hz is None) == (record.time_s is None):
-        raise HrgError(f"{path}: needs either the attribute sample_rate_hz or the dataset time_s in /recording, found {'neither' if record.time_s is None else 'both'}")
+        raise HrgError(
+            f"{path}: needs either the attribute sample_rate_hz or the dataset time_s in /recording, found {'neither' if record.time_s is None else 'both'}"
+        )
     if record.sample_rate_hz is not None and not (np.isfinite(record.sample_rate_hz) and record.sample_rate_hz > 0):
         raise HrgError(f"{path}: sample_rate_hz is {record.sample_rate_hz}, a positive number was expected")
     if record.mode not in ("free", "forced"):
@@ -499,7 +505,9 @@ def _attach_scales(file: h5py.File, record: Record) -> None:
             scale = group.get(dim)
             if scale is None:
                 length = dataset.shape[axis]
-                scale = group.create_dataset(dim, data=np.zeros(length, "i1"), track_times=False, compression="gzip" if length > 4096 else None)
+                scale = group.create_dataset(
+                    dim, data=np.zeros(length, "i1"), track_times=False, compression="gzip" if length > 4096 else None
+                )
                 scale.make_scale(_SCALE_ONLY % length)
             if scale.id != dataset.id:
                 dataset.dims[axis].attach_scale(scale)

@@ -11,7 +11,9 @@ from hrg_cli import settings
 from hrg_cli.errors import HrgError, UsageError
 
 
-def smooth(record, *, width: Annotated[float, Field(gt=0, description="width")] = 1.0, kind: Literal["a", "b"] = "a", repeats: int = 3) -> None:
+def smooth(
+    record, *, width: Annotated[float, Field(gt=0, description="width")] = 1.0, kind: Literal["a", "b"] = "a", repeats: int = 3
+) -> None:
     """A stage for these tests."""
 
 

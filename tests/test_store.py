@@ -17,7 +17,17 @@ from hrg_cli.records import KINDS, Calibration, Compensated, Diagnosis, Periods,
 def small(kind, rows=7):
     """A record of any kind with every column filled, made from its own declarations."""
     rng = np.random.default_rng(3)
-    sizes = {"row": rows, "signal": 4, "channel": 2, "auxiliary_row": 5, "truth_row": 4, "parameter": 3, "parameter_2": 3, "coefficient": 4, "coefficient_2": 4}
+    sizes = {
+        "row": rows,
+        "signal": 4,
+        "channel": 2,
+        "auxiliary_row": 5,
+        "truth_row": 4,
+        "parameter": 3,
+        "parameter_2": 3,
+        "coefficient": 4,
+        "coefficient_2": 4,
+    }
     values = {}
     for name, spec in kind.columns().items():
         if spec.dims is None:
@@ -212,7 +222,13 @@ def test_not_hdf5_truncated_empty_missing_folder(tmp_path):
     store.write(tmp_path / "whole.h5", small(Wave, 5000))
     whole = (tmp_path / "whole.h5").read_bytes()
     (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
-    for name, says in (("text.h5", "hrg import"), ("empty.h5", "is empty"), ("cut.h5", "truncated"), ("none.h5", "no such file"), (".", "folder")):
+    for name, says in (
+        ("text.h5", "hrg import"),
+        ("empty.h5", "is empty"),
+        ("cut.h5", "truncated"),
+        ("none.h5", "no such file"),
+        (".", "folder"),
+    ):
         with pytest.raises(HrgError, match=says):
             store.read(tmp_path / name, Wave)
 

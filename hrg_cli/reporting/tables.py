@@ -27,7 +27,11 @@ def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], l
         return _diagnosis(report)
     if isinstance(record, Calibration):
         return _calibration(report)
-    rows = [(key, value) for key, value in report.items() if key not in ("kind", "status", "status_reasons", "output") and not isinstance(value, dict | list)]
+    rows = [
+        (key, value)
+        for key, value in report.items()
+        if key not in ("kind", "status", "status_reasons", "output") and not isinstance(value, dict | list)
+    ]
     return ("figure", "value"), rows
 
 
@@ -41,10 +45,15 @@ def facts(record: Record) -> dict[str, Any]:
     if isinstance(record, Recording):
         last = record.times(len(record) - 1)
         found["duration_s"] = float(last[-1]) if len(last) else 0.0
-        found["auxiliary"] = [n for n in ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature") if getattr(record, n) is not None]
+        found["auxiliary"] = [
+            n for n in ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature") if getattr(record, n) is not None
+        ]
     if isinstance(record, Periods | Wave):
         flags = np.asarray(record.flags[:])
-        found |= {f"flagged_{name}": int(np.sum(flags & bit > 0)) for name, bit in (("clipped", 1), ("gap", 2), ("not_finite", 4), ("settling", 8))}
+        found |= {
+            f"flagged_{name}": int(np.sum(flags & bit > 0))
+            for name, bit in (("clipped", 1), ("gap", 2), ("not_finite", 4), ("settling", 8))
+        }
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
     if isinstance(record, Resonator):
         found |= {name: value for name, (value, _, _) in record.parameters().items()}
@@ -63,7 +72,15 @@ def _diagnosis(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[A
     if report.get("remainder"):
         rows.append(("remainder", report["remainder"]["description"], "", "", ""))
     before, after = report.get("baseline", {}), report.get("after", {})
-    rows.append(("χ² a degree of freedom", f"{before.get('chi2_per_dof', float('nan')):.4g} → {after.get('chi2_per_dof', float('nan')):.4g}", "", "", ""))
+    rows.append(
+        (
+            "χ² a degree of freedom",
+            f"{before.get('chi2_per_dof', float('nan')):.4g} → {after.get('chi2_per_dof', float('nan')):.4g}",
+            "",
+            "",
+            "",
+        )
+    )
     return ("found", "size", "z", "p", "cannot be told from"), rows
 
 
