@@ -116,8 +116,8 @@ class Readout:
     adc_bits: int = 0
     full_scale: float = 1.0
     clock_error: float = 0.0
-    dropped: list[tuple[float, int]] = field(default_factory=list)
-    """(time_s, number of samples lost there): the samples after it are those of later instants, closed up."""
+    dropped: list[tuple[float, float]] = field(default_factory=list)
+    """(time_s, lost_s): whole samples of that total length are lost there; those after it are of later instants, closed up."""
 
 
 @dataclass
@@ -141,5 +141,7 @@ class SlowState:
     """Commanded force on the envelopes (..., 2) complex, amplitude a second, before any drive defect; zero in a free run."""
     forced: Array
     """1 where the drive is on, else 0."""
+    phase_rad: Array
+    """Phase φ of the main wave near which u's own φ is to be taken: (mθ, φ) and (mθ + π, φ + π) are the same wave."""
     omega_r_rad_s: float
     """Reference frequency of the envelopes."""
