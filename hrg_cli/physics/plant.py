@@ -49,8 +49,8 @@ class Environment:
 class Plant:
     """The resonator on the environment's grid: z'' = −2(N − KΩJ) z' − (W − KΩ'J) z + polynomial + extra + drive.
 
-    damping N (k, 2, 2) [1/s]; stiffness W (k, 2, 2) [rad²/s²]; scale_factor K (k,); polynomial (9,) as `POLYNOMIAL`
-    (displacement unit: the read-out's full wave amplitude unit).
+    damping N (k, 2, 2) [1/s]; stiffness W (k, 2, 2) [rad²/s²], neither need be symmetric; scale_factor K (k,); polynomial (9,)
+    as `POLYNOMIAL`, in the displacement's unit. `mechanics` is the linear resonator at the reference temperature.
     """
 
     mechanics: Mechanics
@@ -63,10 +63,14 @@ class Plant:
 
 @dataclass
 class Control:
-    """Drive and loops; nothing acts in a free run.
+    """Drive and loops; nothing acts in a free run, nor while the drive is off.
 
-    Force on the envelope, a second: F = D·[e_A a_ΦA e^{−jΔφ_A} + j·… e_B a_ΦB e^{−jΔφ_B}] e^{jφ}  (CONTRACT sign convention;
-    seed A (7)), D = `drive_matrix`. `parasitic_force` (complex 2-vector, amplitude a second) is added as it is, coherent with φ.
+    Force on the envelope, a second (PHYSICS §1(c); u = e^{jφ}(a_A e_A − j a_B e_B)):
+        f = D e^{jφ}(a_ΦA e^{−jΔφ_A} e_A − j a_ΦB e^{−jΔφ_B} e_B) + f_parasitic e^{jφ}, D = `drive_matrix`
+    so ȧ_A = a_ΦA − …, ȧ_B = a_ΦB − …. The amplitude loop makes a_ΦA (proportional and integral, the loss at the reference
+    temperature fed forward); the finite quadrature loop a_ΦB = −k_q a_B (and its integral); the spring loop adds jσR to the
+    slow generator instead, σ = k_q r (and its integral), its axis 45° (electrical 90°) from the wave. The parametric drive
+    pumps with one ring electrode, f = D p e^{−jΔφ_A} e^{2jφ} u*, p = a_ΦA/a_A: it feeds a_A and damps a_B alike.
     """
 
     forced: bool = False
@@ -75,6 +79,7 @@ class Control:
     amplitude_integral_1_s2: float = 0.0
     quadrature_loop: str = "off"  # off | finite | spring
     quadrature_gain_1_s: float = 0.0
+    quadrature_integral_1_s2: float = 0.0
     drive: str = "force"  # force | parametric
     drive_matrix: Array = field(default_factory=lambda: np.eye(2))
     main_phase_error_rad: float = 0.0
@@ -86,12 +91,16 @@ class Control:
 
 @dataclass
 class Samples:
-    """A block of samples on its way through the read-out: times, displacement z and z'/ω of both channels, drive, environment at the samples."""
+    """A block of samples on its way through the read-out; the analytic signal u e^{jω_r t} is z − j·v_over_omega."""
 
     time_s: Array
-    z: Array  # (2, n) displacement
-    v_over_omega: Array  # (2, n) velocity / ω
-    drive: Array  # (2, n) instantaneous drive, unit of force / ω² (0 when off)
+    """(n,) true time."""
+    z: Array
+    """(2, n) displacement."""
+    v_over_omega: Array
+    """(2, n) velocity over ω, seen from axes that turn with the wave's own rotation KΩ."""
+    drive: Array
+    """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f e^{jω_r t}, amplitude a second; 0 when off."""
     temperature_degc: Array
     rate_rad_s: Array
 
