@@ -115,9 +115,8 @@ def validate(model: Any, values: Mapping[str, Any], where: str, prefix: str = ""
             elif e["type"] == "missing":
                 problems.append(f"{key} is missing")
             else:
-                problems.append(
-                    f"{key} = {str(e['input'])[:60]!r}: {e['msg'].removeprefix('Value error, ')[:1].lower() + e['msg'].removeprefix('Value error, ')[1:]}"
-                )
+                says = e["msg"].removeprefix("Value error, ")
+                problems.append(f"{key} = {str(e['input'])[:60]!r}: {says[:1].lower()}{says[1:]}")
         kind = UsageError if usage else HrgError
         raise kind(f"{where}: {'; '.join(problems)}") from error
 

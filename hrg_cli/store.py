@@ -141,9 +141,8 @@ def _record(file: h5py.File, path: Path, kind: type[AnyRecord], lazy: bool) -> A
     status = _text(file.attrs.get("status", "valid"))
     if status not in ("valid", "suspect", "refused"):
         raise HrgError(f'{path}: its status is {status!r}, expected "valid", "suspect" or "refused"')
-    record = kind(
-        **values, status=status, status_reasons=tuple(_json_list(file, "status_reasons", path)), provenance=_provenance(file, path)
-    )
+    values["status"] = status
+    record = kind(**values, status_reasons=tuple(_json_list(file, "status_reasons", path)), provenance=_provenance(file, path))
     return _checked(record, path)
 
 
@@ -239,10 +238,9 @@ def _checked(record: AnyRecord, path: Path) -> AnyRecord:
         return record
     if len(record) == 0:
         raise HrgError(f"{path}: holds no samples; record again")
+    found = "neither" if record.time_s is None else "both"
     if (record.sample_rate_hz is None) == (record.time_s is None):
-        raise HrgError(
-            f"{path}: needs either the attribute sample_rate_hz or the dataset time_s in /recording, found {'neither' if record.time_s is None else 'both'}"
-        )
+        raise HrgError(f"{path}: needs either the attribute sample_rate_hz or the dataset time_s in /recording, found {found}")
     if record.sample_rate_hz is not None and not (np.isfinite(record.sample_rate_hz) and record.sample_rate_hz > 0):
         raise HrgError(f"{path}: sample_rate_hz is {record.sample_rate_hz}, a positive number was expected")
     if record.mode not in ("free", "forced"):
@@ -357,7 +355,7 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
     """Write a record, or a stream of records block by block, to `path`; return the last record (a stream's: its last block).
 
     finish: called with the last record before closing; returns it with provenance and status complete.
-    Errors: HrgError when the folder is missing or not writable, the output exists (unless `force`) or the disk is full; then no output exists.
+    HrgError: the folder is missing or not writable, the output exists (unless `force`), the disk is full; then no output exists.
     """
     with atomic_path(path, force) as temporary:
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
