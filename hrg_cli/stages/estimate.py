@@ -1,0 +1,272 @@
+"""estimate: the standing wave {A, B, θ, φ, ψ} of every period, from the demodulated signals (seed B).
+
+Direct read-out has four signals for four unknowns; carrier read-out eight for five (seed B (1)). The direct signals are the carrier's
+with equal sidebands and ψ = 0, so that both go through the same solvers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import HrgError
+from ..fitting.closed_form import canonical, closed_form
+from ..fitting.continuity import CONTEXT_ROWS, continued, local_slope
+from ..fitting.gauss_newton import gauss_newton
+from ..fitting.levenberg_marquardt import levenberg_marquardt
+from ..fitting.uncertainty import standard_deviations
+from ..physics.signals import envelopes_of_direct, from_sidebands
+from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Array, Periods, Wave
+
+BLOCK_ROWS = 65536
+ITERATIVE = {"gauss-newton": gauss_newton, "levenberg-marquardt": levenberg_marquardt}
+DIRTY = FLAG_CLIPPED | FLAG_GAP | FLAG_NOT_FINITE
+WORSE = 1e-6
+"""A solver that ends with a misfit this fraction above the global least one has not converged to the solution."""
+DETECTED = 3.0
+"""An amplitude below this many standard deviations is no wave."""
+FAILED_LIMIT = 0.02
+FLAGGED_LIMIT = 0.2
+"""Fractions of the windows above which failed or flagged ones make the whole suspect."""
+
+
+def estimate(
+    periods: Periods,
+    *,
+    solver: Annotated[
+        Literal["closed-form", "gauss-newton", "levenberg-marquardt"], Field(description="how the eight equations of seed B are solved")
+    ] = "closed-form",
+    start: Annotated[Literal["previous", "closed-form", "fixed"], Field(description="where an iterating solver starts each window")] = "previous",
+    carrier_phase_rad: Annotated[float | None, Field(description="carrier phase where it is known; estimated where it is not given")] = None,
+    tolerance: Annotated[float, Field(gt=0, lt=0.1, description="step of an iterating solver, relative to the signals, at which it ends")] = 1e-10,
+    max_iterations: Annotated[int, Field(ge=1, le=10000, description="residual evaluations after which a window counts as not converged")] = 60,
+    frequency_windows: Annotated[int, Field(ge=1, le=1000, description="windows on each side whose phases give the frequency")] = 16,
+) -> Iterator[Wave]:
+    """The wave of every window, as a stream of blocks.
+
+    (2) of seed B or its closed-form global solution on signals (n, 4 | 8), mapped to a_A ≥ |a_B| with θ, φ, ψ continuous through the run.
+    `start`: the solution of the window before; the window's own closed form; or seed B's (A₀, 0, 0, φ₋₁, ψ₋₁).
+    HrgError: the number of signals does not fit the read-out, or there are no rows.
+    """
+    _check(periods, carrier_phase_rad)
+    how = _How(solver, start, 0.0 if periods.readout == "direct" else carrier_phase_rad, tolerance, max_iterations)
+    tally = _Tally()
+    last: _Row | None = None
+    context: Array | None = None
+    emitted: Wave | None = None
+    waiting: Wave | None = None
+    for block in periods.blocks(BLOCK_ROWS):
+        x, misfit, iterations, last = _solve(np.asarray(block.signals, float), periods.readout == "direct", how, last)
+        context = _make_continuous(x, np.asarray(block.time_s, float), periods.window_s, context)
+        wave = _wave(block, x, misfit, iterations, how.carrier_phase_rad is not None)
+        tally.add(wave)
+        if waiting is not None:
+            emitted = _with_frequency(emitted, waiting, wave, frequency_windows)
+            yield emitted
+        waiting = wave
+    assert waiting is not None
+    yield tally.judge(_with_frequency(emitted, waiting, None, frequency_windows), solver)
+
+
+def _check(periods: Periods, carrier_phase_rad: float | None) -> None:
+    run = periods.run_id or "this run"
+    expected = {"direct": 4, "carrier": 8}.get(periods.readout)
+    if expected is None:
+        raise HrgError(f'{run}: readout is {periods.readout!r}, expected "direct" or "carrier"; demodulate the recording again')
+    if len(periods) == 0:
+        raise HrgError(f"{run}: the periods file has no window; demodulate a longer recording")
+    if periods.signals.ndim != 2 or periods.signals.shape[1] != expected:
+        raise HrgError(
+            f"{run}: signals have shape {tuple(periods.signals.shape)}, {expected} a window were expected with {periods.readout} read-out; demodulate the recording again"
+        )
+    if carrier_phase_rad is not None and periods.readout == "direct":
+        raise HrgError(f"{run}: carrier_phase_rad was given, but the read-out is direct and has no carrier; leave it out")
+
+
+@dataclass(frozen=True)
+class _How:
+    """The settings that every block needs; the carrier phase is None where it is estimated."""
+
+    solver: str
+    start: str
+    carrier_phase_rad: float | None
+    tolerance: float
+    max_iterations: int
+
+
+@dataclass(frozen=True)
+class _Row:
+    """What the next block needs of the one before: its last solution x (5), and A₀ of the start "fixed"."""
+
+    x: Array
+    fixed_amplitude: float
+
+
+def _solve(signals: Array, direct: bool, how: _How, last: _Row | None) -> tuple[Array, Array, Array, _Row | None]:
+    """x (n, 5) canonical, misfit rms (n), iterations (n) of one block; rows that are not finite stay NaN with −1 iterations."""
+    n = len(signals)
+    x, misfit, iterations = np.full((n, 5), np.nan), np.full(n, np.nan), np.full(n, -1, np.int16)
+    finite = np.isfinite(signals).all(axis=1)
+    if not finite.any():
+        return x, misfit, iterations, last
+    z = signals[finite]
+    if direct:
+        u = envelopes_of_direct(z)
+        z = from_sidebands(u, u)
+    best, rms = closed_form(z, how.carrier_phase_rad)
+    counts = np.zeros(len(z), np.int16)
+    if last is None:
+        last = _Row(best[0], float(np.median(best[:, 0])))
+    if how.solver in ITERATIVE:
+        solution = ITERATIVE[how.solver](
+            z,
+            _starts(best, how.start, last),
+            step_tolerance=how.tolerance,
+            max_iterations=how.max_iterations,
+            carrier_known=how.carrier_phase_rad is not None,
+        )
+        stuck = ~(solution.residual_rms <= rms * (1 + WORSE) + 1e-7 * best[:, 0])
+        counts = np.where(stuck, -np.abs(solution.evaluations), solution.evaluations)
+        fit, rms = canonical(solution.x, how.carrier_phase_rad is not None), solution.residual_rms
+    else:
+        fit = best
+    x[finite], misfit[finite], iterations[finite] = fit, 0.0 if direct else rms, counts
+    return x, misfit, iterations, _Row(best[-1], last.fixed_amplitude)
+
+
+def _starts(best: Array, start: str, last: _Row) -> Array:
+    """Start values (n, 5) of an iterating solver.
+
+    "previous" is the solution of the row before. A sequential run would have found it by iterating; it is the global minimum, known
+    beforehand as the closed form, so all rows start at once from the very values that the sequential run has where it converges.
+    """
+    if start == "closed-form":
+        return best
+    previous = np.concatenate([last.x[None], best[:-1]])
+    if start == "fixed":
+        previous[:, :3] = last.fixed_amplitude, 0.0, 0.0
+    return previous
+
+
+def _make_continuous(x: Array, time_s: Array, window_s: float, context: Array | None) -> Array | None:
+    """Make (mθ, φ, ψ) of x (n, 5) continuous in place; `context` and the result hold the last finite rows (k, 4: time, mθ, φ, ψ)."""
+    finite = np.isfinite(x).all(axis=1) & np.isfinite(time_s)
+    rows = np.column_stack([time_s[finite], x[finite, 2:]])
+    if len(rows) == 0:
+        return context
+    known = 0 if context is None else len(context)
+    if context is not None:
+        rows = np.concatenate([context, rows])
+    path = np.stack(continued(*rows.T, window_s), axis=-1)
+    if context is not None:
+        path -= np.pi * np.round((path[known - 1] - context[-1, 1:]) / np.pi)
+    x[finite, 2:] = path[known:]
+    return np.column_stack([rows[:, 0], path])[-CONTEXT_ROWS - 1 :]
+
+
+def _wave(block: Periods, x: Array, misfit: Array, iterations: Array, carrier_known: bool) -> Wave:
+    """The block's record, but for its frequency."""
+    variances = np.asarray(block.signals_std, float) ** 2
+    std = standard_deviations(x, variances, carrier_known)
+    direct = block.readout == "direct"
+    flags = np.asarray(block.flags).astype(np.uint8)
+    flags[~np.isfinite(x).all(axis=1)] |= FLAG_NOT_FINITE
+    passed = {name: getattr(block, name) for name in Wave.columns() if name in Periods.columns() and name not in ("flags", "residual_rms")}
+    passed |= {name: None if passed[name] is None else np.asarray(passed[name]) for name, spec in Wave.columns().items() if name in passed and spec.dims}
+    m = block.mode_number
+    return Wave(
+        **passed,
+        main_amplitude=x[:, 0],
+        quadrature_amplitude=x[:, 1],
+        wave_angle_rad=x[:, 2] / m,
+        phase_rad=x[:, 3],
+        carrier_phase_rad=x[:, 4],
+        main_amplitude_std=std[:, 0],
+        quadrature_amplitude_std=std[:, 1],
+        wave_angle_rad_std=std[:, 2] / m,
+        phase_rad_std=std[:, 3],
+        carrier_phase_rad_std=std[:, 4],
+        residual_rms=misfit,
+        signal_std=np.sqrt(variances.mean(axis=1) / (1 if direct else 2)),
+        iterations=iterations,
+        flags=flags,
+        frequency_hz=np.full(len(x), np.nan),
+        status=block.status,
+        status_reasons=block.status_reasons,
+        provenance=block.provenance,
+    )
+
+
+def _with_frequency(before: Wave | None, wave: Wave, after: Wave | None, half_width: int) -> Wave:
+    """The wave with its frequency: reference + slope of φ over the neighbouring windows, across the blocks' borders too.
+
+    Clipped rows and rows beside gaps weigh next to nothing, but where there are no others they still tell the frequency.
+    """
+    parts = [wave] if before is None else [before.rows(max(0, len(before) - half_width), len(before)), wave]
+    if after is not None:
+        parts.append(after.rows(0, half_width))
+    time_s, phase, flags = (np.concatenate([getattr(p, name) for p in parts]) for name in ("time_s", "phase_rad", "flags"))
+    weights = np.where(np.isfinite(phase) & np.isfinite(time_s), np.where(flags & DIRTY, 1e-6, 1.0), 0.0)
+    slope = local_slope(time_s, phase, weights, half_width)
+    first = 0 if before is None else len(parts[0])
+    return wave.replace(frequency_hz=wave.reference_frequency_hz + slope[first : first + len(wave)] / (2 * np.pi))
+
+
+class _Tally:
+    """Counts of rows over the whole stream."""
+
+    def __init__(self) -> None:
+        self.rows = self.failed = self.flagged = self.usable = self.faint = 0
+
+    def add(self, wave: Wave) -> None:
+        good, finite = wave.good(), np.isfinite(wave.main_amplitude)
+        self.rows += len(wave)
+        self.failed += int((finite & (wave.iterations < 0)).sum())
+        self.flagged += int(((wave.flags & DIRTY) != 0).sum())
+        faint = good & ((wave.main_amplitude <= 0) | (wave.main_amplitude < DETECTED * wave.signal_std))
+        self.faint += int(faint.sum())
+        self.usable += int((good & ~faint).sum())
+
+    def judge(self, wave: Wave, solver: str) -> Wave:
+        """The last block with the whole stream's status."""
+        run = wave.run_id or "this run"
+        if self.usable == 0:
+            return wave.judged(
+                [
+                    f"{run}: none of {self.rows} windows is usable: {self.flagged} are flagged, {self.failed} did not converge, "
+                    f"in {self.faint} the amplitude is below {DETECTED:g} standard deviations; check the recording"
+                ],
+                "refused",
+            )
+        reasons = []
+        if self.failed > FAILED_LIMIT * self.rows:
+            reasons.append(f"{run}: {solver} did not converge in {self.failed} of {self.rows} windows; use the solver closed-form")
+        if self.flagged > FLAGGED_LIMIT * self.rows:
+            reasons.append(f"{run}: {self.flagged} of {self.rows} windows are clipped, beside a gap or not finite; check the recording")
+        if self.faint > FLAGGED_LIMIT * self.rows:
+            reasons.append(f"{run}: in {self.faint} of {self.rows} windows the amplitude is below {DETECTED:g} standard deviations; use longer windows")
+        return wave.judged(reasons)
+
+
+def summary(wave: Wave) -> dict[str, Any]:
+    """Figures of a wave record for the command's JSON."""
+    good = wave.good()
+    out: dict[str, Any] = {
+        "windows": len(wave),
+        "usable": int(good.sum()),
+        "flagged": int((wave.flags != 0).sum()),
+        "not_converged": int((np.isfinite(wave.main_amplitude) & (wave.iterations < 0)).sum()),
+    }
+    if not good.any():
+        return out
+    amplitude, angle = wave.main_amplitude[good], wave.wave_angle_rad[good]
+    out["main_amplitude"] = {"first": float(amplitude[0]), "last": float(amplitude[-1]), "units": wave.units}
+    out["quadrature_ratio_rms"] = float(np.sqrt(np.mean((wave.quadrature_amplitude[good] / amplitude) ** 2)))
+    out["wave_angle_rad"] = {"first": float(angle[0]), "last": float(angle[-1]), "std": float(np.median(wave.wave_angle_rad_std[good]))}
+    out["frequency_hz"] = float(np.nanmedian(wave.frequency_hz[good]))
+    out["residual_rms"] = float(np.sqrt(np.mean(wave.residual_rms[good] ** 2)))
+    return out
