@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 
 from . import __version__, settings, store
 from .errors import HrgError
-from .records import KINDS, Provenance, Record, Source
+from .records import KINDS, Provenance, Record, Recording, Source
 
 Progress = Callable[[float | None], None]
 """Called with the share done (0…1), or None where it is unknown."""
@@ -95,8 +95,10 @@ def run_stage(
             parents = [*records, *further.values()]
         else:
             record = open_files.enter_context(store.open_record(inputs[0], kind))
-            result = stage.function()(record, **further, **values)
-            result = _watched(result, record, progress)
+            with _naming(inputs[0]):
+                result = stage.function()(record, **further, **values)
+            if not isinstance(result, Record):
+                result = _watched(result, record, inputs[0], progress)
             parents = [record, *further.values()]
         text = settings.to_toml({name: values})
         written = store.write(
@@ -126,19 +128,25 @@ def report(record: Record, output: Path | None, started: float, extra: Mapping[s
     }
 
 
-def _watched(result: Any, source: Record, progress: Progress | None) -> Any:
-    """Report progress by the time of the last row of each block."""
-    if progress is None or isinstance(result, Record):
-        return result
-    return _report_blocks(result, source, progress)
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Put the file's name before a stage's sentence that lacks it."""
+    try:
+        yield
+    except HrgError as error:
+        if error.args and path.name not in str(error):
+            error.args = (f"{path}: {error}",)
+        raise
 
 
-def _report_blocks(stream: Iterable[Record], source: Record, progress: Progress) -> Iterator[Record]:
-    end = float(source.times(len(source) - 1)[-1]) if hasattr(source, "times") else float(source.time_s[-1])  # type: ignore[attr-defined]
-    for block in stream:
-        yield block
-        if len(block):
-            progress(min(1.0, float(block.time_s[-1]) / end) if end > 0 else None)  # type: ignore[attr-defined]
+def _watched(stream: Iterable[Record], source: Record, path: Path, progress: Progress | None) -> Iterator[Record]:
+    """The stream, its errors naming the file, its progress reported by the time of the last row of each block."""
+    end = float(source.times(len(source) - 1)[-1]) if isinstance(source, Recording) else float(source.time_s[-1])  # type: ignore[attr-defined]
+    with _naming(path):
+        for block in stream:
+            yield block
+            if progress is not None and len(block):
+                progress(min(1.0, float(block.time_s[-1]) / end) if end > 0 else None)  # type: ignore[attr-defined]
 
 
 def _with_provenance(record: Record, parents: Sequence[Record], sources: tuple[Source, ...], text: str, command_line: str) -> Record:

@@ -1,0 +1,80 @@
+"""What several tests need: the command line in this process, small recordings, the measured data."""
+
+import json
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hrg_cli.records import Recording
+
+
+@dataclass
+class Result:
+    """What a command left behind."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self):
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def hrg(monkeypatch, capsys):
+    """Run `hrg` with arguments in this process."""
+    from hrg_cli.cli import main
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["hrg", *map(str, arguments)])
+        capsys.readouterr()
+        try:
+            main()
+            status = 0
+        except SystemExit as leaving:
+            status = int(leaving.code or 0)
+        out, err = capsys.readouterr()
+        return Result(status, out, err)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def measured_data():
+    """The folder of measured recordings, or a skip that says how to name it."""
+    folder = os.environ.get("HRG_MEASURED_DATA", "")
+    if not folder or not Path(folder).is_dir():
+        pytest.skip("HRG_MEASURED_DATA names no folder of measured recordings")
+    return Path(folder)
+
+
+def ringing(
+    frequency_hz=1000.0, sample_rate_hz=10000.0, seconds=0.4, decay_1_s=1.0, angle_rad=0.3, noise=1e-3, seed=0, full_scale=1.0, **fields
+):
+    """A recording of a decaying standing wave, 16 bit."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(seconds * sample_rate_hz)) / sample_rate_hz
+    wave = 0.8 * np.exp(-decay_1_s * t) * np.cos(2 * np.pi * frequency_hz * t + 0.4)
+    lsb = full_scale / 32767
+    c, s = (
+        np.round(np.clip((g * wave + noise * rng.standard_normal(len(t))) / lsb, -32767, 32767)).astype("i2")
+        for g in (np.cos(2 * angle_rad), np.sin(2 * angle_rad))
+    )
+    given = dict(
+        c=c,
+        s=s,
+        sample_rate_hz=sample_rate_hz,
+        mode="free",
+        c_scale_factor=lsb,
+        s_scale_factor=lsb,
+        c_units="V",
+        s_units="V",
+        gyro_id="G",
+        run_id="r",
+    )
+    return Recording(**(given | fields))
