@@ -38,13 +38,29 @@ def estimate(
     periods: Periods,
     *,
     solver: Annotated[
-        Literal["closed-form", "gauss-newton", "levenberg-marquardt"], Field(description="how the eight equations of seed B are solved")
+        Literal["closed-form", "gauss-newton", "levenberg-marquardt"],
+        Field(description="how the eight equations of seed B are solved"),
     ] = "closed-form",
-    start: Annotated[Literal["previous", "closed-form", "fixed"], Field(description="where an iterating solver starts each window")] = "previous",
-    carrier_phase_rad: Annotated[float | None, Field(description="carrier phase where it is known; estimated where it is not given")] = None,
-    tolerance: Annotated[float, Field(gt=0, lt=0.1, description="step of an iterating solver, relative to the signals, at which it ends")] = 1e-10,
-    max_iterations: Annotated[int, Field(ge=1, le=10000, description="residual evaluations after which a window counts as not converged")] = 60,
-    frequency_windows: Annotated[int, Field(ge=1, le=1000, description="windows on each side whose phases give the frequency")] = 16,
+    start: Annotated[
+        Literal["previous", "closed-form", "fixed"],
+        Field(description="where an iterating solver starts each window"),
+    ] = "previous",
+    carrier_phase_rad: Annotated[
+        float | None,
+        Field(description="carrier phase where it is known; estimated where it is not given"),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        Field(gt=0, lt=0.1, description="step of an iterating solver, relative to the signals, at which it ends"),
+    ] = 1e-10,
+    max_iterations: Annotated[
+        int,
+        Field(ge=1, le=10000, description="residual evaluations after which a window counts as not converged"),
+    ] = 60,
+    frequency_windows: Annotated[
+        int,
+        Field(ge=1, le=1000, description="windows on each side whose phases give the frequency"),
+    ] = 16,
 ) -> Iterator[Wave]:
     """The wave of every window, as a stream of blocks.
 
@@ -81,7 +97,8 @@ def _check(periods: Periods, carrier_phase_rad: float | None) -> None:
         raise HrgError(f"{run}: the periods file has no window; demodulate a longer recording")
     if periods.signals.ndim != 2 or periods.signals.shape[1] != expected:
         raise HrgError(
-            f"{run}: signals have shape {tuple(periods.signals.shape)}, {expected} a window were expected with {periods.readout} read-out; demodulate the recording again"
+            f"{run}: signals have shape {tuple(periods.signals.shape)}, {expected} a window were expected "
+            f"with {periods.readout} read-out; demodulate the recording again"
         )
     if carrier_phase_rad is not None and periods.readout == "direct":
         raise HrgError(f"{run}: carrier_phase_rad was given, but the read-out is direct and has no carrier; leave it out")
@@ -161,7 +178,7 @@ def _make_continuous(x: Array, time_s: Array, window_s: float, context: Array | 
     known = 0 if context is None else len(context)
     if context is not None:
         rows = np.concatenate([context, rows])
-    path = np.stack(continued(*rows.T, window_s), axis=-1)
+    path = np.stack(continued(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], window_s), axis=-1)
     if context is not None:
         path -= np.pi * np.round((path[known - 1] - context[-1, 1:]) / np.pi)
     x[finite, 2:] = path[known:]
@@ -175,8 +192,8 @@ def _wave(block: Periods, x: Array, misfit: Array, iterations: Array, carrier_kn
     direct = block.readout == "direct"
     flags = np.asarray(block.flags).astype(np.uint8)
     flags[~np.isfinite(x).all(axis=1)] |= FLAG_NOT_FINITE
-    passed = {name: getattr(block, name) for name in Wave.columns() if name in Periods.columns() and name not in ("flags", "residual_rms")}
-    passed |= {name: None if passed[name] is None else np.asarray(passed[name]) for name, spec in Wave.columns().items() if name in passed and spec.dims}
+    shared = (name for name in Wave.columns() if name in Periods.columns() and name not in ("flags", "residual_rms"))
+    passed: dict[str, Any] = {name: getattr(block, name) for name in shared}
     m = block.mode_number
     return Wave(
         **passed,
@@ -248,7 +265,10 @@ class _Tally:
         if self.flagged > FLAGGED_LIMIT * self.rows:
             reasons.append(f"{run}: {self.flagged} of {self.rows} windows are clipped, beside a gap or not finite; check the recording")
         if self.faint > FLAGGED_LIMIT * self.rows:
-            reasons.append(f"{run}: in {self.faint} of {self.rows} windows the amplitude is below {DETECTED:g} standard deviations; use longer windows")
+            reasons.append(
+                f"{run}: in {self.faint} of {self.rows} windows the amplitude is below {DETECTED:g} standard deviations; "
+                "demodulate with longer windows"
+            )
         return wave.judged(reasons)
 
 
