@@ -62,6 +62,49 @@ def _run(run: Common, name: str, inputs: list[Path], *, beside: dict[str, Path |
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 
+@command(app, "import", "hrg import log.csv -o recording.h5 --c 2 --s 3 --time 1 --mode free")
+def import_(
+    run: Common,
+    log: OneFile = None,
+    c: Annotated[str | None, typer.Option(help="Column of channel C: its title or 1-based number.", show_default=False)] = None,
+    s: Annotated[str | None, typer.Option(help='Column of channel S; "none" for a log of one channel.', show_default=False)] = None,
+    time_column: Annotated[str | None, typer.Option("--time", help='Column of times; "none" to ignore them.', show_default=False)] = None,
+    temperature: Annotated[str | None, typer.Option(help="Column of the temperature.", show_default=False)] = None,
+    rate: Annotated[str | None, typer.Option(help="Column of the rate.", show_default=False)] = None,
+    sample_rate_hz: Annotated[float | None, typer.Option(help="Sampling rate, where the log has none.", show_default=False)] = None,
+    mode: Annotated[str | None, typer.Option(help="free or forced.", show_default=False)] = None,
+    mode_number: Annotated[int | None, typer.Option(help="2 for a shell, 1 for a pendulum.", show_default=False)] = None,
+    readout: Annotated[str | None, typer.Option(help="direct or carrier.", show_default=False)] = None,
+    carrier_hz: Annotated[float | None, typer.Option(help="Carrier frequency.", show_default=False)] = None,
+    nominal_frequency_hz: Annotated[float | None, typer.Option(help="Expected oscillation frequency.", show_default=False)] = None,
+    units: Annotated[str | None, typer.Option(help="Unit of both channels.", show_default=False)] = None,
+    time_units: Annotated[str | None, typer.Option(help="s, ms, us, ns, min or h.", show_default=False)] = None,
+    rate_units: Annotated[str | None, typer.Option(help="rad/s, deg/s, deg/h or rpm.", show_default=False)] = None,
+    constant_rate_rad_s: Annotated[float | None, typer.Option(help="Rate of the whole run.", show_default=False)] = None,
+    constant_temperature_degc: Annotated[float | None, typer.Option(help="Temperature of the whole run.", show_default=False)] = None,
+    gyro_id: Annotated[str | None, typer.Option(help="The gyro.", show_default=False)] = None,
+    run_id: Annotated[str | None, typer.Option(help="The run; the file's name by default.", show_default=False)] = None,
+    lot_id: Annotated[str | None, typer.Option(help="The lot.", show_default=False)] = None,
+    format: Annotated[str | None, typer.Option(help="Name of the format, where its content is not to decide.", show_default=False)] = None,
+) -> None:
+    """A laboratory's log (CSV, WAV, FLAC, MATLAB, TDMS, Parquet, LabOne; - for standard input) to a recording.
+
+    --show-config prints the mapping as TOML; kept as a file it serves a whole lot through --config.
+    """
+    from .importing import import_file
+
+    flags = {key: value for key, value in locals().items() if key not in ("run", "log", "time_column", "import_file")}
+    for key in ("c", "s", "temperature", "rate"):
+        flags[key] = _column(flags[key])
+    report = import_file(log, run, {**flags, "time": _column(time_column)})
+    run.finish(report)
+
+
+def _column(name: str | None) -> str | int | None:
+    """A column's title, or its number."""
+    return int(name) if name is not None and name.isdigit() else name
+
+
 @command(app, "simulate", "hrg simulate configs/free_run_downs.toml -o run.h5")
 def simulate(
     run: Common,

@@ -34,7 +34,7 @@ class Common:
     seed: int | None
     jobs: int
 
-    def settings(self, function: Callable[..., Any], **flags: Any) -> dict[str, Any]:
+    def settings(self, function: Callable[..., Any], table: str = "", **flags: Any) -> dict[str, Any]:
         """The command's resolved settings; with --show-config they are printed and the command ends."""
         from . import settings
 
@@ -42,9 +42,9 @@ class Common:
         for name in ("seed", "jobs"):
             if name in accepted and name not in flags:
                 flags[name] = getattr(self, name) if name == "seed" else (self.jobs if self.jobs != 1 else None)
-        values = settings.resolve(function, self.config, self.assignments, flags)
+        values = settings.resolve(function, self.config, self.assignments, flags, table)
         if self.show_config:
-            print(settings.to_toml({function.__name__: values}), end="")
+            print(settings.to_toml({table or function.__name__: values}), end="")
             raise typer.Exit(DONE)
         return values
 

@@ -78,17 +78,21 @@ def assign(tree: dict[str, Any], key: str, value: Any) -> None:
 
 
 def resolve(
-    stage: Callable[..., Any], config: Path | None = None, assignments: tuple[str, ...] = (), flags: Mapping[str, Any] | None = None
+    stage: Callable[..., Any],
+    config: Path | None = None,
+    assignments: tuple[str, ...] = (),
+    flags: Mapping[str, Any] | None = None,
+    table: str = "",
 ) -> dict[str, Any]:
-    """The stage's whole checked settings: signature < [stage] table of `config` < --set < flags that were given (not None)."""
-    name = stage.__name__
+    """The stage's whole checked settings: signature < `table` of `config` (the stage's name) < --set < flags that were given (not None)."""
+    name = table or stage.__name__
     from_file: dict[str, Any] = {}
     if config is not None:
         tree = load_toml(config)
-        table = tree.get(name, {})
-        if not isinstance(table, dict):
+        found = tree.get(name, {})
+        if not isinstance(found, dict):
             raise HrgError(f"{config}: {name} is not a table; write its settings under [{name}]")
-        from_file = table
+        from_file = found
         validate(model_of(stage), from_file, str(config), prefix=f"{name}.")
     given: dict[str, Any] = {}
     for text in assignments:

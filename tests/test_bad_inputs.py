@@ -183,7 +183,7 @@ def test_one_dead_channel_is_suspect_not_valid(hrg, tmp_path):
         (["--set", "periods_per_widnow=3"], 2, "periods_per_window"),
         (["--set", "periods_per_window=-1"], 2, "greater than 0"),
         (["--set", "nonsense"], 2, "key=value"),
-        (["--periods-per-window", "many"], 2, "many"),
+        (["--periods-per-window", "many"], 2, "valid number"),
         (["--no-such-option"], 2, "no-such-option"),
         (["--config", "none.toml"], 1, "no such file"),
     ],

@@ -1,0 +1,50 @@
+"""The body of `hrg import`: a foreign log (or standard input) to a recording file."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from . import pipeline, store
+from .command import Common, command_line, existing
+from .formats import import_log
+from .records import Recording
+
+
+def import_file(log: Path | None, run: Common, flags: Mapping[str, Any]) -> dict[str, Any]:
+    """Read `log`, write the recording, return the command's JSON."""
+    started = time.monotonic()
+    values = run.settings(import_log, "import", **flags)
+    log = existing([log] if log else [], "a log, or - for standard input")[0]
+    output = run.need_output("recording.h5")
+    with _on_disk(log) as path:
+        record = pipeline.write_first(
+            output, import_log(path, **values), values, "import", [path], force=run.force, command_line=command_line()
+        )
+    with store.open_record(output, Recording) as whole:
+        facts = {
+            "run_id": whole.run_id,
+            "samples": len(whole),
+            "duration_s": float(whole.times(len(whole) - 1)[-1]),
+            "sample_rate_hz": whole.sample_rate_hz,
+        }
+    return pipeline.report(record, output, started, facts)
+
+
+@contextmanager
+def _on_disk(log: Path) -> Iterator[Path]:
+    """The log as a file: standard input is copied to a temporary one."""
+    if str(log) != "-":
+        yield log
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "standard-input"
+        with open(path, "wb") as file:
+            shutil.copyfileobj(sys.stdin.buffer, file)
+        yield path
