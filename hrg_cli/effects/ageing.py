@@ -1,0 +1,44 @@
+"""Ageing: frequency and damping split that drift in time.
+
+Physics: coating, mount and stress relax; frequency and damping split change in proportion to time.
+Equation: φ̇ = ω α_t t, νδμ R(2mθ_μ) → … + t (m_c R(0) + m_s R(π/2)), t from the run's start   (PHYSICS M12).
+Size: 0.1 … 10 % a year; the parameters are per second.
+Mistaken for: temperature on one ramp, cubic stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
+"""
+
+import numpy as np
+
+from ..physics.plant import Environment, Plant, SlowState
+from .effect import Array, Effect, Parameter, Values
+
+
+def plant(p: Values, plant: Plant, env: Environment) -> None:
+    """W (1 + α_t t)², N += t (m_c R(0) + m_s R(π/2))."""
+    t = env.time_s[:, None, None]
+    split = np.array([[p["split_cos_1_s2"], p["split_sin_1_s2"]], [p["split_sin_1_s2"], -p["split_cos_1_s2"]]])
+    plant.stiffness = plant.stiffness * (1 + p["frequency_1_s"] * t) ** 2
+    plant.damping = plant.damping + t * split
+
+
+def slow(p: Values, u: Array, state: SlowState) -> Array:
+    """t (jω α_t − m_c R(0) − m_s R(π/2)) u."""
+    c, s = u[..., 0], u[..., 1]
+    m_c, m_s = p["split_cos_1_s2"], p["split_sin_1_s2"]
+    turned = np.stack([m_c * c + m_s * s, m_s * c - m_c * s], -1)
+    return state.time_s[..., None] * (1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - turned)
+
+
+EFFECT = Effect(
+    name="ageing",
+    family="bench",
+    page=__doc__,
+    parameters=(
+        Parameter("frequency_1_s", "s-1", 1e-7, "relative drift of the frequency a second"),
+        Parameter("split_cos_1_s2", "s-2", 5e-4, "drift of νδμ cos 2mθ_μ a second"),
+        Parameter("split_sin_1_s2", "s-2", 5e-4, "drift of νδμ sin 2mθ_μ a second"),
+    ),
+    mistaken_for=("thermal_frequency", "cubic_stiffness"),
+    next_experiment="the same runs repeated later at the same temperatures, or a thermal cycle",
+    plant=plant,
+    slow=slow,
+)

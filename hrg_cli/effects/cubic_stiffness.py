@@ -1,0 +1,37 @@
+"""Isotropic cubic stiffness (Duffing).
+
+Physics: the spring hardens or softens with displacement, z'' = … − κ|z|² z.
+Equation: u' = (jκ/8ω)[2(u†u) u + (uᵀu) u*]; φ̇ = 3κ(a_A² + a_B²)/8ω, 2θ̇ = −κ a_A a_B/4ω   (PHYSICS M4).
+The parameter is the frequency pull 3κ/8ω in rad/s at unit amplitude.
+Size: 0.01 … 10 mHz at the working amplitude.
+Mistaken for: temperature drift of the frequency, inertial nonlinearity (same pull, another precession). What separates it: two amplitudes
+with quadrature present.
+"""
+
+import numpy as np
+
+from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
+from .effect import Array, Effect, Parameter, Values
+
+
+def plant(p: Values, plant: Plant, env: Environment) -> None:
+    """z'' −= κ|z|² z with κ = 8ω/3 times the pull."""
+    plant.polynomial[POLYNOMIAL.index("r2_z")] -= 8 * plant.mechanics.omega_rad_s / 3 * p["pull_rad_s"]
+
+
+def slow(p: Values, u: Array, state: SlowState) -> Array:
+    """(j pull/3)[2(u†u) u + (uᵀu) u*]."""
+    size, square = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
+    return 1j * p["pull_rad_s"] / 3 * (2 * size * u + square * np.conj(u))
+
+
+EFFECT = Effect(
+    name="cubic_stiffness",
+    family="resonator",
+    page=__doc__,
+    parameters=(Parameter("pull_rad_s", "rad s-1", 0.01, "frequency pull 3κ/8ω at unit amplitude", amplitude_power=-2),),
+    mistaken_for=("thermal_frequency", "inertial_nonlinearity"),
+    next_experiment="ring-downs from two amplitudes at one temperature, with the quadrature loop off so that quadrature is present",
+    plant=plant,
+    slow=slow,
+)

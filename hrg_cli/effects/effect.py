@@ -1,0 +1,113 @@
+"""What an effect is: a page of physics, its parameters, its fast terms and, written separately, its slow terms.
+
+Fast terms change the simulated gyro in place: `environment(p, env)`, `plant(p, plant, env)`, `control(p, control)`,
+`readout(p, readout)` (see physics/plant.py). Slow terms act on the complex envelopes u (..., 2), vectorised over any leading
+shape: `slow_environment(p, state) -> state`, `slow(p, u, state) -> du/dt`, `slow_readout(p, u, state) -> u`.
+`p` maps each parameter's name to its value; at all parameters' `neutral` value an effect does nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import HrgError
+from ..physics import ellipse
+from ..physics.plant import Control, Environment, Plant, Readout, SlowState
+
+Array = np.ndarray
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter: its unit, a typical size at unit amplitude, and the value at which it does nothing.
+
+    `amplitude_power`: the value scales as amplitude^power when the amplitude's unit changes. `fitted`: False for a reference
+    that only says where another parameter counts from.
+    """
+
+    name: str
+    units: str
+    typical: float
+    meaning: str
+    neutral: float = 0.0
+    amplitude_power: int = 0
+    fitted: bool = True
+
+
+def nothing(*_: Any) -> None:
+    """The fast term of an effect that has none at this place."""
+
+
+def same_state(_: Values, state: SlowState) -> SlowState:
+    """The slow environment of an effect that does not change it."""
+    return state
+
+
+def no_term(_: Values, u: Array, __: SlowState) -> Array:
+    """The slow term of an effect that has none."""
+    return np.zeros_like(u)
+
+
+def same_signal(_: Values, u: Array, __: SlowState) -> Array:
+    """The read-out of an effect that does not change it."""
+    return u
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect of the catalogue; `page` is its module's docstring, which `hrg effects NAME` prints."""
+
+    name: str
+    family: str  # read-out | resonator | control | bench
+    page: str
+    parameters: tuple[Parameter, ...]
+    mistaken_for: tuple[str, ...] = ()
+    next_experiment: str = ""
+    environment: Callable[[Values, Environment], None] = nothing
+    plant: Callable[[Values, Plant, Environment], None] = nothing
+    control: Callable[[Values, Control], None] = nothing
+    readout: Callable[[Values, Readout], None] = nothing
+    slow_environment: Callable[[Values, SlowState], SlowState] = same_state
+    slow: Callable[[Values, Array, SlowState], Array] = no_term
+    slow_readout: Callable[[Values, Array, SlowState], Array] = same_signal
+
+    def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:
+        """Every parameter's value: `given`, else neutral. HrgError: an unknown name or something that is not a finite number."""
+        given = dict(given or {})
+        known = [p.name for p in self.parameters]
+        unknown = sorted(set(given) - set(known))
+        if unknown:
+            raise HrgError(f"effects.{self.name}: unknown parameter {', '.join(unknown)}; it has {', '.join(known)}")
+        for name, value in given.items():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+                raise HrgError(f"effects.{self.name}.{name} = {value!r}: a finite number was expected")
+        return {p.name: float(given.get(p.name, p.neutral)) for p in self.parameters}
+
+    def fitted(self) -> tuple[Parameter, ...]:
+        """The parameters a fit may move."""
+        return tuple(p for p in self.parameters if p.fitted)
+
+
+def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Array]:
+    """(e^{jφ}, e_A, e_B, a_A) of envelopes u (..., 2), φ taken within ±π/2 of `phase_rad`; e_A = (cos mθ, sin mθ), e_B = (−sin mθ, cos mθ)."""
+    a_A, _, electrical, phase = ellipse.wave(u, 1)
+    turned = np.where(np.cos(phase - phase_rad) < 0, np.pi, 0.0)
+    cos, sin = np.cos(electrical + turned), np.sin(electrical + turned)
+    return np.exp(1j * (phase + turned)), np.stack([cos, sin], -1), np.stack([-sin, cos], -1), a_A
+
+
+def along(vector: Array, direction: Array) -> Array:
+    """Component (..., 1) of a complex vector (..., 2) along a real unit vector, without conjugation."""
+    return np.sum(vector * direction, axis=-1, keepdims=True)
+
+
+def branch(temperature: Array) -> Array:
+    """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change."""
+    sign = np.sign(np.diff(temperature, prepend=temperature[:1]))
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    return sign[last]

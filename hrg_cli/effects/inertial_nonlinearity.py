@@ -1,0 +1,39 @@
+"""Inertial (geometric) nonlinearity: the spherical pendulum and its kin.
+
+Physics: a mass on a sphere of radius ℓ: z'' = −ω² z − |v|² z/ℓ² + ω²|z|² z/2ℓ² (the constraint's reaction, to third order).
+Equation: u' = j(ω/ℓ²)[⅛ (u†u) u − 3/16 (uᵀu) u*]; φ̇ = −ω(a_A² + a_B²)/16ℓ² with a_B = 0, Airy's precession mθ̇ = ±⅜ ω a_A a_B/ℓ²
+(PHYSICS §7). The parameter is 1/ℓ².
+Size: pendulum: (amplitude/length)²; shells: 1e-4 … 1e-2 of (1/gap)².
+Mistaken for: cubic stiffness (same pull, a third of the precession and of opposite sign relative to it), frequency drift. What separates
+it: frequency pull and precession together: their ratio.
+"""
+
+import numpy as np
+
+from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
+from .effect import Array, Effect, Parameter, Values
+
+
+def plant(p: Values, plant: Plant, env: Environment) -> None:
+    """z'' += (−|v|² + ½ω²|z|²) z/ℓ²."""
+    curvature = p["inverse_length_squared"]
+    plant.polynomial[POLYNOMIAL.index("v2_z")] -= curvature
+    plant.polynomial[POLYNOMIAL.index("r2_z")] += plant.mechanics.omega_rad_s**2 * curvature / 2
+
+
+def slow(p: Values, u: Array, state: SlowState) -> Array:
+    """j(ω/ℓ²)[⅛ (u†u) u − 3/16 (uᵀu) u*]."""
+    size, square = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
+    return 1j * state.mechanics.omega_rad_s * p["inverse_length_squared"] * (size * u / 8 - 3 / 16 * square * np.conj(u))
+
+
+EFFECT = Effect(
+    name="inertial_nonlinearity",
+    family="resonator",
+    page=__doc__,
+    parameters=(Parameter("inverse_length_squared", "amplitude-2", 1e-5, "1/ℓ²", amplitude_power=-2),),
+    mistaken_for=("cubic_stiffness", "thermal_frequency"),
+    next_experiment="ring-downs with different quadrature at one amplitude: precession against frequency pull tells the inertial from the elastic cubic",
+    plant=plant,
+    slow=slow,
+)

@@ -1,0 +1,39 @@
+"""Saturation of the read-out amplifier or converter.
+
+Physics: the signal is clipped at ± level; only waves whose amplitude in a channel exceeds it are changed.
+Equation: describing function of the clipped channel, C → C·N(|C|), N = (2/π)[asin x + x √(1 − x²)], x = level/|C| < 1, else 1
+(PHYSICS R8; the describing function is textbook).
+Size: level at 0.8 … 1 of the amplitude. The parameter is 1/level, so that 0 means none.
+Mistaken for: a negative cubic of the pick-off. What separates it: an amplitude sweep: it vanishes sharply below the level; odd
+harmonics; the histogram of the converter's codes.
+"""
+
+import numpy as np
+
+from ..physics.plant import Readout, SlowState
+from .effect import Array, Effect, Parameter, Values
+
+
+def readout(p: Values, readout: Readout) -> None:
+    """Clip at ± level."""
+    if p["inverse_level"] > 0:
+        level = 1 / p["inverse_level"]
+        readout.after.append(lambda block, y: np.clip(y, -level, level))
+
+
+def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
+    """u_k N(|u_k|)."""
+    x = 1 / np.maximum(np.abs(u) * max(p["inverse_level"], 0.0), 1.0)
+    return u * (2 / np.pi) * (np.arcsin(x) + x * np.sqrt(np.maximum(1 - x**2, 0.0)))
+
+
+EFFECT = Effect(
+    name="saturation",
+    family="read-out",
+    page=__doc__,
+    parameters=(Parameter("inverse_level", "amplitude-1", 1.05, "1 over the level at which the signal is clipped", amplitude_power=-1),),
+    mistaken_for=("pickoff_nonlinearity",),
+    next_experiment="ring-downs from below and from above the level: clipping stops sharply, a cubic pick-off does not",
+    readout=readout,
+    slow_readout=slow_readout,
+)
