@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .command import Common, command, command_line, existing
+from .errors import UsageError
 
 app = typer.Typer(
     name="hrg",
@@ -193,6 +194,134 @@ def identify(
         profile=profile,
         eliminate_rate=eliminate_rate,
     )
+
+
+@command(app, "calibrate", "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder")
+def calibrate(
+    run: Common,
+    waves: Files = None,
+    model: Annotated[str | None, typer.Option(help="table, parametric, quadrature, phase, physical or all.", show_default=False)] = None,
+    harmonics: Annotated[
+        int | None, typer.Option(help="Fourier band limit in 2m*angle; by cross-validation where not given.", show_default=False)
+    ] = None,
+    axis: Annotated[str | None, typer.Option(help="temperature or frequency.", show_default=False)] = None,
+    interpolation: Annotated[str | None, typer.Option(help="Between nodes: linear, cubic or monotone.", show_default=False)] = None,
+    ladder: Annotated[bool | None, typer.Option("--ladder", help="Residual after each of the seven stages.", show_default=False)] = None,
+    stable_only: Annotated[bool | None, typer.Option("--stable-only", help="Drop what does not repeat.", show_default=False)] = None,
+    resonator: Annotated[Path | None, typer.Option(help="Resonator file of --model physical.", show_default=False)] = None,
+) -> None:
+    """Drift D(T, angle) and scale-factor K(T, angle) tables from forced runs over temperature and rate."""
+    _run(
+        run,
+        "calibrate",
+        waves or [],
+        beside={"resonator": resonator},
+        model=model,
+        harmonics=harmonics,
+        axis=axis,
+        interpolation=interpolation,
+        ladder=ladder,
+        stable_only=stable_only,
+    )
+
+
+@command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5")
+def compensate(
+    run: Common,
+    wave: OneFile = None,
+    calibration: Annotated[Path | None, typer.Option(help="The tables to apply.", show_default=False)] = None,
+) -> None:
+    """Rate and angle of a run after the tables."""
+    if calibration is None and not run.show_config:
+        raise UsageError("no tables are named; add --calibration calibration.h5")
+    _run(run, "compensate", [wave] if wave else [], beside={"calibration": calibration})
+
+
+@command(app, "check", "hrg check calibration.h5 --limits configs/limits.toml")
+def check(
+    run: Common,
+    file: OneFile = None,
+    limits: Annotated[Path | None, typer.Option(help="TOML file with the limits.", show_default=False)] = None,
+) -> None:
+    """Hold a file's figures against limits: exit status 0 within, 3 outside."""
+    from . import settings, store
+    from .limits import check as judge
+    from .reporting import console
+
+    path = existing([file] if file else [], "an hrg file")[0]
+    if limits is None:
+        raise UsageError("no limits are named; add --limits limits.toml")
+    rows = judge(store.read_any(path), settings.load_toml(limits))
+    passed = all(row.passed for row in rows)
+    report = {
+        "kind": "check",
+        "status": "valid" if passed else "refused",
+        "status_reasons": [row.sentence() for row in rows if not row.passed],
+        "output": None,
+        "passed": passed,
+        "rows": [vars(row) for row in rows],
+    }
+    head = ("figure", "value", "minimum", "maximum", "passed")
+    run.finish(
+        report, lambda: console.print_table("", head, [(r.name, r.value, r.minimum, r.maximum, "yes" if r.passed else "NO") for r in rows])
+    )
+
+
+@command(app, "report", "hrg report run.h5 wave.h5 resonator.h5 -o report.html")
+def report(
+    run: Common,
+    files: Files = None,
+    format: Annotated[str, typer.Option(help="html: one page; png: the figures alone, into the folder OUTPUT.")] = "html",
+    truth: Annotated[bool, typer.Option("--truth", help="Show a simulation's truth beside the estimates.")] = False,
+) -> None:
+    """One self-contained page (or the figures) about any set of hrg files."""
+    from .reporting.page import build_report, write_figures
+    from .store import atomic_path, check_output
+
+    paths = existing(files or [], "the files to report on")
+    output = run.need_output("report.html")
+    if format == "png":
+        made = write_figures(paths, output)
+    elif format == "html":
+        check_output(output, run.force)
+        page = build_report(paths, truth=truth)
+        with atomic_path(output, run.force) as temporary:
+            temporary.write_text(page, encoding="utf-8")
+        made = [output]
+    else:
+        raise UsageError(f"--format {format}: html or png was expected")
+    run.finish({"kind": "report", "status": "valid", "status_reasons": [], "output": str(output), "files": [str(p) for p in made]})
+
+
+@command(app, "study", "hrg study gauss-newton -o study/")
+def study(
+    run: Common,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="gauss-newton, redundancy, identification or diagnosis.")] = None,
+) -> None:
+    """Repeat one of the papers' experiments, or a study of this project's own methods: table and figures into a folder."""
+    from .studying import run_study
+
+    run.finish(*run_study(name, run))
+
+
+@command(app, "effects", "hrg effects gain_mismatch")
+def effects(
+    run: Common,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="One effect's page; all in one list otherwise.")] = None,
+) -> None:
+    """The catalogue of effects: what a simulation can contain and a diagnosis can name."""
+    from .effects import EFFECTS, page
+    from .reporting import console
+
+    if name is not None:
+        text = page(name)
+        console.print_json({"name": name, "page": text}) if run.json else print(text)
+        return
+    rows = [(e.name, e.family, ", ".join(p.name for p in e.parameters), e.title) for e in EFFECTS]
+    if run.json:
+        console.print_json({"effects": [dict(zip(("name", "family", "parameters", "title"), row)) for row in rows]})
+    else:
+        console.print_table("", ("effect", "family", "parameters", ""), rows)
 
 
 @command(app, "info", "hrg info wave.h5 --json")
