@@ -1,4 +1,8 @@
-"""Least-squares bases of a demodulation window: cos, sin of one or two frequencies, a constant, and t·cos, t·sin where asked."""
+"""Least-squares bases of a demodulation window: cos, sin of the wanted frequencies, nuisance terms, and t·cos, t·sin where asked.
+
+y(τ) = Σ_a [p_a cos ω_a τ + q_a sin ω_a τ] + constant + nuisance tones (+ τ·(…)), τ from the window's centre; envelope U_a = p_a − j q_a.
+A window without the τ terms is pulled by the envelope's slope U1: ΔU = α U1 + β U1* (`drag`), of the order U1/2ω whatever its length.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +15,17 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class WindowBasis:
-    """A basis at fixed times about the window's centre, made orthonormal: q = y @ `orthonormal`, coefficients = q @ `triangle`.
+    """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k), envelope coefficients p, q = q @ `triangle` (k, 2F).
 
-    `orthonormal` (n, k), `triangle` (k, signals): the first rows of R⁻¹, transposed; the coefficients are those of cos, sin of each
-    frequency in turn. `covariance` (signals, signals) is theirs for unit sample noise; `condition` that of the basis with columns scaled to one.
+    `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise. `alpha`, `beta` (F, F): the drag of the envelope's slope.
+    `condition`: of the basis with its columns scaled to one.
     """
 
     orthonormal: Array
     triangle: Array
-    covariance: Array
+    variance: Array
+    alpha: Array
+    beta: Array
     condition: float
 
     @property
@@ -28,31 +34,43 @@ class WindowBasis:
         return self.orthonormal.shape[0] - self.orthonormal.shape[1]
 
 
-def columns(tau_s: Array, frequency_hz: tuple[float, ...], moving: bool = False) -> Array:
-    """(n, k): cos, sin of each frequency at times from the centre, a constant, and with `moving` t·cos, t·sin (t in half windows)."""
-    parts = []
-    for f in frequency_hz:
-        parts += [np.cos(2 * np.pi * f * tau_s), np.sin(2 * np.pi * f * tau_s)]
-    waves = len(parts)
-    parts.append(np.ones_like(tau_s))
+def columns(tau_s: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = (), moving: bool = False, scale_s: float = 1.0) -> Array:
+    """Basis (n, k) at times from the centre: the wanted pairs, a constant, nuisance pairs, and with `moving` (τ/scale)·the wanted pairs."""
+    wanted = pairs(tau_s, frequency_hz)
+    parts = [wanted, np.ones((len(tau_s), 1)), pairs(tau_s, nuisance_hz)]
     if moving:
-        scaled = tau_s / max(np.abs(tau_s).max(), 1e-300)
-        parts += [scaled * part for part in parts[:waves]]
-    return np.stack(parts, -1)
+        parts.append(tau_s[:, None] / scale_s * wanted)
+    return np.concatenate(parts, -1)
 
 
-def window_basis(samples: int, sample_rate_hz: float, frequency_hz: tuple[float, ...], moving: bool = False) -> WindowBasis:
-    """The basis of a window of evenly spaced samples about its centre."""
+def pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
+    """cos, sin of each frequency in turn, (n, 2F)."""
+    phase = 2 * np.pi * np.multiply.outer(tau_s, np.asarray(frequency_hz, float))
+    return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), -1)
+
+
+def drag(pull: Array) -> tuple[Array, Array]:
+    """α, β (..., F, F) of ΔU = α U1 + β U1* from the real pull (..., 2F, 2F) of the slopes (p1, q1) on the coefficients (p, q), U = p − jq."""
+    m00, m01 = pull[..., 0::2, 0::2], pull[..., 0::2, 1::2]
+    m10, m11 = pull[..., 1::2, 0::2], pull[..., 1::2, 1::2]
+    return (m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2
+
+
+def window_basis(
+    samples: int, sample_rate_hz: float, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = (), moving: bool = False
+) -> WindowBasis | None:
+    """The basis of a window of evenly spaced samples about its centre; None where it is singular or has more columns than samples."""
     tau = (np.arange(samples) - (samples - 1) / 2) / sample_rate_hz
-    matrix = columns(tau, frequency_hz, moving)
-    if samples < matrix.shape[1]:
-        return WindowBasis(np.zeros((samples, matrix.shape[1])), np.zeros((matrix.shape[1], 2 * len(frequency_hz))), np.zeros((0, 0)), float("inf"))
+    matrix = columns(tau, frequency_hz, nuisance_hz, moving, samples / sample_rate_hz / 2)
     norm = np.sqrt((matrix**2).sum(0))
-    norm[norm == 0] = 1.0
+    if samples < matrix.shape[1] or not norm.all():
+        return None
     singular = np.linalg.svd(matrix / norm, compute_uv=False)
-    condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else float("inf")
-    if condition > 1e12:
-        return WindowBasis(np.zeros_like(matrix), np.zeros((matrix.shape[1], 2 * len(frequency_hz))), np.zeros((0, 0)), condition)
+    if singular[-1] < 1e-10 * singular[0]:
+        return None
     q, r = np.linalg.qr(matrix)
     inverse = np.linalg.inv(r)[: 2 * len(frequency_hz)]
-    return WindowBasis(np.ascontiguousarray(q), np.ascontiguousarray(inverse.T), inverse @ inverse.T, condition)
+    alpha, beta = drag(inverse @ (q.T @ (tau[:, None] * pairs(tau, frequency_hz))))
+    if moving:
+        alpha, beta = 0 * alpha, 0 * beta
+    return WindowBasis(np.ascontiguousarray(q), np.ascontiguousarray(inverse.T), (inverse**2).sum(1), alpha, beta, float(singular[0] / singular[-1]))

@@ -1,69 +1,39 @@
-"""Find an oscillation's frequency in both channels at once: the spectrum's peak, refined by the phase slope of short fits."""
+"""Find an oscillation's frequency in both channels at once: the spectrum's peak, refined by the phase slope of short fits.
+
+With a carrier ω_c the oscillation is the pair of side bands ω_c ∓ ω: `bands` gives the frequencies to fit for an oscillation at f.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
+
+from .basis import columns
+from .spectrum import chi_square_excess
 
 Array = np.ndarray
 
 PADDING = 4
-"""Zero padding of the spectra, so that the peak lies within a tenth of a bin of its parabola's top."""
+"""Zero padding of the spectra, so that the parabola through the peak is right within a tenth of a bin."""
 
 
-def even_spectrum(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
-    """Frequencies [Hz] and power, summed over the channels, of evenly sampled y (channels, n): mean removed, Hann window, zero padded.
+def bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ...]:
+    """Frequencies of the signals: f itself, or the difference and sum with a carrier."""
+    return (frequency_hz,) if carrier_hz is None else (carrier_hz - frequency_hz, carrier_hz + frequency_hz)
 
-    A channel's power is taken relative to nothing: the stronger channel leads.
-    """
+
+def nuisances(carrier_hz: float | None) -> tuple[float, ...]:
+    """Frequencies fitted beside the signals: the carrier's own leakage."""
+    return () if carrier_hz is None else (carrier_hz,)
+
+
+def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
+    """Frequencies [Hz] and power, summed over the channels, of evenly sampled y (channels, n): mean removed, Hann window, zero padded."""
     n = y.shape[-1]
     window = np.hanning(n + 2)[1:-1]
     mean = (y * window).sum(-1, keepdims=True) / window.sum()
     size = 1 << int(np.ceil(np.log2(PADDING * n)))
     power = (np.abs(np.fft.rfft((y - mean) * window, size)) ** 2).sum(0)
     return np.fft.rfftfreq(size, 1 / sample_rate_hz), power
-
-
-def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tuple[float, float]:
-    """Frequency of the highest point of a spectrum in [low, high] by a parabola through its logarithm, and its power over the median of the band."""
-    inside = np.flatnonzero((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
-    if not len(inside):
-        return float("nan"), 0.0
-    top = inside[np.argmax(power[inside])]
-    floor = float(np.median(power[inside]))
-    ratio = float(power[top]) / floor if floor > 0 else (np.inf if power[top] > 0 else 0.0)
-    offset = 0.0
-    if 0 < top < len(power) - 1 and power[top - 1 : top + 2].min() > 0:
-        a, b, c = np.log(power[top - 1 : top + 2])
-        curvature = a - 2 * b + c
-        if curvature < 0:
-            offset = float(np.clip(0.5 * (a - c) / curvature, -0.5, 0.5))
-    return float(frequency_hz[top] + offset * (frequency_hz[1] - frequency_hz[0])), ratio
-
-
-def refine_even(y: Array, sample_rate_hz: float, frequency_hz: float, rounds: int = 3) -> float:
-    """Frequency [Hz] of evenly sampled y (channels, n) near a start that is right within half of 1/duration.
-
-    Sub-windows are fitted with cos, sin and a constant; the phase between halves of the record, weighted by the power of
-    both channels, arg Σ u(t + T/2) u*(t), corrects the frequency. Needs four periods; with fewer the start is returned.
-    """
-    n = y.shape[-1]
-    duration = n / sample_rate_hz
-    for _ in range(rounds):
-        samples = max(int(np.ceil(2 * sample_rate_hz / frequency_hz)), 6, n // 64)
-        count = n // samples
-        if count < 2:
-            return least_squares_peak(np.arange(n) / sample_rate_hz, y, frequency_hz, 0.5 / duration)
-        tau = (np.arange(samples) - (samples - 1) / 2) / sample_rate_hz
-        basis = np.stack([np.cos(2 * np.pi * frequency_hz * tau), np.sin(2 * np.pi * frequency_hz * tau), np.ones(samples)], 1)
-        fit = y[:, : count * samples].reshape(-1, count, samples) @ np.linalg.pinv(basis).T
-        step = samples / sample_rate_hz
-        u = (fit[..., 0] - 1j * fit[..., 1]) * np.exp(-2j * np.pi * frequency_hz * step * np.arange(count))
-        lag = count // 2
-        turn = np.angle((u[:, lag:] * u[:, : count - lag].conj()).sum())
-        frequency_hz = float(frequency_hz + turn / (2 * np.pi * lag * step))
-    return frequency_hz
 
 
 def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
@@ -74,29 +44,96 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
     centred = time_s - time_s.mean()
     y = y - y.mean(-1, keepdims=True)
     power = np.empty(len(frequency_hz))
-    rows = max(1, (1 << 20) // max(1, len(centred)))
+    rows = max(1, (1 << 19) // max(1, len(centred)))
     for start in range(0, len(frequency_hz), rows):
         phase = 2 * np.pi * np.multiply.outer(frequency_hz[start : start + rows], centred)
-        basis = np.stack([np.cos(phase), np.sin(phase)], -1)
-        basis -= basis.mean(1, keepdims=True)
-        gram = np.einsum("fni,fnj->fij", basis, basis, optimize=True)
-        gram += 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-        right = np.einsum("fni,cn->fic", basis, y, optimize=True)
+        basis = np.stack([np.cos(phase), np.sin(phase)], 1)
+        basis -= basis.mean(-1, keepdims=True)
+        gram = basis @ basis.transpose(0, 2, 1)
+        gram += 1e-9 * (np.trace(gram, axis1=1, axis2=2)[:, None, None] + 1e-300) * np.eye(2)
+        right = basis @ y.T
         power[start : start + rows] = (right * np.linalg.solve(gram, right)).sum((1, 2))
     return power
 
 
-def least_squares_peak(time_s: Array, y: Array, frequency_hz: float, width_hz: float, rounds: int = 4) -> float:
-    """The frequency within ± `width_hz` of a start where least squares explains most power; the grid is narrowed `rounds` times."""
+def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[Array, Array]:
+    """Power against the oscillation's frequency of a carrier's two side bands: the geometric mean of both, so that a lone line does not count."""
+    reach = min(carrier_hz, float(frequency_hz[-1]) - carrier_hz)
+    step = frequency_hz[1] - frequency_hz[0]
+    grid = np.arange(1, int(reach / step)) * step
+    low, high = np.interp(carrier_hz - grid, frequency_hz, power), np.interp(carrier_hz + grid, frequency_hz, power)
+    return grid, np.sqrt(low * high)
+
+
+def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tuple[float, float]:
+    """Frequency of the highest local maximum of a spectrum in [low, high], by a parabola through its logarithm, and its power over the floor.
+
+    The floor is the median within a factor two of the peak's frequency, so that a noise that falls with frequency does not pass for a line.
+    """
+    inside = np.flatnonzero((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
+    inside = inside[(inside > 0) & (inside < len(power) - 1)]
+    inside = inside[(power[inside] >= power[inside - 1]) & (power[inside] >= power[inside + 1])]
+    if not len(inside):
+        return float("nan"), 0.0
+    top = inside[np.argmax(power[inside])]
+    near = power[(frequency_hz >= 0.5 * frequency_hz[top]) & (frequency_hz <= 2 * frequency_hz[top])]
+    below = float(np.median(near))
+    ratio = float(power[top]) / below if below > 0 else (np.inf if power[top] > 0 else 0.0)
+    offset = 0.0
+    if power[top - 1 : top + 2].min() > 0:
+        a, b, c = np.log(power[top - 1 : top + 2])
+        curvature = a - 2 * b + c
+        if curvature < 0:
+            offset = float(np.clip(0.5 * (a - c) / curvature, -0.5, 0.5))
+    return float(frequency_hz[top] + offset * (frequency_hz[1] - frequency_hz[0])), ratio
+
+
+def detection_ratio(segments: int, bins: int) -> float:
+    """Peak over median above which noise alone passes once in about 10⁵ recordings (χ² of two channels' averaged spectra)."""
+    sigmas = 4.3 + 0.5 * np.log10(max(10, bins))
+    return 1.3 * chi_square_excess(4 * max(1, segments), sigmas)
+
+
+def refine(time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | None = None, rounds: int = 3) -> float:
+    """Frequency [Hz] of y (channels, n) near a start that is right within half of 1/duration.
+
+    Sub-windows are fitted at their true times; the phase between the record's halves, weighted by power over both channels
+    and side bands, arg Σ u(t + T/2) u*(t), corrects the frequency. With too few sub-windows, a narrowing least-squares scan.
+    """
+    n = y.shape[-1]
+    duration = float(time_s[-1] - time_s[0]) * n / max(1, n - 1)
+    f = bands(frequency_hz, carrier_hz)
+    samples = max(int(np.ceil(2 * n / (frequency_hz * duration))), 4 * len(f) + 4, n // 64)
+    count = n // samples
+    steps = np.diff(time_s)
+    broken = len(steps) and steps.max() > 3 * np.median(steps)
+    if count < 4 or broken:
+        return _scan(time_s, y, frequency_hz, 0.5 / duration) if carrier_hz is None else frequency_hz
+    t = time_s[: count * samples].reshape(count, samples)
+    centre = t.mean(1)
+    lag = count // 2
+    sign = np.array([1.0]) if carrier_hz is None else np.array([-1.0, 1.0])
+    even = np.allclose(steps, steps[0], rtol=1e-6)
     for _ in range(rounds):
-        grid = frequency_hz + np.linspace(-1, 1, 17) * width_hz
-        grid = grid[grid > 0]
-        frequency_hz = peak(grid, least_squares_power(time_s, y, grid), 0.0, np.inf)[0]
-        width_hz /= 5
+        f = bands(frequency_hz, carrier_hz)
+        if even:
+            inverse = np.linalg.pinv(columns(t[0] - centre[0], f, nuisances(carrier_hz)))[None, : 2 * len(f)]
+        else:
+            inverse = np.linalg.pinv(np.stack([columns(row - mid, f, nuisances(carrier_hz)) for row, mid in zip(t, centre, strict=True)]))[:, : 2 * len(f)]
+        fit = np.einsum("wan,cwn->cwa", np.broadcast_to(inverse, (count, *inverse.shape[1:])), y[:, : count * samples].reshape(-1, count, samples))
+        u = (fit[..., 0::2] - 1j * fit[..., 1::2]) * np.exp(-2j * np.pi * np.multiply.outer(centre, np.asarray(f)))
+        cross = (u[:, lag:] * u[:, : count - lag].conj()).sum((0, 1))
+        cross = np.where(sign < 0, cross.conj(), cross).sum()
+        frequency_hz = float(frequency_hz + np.angle(cross) / (2 * np.pi * float(np.mean(centre[lag:] - centre[: count - lag]))))
     return frequency_hz
 
 
-def track(centre_s: Sequence[float], frequency_hz: Sequence[float], weight: Sequence[float]) -> tuple[Array, Array]:
-    """Times and frequencies to interpolate between, from looks of which those without a clear line (weight 0) are left out."""
-    keep = np.asarray(weight) > 0
-    return np.asarray(centre_s)[keep], np.asarray(frequency_hz)[keep]
+def _scan(time_s: Array, y: Array, frequency_hz: float, width_hz: float, rounds: int = 5) -> float:
+    """The frequency within ± `width_hz` of a start where least squares explains most power; the grid narrows with each round."""
+    for _ in range(rounds):
+        grid = frequency_hz + np.linspace(-1, 1, 17) * width_hz
+        grid = grid[grid > 0]
+        power = least_squares_power(time_s, y, grid)
+        frequency_hz = float(grid[np.argmax(power)])
+        width_hz /= 5
+    return frequency_hz

@@ -1,0 +1,122 @@
+"""From free runs to the likelihood's optimum: rough guess, propagator, exact averaging into blocks, Gauss–Newton, phase order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HrgError
+from . import propagator
+from .coordinates import COORDINATES, COUNT
+from .envelope_runs import EnvelopeRun
+from .inference import phase_demands
+from .likelihood import Batch, Fit, Freedom, batch, fit, free
+
+Array = np.ndarray
+MAX_BLOCKS = 4000
+MAX_PHASE_ORDER = 9
+PHASE_GAIN = 30.0
+"""Δχ² for which two further orders of a run's phase are taken in."""
+WIDTH = {"damping": 10.0, "split": 30.0, "scale_factor": 3.0}
+"""Standard deviations of the priors that keep a direction without information finite, in natural scales."""
+
+
+def nominal_scale_factor(mode_number: int) -> float:
+    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a shell."""
+    return 1.0 if mode_number == 1 else 0.55
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is held instead of fitted: K, and the axes (physical angles) of damping and stiffness; None: fitted."""
+
+    scale_factor: float | None = None
+    damping_axis_rad: float | None = None
+    stiffness_axis_rad: float | None = None
+
+
+def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
+    """What is fitted, with weak priors sized by a first estimate p (7,); a known axis leaves its split's size alone."""
+    base = free(COORDINATES, np.zeros(COUNT))
+    directions, origin = base.directions.copy(), np.zeros(COUNT)
+    damping = max(abs(float(p[0])), 0.01 / span_s)
+    split = max(float(np.hypot(p[3], p[4])), damping, 1 / span_s)
+    mean = np.array([p[0], 0, 0, 0, 0, nominal_scale_factor(mode_number), 1.0])
+    std = np.array([np.inf] + [WIDTH["damping"] * damping] * 2 + [WIDTH["split"] * split] * 2 + [WIDTH["scale_factor"], 1.0])
+    keep = np.ones(COUNT, bool)
+    for first, axis in ((1, known.damping_axis_rad), (3, known.stiffness_axis_rad)):
+        if axis is not None:
+            alpha = 2 * mode_number * axis
+            directions[first : first + 2, first] = np.cos(alpha), np.sin(alpha)
+            keep[first + 1] = False
+    if known.scale_factor is not None:
+        origin[5], keep[5] = known.scale_factor, False
+    return Freedom(tuple(np.array(COORDINATES)[keep]), origin, directions[:, keep], mean[keep], std[keep])
+
+
+def check(runs: Sequence[EnvelopeRun]) -> None:
+    """HrgError: no run, or runs of different mode numbers."""
+    if not runs:
+        raise HrgError("there is no run; give at least one wave file of a free run-down")
+    modes = sorted({r.mode_number for r in runs})
+    if len(modes) > 1:
+        raise HrgError(f"the runs have mode numbers {', '.join(map(str, modes))}, one was expected; identify them apart")
+
+
+def start(runs: Sequence[EnvelopeRun], known: Known) -> tuple[Array, Array, Array, Freedom]:
+    """Coordinates (7,), frequency offsets (R,), covariance of z and its freedom, by the propagator from a rough guess."""
+    span = max(r.duration_s for r in runs)
+    p, offsets = propagator.rough(runs)
+    if known.scale_factor is not None:
+        p[5] = known.scale_factor
+    thin = propagator.thinned(runs, p, offsets, propagator.START_BLOCKS)
+    space = freedom(known, p, runs[0].mode_number, span)
+    p = space.origin + space.directions @ np.linalg.pinv(space.directions) @ (p - space.origin)
+    p, offsets, covariance = propagator.identify(thin, space, p, offsets)
+    return p, offsets, covariance, space
+
+
+def blocks_needed(p: Array, runs: Sequence[EnvelopeRun], blocks: int) -> int:
+    """Rows a run for steps of at most a quarter radian of everything the wave does, at least `blocks`."""
+    turning = max(abs(p[5]) * float(np.abs(np.diff(r.turn_rad)).sum()) for r in runs)
+    span = max(r.duration_s for r in runs)
+    motion = turning + (abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4])) * span
+    return int(np.clip(4 * motion, blocks, MAX_BLOCKS)) if np.isfinite(motion) else blocks
+
+
+def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: int = 300) -> Fit:
+    """The likelihood's optimum over free runs; averaged envelopes, phase orders as the data demand.
+
+    HrgError: no run, mixed mode numbers, or no start can be found.
+    """
+    check(runs)
+    known = known or Known()
+    p, offsets, _, _ = start(runs, known)
+    if not np.all(np.isfinite(p)):
+        raise HrgError("the propagator finds no motion to start from; look at the runs' envelopes (are they run-downs?)")
+    span = max(r.duration_s for r in runs)
+    data = batch(propagator.thinned(runs, p, offsets, blocks_needed(p, runs, blocks)))
+    space = freedom(known, p, runs[0].mode_number, span)
+    p[6] = 1.0
+    z = np.linalg.pinv(space.directions) @ (p - space.origin)
+    result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
+    while result.response.state.phase.shape[1] < MAX_PHASE_ORDER and phase_demands(result) > PHASE_GAIN:
+        state = result.response.state
+        phase = np.concatenate([state.phase, np.zeros((len(runs), 2))], axis=1)
+        result = fit(data, space, result.z, state.start, phase)
+    return result
+
+
+def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> Fit:
+    """Gauss–Newton; where it does not settle, again over the first quarter, half and whole of the runs in turn."""
+    result = fit(data, space, z, first, phase)
+    if result.converged:
+        return result
+    for share in (0.1, 0.3, 0.6, 1.0):
+        rows = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
+        part = Batch(data.runs, data.time_s, data.turn_rad, data.envelope, data.weight * rows)
+        result = fit(part, space, z, first, phase)
+        z, first, phase = result.z, result.response.state.start, result.response.state.phase
+    return result

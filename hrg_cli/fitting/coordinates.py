@@ -1,0 +1,91 @@
+"""The linear coordinates in which the slow generator is fitted, and their way to the resonator's parameters and back.
+
+L = −p₀ I − p₁ R_c − p₂ R_s + j p₃ R_c + j p₄ R_s + p₅ Ω J, R_c = R(0), R_s = R(π/2): ν, νδμ·(cos, sin)2mθ_μ, δω·(cos, sin)2mθ_ω, K;
+p₆ scales the second-order correction of L (1 real resonator, 0 plain averaging).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..physics.resonator import J, Mechanics
+
+Array = np.ndarray
+COORDINATES = ("damping", "damping_cos", "damping_sin", "split_cos", "split_sin", "scale_factor", "second_order")
+COUNT = len(COORDINATES)
+R_COS = np.array([[1.0, 0.0], [0.0, -1.0]])
+R_SIN = np.array([[0.0, 1.0], [1.0, 0.0]])
+BASIS = np.array([-np.eye(2), -R_COS, -R_SIN, 1j * R_COS, 1j * R_SIN])
+"""∂L/∂p of the first five coordinates, (5, 2, 2); of the sixth it is ΩJ."""
+
+
+def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
+    """L (..., 2, 2) of coordinates p (7,) for rates (...), against the run's own frequency ω; second order times p₆.
+
+    The correction is −(L² + 2ΓL)/2jω twice, Γ = −Re L₀, from L₀ with the mean of (ω ± δω)², ω² + δω²   (solvent of resonator.py).
+    """
+    constant = np.tensordot(p[:5], BASIS, 1)
+    first = constant + p[5] * np.asarray(rate_rad_s)[..., None, None] * J
+    if p[6] == 0:
+        return first
+    damping = -first.real
+    factor = p[6] / (2j * np.asarray(omega, float)[..., None, None])
+    first = first - (p[3] ** 2 + p[4] ** 2) * factor * np.eye(2)
+    L = first
+    for _ in range(2):
+        L = first - factor * (product(L, L) + 2 * product(damping, L))
+    return L
+
+
+def product(a: Array, b: Array) -> Array:
+    """a·b of 2 × 2 matrices (..., 2, 2), component by component: faster than matmul on many small matrices."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    for i in (0, 1):
+        for k in (0, 1):
+            out[..., i, k] = a[..., i, 0] * b[..., 0, k] + a[..., i, 1] * b[..., 1, k]
+    return out
+
+
+def to_mechanics(p: Array, frequency_hz: float, mode_number: int) -> Mechanics:
+    """The resonator these coordinates describe; axes in [0, π/m)."""
+    values, _ = physical(p, mode_number)
+    return Mechanics(frequency_hz, *values[:6], mode_number=mode_number)
+
+
+def from_mechanics(mechanics: Mechanics, second_order: float = 1.0) -> Array:
+    """Coordinates (7,) of a resonator."""
+    m = mechanics
+    a, b = 2 * m.mode_number * m.damping_axis_rad, 2 * m.mode_number * m.stiffness_axis_rad
+    return np.array(
+        [
+            m.damping_rate_1_s,
+            m.damping_split_1_s * np.cos(a),
+            m.damping_split_1_s * np.sin(a),
+            m.frequency_split_rad_s * np.cos(b),
+            m.frequency_split_rad_s * np.sin(b),
+            m.scale_factor,
+            second_order,
+        ]
+    )
+
+
+def physical(p: Array, mode_number: int) -> tuple[Array, Array]:
+    """(ν, νδμ, θ_μ, δω, θ_ω, K) and their derivatives (6, 7) by the coordinates."""
+    values, slopes = np.zeros(6), np.zeros((6, COUNT))
+    values[0], slopes[0, 0] = p[0], 1.0
+    values[5], slopes[5, 5] = p[5], 1.0
+    for row, first in ((1, 1), (3, 3)):
+        x, y = p[first], p[first + 1]
+        size = float(np.hypot(x, y))
+        values[row] = size
+        values[row + 1] = wrap(np.arctan2(y, x) / (2 * mode_number), mode_number)
+        safe = size if size > 0 else 1.0
+        slopes[row, first : first + 2] = (x / safe, y / safe) if size > 0 else (1.0, 0.0)
+        slopes[row + 1, first : first + 2] = np.array([-y, x]) / safe**2 / (2 * mode_number) if size > 0 else (0.0, 0.0)
+    return values, slopes
+
+
+def wrap(axis_rad: float, mode_number: int) -> float:
+    """A physical axis angle in [0, π/m)."""
+    wrapped = float(np.mod(axis_rad, np.pi / mode_number))
+    return 0.0 if np.isclose(wrapped, np.pi / mode_number, rtol=0, atol=1e-15) else wrapped

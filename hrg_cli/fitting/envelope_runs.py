@@ -1,0 +1,129 @@
+"""Free runs as complex envelopes with their noise and turning, and their exact averaging into blocks."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HrgError
+from ..physics import ellipse
+from ..records import Wave
+
+Array = np.ndarray
+MIN_ROWS = 8
+SMOOTHING_ROWS = 64
+"""Windows over which the noise estimate is pooled: one window of a few samples knows its own noise to 20 % only."""
+
+
+@dataclass(frozen=True)
+class EnvelopeRun:
+    """Envelopes (n, 2) of one run at times (n,), standard deviation (n,) of one real component, turned table angle ∫Ω dt (n,)."""
+
+    run_id: str
+    time_s: Array
+    envelope: Array
+    std: Array
+    turn_rad: Array
+    temperature_degc: Array | None
+    reference_frequency_hz: float
+    mode_number: int
+    window_s: float
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last row."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    def rows(self, mask: Array | slice) -> EnvelopeRun:
+        """Some of the rows."""
+        cut = {name: getattr(self, name)[mask] for name in ("time_s", "envelope", "std", "turn_rad")}
+        warm = None if self.temperature_degc is None else self.temperature_degc[mask]
+        return dataclasses.replace(self, **cut, temperature_degc=warm)
+
+
+def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
+    """Envelopes of a wave's good rows; the rate is the wave's own, or `rate_rad_s`, or zero.
+
+    HrgError: fewer than 8 good rows, times that do not increase.
+    """
+    name = wave.run_id or "the run"
+    good = wave.good() & np.isfinite(wave.time_s) & np.isfinite(wave.main_amplitude) & np.isfinite(wave.phase_rad)
+    good &= np.isfinite(wave.quadrature_amplitude)
+    if good.sum() < MIN_ROWS:
+        raise HrgError(f"{name}: {good.sum()} windows without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner record")
+    time = np.asarray(wave.time_s, float)
+    if np.any(np.diff(time[good]) <= 0):
+        raise HrgError(f"{name}: the windows' times do not increase; sort the record or remove repeated rows")
+    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[good]
+    return EnvelopeRun(
+        run_id=wave.run_id,
+        time_s=time[good],
+        envelope=u,
+        std=pooled_std(np.asarray(wave.signal_std, float)[good], u),
+        turn_rad=turned(time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s))[good],
+        temperature_degc=None if wave.temperature_degc is None else np.asarray(wave.temperature_degc, float)[good],
+        reference_frequency_hz=float(wave.reference_frequency_hz),
+        mode_number=int(wave.mode_number),
+        window_s=float(wave.window_s),
+    )
+
+
+def turned(time_s: Array, rate_rad_s: Array | None) -> Array:
+    """∫Ω dt from the first row by the trapezium rule; a rate that is not finite is bridged, none at all is zero."""
+    if rate_rad_s is None or not np.isfinite(rate_rad_s).any():
+        return np.zeros(len(time_s))
+    finite = np.isfinite(rate_rad_s)
+    rate = np.interp(time_s, time_s[finite], np.asarray(rate_rad_s, float)[finite])
+    return np.concatenate([[0.0], np.cumsum(np.diff(time_s) * (rate[1:] + rate[:-1]) / 2)])
+
+
+def pooled_std(std: Array, u: Array) -> Array:
+    """Noise of one signal coefficient, pooled over neighbouring windows; where it is missing, from the envelope's third differences."""
+    scale = np.sqrt(np.mean(np.abs(u) ** 2))
+    usable = np.isfinite(std) & (std > 0)
+    if usable.sum() < len(std) / 2:
+        rough = np.diff(u, n=3, axis=0) if len(u) > 3 else np.zeros((1, 2))
+        level = np.sqrt(np.median(np.abs(rough) ** 2) / (20 * 2 * np.log(2)))
+        return np.full(len(std), max(float(level), 1e-12 * scale))
+    variance = np.where(usable, std, np.median(std[usable])) ** 2
+    width = min(SMOOTHING_ROWS, len(std))
+    parts = np.array_split(np.arange(len(std)), max(1, len(std) // width))
+    pooled = np.concatenate([np.full(len(p), variance[p].mean()) for p in parts])
+    return np.maximum(np.sqrt(pooled), 1e-12 * scale)
+
+
+def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Array]) -> EnvelopeRun:
+    """At most about `blocks` rows: each block's rows are carried to its mean time with an approximate motion, then averaged.
+
+    `carry(dt, dturn)` gives the propagator (..., 2, 2) over dt [s] and table turn [rad]. The mean time is the weighted one, so an
+    error δL of that motion enters only as (δL·dt)²; weights 1/σ². Blocks are equal pieces of time; empty ones (gaps) vanish.
+    """
+    if len(run) <= blocks:
+        return run
+    step = (run.duration_s * (1 + 1e-12) + run.window_s) / blocks
+    index = np.floor((run.time_s - run.time_s[0]) / step).astype(int)
+    starts = np.flatnonzero(np.diff(index, prepend=-1))
+    weight = 1 / run.std**2
+    total = np.add.reduceat(weight, starts)
+    which = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(run))))
+
+    def mean(values: Array) -> Array:
+        return np.add.reduceat(values * weight, starts) / total
+
+    time, turn = mean(run.time_s), mean(run.turn_rad)
+    back = carry(time[which] - run.time_s, turn[which] - run.turn_rad)
+    pulled = (back @ run.envelope[..., None])[..., 0]
+    return dataclasses.replace(
+        run,
+        time_s=time,
+        envelope=np.stack([mean(pulled[:, 0]), mean(pulled[:, 1])], axis=-1),
+        std=1 / np.sqrt(total),
+        turn_rad=turn,
+        temperature_degc=None if run.temperature_degc is None else mean(run.temperature_degc),
+    )

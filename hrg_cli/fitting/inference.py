@@ -1,0 +1,185 @@
+"""What a likelihood fit is worth: coloured-noise inflation, covariance of the parameters, flat directions, runs that disagree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import coordinates
+from .likelihood import Fit, real
+
+Array = np.ndarray
+FLAT_FRACTION = 0.3
+"""A direction known no better than this part of its natural scale is flat."""
+MIN_BLOCKS = 24
+"""Fewest blocks of residuals from which a noise level at that scale is believed."""
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A direction of z these runs do not fix: unit vector in natural scales, and its standard deviation in them."""
+
+    direction: Array
+    std: float
+
+
+def inflation(fit: Fit) -> tuple[float, float]:
+    """(variance factor over the nominal noise, its part due to colour): residuals summed over ever longer blocks, as white noise would be 1.
+
+    The factor at the longest scale with enough blocks counts when it exceeds the white one by 4 of its errors; else χ²/dof does.
+    """
+    white = fit.chi2 / fit.dof
+    residual = fit.response.residual()
+    worst = white
+    size = 2
+    while True:
+        sums = []
+        for run, record in enumerate(fit.response.batch.runs):
+            n = len(record) // size * size
+            if n:
+                blocks = residual[run, :n].reshape(-1, size, 2).sum(axis=1)
+                sums.append(np.concatenate([blocks.real.ravel(), blocks.imag.ravel()]))
+        joined = np.concatenate(sums) if sums else np.zeros(0)
+        if len(joined) < 4 * MIN_BLOCKS:
+            break
+        level = float(np.mean(joined**2) / size)
+        if level > white * (1 + 4 * np.sqrt(2 / len(joined))):
+            worst = max(worst, level)
+        size *= 2
+    return worst, worst / white if white > 0 else 1.0
+
+
+def natural_scales(fit: Fit) -> Array:
+    """Size a direction of z would have to be known to: ν for damping, the larger of δω, ν, 1/T for the split, K for K; 0: not judged."""
+    p = fit.p
+    span = float(fit.response.batch.span_s.max())
+    split = max(float(np.hypot(p[3], p[4])), abs(p[0]), 1 / span)
+    by_coordinate = np.array([abs(p[0]), abs(p[0]), abs(p[0]), split, split, max(abs(p[5]), 0.3), 0.0])
+    return np.abs(fit.freedom.directions.T) @ by_coordinate
+
+
+def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
+    """Condition number of the scaled Fisher information (unit diagonal) of the judged directions, and the flat ones; the rest is nuisance."""
+    scales = natural_scales(fit)
+    judged = scales > 0
+    order = np.concatenate([np.flatnonzero(~judged), np.flatnonzero(judged)])
+    nuisance = int((~judged).sum())
+    root = fit.data_root[:, order]
+    if nuisance:
+        kept = fit.root[:, order]  # a nuisance keeps its prior
+        root = np.linalg.qr(kept, mode="r")[nuisance:, nuisance:]
+    norms = np.linalg.norm(root, axis=0)
+    unit = root / np.where(norms > 0, norms, 1.0)
+    size = np.linalg.svd(unit, compute_uv=False)
+    condition = float((size[0] / size[-1]) ** 2) if size[-1] > 0 else float("inf")
+    _, strength, Vt = np.linalg.svd(root * scales[judged])
+    flat = []
+    for s, v in zip(strength, Vt):
+        std = np.sqrt(factor) / s if s > 0 else np.inf
+        if std > FLAT_FRACTION:
+            full = np.zeros(len(scales))
+            full[judged] = v
+            flat.append(Flat(full, float(std)))
+    return condition, flat
+
+
+def parameter_covariance(fit: Fit, factor: float, mode_number: int) -> tuple[Array, Array]:
+    """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by 1/factor, priors kept.
+
+    The size of a split that is lost in noise keeps the standard deviation of a component, and its axis at most a uniform one's.
+    """
+    values, slopes = coordinates.physical(fit.p, mode_number)
+    information = fit.root.T @ fit.root - (1 - 1 / factor) * fit.data_root.T @ fit.data_root
+    cov_p = fit.freedom.directions @ np.linalg.pinv(information, hermitian=True) @ fit.freedom.directions.T
+    covariance = slopes @ cov_p @ slopes.T
+    uniform = np.pi / mode_number / np.sqrt(12)
+    for axis in (2, 4):
+        std = np.sqrt(covariance[axis, axis])
+        if not std < uniform:
+            covariance[axis] *= uniform / std if std > 0 else 0.0
+            covariance[:, axis] *= uniform / std if std > 0 else 0.0
+            covariance[axis, axis] = uniform**2
+    return values, covariance
+
+
+def run_shifts(fit: Fit, factor: float) -> Array:
+    """How far each run alone pulls z from what the other runs say, as a χ² per judged degree of freedom; 0 where the others say nothing."""
+    scales = natural_scales(fit)
+    judged = np.flatnonzero(scales > 0)
+    parts = _run_information(fit)
+    total = fit.root.T @ fit.root
+    out = np.zeros(len(parts))
+    if len(parts) < 3:
+        return out
+    for i, (information, gradient) in enumerate(parts):
+        rest = total - information
+        value, vector = np.linalg.eigh(rest / np.sqrt(np.outer(np.diag(rest), np.diag(rest)) + 1e-300))
+        if value[0] < 1e-9:
+            continue
+        shift = np.linalg.solve(rest, -gradient)
+        spread = np.linalg.inv(rest) - np.linalg.inv(total)
+        part = spread[np.ix_(judged, judged)] * factor
+        out[i] = float(shift[judged] @ np.linalg.pinv(part, hermitian=True, rcond=1e-8) @ shift[judged]) / len(judged)
+    return out
+
+
+def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
+    """Information and gradient (Jᵀr) of each run on z, its own nuisances eliminated."""
+    response = fit.response
+    shared = np.tensordot(fit.freedom.directions.T, response.coordinate_sensitivities(), 1)
+    own = response.run_sensitivities()
+    residual = response.residual()
+    parts = []
+    for run, record in enumerate(response.batch.runs):
+        n = len(record)
+        weight = response.batch.weight[run, :n]
+        Q, _ = np.linalg.qr(real(own[:, run, :n], weight))
+        design = real(shared[:, run, :n], weight)
+        design = design - Q @ (Q.T @ design)
+        r = residual[run, :n].ravel()
+        parts.append((design.T @ design, design.T @ np.concatenate([r.real, r.imag])))
+    return parts
+
+
+def run_frequencies(fit: Fit, factor: float) -> tuple[Array, Array]:
+    """Mean frequency of each run, Hz, and the standard deviations, (R,), (R,)."""
+    response = fit.response
+    span = response.batch.span_s
+    frequency = np.array([r.reference_frequency_hz for r in response.batch.runs]) + response.state.offsets_rad_s(span) / (2 * np.pi)
+    covariance = fit.covariance_z() * factor
+    shared = np.tensordot(fit.freedom.directions.T, response.coordinate_sensitivities(), 1)
+    own = response.run_sensitivities()
+    std = np.zeros(len(frequency))
+    for run, record in enumerate(response.batch.runs):
+        n = len(record)
+        weight = response.batch.weight[run, :n]
+        Q, R = np.linalg.qr(real(own[:, run, :n], weight))
+        back = np.linalg.pinv(R)
+        through = back @ (Q.T @ real(shared[:, run, :n], weight))
+        full = factor * back @ back.T + through @ covariance @ through.T
+        pick = np.concatenate([np.zeros(4), np.ones(len(full) - 4)]) / (2 * np.pi * span[run])
+        std[run] = np.sqrt(pick @ full @ pick)
+    return frequency, std
+
+
+def phase_demands(fit: Fit) -> float:
+    """Largest Δχ² any run would gain from two further orders of its phase polynomial, in units of χ²/dof."""
+    response = fit.response
+    order = response.state.phase.shape[1]
+    x = response.batch.time_s / response.batch.span_s[:, None]
+    extra = np.stack([1j * (x**k)[..., None] * response.model for k in (order + 1, order + 2)])
+    known = np.concatenate([response.run_sensitivities(), np.tensordot(fit.freedom.directions.T, response.coordinate_sensitivities(), 1)])
+    residual = response.residual()
+    gains = []
+    for run, record in enumerate(response.batch.runs):
+        n = len(record)
+        weight = response.batch.weight[run, :n]
+        Q, _ = np.linalg.qr(real(known[:, run, :n], weight))
+        design = real(extra[:, run, :n], weight)
+        design = design - Q @ (Q.T @ design)
+        r = residual[run, :n].ravel()
+        r = np.concatenate([r.real, r.imag])
+        step = np.linalg.lstsq(design, r, rcond=1e-9)[0]
+        gains.append(float(np.sum(r**2) - np.sum((r - design @ step) ** 2)))
+    return max(gains) / max(1.0, fit.chi2 / fit.dof)

@@ -1,0 +1,133 @@
+"""Identification by the propagator: u(t + h) = e^{jδh} exp(Lh) u(t) over all runs, a linear regression a step; starts the likelihood.
+
+The lag h grows from a few rows to half a run, so that no phase is ever wrapped: at the first lag any start converges, each later lag
+starts from the one before. L is shared by the runs and linear in the coordinates of `coordinates.py`; δ is each run's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..physics.resonator import J, exponential
+from . import coordinates
+from .coordinates import BASIS, COUNT
+from .envelope_runs import EnvelopeRun, averaged
+from .likelihood import Freedom, applied
+
+Array = np.ndarray
+START_BLOCKS = 2000
+LAG_FRACTIONS = (1 / 64, 1 / 16, 1 / 4, 1 / 2)
+STEPS_A_LAG = 3
+
+
+def mean_frequency(run: EnvelopeRun) -> float:
+    """Mean angular frequency above the reference from neighbouring rows, rad/s; safe below half a turn a row."""
+    step = np.diff(run.time_s)
+    near = step < 1.5 * np.median(step)
+    turn = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]), axis=1)[near]
+    return float(np.angle(np.sum(turn)) / np.mean(step[near]))
+
+
+def mean_damping(run: EnvelopeRun) -> float:
+    """Decay rate from the mean energies of the run's first and last thirds, 1/s."""
+    third = max(1, len(run) // 3)
+    noise = 2 * run.std[:, None] ** 2
+    energy = np.abs(run.envelope) ** 2 - noise
+    early, late = energy[:third].sum() / third, energy[-third:].sum() / third
+    gap = run.time_s[-third:].mean() - run.time_s[:third].mean()
+    floor = noise.mean() / np.sqrt(len(run))
+    return float(np.log(max(early, floor) / max(late, floor)) / (2 * gap)) if gap > 0 else 0.0
+
+
+def scale_factor(runs: Sequence[EnvelopeRun]) -> float:
+    """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²); 0 without rotation."""
+    top = bottom = 0.0
+    for run in runs:
+        before, after = run.envelope[:-1], run.envelope[1:]
+        turn = np.diff(run.turn_rad)
+        slow = np.diff(run.time_s) < 1.5 * np.median(np.diff(run.time_s))
+        cross = np.real(np.conj(before[:, 0]) * after[:, 1] - np.conj(before[:, 1]) * after[:, 0])
+        dot = np.abs(np.sum(np.conj(before) * after, axis=1))
+        top -= float(np.sum((turn * cross)[slow]))
+        bottom += float(np.sum((turn**2 * dot)[slow]))
+    return top / bottom if bottom > 0 else 0.0
+
+
+def rough(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
+    """First guess: coordinates (7,) without any anisotropy, and the runs' frequency offsets (R,) in rad/s."""
+    p = np.zeros(COUNT)
+    p[0] = np.median([mean_damping(r) for r in runs])
+    p[5] = scale_factor(runs)
+    return p, np.array([mean_frequency(r) for r in runs])
+
+
+def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Array]:
+    """Propagator over (dt, table turn) of the plain generator with a frequency offset, for `averaged`."""
+    constant = coordinates.generator(np.concatenate([p[:5], [0.0, 0.0]]), 0.0, 1.0) + 1j * offset_rad_s * np.eye(2)
+
+    def propagator(dt: Array, turn: Array) -> Array:
+        return exponential(constant * dt[:, None, None] + p[5] * turn[:, None, None] * J, 1.0)
+
+    return propagator
+
+
+def regress(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array, lag_s: float) -> tuple[Array, Array, Array]:
+    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets and the covariance of z.
+
+    All pairs of rows about `lag_s` apart within a run; pairs across a gap carry their true time.
+    """
+    designs, targets = [], []
+    for number, run in enumerate(runs):
+        end = np.searchsorted(run.time_s, run.time_s + lag_s * (1 - 1e-9))
+        begin = np.flatnonzero(end < len(run))
+        end = end[begin]
+        dt, turn = run.time_s[end] - run.time_s[begin], run.turn_rad[end] - run.turn_rad[begin]
+        flow = carry(p, offsets[number])(dt, turn)
+        u, v = run.envelope[begin], run.envelope[end]
+        half = carry(p, offsets[number])(dt / 2, turn / 2)
+        middle = applied(half, u)
+
+        def change(term: Array, u: Array = u, flow: Array = flow, half: Array = half, middle: Array = middle, dt: Array = dt) -> Array:
+            ends = applied(flow, applied(term, u)) + applied(term, applied(flow, u))
+            return (ends + 4 * applied(half, applied(term, middle))) * (dt / 6)[:, None]
+
+        rate = (turn / dt)[:, None, None]
+        columns = np.stack([change(b) for b in BASIS] + [change(rate * J), np.zeros_like(u)])
+        shared = np.tensordot(freedom.directions.T, columns, 1)
+        weight = 1 / np.hypot(run.std[begin], run.std[end])[:, None]
+        own = np.zeros((len(runs), *u.shape), complex)
+        own[number] = 1j * dt[:, None] * applied(flow, u)
+        block = (np.concatenate([shared, own]) * weight).reshape(len(shared) + len(runs), -1)
+        error = ((v - applied(flow, u)) * weight).ravel()
+        designs.append(np.concatenate([block.real, block.imag], axis=1).T)
+        targets.append(np.concatenate([error.real, error.imag]))
+    design, target = np.concatenate(designs), np.concatenate(targets)
+    scale = np.linalg.norm(design, axis=0)
+    scale[scale == 0] = 1.0
+    U, size, Vt = np.linalg.svd(design / scale, full_matrices=False)
+    keep = size > 1e-4 * size[0]
+    step = (Vt[keep].T @ ((U.T @ target)[keep] / size[keep])) / scale
+    spread = np.sum((target - design @ step) ** 2) / max(1, len(target) - len(step))
+    covariance = spread * (Vt[keep].T / size[keep] ** 2) @ Vt[keep] / np.outer(scale, scale)
+    k = len(freedom.names)
+    return p + freedom.directions @ step[:k], offsets + step[k:], covariance[:k, :k]
+
+
+def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array]:
+    """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag, from a first guess."""
+    covariance = np.zeros((len(freedom.names),) * 2)
+    span = min(r.duration_s for r in runs)
+    for fraction in LAG_FRACTIONS:
+        lag = max(fraction * span, 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs))
+        if lag > 0.9 * span:
+            break
+        for _ in range(STEPS_A_LAG):
+            p, offsets, covariance = regress(runs, freedom, p, offsets, lag)
+    return p, offsets, covariance
+
+
+def thinned(runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int) -> list[EnvelopeRun]:
+    """Runs averaged to at most `blocks` rows each along the motion of p and the offsets."""
+    return [averaged(r, blocks, carry(p, offset)) for r, offset in zip(runs, offsets)]

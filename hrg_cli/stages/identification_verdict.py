@@ -1,0 +1,166 @@
+"""The likelihood's optimum judged: parameters with honest errors, what these runs cannot tell, and which runs disagree."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..fitting import inference
+from ..fitting.base_fit import Known, nominal_scale_factor
+from ..fitting.envelope_runs import EnvelopeRun
+from ..fitting.likelihood import Fit
+
+Array = np.ndarray
+POOR_FIT = 1.5
+"""χ² a degree of freedom above which the model does not hold within the noise."""
+WORDS = {
+    "damping": "the mean decay",
+    "damping_cos": "the damping split along the electrodes",
+    "damping_sin": "the damping split between the electrodes",
+    "split_cos": "the frequency split along the electrodes",
+    "split_sin": "the frequency split between the electrodes",
+    "scale_factor": "the scale factor",
+}
+
+
+@dataclass
+class Verdict:
+    """Parameters by name, their covariance in `order`, and every sentence about them."""
+
+    values: dict[str, float]
+    std: dict[str, float]
+    order: list[str]
+    covariance: Array
+    chi2_per_dof: float
+    condition: float
+    run_chi2_per_dof: Array
+    run_residual_rms: Array
+    run_rows: Array
+    flat: list[str] = field(default_factory=list)
+    suspect: list[str] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]) -> Verdict:
+    """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted `again`."""
+    notes = []
+    turning = max(float(np.ptp(r.turn_rad)) for r in runs)
+    mode = runs[0].mode_number
+    if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor")):
+        nominal = nominal_scale_factor(mode)
+        why = "no run was rotated" if turning == 0 else f"the runs turn the table by {turning:.2g} rad at most"
+        notes.append(f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both signs of a larger rate")
+        known = dataclasses.replace(known, scale_factor=nominal)
+        fit = again(known)
+    verdict = judged(fit, runs, known)
+    verdict.flat = notes + verdict.flat
+    return verdict
+
+
+def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
+    """Parameters, errors and sentences of one fit."""
+    mode = runs[0].mode_number
+    factor, colour = inference.inflation(fit)
+    values, covariance = inference.parameter_covariance(fit, factor, mode)
+    frequency, frequency_std = inference.run_frequencies(fit, factor)
+    weight = 1 / np.maximum(frequency_std, 1e-15) ** 2
+    mean = float(np.sum(weight * frequency) / weight.sum())
+    mean_std = float(1 / np.sqrt(weight.sum()))
+    scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
+    differ = scatter > 4 * float(np.median(frequency_std))
+    if differ:
+        mean, mean_std = float(np.mean(frequency)), scatter / np.sqrt(len(frequency))
+    order = ["frequency_hz", "damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor"]
+    full = np.zeros((7, 7))
+    full[0, 0], full[1:, 1:] = mean_std**2, covariance
+    std = dict(zip(order, np.sqrt(np.diag(full))))
+    named = dict(zip(order, [mean, *map(float, values)]))
+    if known.scale_factor is not None:
+        del named["scale_factor"]
+    condition, flat = inference.flat_directions(fit, factor)
+    _, coloured = inference.inflation(fit)
+    rows = np.array([len(r) for r in fit.response.batch.runs])
+    run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
+    weights = fit.response.batch.weight
+    rms = np.array([np.sqrt(c / w.sum() / 4) * np.sqrt(len(w)) / np.mean(w) if len(w) else np.nan for c, w in zip(fit.run_chi2, [w[w > 0] for w in weights])])
+    verdict = Verdict(
+        named,
+        std,
+        order,
+        full,
+        fit.chi2 / fit.dof,
+        condition,
+        fit.run_chi2 / run_dof,
+        rms,
+        rows,
+        flat=[sentence(f, fit, runs) for f in flat],
+    )
+    verdict.details = {
+        "run_frequency_hz": [float(f) for f in frequency],
+        "run_frequency_std_hz": [float(f) for f in frequency_std],
+        "phase_order": int(fit.response.state.phase.shape[1]),
+        "second_order": {"value": float(fit.p[6]), "std": float(np.sqrt(fit.covariance_z()[-1, -1]))},
+        "iterations": fit.iterations,
+        "variance_factor": factor,
+        "colour": colour,
+        "held": {k: v for k, v in dataclasses.asdict(known).items() if v is not None},
+        "cramer_rao_std": dict(zip(order[1:], map(float, np.sqrt(np.diag(inference.parameter_covariance(fit, 1.0, mode)[1]))))),
+    }
+    _reasons(verdict, fit, runs, coloured, differ)
+    return verdict
+
+
+def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float, differ: bool) -> None:
+    """Sentences that make the result suspect or refused."""
+    if not fit.converged:
+        verdict.refused.append(f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs")
+    damping, error = verdict.values["damping_rate_1_s"], verdict.std["damping_rate_1_s"]
+    if damping < -3 * error:
+        verdict.refused.append(f"damping_rate_1_s = {damping:.3g} ± {error:.1g}: the wave grows, so these are not free run-downs; use runs with the drive off")
+    split = verdict.values["damping_split_1_s"]
+    if split - 2 * verdict.std["damping_split_1_s"] > abs(damping):
+        verdict.suspect.append(f"damping_split_1_s = {split:.3g} is above damping_rate_1_s = {damping:.3g}: no passive resonator does that")
+    if verdict.flat:
+        verdict.suspect.extend(verdict.flat)
+    if verdict.chi2_per_dof > POOR_FIT:
+        verdict.suspect.append(
+            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise; the errors are inflated, run diagnose to see why"
+        )
+    if colour > 1.5:
+        verdict.suspect.append(f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the same power; the errors are inflated by that")
+    shifts = inference.run_shifts(fit, verdict.details["variance_factor"])
+    typical = np.median(verdict.run_chi2_per_dof)
+    for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof):
+        if shift > 6 or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT):
+            verdict.suspect.append(f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull {shift:.2g}); leave it out and compare")
+
+
+def _flat_in(fit: Fit, name: str) -> bool:
+    """Whether a coordinate is known worse than 30 % of its natural scale."""
+    if name not in fit.freedom.names:
+        return False
+    i = fit.freedom.names.index(name)
+    factor, _ = inference.inflation(fit)
+    std = float(np.sqrt(fit.covariance_z()[i, i] * factor))
+    return std > inference.FLAT_FRACTION * float(inference.natural_scales(fit)[i])
+
+
+def sentence(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
+    """A flat direction in words: what is mixed, how badly it is known, and the run that would fix it."""
+    large = np.argsort(-np.abs(flat.direction))
+    large = [i for i in large if abs(flat.direction[i]) > 0.3]
+    mixed = " and ".join(WORDS[fit.freedom.names[i]] for i in large)
+    still = max(float(np.ptp(r.turn_rad)) for r in runs) == 0
+    size = "not at all" if not flat.std < 10 else f"to {flat.std:.1g} of its natural size only"
+    if len(runs) == 1 and still:
+        tail = "one run-down at rest fixes only the mean decay, net drift and net quadrature growth; add a run at another angle"
+    elif still:
+        tail = "add a run-down from another angle, or one that rotates"
+    else:
+        tail = "add run-downs from other angles and at both signs of rotation"
+    return f"{mixed} {'together are' if len(large) > 1 else 'is'} known {size}: {tail}"

@@ -1,0 +1,81 @@
+"""identify: free run-downs -> the resonator's mechanical parameters with covariance, and how far each can be trusted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import HrgError
+from ..fitting import envelope_runs
+from ..fitting.base_fit import Known, base_fit, check
+from ..physics.resonator import PARAMETERS
+from ..records import Resonator, Wave
+from .identification_verdict import Verdict, from_fit
+
+Array = np.ndarray
+
+METHODS = ("likelihood",)
+
+
+def identify(
+    waves: Sequence[Wave],
+    *,
+    method: Annotated[Literal["likelihood"], Field(description="method of identification")] = "likelihood",
+    rate_rad_s: Annotated[float | None, Field(description="constant rate about the axis instead of the waves' own")] = None,
+    scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
+    damping_axis_rad: Annotated[float | None, Field(description="known damping axis, held")] = None,
+    stiffness_axis_rad: Annotated[float | None, Field(description="known stiffness axis, held")] = None,
+    blocks: Annotated[int, Field(ge=20, description="fewest averaged rows a run in the likelihood")] = 300,
+) -> Resonator:
+    """Resonator parameters from free runs; every run keeps its own start and frequency."""
+    waves = list(waves)
+    runs = [envelope_runs.from_wave(w, rate_rad_s) for w in waves]
+    check(runs)
+    known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
+    verdict = from_fit(base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks))
+    return record(verdict, waves, method)
+
+
+def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
+    """The verdict as a record: parameters in the contract's order, unknown ones left out."""
+    units = dict(PARAMETERS)
+    names = [n for n, _ in PARAMETERS if n in verdict.values]
+    index = [verdict.order.index(n) for n in names]
+    resonator = Resonator(
+        name=np.array(names, dtype=object),
+        value=np.array([verdict.values[n] for n in names]),
+        std=np.array([verdict.std[n] for n in names]),
+        units=np.array([units[n] for n in names], dtype=object),
+        covariance=verdict.covariance[np.ix_(index, index)],
+        method=method,
+        mode_number=waves[0].mode_number,
+        gyro_id=waves[0].gyro_id,
+        lot_id=waves[0].lot_id,
+        chi2_per_dof=verdict.chi2_per_dof,
+        condition=verdict.condition,
+        flat_directions=json.dumps(verdict.flat, ensure_ascii=False),
+        details=json.dumps(verdict.details, ensure_ascii=False),
+        run=np.array([w.run_id for w in waves], dtype=object),
+        run_chi2_per_dof=verdict.run_chi2_per_dof,
+        run_residual_rms=verdict.run_residual_rms,
+        run_rows=verdict.run_rows,
+    )
+    if not all(np.isfinite(resonator.value)) or not names:
+        raise HrgError("the fit gives no finite parameters; look at the runs' envelopes")
+    return resonator.judged(verdict.suspect, "suspect").judged(verdict.refused, "refused")
+
+
+def summary(resonator: Resonator) -> dict[str, Any]:
+    """The contract's JSON keys of identify."""
+    return {
+        "parameters": {n: {"value": v, "std": s, "units": u} for n, (v, s, u) in resonator.parameters().items()},
+        "chi2_per_dof": resonator.chi2_per_dof,
+        "runs": [] if resonator.run is None else [str(r) for r in resonator.run],
+        "identifiability": {"condition": resonator.condition, "flat_directions": json.loads(resonator.flat_directions)},
+        "method": resonator.method,
+        "details": json.loads(resonator.details),
+    }
