@@ -6,7 +6,6 @@ import json
 import time
 from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from .command import Common
@@ -20,7 +19,7 @@ STUDIES = {
     "identification": "identification",
     "diagnosis": "diagnosis",
 }
-"""Name on the command line -> module in `studies`, whose function NAME_study returns a result with `table`, `json` and `figures`."""
+"""Name on the command line -> module in `studies`: its function NAME_study gives plain figures, `figure` a picture of them."""
 
 
 def run_study(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
@@ -28,8 +27,8 @@ def run_study(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[
     if name not in STUDIES:
         raise UsageError(f"no study is called {name!r}; there are {', '.join(STUDIES)}")
     started = time.monotonic()
-    module = STUDIES[name]
-    study = getattr(import_module(f"hrg_cli.studies.{module}"), f"{module}_study")
+    module = import_module(f"hrg_cli.studies.{STUDIES[name]}")
+    study = getattr(module, f"{STUDIES[name]}_study")
     values = run.settings(study)
     folder = run.output
     if folder is not None:
@@ -45,21 +44,22 @@ def run_study(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[
         "elapsed_s": round(time.monotonic() - started, 3),
         "name": name,
         "settings": values,
-        "result": result.json(),
+        "result": result,
     }
     if folder is not None:
-        _write(folder, name, report, result.figures(), run.force)
-    return report, lambda: _show(result)
+        with atomic_path(folder / f"{name}.png", run.force) as temporary:
+            module.figure(result).savefig(temporary, format="png", dpi=120)
+        with atomic_path(folder / f"{name}.json", run.force) as temporary:
+            temporary.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8")
+    return report, lambda: console.print_table("", *(module.table(result) if hasattr(module, "table") else _flat(result)))
 
 
-def _write(folder: Path, name: str, report: dict[str, Any], figures: dict[str, Any], force: bool) -> None:
-    for title, figure in figures.items():
-        with atomic_path(folder / f"{name}-{title}.png", force) as temporary:
-            figure.savefig(temporary, format="png", dpi=120)
-    with atomic_path(folder / f"{name}.json", force) as temporary:
-        temporary.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8")
-
-
-def _show(result: Any) -> None:
-    head, rows = result.table()
-    console.print_table("", head, rows)
+def _flat(result: dict[str, Any], prefix: str = "") -> tuple[tuple[str, str], list[tuple[str, Any]]]:
+    """The plain figures of a result, nested names joined by dots."""
+    rows: list[tuple[str, Any]] = []
+    for key, value in result.items():
+        if isinstance(value, dict):
+            rows += _flat(value, f"{prefix}{key}.")[1]
+        elif not isinstance(value, list):
+            rows.append((f"{prefix}{key}", value))
+    return ("figure", "value"), rows
