@@ -1,0 +1,6 @@
+"""Foreign logs: `import_log` makes a recording of any of them, `read_table` a plain table."""
+
+from .importing import import_log
+from .table import read_table
+
+__all__ = ["import_log", "read_table"]

@@ -1,0 +1,83 @@
+"""Times of day and calendar times of text logs as seconds."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+
+import numpy as np
+
+from ..errors import HrgError
+
+DAY = 86_400.0
+_CLOCK = re.compile(r"^\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?$")
+_DATE_TIME = re.compile(r"^\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T ]\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2})?$")
+
+
+def clock_kind(text: str) -> str:
+    """ "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for anything else."""
+    if _CLOCK.match(text):
+        return "clock"
+    return "date" if _DATE_TIME.match(text) else ""
+
+
+def quantum(text: str) -> float:
+    """The rounding step of a printed number or time: the weight of its last digit (0 where none can be seen)."""
+    text = text.strip().replace(",", ".")
+    if clock_kind(text):
+        fraction = re.search(r"\.(\d+)", text)
+        return 10.0 ** -len(fraction[1]) if fraction else (1.0 if text.count(":") >= 2 else 60.0)
+    found = re.match(r"^[+-]?(\d*)\.?(\d*)(?:[eE]([+-]?\d{1,3}))?$", text)
+    return float(10.0 ** (int(found[3] or 0) - len(found[2]))) if found else 0.0
+
+
+class Clock:
+    """Turns blocks of time text into seconds since the first one; a time of day that jumps back by half a day passed midnight."""
+
+    def __init__(self, kind: str, first: str, where: str) -> None:
+        self.kind, self.where = kind, where
+        self.days, self.last = 0.0, -np.inf
+        self.origin = self._nanoseconds([first])[0]
+
+    def start_time(self) -> str:
+        """ISO 8601 text of the first time; empty where the log has no date."""
+        if self.kind != "date":
+            return ""
+        whole, rest = divmod(int(self.origin), 10**9)
+        stamp = datetime.fromtimestamp(whole, tz=UTC).strftime("%Y-%m-%dT%H:%M:%S")
+        return f"{stamp}.{rest:09d}".rstrip("0").rstrip(".") + "Z"
+
+    def seconds(self, texts: np.ndarray) -> np.ndarray:
+        """Seconds of a block; NaN where a cell is no time."""
+        raw = self._nanoseconds(texts)
+        seconds = (raw - self.origin) / 1e9
+        seconds = np.where(raw == _NOT_A_TIME, np.nan, seconds)
+        if self.kind == "clock" and len(seconds):
+            previous = np.concatenate([[self.last], seconds[:-1]])
+            wraps = np.cumsum(seconds - previous < -DAY / 2)
+            self.last = seconds[-1]
+            seconds = seconds + DAY * (self.days + wraps)
+            self.days += float(wraps[-1])
+        return seconds
+
+    def _nanoseconds(self, texts: np.ndarray | list[str]) -> np.ndarray:
+        import pandas as pd
+
+        series = pd.Series(
+            [str(text).strip().replace(",", ".") if clock_kind(str(text).strip()) == self.kind else "" for text in texts]
+        )
+        try:
+            if self.kind == "clock":
+                two = series.str.count(":") == 1
+                times = pd.to_timedelta(series.where(~two, series + ":00"), errors="coerce")
+                return times.to_numpy("timedelta64[ns]").astype("i8")
+            series = series.str.replace(r"^(\d{4})[/.](\d{1,2})[/.](\d{1,2})", r"\1-\2-\3", regex=True)
+            dates = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
+            return dates.dt.tz_localize(None).to_numpy("datetime64[ns]").astype("i8")
+        except (ValueError, OverflowError) as error:
+            raise HrgError(
+                f"{self.where}: its times cannot be read ({str(error)[:80]}); write them as HH:MM:SS.mmm or as ISO date-times"
+            ) from error
+
+
+_NOT_A_TIME = np.iinfo("i8").min

@@ -1,0 +1,186 @@
+"""Which column of a log is what: named by the user, or known by its title, or by standing alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..errors import HrgError
+from .log import Log
+
+ALIASES: dict[str, tuple[str, ...]] = {
+    "time": (
+        "time",
+        "t",
+        "timestamp",
+        "time_s",
+        "seconds",
+        "second",
+        "x-axis",
+        "datetime",
+        "date",
+        "clock",
+        "zeit",
+        "elapsed",
+        "elapsed time",
+        "systemtime",
+    ),
+    "c": (
+        "c",
+        "cos",
+        "cosine",
+        "channel c",
+        "ch c",
+        "chan_c",
+        "x",
+        "ch1",
+        "channel 1",
+        "channel1",
+        "channel a",
+        "ch a",
+        "cha",
+        "a",
+        "ai0",
+        "in1",
+        "1",
+        "left",
+        "chan1",
+    ),
+    "s": (
+        "s",
+        "sin",
+        "sine",
+        "channel s",
+        "ch s",
+        "chan_s",
+        "y",
+        "ch2",
+        "channel 2",
+        "channel2",
+        "channel b",
+        "ch b",
+        "chb",
+        "b",
+        "ai1",
+        "in2",
+        "2",
+        "right",
+        "chan2",
+    ),
+    "temperature": ("temperature", "temp", "temperature_degc", "t_degc", "temperatur"),
+    "rate": ("rate", "rate_rad_s", "omega", "omega_z", "table rate", "table_rate", "angular rate", "angular_rate"),
+    "drive_main": ("drive_main", "drive main", "main drive", "main_drive"),
+    "drive_quadrature": ("drive_quadrature", "drive quadrature", "quadrature drive", "quadrature_drive"),
+}
+"""Role -> titles it goes by, in the order of trust."""
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Channel index of every role, None where the log has none."""
+
+    time: int | None
+    c: int
+    s: int | None
+    temperature: int | None
+    rate: int | None
+    drive_main: int | None
+    drive_quadrature: int | None
+
+    def auxiliary(self) -> dict[str, int]:
+        """The slow columns present: role -> index."""
+        found = {role: getattr(self, role) for role in ("temperature", "rate", "drive_main", "drive_quadrature")}
+        return {role: index for role, index in found.items() if index is not None}
+
+
+def listing(log: Log) -> str:
+    """The log's columns for an error message."""
+    shown = [f"{i + 1} {c.name}" + (f" [{c.units}]" if c.units else "") for i, c in enumerate(log.channels)]
+    return ", ".join(shown[:20]) + (f" … ({len(shown)} in all)" if len(shown) > 20 else "")
+
+
+def find(log: Log, path: str, asked: dict[str, str | int | None], single: bool) -> Roles:
+    """The column of every role; `asked` names some by title or 1-based number. HrgError: none such, or more than one reading."""
+    taken: dict[str, int | None] = {role: None for role in ALIASES}
+    for role, wanted in asked.items():
+        if wanted is not None and not (role == "s" and single):
+            taken[role] = _named(log, path, role, wanted)
+    numbers = [i for i, channel in enumerate(log.channels) if channel.kind == "number"]
+    free = [i for i in range(len(log.channels)) if i not in taken.values() and log.channels[i].kind != "text"]
+    for role, titles in ALIASES.items():
+        if taken[role] is None and not (role == "s" and single):
+            taken[role] = next(
+                (
+                    i
+                    for title in titles
+                    for i in free
+                    if log.channels[i].name.lower() == title and (role == "time" or i in numbers)
+                ),
+                None,
+            )
+            free = [i for i in free if i != taken[role]]
+    if taken["time"] is None and log.sample_rate_hz is None:
+        taken["time"] = _unnamed_time(log, free)
+        free = [i for i in free if i != taken["time"]]
+    needed = ["c"] if single else ["c", "s"]
+    missing = [role for role in needed if taken[role] is None]
+    free = [i for i in free if i in numbers]
+    if missing and len(free) == len(missing):
+        for role, index in zip(missing, free):
+            taken[role] = index
+        missing = []
+    if missing:
+        if len(numbers) == 1 and not single:
+            raise HrgError(
+                f'{path}: has one channel only ({listing(log)}), two (C and S) were expected; give s = "none" to import it with S = 0: '
+                "then its frequency and damping can be found, its wave angle cannot"
+            )
+        asked_for = " and which ".join(m.upper() for m in missing)
+        raise HrgError(f"{path}: which column is channel {asked_for}? Its columns are {listing(log)}; name them with c and s")
+    if taken["c"] == taken["s"]:
+        raise HrgError(f"{path}: c and s are both column {listing(log)}; name two different ones")
+    return Roles(**taken)  # type: ignore[arg-type]
+
+
+def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
+    if isinstance(wanted, int) or wanted.isdigit():
+        number = int(wanted)
+        if not 1 <= number <= len(log.channels):
+            raise HrgError(f"{path}: {role} = {number}: it has {len(log.channels)} columns ({listing(log)})")
+        index = number - 1
+    else:
+        names = [channel.name for channel in log.channels]
+        exact = [i for i, name in enumerate(names) if name == wanted]
+        alike = exact or [i for i, name in enumerate(names) if name.lower() == wanted.strip().lower()]
+        alike = alike or [
+            i
+            for i, c in enumerate(log.channels)
+            if c.units
+            and wanted.strip().lower()
+            in (
+                f"{c.name} [{c.units}]".lower(),
+                f"{c.name} ({c.units})".lower(),
+                f"{c.name} {c.units}".lower(),
+                f"{c.name}_{c.units}".lower().replace("/", "_"),
+            )
+        ]
+        alike = alike or [i for i, name in enumerate(names) if name.lower().endswith("/" + wanted.strip("/ ").lower())]
+        if len(alike) != 1:
+            raise HrgError(
+                f"{path}: {role} = {wanted!r} is the name of {'several columns' if alike else 'no column'}; its columns are {listing(log)}"
+            )
+        index = alike[0]
+    kind = log.channels[index].kind
+    if kind == "text" or (kind == "clock" and role != "time"):
+        raise HrgError(
+            f"{path}: {role} = {wanted}: that column holds {'times' if kind == 'clock' else 'text'}, numbers were expected; "
+            f"its columns are {listing(log)}"
+        )
+    return index
+
+
+def _unnamed_time(log: Log, free: list[int]) -> int | None:
+    clock = [i for i in free if log.channels[i].kind == "clock"]
+    if clock:
+        return clock[0]
+    rising = [i for i in free if log.channels[i].rising]
+    return rising[0] if rising and len(free) > 2 and rising[0] == free[0] else None

@@ -1,0 +1,203 @@
+"""How a text log is written: encoding, separator, decimal sign, where its data begin, its column titles and units."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import HrgError
+from .clock import clock_kind
+from .quantities import is_unit, split_name
+
+HEAD_BYTES = 1 << 18
+CANDIDATES = ((",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ","), (",", ","), ("|", "."), (" ", "."), (" ", ","))
+"""(separator, decimal sign) in the order of preference; a blank stands for any run of blanks."""
+COMMENTS = ("#", "%", "!", "//", "*")
+_NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
+_WORDS = ("nan", "inf", "infinity", "+inf", "-inf", "-nan", "na", "n/a", "null")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What was found in the first part of a text log."""
+
+    encoding: str
+    separator: str
+    decimal: str
+    first_line: int
+    kinds: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    header: bool
+    preamble: tuple[str, ...]
+    comment: str | None
+    quoted: bool
+    sample: tuple[tuple[str, ...], ...]
+    """The first rows as text."""
+
+
+def encoding_of(head: bytes) -> str:
+    """Encoding by byte-order mark; otherwise UTF-8, or Latin-1 where it is not UTF-8."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if head.startswith(b"\xef\xbb\xbf"):
+        return "utf-8-sig"
+    try:
+        head[: max(0, len(head) - 4)].decode("utf-8")
+        return "utf-8"
+    except UnicodeDecodeError:
+        return "latin-1"
+
+
+def is_text(head: bytes) -> bool:
+    """Whether the first bytes can be a text log: no control bytes beside line ends and tabs."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return True
+    control = sum(byte < 9 or 13 < byte < 32 for byte in head[:4096])
+    return control == 0
+
+
+def cell_kind(cell: str, decimal: str) -> str:
+    """ "number", "clock", "date", "" (empty) or "text"."""
+    if not cell:
+        return ""
+    text = cell
+    if decimal == ",":
+        if "." in cell or cell.endswith(",") or cell.count(",") > 1:
+            return clock_kind(cell) or "text"
+        text = cell.replace(",", ".")
+    if _NUMBER.match(text) or text.lower() in _WORDS:
+        return "number"
+    return clock_kind(cell) or "text"
+
+
+def split_line(line: str, separator: str) -> list[str]:
+    """Cells of one line, quotes respected, blanks around them removed."""
+    if separator == " ":
+        return line.split()
+    if '"' in line:
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+        except (csv.Error, StopIteration):
+            pass
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def sniff(path: Path, head: bytes, separator: str | None = None, decimal: str | None = None) -> Dialect:
+    """The dialect of a text log from its first bytes. HrgError: no numbers in it."""
+    encoding = encoding_of(head)
+    text = head.decode(encoding, "replace")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if len(head) >= HEAD_BYTES and len(lines) > 1:
+        lines = lines[:-1]
+    shown = [(number, line) for number, line in enumerate(lines) if line.strip() and not _comment_of(line)]
+    if not any(line.strip() for line in lines):
+        raise HrgError(f"{path}: is empty; a log with columns of numbers was expected")
+    best: tuple[tuple[int, int], str, str, list[str]] | None = None
+    rows = [line for _, line in shown][-400:]
+    for rank, (sep, dec) in enumerate(CANDIDATES):
+        if (separator is not None and sep != separator) or (decimal is not None and dec != decimal):
+            continue
+        kinds, score = _columns(rows, sep, dec)
+        if best is None or (score, -rank) > best[0]:
+            best = ((score, -rank), sep, dec, kinds)
+    if best is None and separator is not None:
+        decimal = decimal or "."
+        kinds, score = _columns(rows, separator, decimal)
+        best = ((score, 0), separator, decimal, kinds)
+    assert best is not None
+    _, sep, dec, kinds = best
+    if "number" not in kinds:
+        raise HrgError(
+            f"{path}: no line of numbers was found in it; a log with a row a sample was expected (a header alone is not enough)"
+        )
+    return _described(path, encoding, lines, shown, sep, dec, kinds)
+
+
+def _comment_of(line: str) -> str:
+    line = line.lstrip()
+    return next((mark for mark in COMMENTS if line.startswith(mark)), "")
+
+
+def _columns(rows: list[str], separator: str, decimal: str) -> tuple[list[str], int]:
+    """Kind of each column of the usual row, and how well the candidate explains the rows."""
+    cells = [split_line(line, separator) for line in rows]
+    if not cells:
+        return [], -1
+    kinds_of = [[cell_kind(cell, decimal) for cell in row] for row in cells]
+    weight: Counter[int] = Counter()
+    for row in kinds_of:
+        weight[len(row)] += 1 + 4 * sum(kind in ("number", "clock", "date") for kind in row)
+    count = max(weight, key=lambda n: (weight[n], n))
+    matching = [row for row in kinds_of if len(row) == count]
+    late = matching[len(matching) // 2 :]
+    kinds = []
+    for column in range(count):
+        tally = Counter(row[column] for row in late if row[column])
+        kinds.append(max(tally, key=lambda k: (tally[k], k != "text")) if tally else "")
+    score = sum((kind in ("number", "clock", "date")) - (kind == "text") for row in matching for kind in row)
+    return kinds, score
+
+
+def _described(
+    path: Path, encoding: str, lines: list[str], shown: list[tuple[int, str]], sep: str, dec: str, kinds: list[str]
+) -> Dialect:
+    count = len(kinds)
+    first = None
+    for number, line in shown:
+        cells = split_line(line, sep)
+        if len(cells) == count and all(
+            kind not in ("number", "clock", "date") or cell_kind(cell, dec) in (kind, "") for cell, kind in zip(cells, kinds)
+        ):
+            first = number
+            break
+    assert first is not None
+    above = [(number, line) for number, line in enumerate(lines[:first]) if line.strip()]
+    names, units, header = _titles(above, sep, dec, count)
+    sample = tuple(tuple(cells) for _, line in shown if _ >= first and len(cells := split_line(line, sep)) == count)[:200]
+    inside = [_comment_of(line) for line in lines[first:] if line.strip() and _comment_of(line)]
+    data = "\n".join(lines[first : first + 200])
+    kinds = ["number" if kind == "" else kind for kind in kinds]
+    return Dialect(
+        encoding=encoding,
+        separator=sep,
+        decimal=dec,
+        first_line=first,
+        kinds=tuple(kinds),
+        names=names,
+        units=units,
+        header=header,
+        preamble=tuple(line for _, line in above),
+        comment=inside[0][:1] if inside else None,
+        quoted='"' in data,
+        sample=sample,
+    )
+
+
+def _titles(above: list[tuple[int, str]], sep: str, dec: str, count: int) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
+    """Names and units of the columns from the lines above the data, nearest first; a row of units needs a row of names above it."""
+    rows: list[list[str]] = []
+    for _, line in reversed(above[-6:]):
+        mark = _comment_of(line)
+        cells = [cell.strip().strip('"') for cell in split_line(line.lstrip()[len(mark) :].strip() if mark else line, sep)]
+        while len(cells) > count and not cells[-1]:
+            cells.pop()
+        if len(cells) == count - 1 and count > 1:
+            cells.append("")
+        if len(cells) == count and any(cell_kind(cell, dec) == "text" for cell in cells):
+            rows.append(cells)
+        elif not mark:
+            break
+    if not rows:
+        return tuple(f"column {i + 1}" for i in range(count)), ("",) * count, False
+    sequence = "increment" in [cell.lower() for cell in rows[min(1, len(rows) - 1)]]
+    if len(rows) > 1 and (sequence or all(is_unit(cell) or not cell for cell in rows[0])):
+        units = [cell.strip("()[] ") if is_unit(cell) else "" for cell in rows[0]]
+        rows = rows[1:]
+    else:
+        units = [""] * count
+    names, own = zip(*(split_name(cell) for cell in rows[0]))
+    return tuple(names), tuple(u or o for u, o in zip(units, own)), True

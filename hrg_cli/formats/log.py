@@ -1,0 +1,88 @@
+"""A foreign log as every reader hands it over: named channels of equal length, read block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ..errors import HrgError
+
+Array = np.ndarray
+Blocks = Iterator[list[Array]]
+
+BLOCK_ROWS = 1 << 18
+"""Rows read at once where the format lets us choose."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column of a log: `number` values as they are, or `clock` times, which the reader hands over in seconds."""
+
+    name: str
+    units: str = ""
+    kind: Literal["number", "clock", "text"] = "number"
+    scale_factor: float = 1.0
+    add_offset: float = 0.0
+    rising: bool = False
+    length: int | None = None
+
+
+@dataclass(frozen=True)
+class Log:
+    """An opened foreign log.
+
+    read(indexes) yields blocks, each a list with one array a channel asked for. Channels that differ in length may be listed
+    (`Channel.length`); asking for two of different length is an error the caller reports. `quantum` is the rounding step of a
+    time column where the format shows it (text), in the column's own unit; `where` names a row for a person.
+    """
+
+    format: str
+    channels: tuple[Channel, ...]
+    read: Callable[[Sequence[int]], Blocks]
+    rows: int | None = None
+    sample_rate_hz: float | None = None
+    clock_hz: float | None = None
+    start_time: str = ""
+    header: bool = True
+    quantum: Callable[[int], float] = field(default=lambda index: 0.0)
+    where: Callable[[int], str] = field(default=lambda row: f"row {row + 1}")
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One foreign format: `recognises` looks at the first bytes (never at the suffix), `open` gives the log."""
+
+    name: str
+    recognises: Callable[[Path, bytes], bool]
+    open: Callable[..., Log]
+
+
+def log_of_arrays(format: str, arrays: Mapping[str, Array], units: Mapping[str, str] | None = None, **more: object) -> Log:
+    """A log over one-dimensional arrays, in memory or lazily sliced (h5py datasets)."""
+    units = units or {}
+    values = list(arrays.values())
+    channels = tuple(
+        Channel(name, units.get(name, ""), rising=_rises(value), length=len(value)) for name, value in arrays.items()
+    )
+
+    def read(indexes: Sequence[int]) -> Blocks:
+        chosen = [values[i] for i in indexes]
+        for start in range(0, len(chosen[0]), BLOCK_ROWS):
+            yield [np.asarray(v[start : start + BLOCK_ROWS]) for v in chosen]
+
+    return Log(format=format, channels=channels, read=read, rows=max((len(v) for v in values), default=0), **more)  # type: ignore[arg-type]
+
+
+def _rises(values: Array) -> bool:
+    head = np.asarray(values[:200], dtype=float)
+    return len(head) > 2 and bool(np.all(np.diff(head) > 0))
+
+
+def need_library(name: str, path: Path, extra: str = "labs") -> HrgError:
+    """The sentence for an optional library that is not installed."""
+    return HrgError(f"{path}: reading it needs the library {name}, which is not installed; run pip install 'hrg-cli[{extra}]'")

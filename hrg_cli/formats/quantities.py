@@ -1,0 +1,124 @@
+"""Units as laboratories spell them: factors to SI, and the unit written into a column's name."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from ..errors import HrgError
+
+DEGREE = math.pi / 180
+TIME = {
+    1.0: ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
+    1e-3: ("ms", "msec", "millisecond", "milliseconds"),
+    1e-6: ("us", "µs", "μs", "usec", "microsecond", "microseconds"),
+    1e-9: ("ns", "nsec", "nanosecond", "nanoseconds"),
+    60.0: ("min", "minute", "minutes"),
+    3600.0: ("h", "hr", "hour", "hours"),
+}
+RATE = {
+    1.0: ("rad/s", "rad s-1", "rad s^-1", "rad/sec", "rad_s", "rads"),
+    DEGREE: ("deg/s", "°/s", "dps", "deg s-1", "deg/sec", "deg_s", "degrees/s"),
+    DEGREE / 60: ("deg/min", "°/min"),
+    DEGREE / 3600: ("deg/h", "°/h", "dph", "deg/hr", "deg/hour", "deg_h"),
+    2 * math.pi / 60: ("rpm", "r/min", "1/min"),
+    2 * math.pi: ("rps", "rev/s", "r/s"),
+    1e-3: ("mrad/s",),
+    1e-3 * DEGREE: ("mdps", "mdeg/s"),
+}
+TEMPERATURE = {
+    (1.0, 0.0): ("degc", "°c", "c", "celsius", "deg_c", "deg c"),
+    (1.0, -273.15): ("k", "kelvin", "degk"),
+    (5 / 9, -160 / 9): ("degf", "°f", "f", "fahrenheit", "deg_f", "deg f"),
+}
+"""Unit factor and offset: °C = factor·value + offset."""
+CHANNEL = (
+    "v",
+    "mv",
+    "µv",
+    "uv",
+    "volt",
+    "volts",
+    "a",
+    "ma",
+    "m",
+    "mm",
+    "µm",
+    "um",
+    "nm",
+    "px",
+    "pixel",
+    "pixels",
+    "pf",
+    "g",
+    "m/s",
+    "m/s2",
+    "counts",
+    "lsb",
+    "adc",
+    "t",
+    "hz",
+    "deg",
+    "rad",
+    "°",
+    "%",
+    "1",
+)
+_KNOWN = {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(
+    CHANNEL
+)
+_SUFFIX = re.compile(r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv)$", re.IGNORECASE)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell of a units row is a unit we know, bare or in brackets."""
+    return text.strip().strip("()[]").strip().lower() in _KNOWN
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Column title -> (name, unit): `time (ms)`, `CH1 [V]`, `gyrox rad/s`, `rate_deg_s`; unit empty where none is seen."""
+    name = name.strip().strip('"').strip()
+    found = re.match(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$", name)
+    if found and found[1]:
+        return found[1].strip(), found[2].strip()
+    head, _, last = name.rpartition(" ")
+    if not head and "/" in name and not is_unit(name):
+        head, _, last = name.partition("/")
+    if head and is_unit(last) and len(last) > 1:
+        return head.strip(), last.strip()
+    found = _SUFFIX.match(name)
+    likely = {"s": ("time", "t", "elapsed", "timestamp"), "k": ("temp", "temperature"), "min": ("time", "t")}
+    if found and found[1].lower() in likely.get(found[2].lower(), (found[1].lower(),)):
+        return found[1], found[2].replace("_s", "/s").replace("_h", "/h") if "_" in found[2] else found[2]
+    if name.lower().endswith("_c") and "temp" in name.lower():
+        return name[:-2], "degC"
+    return name, ""
+
+
+def channel_unit(unit: str) -> str:
+    """A channel's unit as files spell it; "1" where none is known."""
+    return {"volt": "V", "volts": "V", "": "1", "counts": "1", "lsb": "1", "adc": "1"}.get(unit.lower(), unit)
+
+
+def time_factor(unit: str) -> float:
+    """Seconds a unit of time."""
+    return float(_look_up(TIME, unit, "time_units"))
+
+
+def rate_factor(unit: str) -> float:
+    """rad/s a unit of rate."""
+    return float(_look_up(RATE, unit, "rate_units"))
+
+
+def temperature_scale(unit: str) -> tuple[float, float]:
+    """Factor and offset to °C."""
+    scale: tuple[float, float] = _look_up(TEMPERATURE, unit, "temperature_units")
+    return scale
+
+
+def _look_up(table: dict, unit: str, setting: str):  # type: ignore[no-untyped-def, type-arg]
+    for factor, spellings in table.items():
+        if unit.strip().lower() in spellings:
+            return factor
+    known = ", ".join(spellings[0] for spellings in table.values())
+    raise HrgError(f"{setting} is {unit!r}, expected one of {known}")

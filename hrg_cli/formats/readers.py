@@ -1,0 +1,81 @@
+"""The formats known, in the order they are asked; and the one way to open a foreign log."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..errors import HrgError
+from . import audio, text
+from .log import Log, Reader
+
+READERS: tuple[Reader, ...] = (audio.READER, text.READER)
+"""To add a format: one file with a READER, one line here. The text reader stays last: it recognises anything readable."""
+
+EXPECTED = "a log was expected: CSV or other text, WAV, FLAC, MATLAB, TDMS, Parquet or HDF5"
+
+
+def open_log(path: Path | str, format: str = "", separator: str | None = None, decimal: str | None = None) -> Log:
+    """The log of `path` by its content (or by `format`). HrgError: missing, unreadable, of no known format, damaged."""
+    path = Path(path)
+    head = _head(path)
+    known = {reader.name: reader for reader in READERS}
+    if format and format not in known:
+        raise HrgError(f"format is {format!r}, expected one of {', '.join(known)}")
+    reader = known.get(format) or next((r for r in READERS if r.recognises(path, head)), None)
+    if reader is None:
+        raise HrgError(f"{path}: is of no format known here (it begins with {head[:8]!r}); {EXPECTED}")
+    with guarded(path, reader.name):
+        return reader.open(path, separator, decimal) if reader is text.READER else reader.open(path)
+
+
+def _head(path: Path) -> bytes:
+    if not path.exists():
+        raise HrgError(f"{path}: no such file; name a log that a laboratory recorded")
+    if path.is_dir():
+        raise HrgError(f"{path}: is a folder; name a file in it")
+    if not path.is_file():
+        raise HrgError(f"{path}: is not a regular file; save the log to a file first")
+    if not os.access(path, os.R_OK):
+        raise HrgError(f"{path}: no right to read it; ask for read access")
+    try:
+        with open(path, "rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise HrgError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
+    if not head:
+        raise HrgError(f"{path}: is empty; {EXPECTED}")
+    return head
+
+
+@contextlib.contextmanager
+def guarded(path: Path, format: str) -> Iterator[None]:
+    """Every way a library fails on a damaged file becomes one sentence."""
+    try:
+        yield
+    except HrgError:
+        raise
+    except FileNotFoundError as error:
+        raise HrgError(f"{path}: vanished while it was read; copy it again") from error
+    except MemoryError as error:
+        raise HrgError(f"{path}: claims more data than fits in memory; it is damaged or needs to be cut into parts") from error
+    except (
+        ValueError,
+        OSError,
+        RuntimeError,
+        LookupError,
+        TypeError,
+        ArithmeticError,
+        AttributeError,
+        EOFError,
+        struct.error,
+        AssertionError,
+        NotImplementedError,
+    ) as error:
+        said = str(error).strip("'\"").splitlines()[0][:140] if str(error) else type(error).__name__
+        raise HrgError(
+            f"{path}: cannot be read as {format} ({said}); it is damaged or of a variant not known here: export it again"
+        ) from error

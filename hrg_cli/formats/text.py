@@ -1,0 +1,272 @@
+"""Text logs: CSV of any separator, of oscilloscopes and of lock-in amplifiers, streamed by blocks with flat memory.
+
+Every block is cut at a line end, its separators are counted line by line (a broken line is named by its number), and pandas'
+C parser turns it into columns. Nothing is guessed after the first part of the file: a later cell of another kind is an error.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import HrgError
+from .clock import Clock, quantum
+from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
+from .log import Array, Blocks, Channel, Log, Reader
+from .quantities import time_factor
+
+BLOCK_BYTES = 8 << 20
+LONGEST_LINE = 1 << 20
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Anything without control bytes is tried as text; this reader is the last one asked."""
+    return is_text(head)
+
+
+def open_text(path: Path, separator: str | None = None, decimal: str | None = None) -> Log:
+    """The log of a text file. HrgError: no numbers in it, or a line longer than any log has."""
+    with open(path, "rb") as file:
+        head = file.read(HEAD_BYTES)
+        file.seek(max(0, path.stat().st_size - 4096))
+        tail = file.read(4096)
+    dialect = sniff(path, head, separator, decimal)
+    rising = _rising(dialect)
+    channels = tuple(
+        Channel(name, unit, kind={"date": "clock"}.get(kind, kind), rising=rising[i])  # type: ignore[arg-type]
+        for i, (name, unit, kind) in enumerate(zip(dialect.names, dialect.units, dialect.kinds))
+    )
+    rate, reasons = _preamble_rate(dialect)
+    if "increment" in [name.lower() for name in dialect.names]:
+        rate, channels = _sequence_scope(dialect, channels, rate)
+    start = next(
+        (
+            Clock("date", row[i], str(path)).start_time()
+            for row in dialect.sample[:1]
+            for i, k in enumerate(dialect.kinds)
+            if k == "date"
+        ),
+        "",
+    )
+    row_bytes = max(1, len(head) // max(1, head.count(b"\n")))
+    last = tail.decode(dialect.encoding if dialect.encoding != "utf-16" else "latin-1", "replace").splitlines()[-2:]
+    return Log(
+        format="text",
+        channels=channels,
+        read=lambda indexes: _read(path, dialect, tuple(indexes)),
+        rows=path.stat().st_size // row_bytes,
+        sample_rate_hz=rate,
+        start_time=start,
+        header=dialect.header,
+        quantum=lambda index: _quantum(dialect, last, index),
+        where=lambda row: f"line {dialect.first_line + row + 1}",
+        reasons=reasons,
+    )
+
+
+def _rising(dialect: Dialect) -> list[bool]:
+    """Which number columns rise from row to row in the first rows."""
+    rising = []
+    for index, kind in enumerate(dialect.kinds):
+        values = []
+        if kind == "number":
+            for row in dialect.sample:
+                try:
+                    values.append(float(row[index].replace(",", ".")))
+                except ValueError:
+                    values.append(np.nan)
+        rising.append(len(values) > 2 and bool(np.all(np.diff(values) >= 0)) and values[-1] > values[0])
+    return rising
+
+
+def _preamble_rate(dialect: Dialect) -> tuple[float | None, tuple[str, ...]]:
+    """The sampling rate an instrument wrote above the data, where it did."""
+    for line in dialect.preamble:
+        cells = [cell.strip() for cell in re.split(r"[,;:=\t]", line.lstrip("#%!/* ")) if cell.strip()]
+        if len(cells) < 2:
+            continue
+        key = cells[0].lower()
+        value = re.match(r"^\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*([a-zA-Zµ/]*)", cells[1])
+        if value is None:
+            continue
+        try:
+            number = float(value[1])
+        except ValueError:
+            continue
+        unit = value[2] or next((c.strip("()[] ") for c in cells[2:3]), "")
+        if number <= 0:
+            continue
+        if re.search(r"sampl\w*[ _]?(interval|period|time)|\bx?increment|\bdelta[ _]?[xt]|\bdt\b", key):
+            try:
+                return 1 / (number * time_factor(unit or "s")), ()
+            except HrgError:
+                return 1 / number, ()
+        if re.search(r"sampl\w*[ _]?(rate|frequency)|\bfs\b", key):
+            factor = {"k": 1e3, "m": 1e6, "g": 1e9}.get(unit[:1].lower() if unit.lower() not in ("hz", "s/s") else "", 1.0)
+            return number * factor, ()
+    return None, ()
+
+
+def _sequence_scope(
+    dialect: Dialect, channels: tuple[Channel, ...], rate: float | None
+) -> tuple[float | None, tuple[Channel, ...]]:
+    """Scopes that number their samples and write start and increment beside the units (X,CH1,CH2,Start,Increment)."""
+    names = [name.lower() for name in dialect.names]
+    column = names.index("increment")
+    for line in reversed(dialect.preamble):
+        cells = split_line(line, dialect.separator)
+        if len(cells) > column and cell_kind(cells[column], dialect.decimal) == "number":
+            step = float(cells[column].replace(",", "."))
+            if step > 0:
+                kept = [
+                    Channel(c.name, "", kind="text") if n in ("start", "increment", "") or (n == "x" and i == 0) else c
+                    for i, (n, c) in enumerate(zip(names, channels))
+                ]
+                return 1 / step, tuple(kept)
+    return rate, channels
+
+
+def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
+    texts = [row[index] for row in dialect.sample]
+    texts += [cells[index] for line in last if len(cells := split_line(line, dialect.separator)) == len(dialect.kinds)]
+    if dialect.kinds[index] != "number":
+        return min((quantum(text) for text in texts if text), default=0.0)
+    exponents = any("e" in text.lower() for text in texts)
+    steps = [step for text in texts if (step := quantum(text)) > 0]
+    return (max(steps) if exponents else min(steps)) if steps else 0.0
+
+
+def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
+    """Blocks of whole lines (line number of the first, bytes in UTF-8 or Latin-1), from the first data line on."""
+    with open(path, "rb") as file:
+        decoder = codecs.getincrementaldecoder("utf-16")("replace") if dialect.encoding == "utf-16" else None
+        left, number, started, first = b"", 0, False, True
+        while True:
+            chunk = file.read(BLOCK_BYTES)
+            block = decoder.decode(chunk, final=not chunk).encode() if decoder else chunk
+            if b"\r" in block and b"\n" not in block:
+                block = block.replace(b"\r", b"\n")
+            if first:
+                block, first = block.removeprefix(codecs.BOM_UTF8), False
+            block = left + block
+            cut = block.rfind(b"\n") + 1
+            if not chunk:
+                cut = len(block)
+            elif cut == 0 and len(block) > max(LONGEST_LINE, BLOCK_BYTES):
+                raise HrgError(f"{path}: line {number + 1} is longer than {LONGEST_LINE} bytes; a log has a row a sample")
+            whole, left = block[:cut], block[cut:]
+            if not started and whole:
+                parts = whole.split(b"\n", dialect.first_line)
+                whole, number, started = parts[-1], dialect.first_line, True
+            if whole:
+                yield number, whole
+                number += whole.count(b"\n")
+            if not chunk:
+                return
+
+
+def _read(path: Path, dialect: Dialect, indexes: tuple[int, ...]) -> Blocks:
+    clocks: dict[int, Clock] = {}
+    for number, block in _lines(path, dialect):
+        _check_shape(path, dialect, number, block)
+        frame = _parsed(path, dialect, indexes, number, block)
+        if frame is None:
+            continue
+        columns: list[Array] = []
+        for index in indexes:
+            values = frame[index]
+            if dialect.kinds[index] in ("clock", "date"):
+                clock = clocks.get(index)
+                if clock is None:
+                    first = str(values.iloc[0])
+                    clock = clocks[index] = Clock(dialect.kinds[index], first, f"{path}: line {number + 1}")
+                columns.append(clock.seconds(values.to_numpy(object)))
+            else:
+                columns.append(values.to_numpy(float))
+        yield columns
+
+
+def _check_shape(path: Path, dialect: Dialect, number: int, block: bytes) -> None:
+    """Every line has as many cells as the first rows; blank lines and comments may stand between."""
+    if dialect.separator == " " or dialect.quoted:
+        _check_shape_slowly(path, dialect, number, block)
+        return
+    raw = np.frombuffer(block, dtype=np.uint8)
+    ends = np.flatnonzero(raw == 10)
+    if len(raw) and (len(ends) == 0 or ends[-1] != len(raw) - 1):
+        ends = np.append(ends, len(raw))
+    places = np.flatnonzero(raw == ord(dialect.separator))
+    counts = np.diff(np.searchsorted(places, ends), prepend=0)
+    for row in np.flatnonzero(counts != len(dialect.kinds) - 1):
+        start = ends[row - 1] + 1 if row else 0
+        _judge_line(path, dialect, number + int(row), block[start : ends[row]])
+
+
+def _check_shape_slowly(path: Path, dialect: Dialect, number: int, block: bytes) -> None:
+    for row, line in enumerate(block.split(b"\n")):
+        _judge_line(path, dialect, number + row, line)
+
+
+def _judge_line(path: Path, dialect: Dialect, number: int, line: bytes) -> None:
+    text = line.decode("latin-1").strip("\r\n")
+    if not text.strip() or (dialect.comment and text.lstrip().startswith(dialect.comment)):
+        return
+    cells = split_line(text, dialect.separator)
+    if len(cells) != len(dialect.kinds):
+        raise HrgError(
+            f"{path}: line {number + 1} has {len(cells)} cells ({text[:40]!r}), the lines above have {len(dialect.kinds)}; "
+            "the log is broken there: cut it before that line or record it again"
+        )
+
+
+def _parsed(path: Path, dialect: Dialect, indexes: tuple[int, ...], number: int, block: bytes):  # type: ignore[no-untyped-def]
+    import pandas as pd
+
+    numbers = {i: "float64" for i in indexes if dialect.kinds[i] == "number"}
+    texts = {i: "str" for i in indexes if dialect.kinds[i] != "number"}
+    options: dict = {  # type: ignore[type-arg]
+        "sep": r"\s+" if dialect.separator == " " else dialect.separator,
+        "header": None,
+        "names": list(range(len(dialect.kinds))),
+        "usecols": sorted(set(indexes)),
+        "index_col": False,
+        "decimal": dialect.decimal,
+        "comment": dialect.comment,
+        "na_values": ["NAN", "Nan", "NaN "],
+        "engine": "c",
+        "encoding": "latin-1",
+        "skipinitialspace": True,
+    }
+    try:
+        return pd.read_csv(io.BytesIO(block), dtype=numbers | texts, **options)
+    except pd.errors.EmptyDataError:
+        return None
+    except (ValueError, OverflowError, pd.errors.ParserError) as error:
+        _name_bad_cell(path, dialect, indexes, number, block)
+        raise HrgError(f"{path}: after line {number + 1}: cannot be read as columns of numbers ({str(error)[:100]})") from error
+
+
+def _name_bad_cell(path: Path, dialect: Dialect, indexes: Sequence[int], number: int, block: bytes) -> None:
+    for row, line in enumerate(block.split(b"\n")):
+        text = line.decode("latin-1").strip("\r\n")
+        if not text.strip() or (dialect.comment and text.lstrip().startswith(dialect.comment)):
+            continue
+        cells = split_line(text, dialect.separator)
+        for index in indexes:
+            if (
+                index < len(cells)
+                and dialect.kinds[index] == "number"
+                and cell_kind(cells[index], dialect.decimal) not in ("number", "")
+            ):
+                raise HrgError(
+                    f"{path}: line {number + row + 1}: {cells[index][:40]!r} in column {index + 1} ({dialect.names[index]}) "
+                    "is not a number; correct the line, or give separator and decimal"
+                )
+
+
+READER = Reader("text", recognises, open_text)
