@@ -1,0 +1,253 @@
+"""Increments of the wave angle and their noise: exact generalised least squares for m·dθ/dt = −K·Ω + D.
+
+Windows are averaged to blocks; the equation is taken between neighbouring block averages, never as a derivative:
+    m(θ̄_{i+1} − θ̄_i) = ∫ w_i(t) [−K(T,θ)Ω + D(T,θ)] dt,   w_i the triangle of two neighbouring block averages.
+White angle noise of variance s² a block and an angle random walk q (rad²/s, of mθ) give the increments a tridiagonal covariance:
+    var_i = s_i² + s_{i+1}² + q(Δt − (w_i + w_{i+1})/6),   cov_{i,i+1} = −s_{i+1}² + q w_{i+1}/6   (w: width of a block)
+whose Cholesky factor whitens them in one sweep; neighbouring increments share a block, so they are anticorrelated.
+The basis functions are taken at the measured angle; averaging to blocks first keeps that error second-order small:
+a harmonic nθ is damped by exp(−n²s²/2m²).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HrgError
+from ..records import Wave
+from .fourier import harmonic_basis
+
+Array = np.ndarray
+LARGEST_PHASE_STEP = 0.6
+"""Phase of the highest harmonic that may pass within a block; the loss by averaging is corrected by sinc² (exact at even speed)."""
+FEWEST_BLOCKS, MOST_BLOCKS = 600, 40_000
+ROWS_AT_ONCE = 1 << 17
+
+
+@dataclass(frozen=True)
+class Path:
+    """One run averaged to blocks (b values each); `rate_integral_rad` is the block average of ∫Ω dt from the run's start."""
+
+    run_id: str
+    forced: bool
+    mode_number: int
+    start_time: str
+    time_s: Array
+    width_s: Array
+    angle_rad: Array
+    angle_variance: Array
+    rate_integral_rad: Array
+    temperature_degc: Array
+    frequency_hz: Array
+    ratio: Array
+    main_amplitude: Array
+    phase_rate_rad_s: Array
+    drive_main: Array | None
+    drive_quadrature: Array | None
+    rows: int
+
+    def __len__(self) -> int:
+        return len(self.time_s) - 1
+
+    @property
+    def interval_s(self) -> Array:
+        """Time between block centres (n,)."""
+        return np.diff(self.time_s)
+
+    @property
+    def turn(self) -> Array:
+        """m·Δθ of the increments (n,)."""
+        return self.mode_number * np.diff(self.angle_rad)
+
+    @property
+    def rotation(self) -> Array:
+        """∫wΩ dt of the increments (n,)."""
+        return np.diff(self.rate_integral_rad)
+
+    @property
+    def rate_rad_s(self) -> Array:
+        """Mean rate of the increments (n,)."""
+        return self.rotation / self.interval_s
+
+    def middle(self, values: Array) -> Array:
+        """Mean of neighbouring blocks (n,)."""
+        return (values[1:] + values[:-1]) / 2
+
+    def angle_basis(self, harmonics: int) -> Array:
+        """∫w·(1, cos 2mθ, …) dt / Δt of the increments (n, 1 + 2K)."""
+        return harmonic_basis(self.middle(self.angle_rad), harmonics, self.mode_number, np.diff(self.angle_rad), order=2)
+
+
+def path_of(wave: Wave, *, harmonics: int, rate_rad_s: float | None = None, earth_rate_rad_s: float = 0.0) -> Path:
+    """Average a run to blocks. `rate_rad_s` replaces a missing log. Memory does not grow with the run: rows are read piece by piece.
+
+    HrgError: no rate, fewer than three good windows, times that do not increase.
+    """
+    rows = len(wave)
+    if wave.rate_rad_s is None and rate_rad_s is None:
+        raise HrgError(
+            f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was given; log the table's rate or give it with rate_rad_s or rates_rad_s"
+        )
+    per_block = _rows_per_block(wave, rows, harmonics, rate_rad_s)
+    pieces: list[dict[str, Array]] = []
+    last: tuple[float, float] | None = None
+    turned = 0.0
+    step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
+    for block in wave.blocks(step):
+        time = np.asarray(block.time_s, float)
+        rate = _rate(block, rate_rad_s) + earth_rate_rad_s
+        if len(time) == 0:
+            continue
+        first_time, first_rate = last if last is not None else (time[0], rate[0])
+        steps = np.diff(time, prepend=first_time)
+        if (steps < 0).any():
+            raise HrgError(f"run {wave.run_id or '?'}: time_s goes back at {time[int(np.argmin(steps))]:g} s; times must increase")
+        integral = turned + np.cumsum(steps * (rate + np.concatenate([[first_rate], rate[:-1]])) / 2)
+        turned, last = float(integral[-1]), (float(time[-1]), float(rate[-1]))
+        pieces.append(_block_means(block, time, integral, per_block))
+    joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]} if pieces else {}
+    if not joined or len(joined["time_s"]) < 3:
+        raise HrgError(f"run {wave.run_id or '?'}: fewer than three good windows of {rows}; a longer run or a cleaner one is needed")
+    shortest = np.median(np.diff(joined["time_s"])) / per_block if len(joined["time_s"]) > 1 else wave.window_s
+    drives = {key: joined.pop(key) if key in joined else None for key in ("drive_main", "drive_quadrature")}
+    return Path(
+        run_id=wave.run_id,
+        forced=wave.mode == "forced",
+        mode_number=wave.mode_number,
+        start_time=wave.start_time,
+        width_s=joined.pop("count") * shortest,
+        phase_rate_rad_s=2 * np.pi * (joined["frequency_hz"] - wave.reference_frequency_hz),
+        rows=rows,
+        **joined,
+        **drives,
+    )
+
+
+def _rate(block: Wave, constant: float | None) -> Array:
+    if block.rate_rad_s is None or constant is not None:
+        return np.full(len(block), constant if constant is not None else 0.0)
+    rate = np.asarray(block.rate_rad_s, float)
+    bad = ~np.isfinite(rate)
+    if bad.all():
+        raise HrgError(f"run {block.run_id or '?'}: rate_rad_s is not finite; log the table's rate or give it with rate_rad_s")
+    if bad.any():
+        rate[bad] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), rate[~bad])
+    return rate
+
+
+def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float | None) -> int:
+    """As many windows a block as the highest harmonic allows, from a coarse look at the run's speed."""
+    coarse, largest_rate = max(1, rows // 400), 0.0
+    angles, times, turns = [], [], []
+    for block in wave.blocks(max(coarse, ROWS_AT_ONCE // coarse * coarse)):
+        angle, time = np.asarray(block.wave_angle_rad, float), np.asarray(block.time_s, float)
+        rate = _rate(block, constant_rate)
+        largest_rate = max(largest_rate, float(np.abs(rate).max(initial=0.0)))
+        angles.append(angle[::coarse])
+        times.append(time[::coarse])
+        turns.append(rate[::coarse])
+    angle, time, rate = np.concatenate(angles), np.concatenate(times), np.concatenate(turns)
+    if len(time) < 3 or time[-1] <= time[0]:
+        return 1
+    speed = np.abs(np.diff(angle)) / np.maximum(np.diff(time), 1e-12)
+    turning = np.abs(rate[1:]) > 0.2 * largest_rate
+    gain = float(np.nanmedian(speed[turning] / np.abs(rate[1:][turning]))) if turning.any() and largest_rate > 0 else 0.0
+    gain = min(gain if np.isfinite(gain) else 0.0, 1.0)
+    fastest = max(float(np.nanpercentile(speed, 90)) if np.isfinite(speed).any() else 0.0, gain * largest_rate)
+    step = (time[-1] - time[0]) / rows
+    phase_a_row = 2 * wave.mode_number * max(harmonics, 1) * fastest * step
+    by_phase = int(LARGEST_PHASE_STEP / phase_a_row) if phase_a_row > 0 else rows
+    if by_phase and rows // by_phase > MOST_BLOCKS:
+        by_phase = min(-(-rows // MOST_BLOCKS), int(2.5 * by_phase))
+    return max(1, min(by_phase, rows // FEWEST_BLOCKS))
+
+
+def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> dict[str, Array]:
+    """Means over the good rows of each group of `per_block` rows; groups less than half good are left out."""
+    good = np.asarray(block.good()) & np.isfinite(time)
+    starts = np.arange(0, len(time), per_block)
+    count = np.add.reduceat(good.astype(float), starts)
+    keep = count >= max(1.0, per_block / 2)
+
+    def mean(values: Array, power: int = 1) -> Array:
+        total = np.add.reduceat(np.where(good, values, 0.0), starts)[keep]
+        return np.asarray(total / count[keep] ** power)
+
+    amplitude = np.asarray(block.main_amplitude, float)
+    ratio = np.divide(np.asarray(block.quadrature_amplitude, float), amplitude, out=np.zeros_like(amplitude), where=amplitude > 0)
+    means = {
+        "time_s": mean(time),
+        "count": count[keep],
+        "angle_rad": mean(np.asarray(block.wave_angle_rad, float)),
+        "angle_variance": mean(np.nan_to_num(np.asarray(block.wave_angle_rad_std, float)) ** 2, power=2),
+        "rate_integral_rad": mean(integral),
+        "temperature_degc": np.full(int(keep.sum()), np.nan) if block.temperature_degc is None else mean(np.asarray(block.temperature_degc, float)),
+        "frequency_hz": mean(np.asarray(block.frequency_hz, float)),
+        "ratio": mean(ratio),
+        "main_amplitude": mean(amplitude),
+    }
+    for name in ("drive_main", "drive_quadrature"):
+        values = getattr(block, name)
+        if values is not None:
+            means[name] = mean(np.asarray(values, float))
+    return means
+
+
+@dataclass(frozen=True)
+class Noise:
+    """White angle noise: `white` scales the shape of the blocks' stated variances (rad² of mθ); `walk` is q, rad²/s of mθ."""
+
+    white: float
+    walk: float
+
+
+def noise_shape(path: Path) -> Array:
+    """Relative white variance of the blocks, mean one; the level is always estimated from the residuals."""
+    mean = float(np.mean(path.angle_variance))
+    return path.angle_variance / mean if mean > 0 and (path.angle_variance > 0).all() else np.ones(len(path.angle_variance))
+
+
+def covariance_bands(path: Path, noise: Noise) -> Array:
+    """Lower band form (2, n) of the increments' tridiagonal covariance."""
+    white, width = noise.white * noise_shape(path), path.width_s
+    bands = np.zeros((2, len(path)))
+    bands[0] = white[1:] + white[:-1] + noise.walk * np.maximum(path.interval_s - (width[1:] + width[:-1]) / 6, 0)
+    bands[1, :-1] = -white[1:-1] + noise.walk * width[1:-1] / 6
+    return bands
+
+
+def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
+    """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the result are independent, variance one."""
+    from scipy.linalg import cholesky_banded, solve_banded
+
+    factor = cholesky_banded(bands, lower=True, check_finite=False)
+    return np.asarray(solve_banded((1, 0), factor, columns, check_finite=False)), 2 * float(np.log(factor[0]).sum())
+
+
+def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> Noise:
+    """White angle noise and angle random walk of a run by maximum likelihood from residual increments (n,).
+
+    One parameter (their ratio) is searched; the level follows from the whitened residual.
+    `lost_degrees`: degrees of freedom the fit took from this run.
+    """
+    from scipy.optimize import minimize_scalar
+
+    time = float(np.median(path.interval_s))
+    degrees = max(len(residual) - lost_degrees, 1.0)
+
+    def level(log_ratio: float) -> tuple[float, float]:
+        bands = covariance_bands(path, Noise(1.0, np.exp(log_ratio) / time))
+        white, log_determinant = whiten(bands, residual)
+        variance = max(float(white @ white) / degrees, 1e-300)
+        return variance, degrees * np.log(variance) + log_determinant
+
+    grid = np.arange(-18.0, 12.1, 3.0)
+    best = grid[int(np.argmin([level(g)[1] for g in grid]))]
+    found = minimize_scalar(lambda g: level(g)[1], bounds=(best - 3.0, best + 3.0), method="bounded", options={"xatol": 0.05})
+    log_ratio = float(found.x)
+    if level(-40.0)[1] <= level(log_ratio)[1] + 0.5:
+        return Noise(level(-40.0)[0], 0.0)
+    variance = level(log_ratio)[0]
+    return Noise(variance, variance * float(np.exp(log_ratio)) / time)

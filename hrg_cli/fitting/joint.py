@@ -1,0 +1,266 @@
+"""Joint least squares of many runs: the design of D(T, θ), K(T, θ) and further factors, and its normal equations in pieces.
+
+Every run is whitened once (`increments`); its independent rows are summed to normal matrices of a few contiguous pieces of time.
+Models, held-out fits and groups of runs are then small linear algebra: a model is a matrix that maps its own coefficients to the
+full set, a fold or a group is a sum of pieces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .fourier import harmonic_basis, monotone_weights, node_weights
+from .increments import Noise, Path, covariance_bands, estimate_noise, whiten
+
+Array = np.ndarray
+PIECES = 5
+"""Pieces of time a run is cut into."""
+Factor = Callable[[Path], Array]
+"""A further cause of drift: its columns (n, q) of the increments, as a rate (they are multiplied by the interval)."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Order of the coefficients: node-major, a node's drift harmonics then its scale-factor harmonics; then the factors' columns."""
+
+    nodes: Array
+    axis: str
+    mode_number: int
+    drift_harmonics: int
+    scale_harmonics: int
+    interpolation: str = "linear"
+    factors: dict[str, Factor] = field(default_factory=dict)
+    factor_columns: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def drift_size(self) -> int:
+        """Drift coefficients a node."""
+        return 1 + 2 * self.drift_harmonics
+
+    @property
+    def node_size(self) -> int:
+        """Coefficients a node."""
+        return self.drift_size + 1 + 2 * self.scale_harmonics
+
+    @property
+    def table_size(self) -> int:
+        """Coefficients of the tables."""
+        return len(self.nodes) * self.node_size
+
+    @property
+    def size(self) -> int:
+        """All coefficients."""
+        return self.table_size + sum(self.factor_columns.values())
+
+    def drift(self, node: int) -> slice:
+        """Drift coefficients of a node."""
+        return slice(node * self.node_size, node * self.node_size + self.drift_size)
+
+    def scale(self, node: int) -> slice:
+        """Scale-factor coefficients of a node."""
+        return slice(node * self.node_size + self.drift_size, (node + 1) * self.node_size)
+
+    def factor(self, name: str) -> slice:
+        """Columns of a factor."""
+        start = self.table_size
+        for key, width in self.factor_columns.items():
+            if key == name:
+                return slice(start, start + width)
+            start += width
+        raise KeyError(name)
+
+    def tables(self, coefficients: Array) -> tuple[Array, Array]:
+        """(drift (J, HD), scale factor (J, HK)) of the full coefficient vector."""
+        table = coefficients[: self.table_size].reshape(len(self.nodes), self.node_size)
+        return table[:, : self.drift_size], table[:, self.drift_size :]
+
+    def abscissa(self, path: Path) -> Array:
+        """Temperature or frequency of the increments (n,); zeros where there is one node only."""
+        if len(self.nodes) == 1:
+            return np.full(len(path), self.nodes[0])
+        return path.middle(path.temperature_degc if self.axis == "temperature" else path.frequency_hz)
+
+    # ------------------------------------------------------------ models: (size, p) maps of their own coefficients to the full set
+
+    def select(
+        self, drift: int | None = None, scale: int | None = None, factors: Sequence[str] = (), one_drift: bool = False, one_scale: bool = False,
+        drift_constant: bool = True,
+    ) -> Array:
+        """Model with drift and scale-factor harmonics up to a limit (−1: none), independent of temperature with `one_…`, and some factors."""
+        drift = self.drift_harmonics if drift is None else drift
+        scale = self.scale_harmonics if scale is None else scale
+        columns: list[Array] = []
+        for start, width, limit, single, first in (
+            (0, self.drift_size, drift, one_drift, 0 if drift_constant else 1),
+            (self.drift_size, self.node_size - self.drift_size, scale, one_scale, 0),
+        ):
+            for h in range(first, min(1 + 2 * limit, width)):
+                places = start + h + self.node_size * np.arange(len(self.nodes))
+                for group in [places] if single else places[:, None]:
+                    column = np.zeros(self.size)
+                    column[group] = 1.0
+                    columns.append(column)
+        for name in factors:
+            columns.extend(np.eye(self.size)[self.factor(name)])
+        return np.array(columns).T if columns else np.zeros((self.size, 0))
+
+
+def design(path: Path, layout: Layout, previous: Array | None = None) -> Array:
+    """Columns (n, size) of m·Δθ for one run. `previous` coefficients linearise the monotone interpolation."""
+    x = layout.abscissa(path)
+    basis = path.angle_basis(max(layout.drift_harmonics, layout.scale_harmonics))
+    columns = np.empty((len(path), layout.size))
+    weights = node_weights(x, layout.nodes, "linear" if layout.interpolation in ("linear", "monotone") else "cubic")
+    table = columns[:, : layout.table_size].reshape(len(path), len(layout.nodes), layout.node_size)
+    tables = layout.tables(previous) if previous is not None and layout.interpolation == "monotone" else None
+    time = (path.interval_s, -path.rotation)
+    for kind, (start, width) in enumerate(((0, layout.drift_size), (layout.drift_size, layout.node_size - layout.drift_size))):
+        for h in range(width):
+            psi = weights if tables is None else monotone_weights(x, layout.nodes, tables[kind][:, h])
+            table[:, :, start + h] = psi * (time[kind] * basis[:, h])[:, None]
+    for name, factor in layout.factors.items():
+        columns[:, layout.factor(name)] = factor(path) * path.interval_s[:, None]
+    return columns
+
+
+@dataclass
+class Pieces:
+    """Normal equations of R runs × S pieces: information (R, S, P, P), vector (R, S, P), square (R, S), rows (R, S), fold (R, S)."""
+
+    information: Array
+    vector: Array
+    square: Array
+    rows: Array
+
+    def sum(self, where: Array | None = None) -> tuple[Array, Array, float, int]:
+        """(A, b, y², n) of the chosen pieces (R, S) bool or weights; all by default."""
+        if where is None:
+            where = np.ones(self.square.shape)
+        w = np.asarray(where, float)
+        return (
+            np.tensordot(w, self.information, axes=2),
+            np.tensordot(w, self.vector, axes=2),
+            float((w * self.square).sum()),
+            int((w * self.rows).sum()),
+        )
+
+
+def piece_of(length: int) -> Array:
+    """Piece of each increment (n,), contiguous in time."""
+    return np.arange(length) * PIECES // max(length, 1)
+
+
+def accumulate(paths: Sequence[Path], noises: Sequence[Noise], layout: Layout, turns: Sequence[Array], previous: Array | None = None) -> Pieces:
+    """Whitened normal equations of all runs. turns: m·Δθ of each run."""
+    shape = (len(paths), PIECES)
+    pieces = Pieces(np.zeros((*shape, layout.size, layout.size)), np.zeros((*shape, layout.size)), np.zeros(shape), np.zeros(shape, int))
+    for r, (path, noise, turn) in enumerate(zip(paths, noises, turns)):
+        columns, _ = whiten(covariance_bands(path, noise), np.column_stack([design(path, layout, previous), turn]))
+        piece = piece_of(len(path))
+        for s in range(PIECES):
+            rows = columns[piece == s]
+            X, y = rows[:, :-1], rows[:, -1]
+            pieces.information[r, s], pieces.vector[r, s] = X.T @ X, X.T @ y
+            pieces.square[r, s], pieces.rows[r, s] = y @ y, len(y)
+    return pieces
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients in the full set, their covariance, the effective number of coefficients and the weakest scaled eigenvalue."""
+
+    coefficients: Array
+    covariance: Array
+    degrees: float
+    weakest: float
+
+
+def solve(information: Array, vector: Array, model: Array, penalty: Array | None = None) -> Solution:
+    """Least squares in a model's space; directions the data do not see (scaled eigenvalue < 1e-10) stay at zero."""
+    A, b = model.T @ information @ model, model.T @ vector
+    data = A
+    if penalty is not None:
+        A = A + model.T @ penalty @ model
+    scale = np.sqrt(np.maximum(np.diag(A), 0))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
+    seen = values > 1e-10
+    inverse = np.where(seen, 1 / np.where(seen, values, 1.0), 0.0)
+    covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
+    coefficients = covariance @ b
+    return Solution(
+        model @ coefficients, model @ covariance @ model.T, float(np.trace(covariance @ data)), float(values.min()) if len(values) else 1.0
+    )
+
+
+def chi_square(information: Array, vector: Array, square: float, coefficients: Array) -> float:
+    """Σ of whitened residuals squared for given coefficients."""
+    return float(square - 2 * vector @ coefficients + coefficients @ information @ coefficients)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Runs with their noise, whitened pieces and turns freed of jumps by half a turn of mθ."""
+
+    paths: list[Path]
+    turns: list[Array]
+    noises: list[Noise]
+    layout: Layout
+    pieces: Pieces
+    solution: Solution
+    chi2_per_dof: float
+    jumps: int
+
+
+def fit(paths: Sequence[Path], layout: Layout, sweeps: int = 3) -> Fitted:
+    """Joint fit of the full layout, alternating coefficients and each run's noise (white angle noise, angle random walk)."""
+    turns = [p.turn.copy() for p in paths]
+    noises = [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths]
+    model = np.eye(layout.size)
+    previous: Array | None = None
+    jumps = 0
+    for sweep in range(sweeps + 1):
+        pieces = accumulate(paths, noises, layout, turns, previous)
+        A, b, square, rows = pieces.sum()
+        solution = solve(A, b, model)
+        previous = solution.coefficients
+        if sweep == sweeps:
+            break
+        for r, path in enumerate(paths):
+            residual = turns[r] - design(path, layout, previous if sweep else None) @ solution.coefficients
+            jump = np.round(residual / np.pi)
+            if jump.any():
+                # (mθ, φ) and (mθ + π, φ + π) are the same wave: a gap may hide half a turn of mθ
+                jumps += int(np.count_nonzero(jump))
+                turns[r] = turns[r] - np.pi * jump
+                residual = residual - np.pi * jump
+            lost = float(np.trace(solution.covariance @ pieces.information[r].sum(axis=0)))
+            noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
+    chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
+    return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)
+
+
+def roughness(layout: Layout) -> Array:
+    """Penalty (size, size) on the curvature of every harmonic along the nodes: ∫(d²/dx²)², scaled by each harmonic's own kind."""
+    J = len(layout.nodes)
+    penalty = np.zeros((layout.size, layout.size))
+    if J < 3:
+        return penalty
+    x = layout.nodes
+    second = np.zeros((J - 2, J))
+    for i in range(J - 2):
+        left, right = x[i + 1] - x[i], x[i + 2] - x[i + 1]
+        second[i, i : i + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) * np.sqrt((left + right) / 2)
+    one = second.T @ second * float(np.ptp(x)) ** 3 / J
+    for h in range(layout.node_size):
+        places = h + layout.node_size * np.arange(J)
+        penalty[np.ix_(places, places)] = one
+    return penalty
+
+
+__all__ = [
+    "Factor", "Fitted", "Layout", "PIECES", "Pieces", "Solution", "accumulate", "chi_square", "design", "fit", "harmonic_basis", "piece_of", "roughness", "solve",
+]
