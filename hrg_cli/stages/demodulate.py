@@ -3,6 +3,7 @@
 C = c_cos·cos ω_r t + c_sin·sin ω_r t (CONTRACT), so C0 = c_cos − j·c_sin at the window's centre. Every window of a fixed
 number of samples shares one least-squares basis about its centre at the local frequency; one matrix product serves a
 block, one turn by the reference phase at each centre makes the signals. No whole periods are needed and nothing leaks.
+With a carrier the basis has the two side bands |ω_c ∓ ω| and the carrier's leakage: eight signals (PHYSICS §3, seed B (1)).
 """
 
 from __future__ import annotations
@@ -15,103 +16,174 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting import frequency as finding
-from ..fitting.basis import WindowBasis, window_basis
-from ..records import FLAG_CLIPPED, FLAG_NOT_FINITE, Array, Periods, Recording
-
-LOOKS, LOOK_SAMPLES = 48, 1 << 14
-"""Places along the recording where the frequency is found, and samples a look."""
+from ..fitting import windows as fitted
+from ..fitting.basis import WindowBasis, columns, window_basis
+from ..fitting.frequency import bands, nuisances
+from ..fitting.survey import Survey, survey
+from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods, Recording
 
 CHUNK_SAMPLES = 1 << 16
-"""Samples that share one local basis frequency."""
+"""Samples, about, that share one local basis frequency; results depend on it by less than they do on noise."""
 
+MOVING_PERIODS = 3.0
+"""From so many periods a window the basis holds t·cos, t·sin, which then cost no precision."""
 
-@dataclass(frozen=True)
-class Survey:
-    """What a few looks along the recording show: reference frequency, its course, and levels to judge the windows by."""
+SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1
+"""A settling start has a residual so many times the run's, absolutely and relative to the wave, and is at most this part of the run."""
 
-    reference_hz: float
-    track_s: Array
-    track_hz: Array
-    rails: tuple[tuple[float, float], tuple[float, float]]
-    notes: list[tuple[str, str]] = field(default_factory=list)
-
-    def frequency_hz(self, time_s: float) -> float:
-        """Local frequency, interpolated between the looks."""
-        return float(np.interp(time_s, self.track_s, self.track_hz))
+AUXILIARY = ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
 
 
 def demodulate(
     recording: Recording,
     *,
     periods_per_window: Annotated[float, Field(gt=0, description="oscillation periods a window, any fraction")] = 1.0,
-    block_samples: Annotated[int, Field(gt=0, description="samples worked on at once (memory, not results, depends on it)")] = 1 << 20,
+    moving_envelope: Annotated[
+        bool | None, Field(description="let the envelope move linearly within a window (t·cos, t·sin); by default from 3 periods a window")
+    ] = None,
+    block_samples: Annotated[int, Field(gt=0, description="samples worked on at once; memory depends on it, results do not")] = 1 << 20,
 ) -> Iterator[Periods]:
-    """Signals a window as a stream of Periods; memory does not grow with the recording.
+    """Signals a window as a stream of Periods; memory does not grow with the recording; the last block holds spectrum and status.
 
-    HrgError: no samples, no oscillation in either channel, a frequency above half the sampling rate, times that do not increase.
+    HrgError: no samples, unequal or constant channels, nothing below half the sampling rate, times that do not increase, too short for a window.
     """
+    run = _Run(recording, survey(recording, _checked(recording)), periods_per_window, moving_envelope)
+    pieces = _even(run, block_samples) if recording.time_s is None else _uneven(run, block_samples)
+    held: Periods | None = None
+    for rows in pieces:
+        if held is not None:
+            yield held
+        held = run.periods(rows)
+    if held is None:
+        raise run.too_short()
+    found = run.survey
+    held = held.replace(
+        spectrum_frequency_hz=found.spectrum_hz,
+        spectrum_density=found.spectrum_density,
+        spectrum_line_frequency_hz=found.line_hz,
+        spectrum_line_amplitude=found.line_amplitude,
+        spectrum_line_ratio=found.line_ratio,
+    )
+    yield run.judge(held)
+
+
+def _checked(recording: Recording) -> str:
+    """The run's name for messages, after the checks that need no sample."""
+    name = f"run {recording.run_id}" if recording.run_id else "the recording"
+    c, s = len(recording.c), len(recording.s)
+    if c != s:
+        raise HrgError(f"{name}: channel C has {c} samples and S {s}; equal lengths were expected")
+    if recording.time_s is not None and len(recording.time_s) != c:
+        raise HrgError(f"{name}: time_s has {len(recording.time_s)} values for {c} samples; one time a sample was expected")
     rate = recording.sample_rate_hz
-    if len(recording.c) != len(recording.s):
-        raise HrgError(f"{_name(recording)}: channel C has {len(recording.c)} samples and S {len(recording.s)}; equal lengths were expected")
-    if rate is None or recording.time_s is not None or recording.readout != "direct":
-        raise HrgError(f"{_name(recording)}: only even sampling and direct read-out are demodulated")
-    yield from _even(recording, rate, periods_per_window, block_samples)
+    if recording.time_s is None and not (rate is not None and np.isfinite(rate) and rate > 0):
+        raise HrgError(f"{name}: sample_rate_hz is {rate}; a positive number (or a time_s of every sample) was expected")
+    if recording.readout == "carrier" and recording.carrier_hz is None:
+        raise HrgError(f"{name}: read-out is by carrier, but carrier_hz is missing; add it to the recording")
+    if recording.readout not in ("direct", "carrier"):
+        raise HrgError(f"{name}: read-out is {recording.readout!r}; direct or carrier was expected")
+    return name
 
 
-def _name(recording: Recording) -> str:
-    return f"run {recording.run_id}" if recording.run_id else "the recording"
+@dataclass
+class _Run:
+    """One recording on its way through: what was found before, the window, and what the rows so far have shown."""
 
+    recording: Recording
+    survey: Survey
+    periods_asked: float
+    moving_asked: bool | None
+    rows: int = 0
+    flagged: dict[int, int] = field(default_factory=dict)
+    settled: bool = False
+    outside_log: int = 0
+    window_s: float = 0.0
+    moving: bool = False
+    notes: list[str] = field(default_factory=list)
 
-def _even(recording: Recording, rate: float, periods: float, block_samples: int) -> Iterator[Periods]:
-    survey = _survey(recording, rate)
-    f = survey.reference_hz
-    n = len(recording.c)
-    samples, basis = _window(rate, f, periods, n, _name(recording))
-    windows = n // samples
-    chunk = max(1, CHUNK_SAMPLES // samples)
-    step = chunk * max(1, block_samples // (chunk * samples))
-    group = max(1, int(np.ceil(400 / max(1, basis.freedom))))
-    for first in range(0, windows, step):
-        last = min(first + step, windows)
-        raw = [np.asarray(channel[first * samples : last * samples]) for channel in (recording.c, recording.s)]
-        times = (np.arange(first, last) * samples + (samples - 1) / 2) / rate
-        signals = np.empty((last - first, 4))
-        std = np.empty_like(signals)
-        rms = np.empty((last - first, 2))
-        flags = np.zeros(last - first, "u1")
-        for start in range(0, last - first, chunk):
-            rows = slice(start, min(start + chunk, last - first))
-            local = survey.frequency_hz(float(times[rows].mean()))
-            basis = window_basis(samples, rate, (local,))
-            turn = np.exp(-2j * np.pi * np.fmod(times[rows] * f, 1.0))
-            for k in range(2):
-                piece = raw[k][rows.start * samples : rows.stop * samples].astype(float).reshape(-1, samples)
-                scale = recording.c_scale_factor if k == 0 else recording.s_scale_factor
-                envelope, residual2 = _fit(piece, basis)
-                envelope = envelope * turn * scale
-                signals[rows, 2 * k], signals[rows, 2 * k + 1] = envelope.real, -envelope.imag
-                quantum = 1 / 12 if np.issubdtype(raw[k].dtype, np.integer) else 0.0
-                rms[rows, k] = np.sqrt(residual2 / samples) * abs(scale)
-                sigma = np.sqrt(np.maximum(_pooled(residual2 / max(1, basis.freedom), group), quantum)) * abs(scale)
-                sigma = np.maximum(sigma, 1e-15 * np.abs(envelope))
-                c2, s2 = turn.real**2, turn.imag**2
-                std[rows, 2 * k] = sigma * np.sqrt(basis.covariance[0, 0] * c2 + basis.covariance[1, 1] * s2)
-                std[rows, 2 * k + 1] = sigma * np.sqrt(basis.covariance[0, 0] * s2 + basis.covariance[1, 1] * c2)
-                flags[rows][~np.isfinite(residual2)] |= FLAG_NOT_FINITE
-                low, high = survey.rails[k]
-                if piece.max() >= high or piece.min() <= low:
-                    flags[rows][(piece.max(1) >= high) | (piece.min(1) <= low)] |= FLAG_CLIPPED
-        yield Periods(
-            time_s=times,
-            signals=signals,
-            signals_std=std,
-            residual_rms=rms,
-            flags=flags,
-            **_auxiliary(recording, times),
-            reference_frequency_hz=f,
-            periods_per_window=samples * f / rate,
-            window_s=samples / rate,
+    def __post_init__(self) -> None:
+        self.name = _checked(self.recording)
+        self.f = self.survey.reference_hz
+        self.carrier = self.survey.carrier_hz
+        self.sign = np.array([1.0]) if self.carrier is None else np.array([-1.0, 1.0])
+        self.reference = np.array(bands(self.f, self.carrier))
+        self.duration = float(self.recording.times(len(self.recording.c) - 1)[0])
+        self.moving = self.periods_asked >= MOVING_PERIODS if self.moving_asked is None else self.moving_asked
+        names = [name for name in AUXILIARY if getattr(self.recording, name) is not None]
+        self.log = {name: np.asarray(getattr(self.recording, name), float) for name in names}
+        time = self.recording.auxiliary_time_s
+        self.log_time = np.asarray(time, float) if time is not None and len(time) else None
+
+    def too_short(self) -> HrgError:
+        """The sentence for a recording that holds no window."""
+        return HrgError(
+            f"{self.name}: its {len(self.recording.c)} samples do not hold one window of {self.periods_asked:g} periods at {self.f:.6g} Hz; "
+            "record longer or set periods_per_window lower"
+        )
+
+    def signals(self, fits: fitted.Fits, times: Array, local_hz: float, keep: slice) -> dict[str, Array]:
+        """Rows of a chunk in reference phase with standard deviations; `keep` drops the neighbours fitted only for the slopes."""
+        turn = np.exp(-2j * np.pi * np.fmod(times[:, None] * self.reference, 1.0))
+        offset = 2 * np.pi * (local_hz - self.f) * self.sign
+        count, tones = len(times[keep]), len(self.reference)
+        signals, std = np.empty((count, 4 * tones)), np.empty((count, 4 * tones))
+        rms = np.empty((count, 2))
+        freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
+        samples = fits.samples if np.ndim(fits.samples) == 0 else np.maximum(fits.samples[keep], 1)
+        variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
+        cos2 = turn[keep].real ** 2
+        factor_p = np.sqrt(variance[:, 0::2] * cos2 + variance[:, 1::2] * (1 - cos2))
+        factor_q = np.sqrt(variance[:, 0::2] * (1 - cos2) + variance[:, 1::2] * cos2)
+        for k in range(2):
+            u = fitted.to_reference(fits.envelope[k], turn, offset, self.window_s, fits.alpha, fits.beta)[keep]
+            here = slice(2 * k * tones, (2 * k + 2) * tones)
+            signals[:, here.start : here.start + tones] = u.real
+            signals[:, here.start + tones : here.stop] = -u.imag
+            sample2 = np.maximum(fitted.pooled_variance(fits.residual2[k][keep], freedom), self.least2(k))
+            sigma = np.sqrt(sample2)[:, None]
+            std[:, here.start : here.start + tones] = sigma * factor_p
+            std[:, here.start + tones : here.stop] = sigma * factor_q
+            rms[:, k] = np.sqrt(fits.residual2[k][keep] / samples)
+        return {"signals": signals, "signals_std": std, "residual_rms": rms}
+
+    def scale(self, k: int) -> float:
+        """Unit of a channel a raw count."""
+        return float(self.recording.c_scale_factor if k == 0 else self.recording.s_scale_factor)
+
+    def least2(self, k: int) -> float:
+        """Least variance a sample: a converter's rounding, 1/12 of a count squared; for floats their own rounding."""
+        channel = self.recording.c if k == 0 else self.recording.s
+        if np.issubdtype(channel.dtype, np.integer):
+            return self.scale(k) ** 2 / 12
+        return max(self.survey.strength2 * float(np.finfo(channel.dtype).eps) ** 2, 1e-300)
+
+    def settling(self, rows: dict[str, Array], times: Array) -> None:
+        """Flag the leading rows whose residual is far above the run's, until the first that is not."""
+        if self.settled:
+            return
+        residual2 = (rows["residual_rms"] ** 2).sum(1)
+        wave2 = (rows["signals"] ** 2).sum(1) / 2
+        far = (residual2 > SETTLING_FACTOR**2 * self.survey.noise2.sum()) & (residual2 > (SETTLING_FACTOR * self.survey.relative_noise) ** 2 * wave2)
+        start = float(self.recording.times(0, 1)[0])
+        far &= times - start < SETTLING_SHARE * (self.duration - start)
+        calm = np.flatnonzero(~far & np.isfinite(residual2))
+        stop = int(calm[0]) if len(calm) else len(far)
+        rows["flags"][:stop][far[:stop]] |= FLAG_SETTLING
+        self.settled = len(calm) > 0
+
+    def periods(self, rows: dict[str, Array]) -> Periods:
+        """One block of the stream."""
+        recording, times = self.recording, rows["time_s"]
+        self.settling(rows, times)
+        self.rows += len(times)
+        for bit in (FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING):
+            self.flagged[bit] = self.flagged.get(bit, 0) + int(np.count_nonzero(rows["flags"] & bit))
+        return Periods(
+            **rows,
+            **self.auxiliary(times),
+            reference_frequency_hz=self.f,
+            periods_per_window=self.window_s * self.f,
+            window_s=self.window_s,
             mode=recording.mode,
             readout=recording.readout,
             carrier_hz=recording.carrier_hz,
@@ -123,73 +195,204 @@ def _even(recording: Recording, rate: float, periods: float, block_samples: int)
             units=recording.c_units,
         )
 
+    def auxiliary(self, times: Array) -> dict[str, Array]:
+        """The log at the windows' centres; up to one of its steps beyond its ends the end value, farther out NaN."""
+        if self.log_time is None or not self.log:
+            return {}
+        log = self.log_time
+        reach = float(np.median(np.diff(log))) if len(log) > 1 else np.inf
+        outside = (times < log[0] - reach) | (times > log[-1] + reach)
+        self.outside_log += int(outside.sum())
+        values = {name: np.interp(times, log, series) for name, series in self.log.items()}
+        if outside.any():
+            for series in values.values():
+                series[outside] = np.nan
+        return values
 
-def _fit(piece: Array, basis: WindowBasis) -> tuple[Array, Array]:
-    """Envelope p − jq about each window's centre and the residual's sum of squares, of windows (rows, samples)."""
-    q = piece @ basis.orthonormal
-    fit = q @ basis.triangle
-    residual2 = np.maximum(np.einsum("ij,ij->i", piece, piece) - np.einsum("ij,ij->i", q, q), 0.0)
-    return fit[:, 0] - 1j * fit[:, 1], residual2
+    def judge(self, periods: Periods) -> Periods:
+        """The last block with the reasons to note, suspect or refuse the whole."""
+        suspect = list(self.survey.suspect)
+        clipped, gaps, bad, settling = (self.flagged.get(bit, 0) for bit in (FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING))
+        notes = list(self.notes)
+        of = f"of {self.rows} windows"
+        if clipped:
+            (suspect if clipped > 0.01 * self.rows else notes).append(f"{clipped} {of} hold clipped samples")
+        if gaps:
+            (suspect if gaps > 0.1 * self.rows else notes).append(f"{gaps} {of} lie in or beside gaps of the sampling")
+        if bad:
+            (suspect if bad > 0.01 * self.rows else notes).append(f"{bad} {of} hold samples that are not finite")
+        if settling:
+            notes.append(f"the first {settling} windows settle")
+        if self.outside_log:
+            notes.append(f"{self.outside_log} {of} lie outside the auxiliary log; their temperature and rate are NaN")
+        if self.recording.s_units != self.recording.c_units:
+            suspect.append(f"channel C is in {self.recording.c_units!r} and S in {self.recording.s_units!r}; the same unit was expected")
+        refused = list(self.survey.refused)
+        if clipped == self.rows:
+            refused.append("every window is clipped")
+        if bad == self.rows:
+            refused.append("no window holds finite samples only")
+        return periods.judged(notes, "valid").judged(suspect, "suspect").judged(refused, "refused")
 
 
-def _pooled(variance: Array, group: int) -> Array:
-    """Mean of each `group` neighbours, given back to each of them; a window far above its neighbours keeps its own."""
-    starts = np.arange(0, len(variance), group)
-    if len(starts) > 1 and len(variance) - starts[-1] < group / 2:
-        starts = starts[:-1]
-    counts = np.diff(np.append(starts, len(variance)))
-    finite = np.nan_to_num(variance)
-    mean = np.repeat(np.add.reduceat(finite, starts) / counts, counts)
-    return np.where(np.isfinite(variance), mean, np.nan)
+def _even(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
+    """Blocks of rows from even sampling."""
+    recording, rate = run.recording, float(run.recording.sample_rate_hz or 0)
+    samples = _window_samples(run, rate)
+    run.window_s = samples / rate
+    total = len(recording.c) // samples
+    pool = fitted.pool_rows(samples - 3)
+    chunk = pool * max(1, CHUNK_SAMPLES // (pool * samples))
+    halo = 0 if run.moving else fitted.NEIGHBOURS
+    step = chunk * max(1, block_samples // (chunk * samples))
+    for first in range(0, total, step):
+        last = min(first + step, total)
+        lead = max(0, first - halo)
+        raw = [np.asarray(channel[lead * samples : min(last + halo, total) * samples]) for channel in (recording.c, recording.s)]
+        suspects = [_beyond(raw[k], run.survey.rails[k]) for k in range(2)]
+        parts = []
+        for start in range(first, last, chunk):
+            stop = min(start + chunk, last)
+            low, high = max(0, start - halo), min(stop + halo, total)
+            times = (np.arange(low, high) * samples + (samples - 1) / 2) / rate
+            local = run.survey.frequency_hz(float((start + chunk / 2) * samples / rate))
+            basis = _basis(run, samples, rate, local)
+            keep = slice(start - low, stop - low)
+            flags = np.zeros(stop - start, "u1")
+            envelopes, residuals = [], []
+            for k in range(2):
+                piece = raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
+                envelope, residual2 = fitted.fit_even(piece.astype(float), basis)
+                envelopes.append(envelope * run.scale(k))
+                residuals.append(residual2 * run.scale(k) ** 2)
+                flags[~np.isfinite(residual2[keep])] |= FLAG_NOT_FINITE
+                if suspects[k]:
+                    rail = run.survey.rails[k]
+                    flags[(piece[keep].max(1) >= rail[1]) | (piece[keep].min(1) <= rail[0])] |= FLAG_CLIPPED
+            fits = fitted.Fits(
+                np.array(envelopes), np.array(residuals), np.asarray(basis.freedom), np.asarray(samples), basis.variance[None], basis.alpha[None], basis.beta[None]
+            )
+            parts.append({"time_s": times[keep], **run.signals(fits, times, local, keep), "flags": flags})
+        yield {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _window(rate: float, frequency_hz: float, periods: float, n: int, name: str) -> tuple[int, WindowBasis]:
-    samples = max(int(round(periods * rate / frequency_hz)), 5)
+def _beyond(raw: Array, rail: tuple[float, float]) -> bool:
+    """Whether any sample of a block touches a rail (one fast pass, so that clean blocks cost no more)."""
+    if not np.isfinite(rail[0]) and not np.isfinite(rail[1]):
+        return False
+    return bool(raw.max() >= rail[1] or raw.min() <= rail[0]) or not bool(np.isfinite(raw.max()))
+
+
+def _basis(run: _Run, samples: int, rate: float, local_hz: float) -> WindowBasis:
+    basis = window_basis(samples, rate, bands(local_hz, run.carrier), nuisances(run.carrier), run.moving)
+    if basis is None:
+        raise run.too_short()
+    return basis
+
+
+def _window_samples(run: _Run, rate: float) -> int:
+    """Samples a window: those asked for, or as many more as the basis needs to be regular with a degree of freedom to spare."""
+    n = len(run.recording.c)
+    asked = max(1, int(round(run.periods_asked * rate / run.f)))
+    frequencies, beside = bands(run.f, run.carrier), nuisances(run.carrier)
+    if run.moving and run.moving_asked is None and asked < 3 * columns(np.zeros(1), frequencies, beside, True).shape[1]:
+        run.moving = False
+    worst = 30.0 if run.periods_asked >= 0.9 else 1e3
+    samples = asked
     while samples <= n:
-        basis = window_basis(samples, rate, (frequency_hz,))
-        if basis.condition < (1e3 if samples * frequency_hz / rate < 0.9 else 30):
-            return samples, basis
-        samples += 1
-    raise HrgError(f"{name}: {n} samples are too few for one window of {periods:g} periods at {frequency_hz:g} Hz; record longer or set periods_per_window lower")
+        basis = window_basis(samples, rate, frequencies, beside, run.moving)
+        if basis is not None and basis.freedom >= 2 and basis.condition <= worst:
+            if samples > asked:
+                run.notes.append(
+                    f"windows of {samples} samples ({samples * run.f / rate:.3g} periods) are used: {asked} ({run.periods_asked:g} periods) are too few for the fit"
+                )
+            return samples
+        samples += max(1, samples // 16)
+    raise run.too_short()
 
 
-def _survey(recording: Recording, rate: float) -> Survey:
-    n = len(recording.c)
-    length = min(n, LOOK_SAMPLES)
-    starts = np.unique(np.linspace(0, n - length, min(LOOKS, max(1, n // length))).astype(int))
-    looks = [np.stack(recording.physical(a, a + length)) for a in starts]
-    nyquist = rate / 2
-    nominal = recording.nominal_frequency_hz
-    low, high = (3 * rate / length, nyquist) if nominal is None else (0.9 * nominal, min(1.1 * nominal, nyquist))
-    spectra = [finding.even_spectrum(np.nan_to_num(look), rate) for look in looks]
-    found, ratio = finding.peak(spectra[0][0], np.sum([power for _, power in spectra], 0), low, high)
-    if not np.isfinite(found) or not ratio > 20:
-        raise HrgError(f"{_name(recording)}: no oscillation stands out between {low:g} and {high:g} Hz in either channel; check the recording or its nominal_frequency_hz")
-    frequencies, weights = [], []
-    for look, (grid, power) in zip(looks, spectra, strict=True):
-        local, clear = finding.peak(grid, power, 0.99 * found - 2 * rate / length, 1.01 * found + 2 * rate / length)
-        frequencies.append(finding.refine_even(np.nan_to_num(look), rate, local))
-        weights.append(clear if np.isfinite(clear) else 1.0)
-    centres = (starts + (length - 1) / 2) / rate
-    track_s, track_hz = finding.track(centres, frequencies, weights)
-    return Survey(float(np.round(np.median(track_hz), 6)), track_s, track_hz, _rails(recording))
+def _uneven(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
+    """Blocks of rows from true times, a fixed number of windows at a time."""
+    recording, n = run.recording, len(run.recording.c)
+    begin = float(recording.times(0, 1)[0])
+    step = run.survey.step_s
+    needed = columns(np.zeros(1), bands(run.f, run.carrier), nuisances(run.carrier)).shape[1]
+    if run.moving and run.moving_asked is None and run.periods_asked / (run.f * step) < 2 * (needed + 2 * len(run.reference)):
+        run.moving = False
+    needed += 2 * len(run.reference) if run.moving else 0
+    width = run.periods_asked / run.f
+    if width < (needed + 2) * step:
+        width = (needed + 2) * step
+        run.notes.append(f"windows of {width * run.f:.3g} periods are used: {run.periods_asked:g} hold too few samples for the fit")
+    run.window_s = width
+    span = run.duration - begin + step
+    if span > 20 * n * step:
+        raise HrgError(f"{run.name}: its times span {span:.6g} s, but {n} samples at its usual step fill {n * step:.6g} s; a clock that jumps? split the run at its gaps")
+    total = int(span / width + 1e-9)
+    per_window = width / step
+    pool = fitted.pool_rows(per_window - needed)
+    chunk = pool * max(1, int(min(CHUNK_SAMPLES, block_samples) / (pool * per_window)))
+    halo = 0 if run.moving else fitted.NEIGHBOURS
+    reader = _Reader(recording, begin, width, block_samples, run.name)
+    for first in range(0, total, chunk):
+        last = min(first + chunk, total)
+        low, high = max(0, first - halo), min(last + halo, total)
+        time, raw, window = reader.windows(low, high)
+        centre = begin + (np.arange(low, high) + 0.5) * width
+        local = run.survey.frequency_hz(begin + (first + chunk / 2) * width)
+        y = np.stack([raw[0] * run.scale(0), raw[1] * run.scale(1)])
+        fits = fitted.fit_uneven(time, y, window - low, centre, width, bands(local, run.carrier), nuisances(run.carrier), run.moving)
+        keep = slice(first - low, last - low)
+        flags = np.zeros(high - low, "u1")
+        flags[_gaps(time, begin, width, step, low, high)] |= FLAG_GAP
+        bad = window[~np.isfinite(y).all(0)] - low
+        flags[bad] |= FLAG_NOT_FINITE
+        flags[~np.isfinite(fits.residual2).all(0) & ~(flags & FLAG_NOT_FINITE).astype(bool)] |= FLAG_GAP
+        for k in range(2):
+            rail = run.survey.rails[k]
+            flags[window[(raw[k] >= rail[1]) | (raw[k] <= rail[0])] - low] |= FLAG_CLIPPED
+        yield {"time_s": centre[keep], **run.signals(fits, centre, local, keep), "flags": flags[keep]}
 
 
-def _rails(recording: Recording) -> Any:
-    out = []
-    for channel in (recording.c, recording.s):
-        if np.issubdtype(channel.dtype, np.integer):
-            info = np.iinfo(channel.dtype)
-            out.append((float(info.min), float(info.max)))
-        else:
-            out.append((-np.inf, np.inf))
-    return tuple(out)
+def _gaps(time: Array, begin: float, width: float, step: float, low: int, high: int) -> Array:
+    """Rows (of low … high − 1) touched by a stretch of more than 2.5 usual steps without a sample."""
+    touched = np.zeros(high - low, bool)
+    edges = np.concatenate([[begin + low * width - step], time, [begin + high * width + step]]) if len(time) else np.array([begin, begin + high * width])
+    for k in np.flatnonzero(np.diff(edges) > 2.5 * step):
+        a, b = int((edges[k] - begin) / width) - low, int((edges[k + 1] - begin) / width) - low
+        touched[max(0, a) : max(0, b) + 1] = True
+    return touched
 
 
-def _auxiliary(recording: Recording, times: Array) -> dict[str, Array]:
-    names = ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
-    log = recording.auxiliary_time_s
-    if log is None or not len(log):
-        return {}
-    log = np.asarray(log)
-    return {name: np.interp(times, log, np.asarray(getattr(recording, name))) for name in names if getattr(recording, name) is not None}
+class _Reader:
+    """Samples of an unevenly sampled recording by windows, read forward in blocks; checks that times increase."""
+
+    def __init__(self, recording: Recording, begin: float, width: float, block: int, name: str) -> None:
+        self.recording, self.begin, self.width, self.block, self.name = recording, begin, width, block, name
+        self.read = 0
+        self.time = np.zeros(0)
+        self.raw = [np.zeros(0), np.zeros(0)]
+
+    def windows(self, low: int, high: int) -> tuple[Array, list[Array], Array]:
+        """Times, both channels and window numbers of the samples in windows low … high − 1; low never goes back."""
+        start, stop = self.begin + low * self.width, self.begin + high * self.width
+        while self.read < len(self.recording.c) and not (len(self.time) and self.time[-1] >= stop):
+            more = slice(self.read, min(self.read + self.block, len(self.recording.c)))
+            time = np.asarray(self.recording.time_s[more], float)  # type: ignore[index]
+            joined = np.concatenate([self.time[-1:], time])
+            wrong = np.flatnonzero(~(np.diff(joined) > 0))
+            if len(wrong):
+                at = int(wrong[0]) + self.read + (0 if len(self.time) else 1)
+                raise HrgError(
+                    f"{self.name}: time_s[{at}] = {joined[wrong[0] + 1]:.9g} s follows {joined[wrong[0]]:.9g} s; strictly increasing times were expected: "
+                    "sort the samples or drop the repeated ones"
+                )
+            self.time = np.concatenate([self.time, time])
+            self.raw = [np.concatenate([kept, np.asarray(channel[more], float)]) for kept, channel in zip(self.raw, (self.recording.c, self.recording.s), strict=True)]
+            self.read = more.stop
+        a, b = np.searchsorted(self.time, [start, stop])
+        window = np.clip(((self.time[a:b] - self.begin) / self.width).astype(int), low, high - 1)
+        out = self.time[a:b], [channel[a:b] for channel in self.raw], window
+        keep = max(0, int(np.searchsorted(self.time, stop - 2 * (fitted.NEIGHBOURS + 1) * self.width)) - 1)
+        self.time, self.raw = self.time[keep:], [channel[keep:] for channel in self.raw]
+        return out

@@ -1,0 +1,102 @@
+"""Averaged spectrum of what the demodulation leaves, and the lines that stand out of it (harmonics, mains, aliases, leakage)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .basis import columns, pairs
+
+Array = np.ndarray
+
+ENVELOPE_ORDER = 3
+"""Powers of time by which a look's envelope may move, so that its own decay and turning are not seen as noise."""
+
+
+def look_residual(time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = ()) -> Array:
+    """y (channels, n) less its oscillation: pairs at the frequencies with envelopes cubic in time, and a constant."""
+    tau = time_s - (time_s[0] + time_s[-1]) / 2
+    scaled = tau / max(float(np.abs(tau).max()), 1e-300)
+    wanted = pairs(tau, frequency_hz)
+    order = min(ENVELOPE_ORDER, max(0, (len(tau) - 6) // (4 * wanted.shape[1])))
+    parts = [columns(tau, frequency_hz, nuisance_hz), *[scaled[:, None] ** power * wanted for power in range(1, order + 1)]]
+    basis = np.concatenate(parts, -1)
+    gram = basis.T @ basis
+    gram += 1e-12 * np.trace(gram) * np.eye(len(gram))
+    residual = y - (np.linalg.solve(gram, basis.T @ y.T)).T @ basis.T
+    return residual - (np.linalg.solve(gram, basis.T @ residual.T)).T @ basis.T
+
+
+@dataclass
+class AveragedSpectrum:
+    """Welch's average on one frequency grid: `density` (frequencies, channels) one-sided, unit²/Hz, of `segments` Hann segments."""
+
+    frequency_hz: Array
+    density: Array = field(init=False)
+    segments: int = 0
+
+    def __post_init__(self) -> None:
+        self.density = np.zeros((len(self.frequency_hz), 2))
+
+    def add(self, time_s: Array, residual: Array, even: bool) -> None:
+        """One segment (channels, n) more; at uneven times the transform is summed directly, each sample weighted by its share of the time."""
+        window = np.hanning(residual.shape[-1] + 2)[1:-1]
+        if even:
+            step = (time_s[-1] - time_s[0]) / (len(time_s) - 1)
+            spectrum = np.fft.rfft(residual * window)
+            norm = 2 * step / (window**2).sum()
+        else:
+            step = float(np.median(np.diff(time_s)))
+            phase = 2 * np.pi * np.multiply.outer(time_s - time_s[0], self.frequency_hz)
+            spectrum = (residual * window) @ np.exp(-1j * phase)
+            norm = 2 * step / (window**2).sum()
+        self.density += (np.abs(spectrum) ** 2 * norm).T
+        self.segments += 1
+
+    def mean(self) -> Array:
+        """The averaged density (frequencies, channels)."""
+        return self.density / max(1, self.segments)
+
+
+def floor(density: Array, bins: int = 65) -> Array:
+    """Running median over frequency (frequencies, channels), of blocks of bins, joined linearly."""
+    n = len(density)
+    starts = np.arange(0, max(1, n - bins // 2), bins)
+    centres = np.array([(a + min(a + bins, n) - 1) / 2 for a in starts])
+    medians = np.array([np.median(density[a : a + bins], axis=0) for a in starts])
+    return np.stack([np.interp(np.arange(n), centres, medians[:, k]) for k in range(density.shape[1])], -1)
+
+
+def chi_square_excess(freedom: float, sigmas: float) -> float:
+    """χ²/freedom that is exceeded as seldom as a normal number exceeds `sigmas` (Wilson and Hilferty)."""
+    c = 2 / (9 * freedom)
+    return float((1 - c + sigmas * np.sqrt(c)) ** 3)
+
+
+def lines(frequency_hz: Array, density: Array, segments: int, skip_hz: tuple[tuple[float, float], ...] = (), most: int = 32) -> tuple[Array, Array, Array]:
+    """Frequencies, amplitudes (lines, channels) and power ratios to the floor of the lines that stand out by six σ; strongest first.
+
+    A line is a local maximum of the larger of both channels' ratios; its amplitude is √(2 × power above the floor within two bins).
+    """
+    below = np.maximum(floor(density), 1e-300)
+    ratio = (density / below).max(1)
+    step = frequency_hz[1] - frequency_hz[0]
+    limit = 1.5 * chi_square_excess(2 * max(1, segments), 6.0)
+    inner = np.arange(2, len(ratio) - 2)
+    top = inner[(ratio[inner] > limit) & (ratio[inner] >= ratio[inner - 1]) & (ratio[inner] > ratio[inner + 1])]
+    for low, high in skip_hz:
+        top = top[(frequency_hz[top] < low) | (frequency_hz[top] > high)]
+    top = top[np.argsort(-ratio[top])]
+    chosen: list[int] = []
+    for k in top:
+        if len(chosen) < most and all(abs(k - other) > 3 for other in chosen):
+            chosen.append(int(k))
+    if not chosen:
+        return np.zeros(0), np.zeros((0, 2)), np.zeros(0)
+    around = np.clip(np.array(chosen)[:, None] + np.arange(-2, 3), 0, len(ratio) - 1)
+    weight = np.maximum(density[around] - below[around], 0.0)
+    amplitude = np.sqrt(2 * weight.sum(1) * step)
+    total = weight.sum(-1)
+    where = (total * frequency_hz[around]).sum(1) / np.maximum(total.sum(1), 1e-300)
+    return where, amplitude, ratio[chosen]

@@ -1,0 +1,236 @@
+"""A few looks along a recording before it is demodulated: the frequency and its course, rails, noise level, residual spectrum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HrgError
+from ..records import Recording
+from . import frequency as finding
+from .spectrum import AveragedSpectrum, lines, look_residual
+
+Array = np.ndarray
+
+LOOKS, LOOK_SAMPLES = 32, 1 << 14
+"""Places along an even recording where the frequency is found, and samples a look."""
+
+UNEVEN_LOOKS, UNEVEN_SAMPLES = 24, 1024
+"""The same for uneven sampling, whose transforms are direct sums."""
+
+NOMINAL_BAND = 0.1
+"""A nominal frequency narrows the search to this part of it on either side."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """One stretch of samples."""
+
+    time_s: Array
+    y: Array  # (2, n) physical units
+    raw: tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the looks show. `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples are stuck;
+    `step_s`: median sampling step; `noise2` (2,): residual variance a sample; `strength2` the stronger channel's variance; `spectrum_*` as in Periods; reasons to suspect or refuse."""
+
+    reference_hz: float
+    carrier_hz: float | None
+    step_s: float
+    track_s: Array
+    track_hz: Array
+    rails: tuple[tuple[float, float], tuple[float, float]]
+    noise2: Array
+    strength2: float
+    relative_noise: float
+    spectrum_hz: Array
+    spectrum_density: Array
+    line_hz: Array
+    line_amplitude: Array
+    line_ratio: Array
+    suspect: tuple[str, ...]
+    refused: tuple[str, ...]
+
+    def frequency_hz(self, time_s: float) -> float:
+        """Local frequency, interpolated between the looks."""
+        return float(np.interp(time_s, self.track_s, self.track_hz))
+
+
+def survey(recording: Recording, name: str) -> Survey:
+    """Look at a recording. HrgError: no samples, constant channels, no oscillation possible below half the sampling rate."""
+    even = recording.time_s is None
+    carrier = recording.carrier_hz if recording.readout == "carrier" else None
+    looks = _looks(recording, even, name)
+    suspect, refused = _dead(looks, name)
+    step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
+    if not even and min(np.diff(look.time_s).min() for look in looks) <= 0:
+        raise HrgError(f"{name}: its times do not increase; strictly increasing time_s was expected: sort the samples or drop the repeated ones")
+    rails = (_rail(recording.c, [look.raw[0] for look in looks]), _rail(recording.s, [look.raw[1] for look in looks]))
+    found, ratio, limit, warned = _search(looks, even, step, carrier, recording.nominal_frequency_hz, name)
+    suspect += warned
+    if not ratio > limit:
+        refused += (
+            f"no oscillation stands out of the noise: the highest peak, at {found:.6g} Hz, has {ratio:.3g} times the power around it where {limit:.3g} was expected",
+        )
+    track_s, track_hz = _track(looks, even, found, carrier)
+    width = min(len(looks[0].time_s), LOOK_SAMPLES // 4 if len(looks) < 8 else LOOK_SAMPLES) if even else min(len(looks[0].time_s), UNEVEN_SAMPLES // 2)
+    if len(looks) == 1:
+        width = max(min(width, len(looks[0].time_s) // 4), min(64, len(looks[0].time_s)))
+    grid = np.fft.rfftfreq(width, step)
+    spectrum = AveragedSpectrum(grid)
+    variance, strength = [], []
+    for look, local in zip(looks, np.interp([look.time_s.mean() for look in looks], track_s, track_hz), strict=True):
+        f = finding.bands(float(local), carrier)
+        residual = look_residual(look.time_s, look.y, f, finding.nuisances(carrier))
+        variance.append((residual**2).mean(-1))
+        strength.append(look.y.var(-1) - variance[-1])
+        for start in range(0, residual.shape[-1] - width + 1, max(1, width // 2)):
+            piece = slice(start, start + width)
+            if even or np.diff(look.time_s[piece]).max() < 3 * step:
+                spectrum.add(look.time_s[piece], residual[:, piece], even)
+    noise2 = np.median(np.array(variance), axis=0)
+    reference = float(np.round(np.median(track_hz), 6))
+    blind = 4 / (width * step)
+    skip = tuple((f - blind, f + blind) for f in (*finding.bands(reference, carrier), 0.0))
+    line_hz, line_amplitude, line_ratio = lines(grid, spectrum.mean(), spectrum.segments, skip)
+    relative = float(np.median(np.sqrt(np.sum(variance, 1) / np.maximum(np.sum(strength, 1), 1e-300))))
+    return Survey(
+        reference, carrier, step, track_s, track_hz, rails, noise2, float(np.max(strength)), relative, grid, spectrum.mean(), line_hz, line_amplitude, line_ratio, suspect, refused
+    )
+
+
+def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
+    n = len(recording.c)
+    most, length = (LOOKS, min(n, LOOK_SAMPLES)) if even else (UNEVEN_LOOKS, min(n, UNEVEN_SAMPLES))
+    if n < 6:
+        raise HrgError(f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record longer")
+    looks = []
+    for a in np.unique(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)):
+        raw = (np.asarray(recording.c[a : a + length]), np.asarray(recording.s[a : a + length]))
+        y = np.stack(
+            [raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset]
+        ).astype(float)
+        bad = ~np.isfinite(y)
+        if bad.any():
+            if bad.mean() > 0.2:
+                continue
+            for k in range(2):
+                y[k, bad[k]] = y[k, ~bad[k]].mean() if not bad[k].all() else 0.0
+        looks.append(Look(np.asarray(recording.times(a, a + length), float), y, raw))
+    if not looks:
+        raise HrgError(f"{name}: has hardly any finite sample (NaN or infinite values); finite samples of both channels were expected: check the recording")
+    return looks
+
+
+def _dead(looks: list[Look], name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    spread = np.array([max(float(np.ptp(look.y[k])) for look in looks) for k in range(2)])
+    level = [float(looks[0].y[k, 0]) for k in range(2)]
+    dead = [k for k in range(2) if spread[k] <= 1e-14 * abs(level[k])]
+    if len(dead) == 2:
+        what = "all zero" if not any(level) else "constant"
+        raise HrgError(f"{name}: both channels are {what}; an oscillation was expected: check the pick-off and the converter")
+    return tuple(f"channel {'CS'[k]} is {'all zero' if level[k] == 0 else f'constant at {level[k]:g}'}; it may be dead" for k in dead), ()
+
+
+def _search(
+    looks: list[Look], even: bool, step_s: float, carrier_hz: float | None, nominal_hz: float | None, name: str
+) -> tuple[float, float, float, tuple[str, ...]]:
+    """Frequency, its power ratio, the ratio needed, and reasons for suspicion."""
+    nyquist = 0.5 / step_s
+    top = nyquist if carrier_hz is None else nyquist - carrier_hz
+    if carrier_hz is not None and not 0 < carrier_hz < nyquist:
+        raise HrgError(f"{name}: its carrier of {carrier_hz:g} Hz is above half the sampling rate ({nyquist:g} Hz); sample faster or correct carrier_hz")
+    if nominal_hz is not None and not 0 < nominal_hz < top:
+        what = "its nominal frequency" if carrier_hz is None else "the sum of its carrier and its nominal frequency"
+        value = nominal_hz if carrier_hz is None else nominal_hz + carrier_hz
+        raise HrgError(f"{name}: {what}, {value:g} Hz, is not between 0 and half the sampling rate ({nyquist:g} Hz); sample faster or correct it")
+    if even:
+        spectra = [finding.even_power(look.y, 1 / step_s) for look in looks]
+        grid, power = spectra[0][0], np.sum([p for _, p in spectra], 0)
+    else:
+        some = looks[:: max(1, len(looks) // 5)]
+        span = min(float(look.time_s[-1] - look.time_s[0]) for look in some)
+        band = (0.9 * nominal_hz, 1.1 * nominal_hz) if nominal_hz is not None and carrier_hz is None else (0.5 / span, nyquist)
+        grid = np.arange(max(0.5, band[0] * span), band[1] * span, 0.25) / span
+        power = np.sum([finding.least_squares_power(look.time_s, look.y, grid) for look in some], 0)
+    if carrier_hz is not None:
+        grid, power = finding.fold_carrier(grid, power, carrier_hz)
+    resolution = 1 / float(looks[0].time_s[-1] - looks[0].time_s[0])
+    limit = finding.detection_ratio(len(looks), len(grid) // finding.PADDING)
+    if nominal_hz is not None:
+        found, ratio = finding.peak(grid, power, (1 - NOMINAL_BAND) * nominal_hz, (1 + NOMINAL_BAND) * nominal_hz)
+        if ratio > limit:
+            return found, ratio, limit, ()
+        hint, _ = finding.peak(grid, power, 1.5 * resolution, top)
+        if not np.isfinite(found):
+            found = nominal_hz
+        return found, ratio, limit, (f"nothing stands out within 10 % of the nominal frequency of {nominal_hz:g} Hz; the highest peak lies at {hint:.6g} Hz",)
+    found, ratio = finding.peak(grid, power, 1.5 * resolution, top)
+    if not np.isfinite(found):
+        found, ratio = finding.peak(grid, power, 0.5 * resolution, top)
+    if not np.isfinite(found):
+        raise HrgError(f"{name}: no oscillation between 0 and {top:g} Hz in either channel; a recording of several periods was expected: check it or record longer")
+    return found, ratio, limit, ()
+
+
+def _track(looks: list[Look], even: bool, found: float, carrier_hz: float | None) -> tuple[Array, Array]:
+    """Times and frequencies of the looks in which the line is clear."""
+    times, frequencies = [], []
+    for look in looks:
+        span = float(look.time_s[-1] - look.time_s[0])
+        reach = 0.01 * found + 2 / span
+        if even:
+            grid, power = finding.even_power(look.y, (len(look.time_s) - 1) / span)
+            if carrier_hz is not None:
+                grid, power = finding.fold_carrier(grid, power, carrier_hz)
+        else:
+            grid = np.arange(max(0.5 / span, found - 4 * reach), found + 4 * reach, 0.25 / span)
+            power = finding.least_squares_power(look.time_s, look.y, grid)
+        local, ratio = finding.peak(grid, power, found - reach, found + reach)
+        if not np.isfinite(local):
+            local, ratio = found, 0.0
+        if ratio > 15 or len(looks) == 1:
+            times.append(float(look.time_s.mean()))
+            frequencies.append(finding.refine(look.time_s, look.y, local, carrier_hz))
+    if not times:
+        return np.array([0.0]), np.array([found])
+    return np.array(times), np.array(frequencies)
+
+
+def _rail(channel: Array, raws: list[Array]) -> tuple[float, float]:
+    """Raw values (low, high) at which samples are stuck; infinite where none is. An integer's own range counts always."""
+    low, high = -np.inf, np.inf
+    if np.issubdtype(channel.dtype, np.integer):
+        info = np.iinfo(channel.dtype)
+        low, high = float(info.min), float(info.max)
+    for raw in raws:
+        values = raw.astype(float)
+        if _stuck_at_top(values):
+            high = min(high, float(np.nanmax(values)))
+        if _stuck_at_top(-values):
+            low = max(low, float(np.nanmin(values)))
+    return low, high
+
+
+def _stuck_at_top(values: Array) -> bool:
+    """Whether more samples share the highest value than a sine of that size leaves there: √(2/A)/π of all, A its amplitude in steps.
+
+    Sampling commensurate with the oscillation repeats values too; so either a run of equal samples must be longer than the rounded top of
+    the sine allows, or the next lower values must be much rarer.
+    """
+    values = values[np.isfinite(values)]
+    distinct, counts = np.unique(values, return_counts=True)
+    if len(distinct) < 8:
+        return False
+    amplitude = max(1.0, float(np.ptp(distinct)) / 2 / max(float(np.diff(distinct).min()), 1e-300))
+    share = np.sqrt(2 / amplitude) / np.pi
+    top = values == distinct[-1]
+    if counts[-1] < 5 or counts[-1] < 3 * share * len(values):
+        return False
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(int)))
+    longest = int((edges[1::2] - edges[::2]).max())
+    crossings = max(1, int((np.diff(np.sign(values - values.mean())) > 0).sum()))
+    return longest >= 3 + 2 * share * len(values) / crossings or counts[-1] > 3 * counts[-6:-1].max()
