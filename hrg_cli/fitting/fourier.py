@@ -82,7 +82,13 @@ def coefficients_at(x: Array, nodes: Array, coefficients: Array, interpolation: 
 
 
 def evaluate(
-    x: Array, wave_angle_rad: Array, nodes: Array, coefficients: Array, mode_number: int, interpolation: str = "linear", travel_rad: Array | float = 0.0
+    x: Array,
+    wave_angle_rad: Array,
+    nodes: Array,
+    coefficients: Array,
+    mode_number: int,
+    interpolation: str = "linear",
+    travel_rad: Array | float = 0.0,
 ) -> Array:
     """The table's value (n,) at (x, θ), averaged along `travel_rad` of wave angle."""
     harmonics = (np.shape(coefficients)[1] - 1) // 2

@@ -80,26 +80,38 @@ class Path:
         return harmonic_basis(self.middle(self.angle_rad), harmonics, self.mode_number, np.diff(self.angle_rad), order=2)
 
 
-def path_of(wave: Wave, *, harmonics: int, rate_rad_s: float | None = None, earth_rate_rad_s: float = 0.0) -> Path:
+def path_of(
+    wave: Wave,
+    *,
+    harmonics: int,
+    rate_rad_s: float | None = None,
+    earth_rate_rad_s: float = 0.0,
+    per_block: int | None = None,
+    need_rate: bool = True,
+) -> Path:
     """Average a run to blocks. `rate_rad_s` replaces a missing log. Memory does not grow with the run: rows are read piece by piece.
 
-    HrgError: no rate, fewer than three good windows, times that do not increase.
+    per_block: windows a block; by default as many as the run's speed and `harmonics` allow.
+    HrgError: no rate (unless `need_rate` is False: then zeros), fewer than three good windows, times that do not increase.
     """
     rows = len(wave)
     if wave.rate_rad_s is None and rate_rad_s is None:
-        raise HrgError(
-            f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was given; log the table's rate or give it with rate_rad_s or rates_rad_s"
-        )
-    per_block = _rows_per_block(wave, rows, harmonics, rate_rad_s)
+        if need_rate:
+            raise HrgError(
+                f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was given; "
+                f"log the table's rate or give it with rate_rad_s or rates_rad_s"
+            )
+        rate_rad_s = 0.0
+    per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
     pieces: list[dict[str, Array]] = []
     last: tuple[float, float] | None = None
     turned = 0.0
     step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
     for block in wave.blocks(step):
         time = np.asarray(block.time_s, float)
-        rate = _rate(block, rate_rad_s) + earth_rate_rad_s
         if len(time) == 0:
             continue
+        rate = _rate(block, rate_rad_s) + earth_rate_rad_s
         first_time, first_rate = last if last is not None else (time[0], rate[0])
         steps = np.diff(time, prepend=first_time)
         if (steps < 0).any():
@@ -108,9 +120,9 @@ def path_of(wave: Wave, *, harmonics: int, rate_rad_s: float | None = None, eart
         turned, last = float(integral[-1]), (float(time[-1]), float(rate[-1]))
         pieces.append(_block_means(block, time, integral, per_block))
     joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]} if pieces else {}
-    if not joined or len(joined["time_s"]) < 3:
-        raise HrgError(f"run {wave.run_id or '?'}: fewer than three good windows of {rows}; a longer run or a cleaner one is needed")
-    shortest = np.median(np.diff(joined["time_s"])) / per_block if len(joined["time_s"]) > 1 else wave.window_s
+    if not joined or len(joined["time_s"]) < 2:
+        raise HrgError(f"run {wave.run_id or '?'}: fewer than two good blocks of its {rows} windows; a longer or a cleaner run is needed")
+    shortest = np.median(np.diff(joined["time_s"])) / per_block
     drives = {key: joined.pop(key) if key in joined else None for key in ("drive_main", "drive_quadrature")}
     return Path(
         run_id=wave.run_id,
@@ -183,7 +195,9 @@ def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> d
         "angle_rad": mean(np.asarray(block.wave_angle_rad, float)),
         "angle_variance": mean(np.nan_to_num(np.asarray(block.wave_angle_rad_std, float)) ** 2, power=2),
         "rate_integral_rad": mean(integral),
-        "temperature_degc": np.full(int(keep.sum()), np.nan) if block.temperature_degc is None else mean(np.asarray(block.temperature_degc, float)),
+        "temperature_degc": np.full(int(keep.sum()), np.nan)
+        if block.temperature_degc is None
+        else mean(np.asarray(block.temperature_degc, float)),
         "frequency_hz": mean(np.asarray(block.frequency_hz, float)),
         "ratio": mean(ratio),
         "main_amplitude": mean(amplitude),

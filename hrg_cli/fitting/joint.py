@@ -86,7 +86,12 @@ class Layout:
     # ------------------------------------------------------------ models: (size, p) maps of their own coefficients to the full set
 
     def select(
-        self, drift: int | None = None, scale: int | None = None, factors: Sequence[str] = (), one_drift: bool = False, one_scale: bool = False,
+        self,
+        drift: int | None = None,
+        scale: int | None = None,
+        factors: Sequence[str] = (),
+        one_drift: bool = False,
+        one_scale: bool = False,
         drift_constant: bool = True,
     ) -> Array:
         """Model with drift and scale-factor harmonics up to a limit (−1: none), independent of temperature with `one_…`, and some factors."""
@@ -153,7 +158,9 @@ def piece_of(length: int) -> Array:
     return np.arange(length) * PIECES // max(length, 1)
 
 
-def accumulate(paths: Sequence[Path], noises: Sequence[Noise], layout: Layout, turns: Sequence[Array], previous: Array | None = None) -> Pieces:
+def accumulate(
+    paths: Sequence[Path], noises: Sequence[Noise], layout: Layout, turns: Sequence[Array], previous: Array | None = None
+) -> Pieces:
     """Whitened normal equations of all runs. turns: m·Δθ of each run."""
     shape = (len(paths), PIECES)
     pieces = Pieces(np.zeros((*shape, layout.size, layout.size)), np.zeros((*shape, layout.size)), np.zeros(shape), np.zeros(shape, int))
@@ -262,5 +269,18 @@ def roughness(layout: Layout) -> Array:
 
 
 __all__ = [
-    "Factor", "Fitted", "Layout", "PIECES", "Pieces", "Solution", "accumulate", "chi_square", "design", "fit", "harmonic_basis", "piece_of", "roughness", "solve",
+    "PIECES",
+    "Factor",
+    "Fitted",
+    "Layout",
+    "Pieces",
+    "Solution",
+    "accumulate",
+    "chi_square",
+    "design",
+    "fit",
+    "harmonic_basis",
+    "piece_of",
+    "roughness",
+    "solve",
 ]

@@ -30,22 +30,36 @@ def calibrate(
     *,
     model: Annotated[
         Literal["table", "parametric", "quadrature", "phase", "physical"],
-        Field(description="variant of seed A: table D(T, θ); parametric (10); quadrature (11); phase (12); physical (coefficients of a resonator file)"),
+        Field(
+            description="variant of seed A: table D(T, θ); parametric (10); quadrature (11); phase (12); physical (coefficients of a resonator file)"
+        ),
     ] = "table",
     axis: Annotated[Literal["temperature", "frequency"], Field(description="what the nodes are of")] = "temperature",
-    harmonics: Annotated[int | None, Field(ge=0, le=12, description="band limit of the drift in harmonics of 2mθ; none: by cross-validation")] = None,
-    scale_factor_harmonics: Annotated[int | None, Field(ge=0, le=12, description="band limit of the scale factor; none: by cross-validation")] = None,
-    nodes: Annotated[list[float] | None, Field(description="nodes of temperature [°C] or frequency [Hz]; none: the dwells, or evenly over a sweep")] = None,
+    harmonics: Annotated[
+        int | None, Field(ge=0, le=12, description="band limit of the drift in harmonics of 2mθ; none: by cross-validation")
+    ] = None,
+    scale_factor_harmonics: Annotated[
+        int | None, Field(ge=0, le=12, description="band limit of the scale factor; none: by cross-validation")
+    ] = None,
+    nodes: Annotated[
+        list[float] | None, Field(description="nodes of temperature [°C] or frequency [Hz]; none: the dwells, or evenly over a sweep")
+    ] = None,
     interpolation: Annotated[
-        Literal["linear", "cubic", "monotone", "smooth"], Field(description="between nodes; smooth: cubic splines with a penalty chosen by cross-validation")
+        Literal["linear", "cubic", "monotone", "smooth"],
+        Field(description="between nodes; smooth: cubic splines with a penalty chosen by cross-validation"),
     ] = "cubic",
     ladder: Annotated[bool, Field(description="all seven stages of accuracy instead of the first three")] = False,
     compare: Annotated[bool, Field(description="compare the variants of the drift model in one table")] = False,
     stable_only: Annotated[bool, Field(description="drop harmonics that do not repeat between programmes")] = False,
     rate_rad_s: Annotated[float | None, Field(description="constant rate of runs without a rate log")] = None,
     rates_rad_s: Annotated[dict[str, float] | None, Field(description="constant rate by run_id")] = None,
-    earth_rate_rad_s: Annotated[float, Field(description="component of the Earth's rate about the sensitive axis, added to the logged rate")] = 0.0,
-    programmes: Annotated[dict[str, str] | None, Field(description="programme (day, switch-on, branch) by run_id; none: by start_time's day, else by the sign of dT/dt")] = None,
+    earth_rate_rad_s: Annotated[
+        float, Field(description="component of the Earth's rate about the sensitive axis, added to the logged rate")
+    ] = 0.0,
+    programmes: Annotated[
+        dict[str, str] | None,
+        Field(description="programme (day, switch-on, branch) by run_id; none: by start_time's day, else by the sign of dT/dt"),
+    ] = None,
     bootstrap: Annotated[int, Field(ge=0, le=100_000, description="draws for the intervals of the figures")] = 400,
     seed: Annotated[int, Field(ge=0, description="seed of the draws")] = 0,
 ) -> Calibration:
@@ -59,7 +73,10 @@ def calibrate(
     """
     waves = list(waves)
     _same_gyro(waves, resonator)
-    limit = max(harmonics if harmonics is not None else LARGEST_LIMIT, scale_factor_harmonics if scale_factor_harmonics is not None else LARGEST_LIMIT)
+    limit = max(
+        harmonics if harmonics is not None else LARGEST_LIMIT,
+        scale_factor_harmonics if scale_factor_harmonics is not None else LARGEST_LIMIT,
+    )
     rates = rates_rad_s or {}
     paths = [path_of(w, harmonics=limit, rate_rad_s=rates.get(w.run_id, rate_rad_s), earth_rate_rad_s=earth_rate_rad_s) for w in waves]
     forced = [p for p in paths if p.forced]
@@ -98,7 +115,9 @@ def calibrate(
     steps = ladder_rows(list(stages), used, unseen, scale_factor, bootstrap, seed)
     details: dict[str, Any] = {
         "scale_factor": scale_factor,
-        "figures": {kind: {"before": steps[0][kind], "after": steps[-1][kind + "_used"], "held_out": steps[-1][kind]} for kind in ("drift", "scale")},
+        "figures": {
+            kind: {"before": steps[0][kind], "after": steps[-1][kind + "_used"], "held_out": steps[-1][kind]} for kind in ("drift", "scale")
+        },
         "held_out_by": held_out,
         "ladder": steps,
         "band_limit_scores": scores,
@@ -126,14 +145,19 @@ def summary(record: Calibration) -> dict[str, Any]:
         "scale_factor": details["scale_factor"],
         "nodes": [float(n) for n in record.node],
         "held_out_by": details["held_out_by"],
-        "ladder": [{"stage": s["stage"], "drift_rms_rad_s": s["drift"]["value"], "scale_factor_rms_ppm": s["scale"]["value"]} for s in details["ladder"]],
+        "ladder": [
+            {"stage": s["stage"], "drift_rms_rad_s": s["drift"]["value"], "scale_factor_rms_ppm": s["scale"]["value"]}
+            for s in details["ladder"]
+        ],
     }
 
 
 def _same_gyro(waves: Sequence[Wave], resonator: Resonator | None) -> None:
     if not waves:
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
-    gyros = sorted({w.gyro_id for w in waves if w.gyro_id} | ({resonator.gyro_id} if resonator is not None and resonator.gyro_id else set()))
+    gyros = sorted(
+        {w.gyro_id for w in waves if w.gyro_id} | ({resonator.gyro_id} if resonator is not None and resonator.gyro_id else set())
+    )
     if len(gyros) > 1:
         raise HrgError(f"runs of {len(gyros)} gyros ({', '.join(gyros)}) were given, a table belongs to one; calibrate each gyro by itself")
     modes = sorted({w.mode_number for w in waves})
@@ -216,7 +240,8 @@ def ladder_rows(names: Sequence[str], used: Cells, unseen: Cells, scale_factor: 
             f = figure(found, kind, scale_factor, draws, seed)
             for i, row in enumerate(rows):
                 row[key] = {
-                    name: float(v) if np.isfinite(v) else None for name, v in (("value", f.value[i]), ("low", f.low[i]), ("high", f.high[i]), ("floor", f.floor))
+                    name: float(v) if np.isfinite(v) else None
+                    for name, v in (("value", f.value[i]), ("low", f.low[i]), ("high", f.high[i]), ("floor", f.floor))
                 }
     return rows
 
@@ -229,7 +254,12 @@ def _record(
     layout = fitted.layout
     keep = np.concatenate(
         [
-            np.concatenate([np.arange(layout.size)[layout.drift(j)][: 1 + 2 * drift_limit], np.arange(layout.size)[layout.scale(j)][: 1 + 2 * scale_limit]])
+            np.concatenate(
+                [
+                    np.arange(layout.size)[layout.drift(j)][: 1 + 2 * drift_limit],
+                    np.arange(layout.size)[layout.scale(j)][: 1 + 2 * scale_limit],
+                ]
+            )
             for j in range(len(layout.nodes))
         ]
     )
@@ -272,4 +302,3 @@ def _record(
         rate_max_rad_s=max(rates),
         details=json.dumps(details),
     )
-

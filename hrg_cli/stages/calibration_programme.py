@@ -34,7 +34,12 @@ def choose_nodes(paths: Sequence[Path], axis: str, given: Sequence[float] | None
     if not finite.any():
         if given is not None and len(given) > 1:
             raise HrgError(f"the runs hold no {name}, so nodes {list(given)} cannot be filled; log temperature_degc, or leave nodes out")
-        return np.zeros(1), -np.inf, np.inf, [f"the runs hold no {name}: the tables cannot follow it and cannot guard against it; log temperature_degc"]
+        return (
+            np.zeros(1),
+            -np.inf,
+            np.inf,
+            [f"the runs hold no {name}: the tables cannot follow it and cannot guard against it; log temperature_degc"],
+        )
     if not finite.all():
         missing = [p.run_id or "?" for p in paths if not np.isfinite(abscissa_blocks(p, axis)).all()]
         raise HrgError(f"run {', '.join(missing)}: {name} is missing in a part of the runs; log it in all of them or leave these runs out")
@@ -73,7 +78,11 @@ def _dwells(paths: Sequence[Path], axis: str) -> Array | None:
             groups.append([])
         groups[-1].append(int(b))
     centres = np.array([means[g].mean() for g in groups])
-    distance = np.diff(centres).min() if len(centres) > 1 else (2 * SINGLE_NODE_MARGIN_DEGC if axis == "temperature" else 2 * SINGLE_NODE_MARGIN_HZ)
+    distance = (
+        np.diff(centres).min()
+        if len(centres) > 1
+        else (2 * SINGLE_NODE_MARGIN_DEGC if axis == "temperature" else 2 * SINGLE_NODE_MARGIN_HZ)
+    )
     width = max(float(spans[g].max() + np.ptp(means[g])) for g in groups)
     return centres if width <= 0.5 * distance else None
 
@@ -111,7 +120,12 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
         spread = float(np.sqrt(np.average((here - mean) ** 2, weights=time)))
         if spread < max(1e-3 * fastest, 1e-12):
             if abs(mean) < 1e-3 * fastest or fastest == 0:
-                findings.append(Finding(f"{at}no run turns (run {names}): the scale factor K cannot be told; add a run at a rate well above the drift, best two of both signs", True))
+                findings.append(
+                    Finding(
+                        f"{at}no run turns (run {names}): the scale factor K cannot be told; add a run at a rate well above the drift, best two of both signs",
+                        True,
+                    )
+                )
             else:
                 findings.append(
                     Finding(
@@ -123,7 +137,11 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
             continue
         if here.max() < 0.05 * fastest or here.min() > -0.05 * fastest:
             sign = "positive" if here.min() > -0.05 * fastest else "negative"
-            findings.append(Finding(f"{at}all turning runs are {sign}: asymmetry of the scale factor cannot be seen; add a run of the other sign", False))
+            findings.append(
+                Finding(
+                    f"{at}all turning runs are {sign}: asymmetry of the scale factor cannot be seen; add a run of the other sign", False
+                )
+            )
         if harmonics == 0:
             continue
         turning = np.abs(here) > 0.2 * np.abs(here).max()

@@ -30,11 +30,29 @@ class Truth:
         return np.einsum("p...,ph,h...->...", self.powers(temperature), self.k, self.basis(theta))
 
 
-def forced_run(truth, temperature, rate, duration, seed, dt=0.02, noise=1e-5, walk=0.0, start=None, run_id="", gyro_id="g1", start_time="", ratio=None, steps=1):
+def forced_run(
+    truth,
+    temperature,
+    rate,
+    duration,
+    seed,
+    dt=0.02,
+    noise=1e-5,
+    walk=0.0,
+    start=None,
+    run_id="",
+    gyro_id="g1",
+    start_time="",
+    ratio=None,
+    steps=1,
+):
     """temperature, rate: numbers or functions of time; ratio: a_B/a_A likewise (it does not act unless the truth uses it)."""
     draw = np.random.default_rng(seed)
     t = np.arange(int(duration / dt)) * dt
-    f = [np.vectorize(v, otypes=[float]) if callable(v) else (lambda x, v=v: np.full_like(np.asarray(x, float), v)) for v in (temperature, rate)]
+    f = [
+        np.vectorize(v, otypes=[float]) if callable(v) else (lambda x, v=v: np.full_like(np.asarray(x, float), v))
+        for v in (temperature, rate)
+    ]
     theta = np.empty(len(t))
     theta[0] = draw.uniform(0, np.pi) if start is None else start
     h = dt / steps
@@ -61,7 +79,18 @@ def forced_run(truth, temperature, rate, duration, seed, dt=0.02, noise=1e-5, wa
             x += h / 6 * (a + 2 * b + 2 * c + e)
         x += kicks[i] / m
         theta[i] = x
-    return wave_of(t, theta + draw.normal(size=len(t)) * noise, f[0](t), f[1](t), noise, run_id or f"T{temperature}R{rate}", gyro_id, m, start_time, ratio)
+    return wave_of(
+        t,
+        theta + draw.normal(size=len(t)) * noise,
+        f[0](t),
+        f[1](t),
+        noise,
+        run_id or f"T{temperature}R{rate}",
+        gyro_id,
+        m,
+        start_time,
+        ratio,
+    )
 
 
 def wave_of(t, theta, temperature, rate, noise, run_id, gyro_id="g1", mode_number=2, start_time="", ratio=None, mode="forced", **more):

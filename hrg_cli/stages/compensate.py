@@ -1,0 +1,184 @@
+"""`hrg compensate`: rate and angle of another run with the tables, Ω = (D − m·dθ/dt)/K, never outside what they were made for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import HrgError
+from ..fitting.increments import ROWS_AT_ONCE, Path, path_of
+from ..records import Calibration, Compensated, Wave
+from .calibration_figures import CELLS_A_PERIOD
+from .calibration_table import in_range, measured_drift, values
+
+Array = np.ndarray
+CORRECTION = "rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
+"""Sign and order this stage applies; a calibration that asks for another is refused."""
+
+
+def compensate(
+    wave: Wave,
+    calibration: Calibration,
+    *,
+    windows_per_increment: Annotated[
+        int, Field(ge=1, description="windows averaged to one end of an increment; more: less noise, coarser time")
+    ] = 1,
+    earth_rate_rad_s: Annotated[
+        float, Field(description="component of the Earth's rate about the sensitive axis; part of the true rate")
+    ] = 0.0,
+) -> Iterator[Compensated]:
+    """Rate estimate of each increment and its integral, in a stream of blocks: Ω_i = (∫w D dt − m Δθ_i) / ∫w K dt.
+
+    Where the rate was logged, the residuals with a constant scale factor alone and with the tables are kept beside it.
+    HrgError: another gyro or mode number, refused tables, a temperature outside the tables, a run that was compensated before, a
+    rate log of the wrong sign.
+    """
+    _guard(wave, calibration)
+    return _stream(wave, calibration, windows_per_increment, earth_rate_rad_s)
+
+
+def summary(record: Compensated) -> dict[str, Any]:
+    """Figures of a compensated run for the JSON."""
+    return dict(json.loads(record.details))
+
+
+def _guard(wave: Wave, calibration: Calibration) -> None:
+    if isinstance(wave, Compensated):
+        raise HrgError("the input is compensated already; compensate the wave file it was made from")
+    name = f"run {wave.run_id or '?'}"
+    if any(" compensate " in line for line in wave.provenance.history):
+        raise HrgError(f"{name}: is compensated already (its history says so); compensate the wave file it was made from")
+    if wave.gyro_id and calibration.gyro_id and wave.gyro_id != calibration.gyro_id:
+        raise HrgError(f"{name}: is of gyro {wave.gyro_id}, the tables are of gyro {calibration.gyro_id}; use the tables of {wave.gyro_id}")
+    if wave.mode_number != calibration.mode_number:
+        raise HrgError(
+            f"{name}: has mode_number {wave.mode_number}, the tables have {calibration.mode_number}; use tables of the same mode"
+        )
+    if calibration.correction != CORRECTION:
+        raise HrgError(
+            f'the calibration asks for the correction "{calibration.correction}", this hrg applies "{CORRECTION}"; make the tables again'
+        )
+    if calibration.status == "refused":
+        why = "; ".join(calibration.status_reasons) or "no reason is given"
+        raise HrgError(f"the calibration is refused ({why}); complete its programme and calibrate again")
+    if len(wave) < 3:
+        raise HrgError(f"{name}: has {len(wave)} windows, at least three are needed")
+
+
+def _stream(wave: Wave, calibration: Calibration, windows: int, earth_rate: float) -> Iterator[Compensated]:
+    name = f"run {wave.run_id or '?'}"
+    known = wave.rate_rad_s is not None
+    scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
+    totals = _Totals(np.zeros((3, CELLS_A_PERIOD)))
+    angle, slowest, fastest = 0.0, np.inf, -np.inf
+    step = max(windows, ROWS_AT_ONCE // windows * windows)
+    begin, stop = 0, 0
+    while stop < len(wave):
+        stop = len(wave) if len(wave) - stop < 2 * step else stop + step
+        piece = wave.rows(begin, stop)
+        kept = _good_blocks(piece, windows)
+        if len(kept) < 2:
+            continue
+        # the next piece begins with this one's last good block, so that no increment is lost between them
+        begin += int(kept[-1]) * windows
+        path = path_of(piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False)
+        blocks = path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
+        in_range(calibration, blocks, name)
+        drift, scale = values(calibration, path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad))
+        drift = drift + measured_drift(calibration, path)
+        time = path.interval_s
+        rate = (drift - path.turn / time) / scale
+        steady = path.rate_rad_s if known else _smooth(rate)
+        slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
+        middle = angle + np.cumsum(rate * time) - rate * time / 2
+        angle += float((rate * time).sum())
+        before, after = (-path.turn / time / scale_factor - path.rate_rad_s, rate - path.rate_rad_s) if known else (None, None)
+        if known:
+            totals.add(path, before, after)
+        record = Compensated(
+            time_s=path.middle(path.time_s), rate_estimate_rad_s=rate, angle_estimate_rad=middle,
+            residual_before_rad_s=before, residual_after_rad_s=after,
+            gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
+            status=wave.status, status_reasons=wave.status_reasons, details=json.dumps(totals.figures() if known else {}),
+        )  # fmt: skip
+        yield _judged(record, calibration, totals if known else None, scale_factor, slowest, fastest, name)
+    if not np.isfinite(slowest):
+        raise HrgError(f"{name}: has no good windows; see its flags, and demodulate again")
+
+
+def _good_blocks(piece: Wave, windows: int) -> Array:
+    """Numbers of the blocks of `windows` rows that are at least half good."""
+    good = np.asarray(piece.good())
+    count = np.add.reduceat(good.astype(int), np.arange(0, len(good), windows))
+    return np.flatnonzero(count >= max(1.0, windows / 2))
+
+
+def _smooth(rate: Array, increments: int = 200) -> Array:
+    """Means over stretches of increments, so that noise does not look like a rate."""
+    size = min(increments, len(rate))
+    return np.asarray(rate[: len(rate) // size * size].reshape(-1, size).mean(axis=1))
+
+
+class _Totals:
+    """Sums over the run: squares of the residuals, their means in cells of wave angle, and how the wave follows the rate log."""
+
+    def __init__(self, cells: Array) -> None:
+        self.cells = cells
+        self.squares, self.rows = np.zeros(2), 0
+        self.followed = self.turned = 0.0
+
+    def add(self, path: Path, before: Array, after: Array) -> None:
+        period = np.pi / path.mode_number
+        cell = (np.mod(path.middle(path.angle_rad), period) / period * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
+        for row, weight in enumerate((path.interval_s, before * path.interval_s, after * path.interval_s)):
+            self.cells[row] += np.bincount(cell, weight, CELLS_A_PERIOD)
+        self.squares += [before @ before, after @ after]
+        self.rows += len(before)
+        self.followed += float(path.turn @ path.rotation)
+        self.turned += float(path.rotation @ path.rotation)
+
+    @property
+    def scale_factor_seen(self) -> float:
+        """Least-squares K of m·Δθ = −K∫Ω dt; NaN without rotation."""
+        return -self.followed / self.turned if self.turned > 0 else float("nan")
+
+    def figures(self) -> dict[str, Any]:
+        seen = self.cells[0] > 0
+        means = self.cells[1:, seen] / self.cells[0, seen]
+        row = np.sqrt(self.squares / max(self.rows, 1))
+        cell = np.sqrt((means**2).mean(axis=1)) if seen.any() else np.zeros(2)
+        return {
+            "residual_rms_rad_s": {"before": float(row[0]), "after": float(row[1])},
+            "angle_cell_rms_rad_s": {"before": float(cell[0]), "after": float(cell[1])},
+        }
+
+
+def _judged(
+    record: Compensated, calibration: Calibration, totals: _Totals | None, scale_factor: float, slowest: float, fastest: float, name: str
+) -> Compensated:
+    """Refuse rates of the wrong sign, doubt rates outside those calibrated; a stream keeps the last record's verdict."""
+    reasons = [f"the tables are suspect: {reason}" for reason in calibration.status_reasons] if calibration.status == "suspect" else []
+    if totals is not None and np.isfinite(totals.scale_factor_seen):
+        seen = totals.scale_factor_seen
+        rms_rate = np.sqrt(totals.turned / max(totals.rows, 1)) / max(
+            float(np.median(np.diff(record.time_s))) if len(record) > 1 else 1.0, 1e-12
+        )
+        strong = rms_rate > 20 * float(np.abs(calibration.drift_rad_s).max()) / abs(scale_factor)
+        if strong and seen * scale_factor < 0:
+            raise HrgError(
+                f"{name}: the wave turns with the logged rate (K = {seen:.3g}), the tables have K = {scale_factor:.3g}; "
+                f"the sign of the rate log or of a channel is reversed"
+            )
+        if strong and abs(seen / scale_factor - 1) > 0.05:
+            reasons.append(f"the run's own scale factor {seen:.4g} differs from the tables' {scale_factor:.4g} by more than 5 %")
+    span = calibration.rate_max_rad_s - calibration.rate_min_rad_s
+    if fastest > calibration.rate_max_rad_s + 0.1 * span or slowest < calibration.rate_min_rad_s - 0.1 * span:
+        reasons.append(
+            f"rates from {slowest:.4g} to {fastest:.4g} rad/s go beyond those calibrated, {calibration.rate_min_rad_s:.4g} to "
+            f"{calibration.rate_max_rad_s:.4g} rad/s; the scale factor was not tested there"
+        )
+    return record.judged(reasons)
