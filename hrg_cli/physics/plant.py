@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .resonator import Mechanics
+from .resonator import IDENTITY, Mechanics, reflection
 
 Array = np.ndarray
 
@@ -61,6 +61,39 @@ class Plant:
     extra: Acceleration | None = None
 
 
+@dataclass(frozen=True)
+class ThermalCourses:
+    """Relative changes with temperature about `reference_degc`: value(T) = value·(1 + c₁ΔT + c₂ΔT² + …), c as given a quantity."""
+
+    reference_degc: float = 20.0
+    frequency: tuple[float, ...] = ()
+    damping_rate: tuple[float, ...] = ()
+    damping_split: tuple[float, ...] = ()
+    frequency_split: tuple[float, ...] = ()
+    scale_factor: tuple[float, ...] = ()
+
+    def factor(self, course: tuple[float, ...], temperature_degc: Array) -> Array:
+        """1 + c₁ΔT + c₂ΔT² + …"""
+        change = np.asarray(temperature_degc, float) - self.reference_degc
+        return 1 + sum((c * change ** (k + 1) for k, c in enumerate(course)), np.zeros_like(change))
+
+
+def linear_plant(mechanics: Mechanics, courses: ThermalCourses, environment: Environment) -> Plant:
+    """The linear resonator on the environment's grid (true temperature)."""
+    T = environment.temperature_degc
+    omega = (mechanics.omega_rad_s * courses.factor(courses.frequency, T))[:, None, None]
+    split = (mechanics.frequency_split_rad_s * courses.factor(courses.frequency_split, T))[:, None, None]
+    damping = (mechanics.damping_rate_1_s * courses.factor(courses.damping_rate, T))[:, None, None]
+    damping_split = (mechanics.damping_split_1_s * courses.factor(courses.damping_split, T))[:, None, None]
+    m = mechanics.mode_number
+    return Plant(
+        mechanics,
+        damping * IDENTITY + damping_split * reflection(2 * m * mechanics.damping_axis_rad),
+        (omega**2 + split**2) * IDENTITY + 2 * omega * split * reflection(2 * m * mechanics.stiffness_axis_rad),
+        mechanics.scale_factor * courses.factor(courses.scale_factor, T),
+    )
+
+
 @dataclass
 class Control:
     """Drive and loops; nothing acts in a free run, nor while the drive is off.
@@ -103,6 +136,16 @@ class Samples:
     """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f e^{jω_r t}, amplitude a second; 0 when off."""
     temperature_degc: Array
     rate_rad_s: Array
+
+
+@dataclass
+class Block:
+    """What an engine makes of a stretch of time: samples, the loops' commands (a_ΦA, a_ΦB) (2, n), and the truth."""
+
+    samples: Samples
+    command: Array
+    envelopes: Callable[[Array], Array]
+    """Positions in the block (k,) -> true envelopes (k, 2) against the plant's mean frequency."""
 
 
 ReadoutStep = Callable[[Samples, Array], Array]

@@ -1,0 +1,66 @@
+"""The pick-off chain of a simulated gyro: displacement -> steps of the effects -> electrodes -> carrier -> noise -> converter.
+
+Full electrode model of seed B: U_c = 2cU(1 + c²)/(1 − c²)² with c the displacement over the gap, kept so that a small
+displacement is unchanged (y = gap·c(1 + c²)/(1 − c²)²). Carrier: y·(−2 sin(ω_c t + ψ)), so that the coefficients at
+ω_c ∓ ω are exactly those of PHYSICS §3 (1) with A the displacement's amplitude.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import HrgError
+from .plant import Readout, Samples
+
+Array = np.ndarray
+
+
+def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> Array:
+    """What the converter sees of a block, in displacement units: (2, n), fewer where a step loses samples."""
+    y = samples.z
+    for step in readout.steps:
+        y = step(samples, y)
+    if readout.model == "full":
+        y = full_electrode(y, readout.gap)
+    if readout.kind == "carrier":
+        turns = np.mod(readout.carrier_hz / (1 + readout.clock_error) * samples.time_s, 1.0)  # carrier and converter share a clock
+        y = y * (-2 * np.sin(2 * np.pi * turns + readout.carrier_phase_rad))
+    if readout.noise > 0:
+        y = y + readout.noise * random.standard_normal((y.shape[1], 2)).T
+    for step in readout.after:
+        y = step(samples, y)
+    return y
+
+
+def full_electrode(displacement: Array, gap: float) -> Array:
+    """gap·c(1 + c²)/(1 − c²)², c = displacement/gap (seed B, U_c over 2U). HrgError: the displacement reaches the gap."""
+    c = displacement / gap
+    if np.any(np.abs(c) >= 1):
+        raise HrgError(f"readout.gap = {gap:g}: the displacement reaches {np.abs(displacement).max():g}; it must stay below the gap")
+    return gap * c * (1 + c**2) / (1 - c**2) ** 2
+
+
+def convert(readout: Readout, y: Array) -> Array:
+    """Raw numbers: counts of an `adc_bits` converter that clips at ± full scale, or the values themselves with 0 bits."""
+    if readout.adc_bits == 0:
+        return y
+    top = 2 ** (readout.adc_bits - 1)
+    counts = np.clip(np.rint(y / least_count(readout)), -top, top - 1)
+    return counts.astype(np.int16 if readout.adc_bits <= 16 else np.int32)
+
+
+def least_count(readout: Readout) -> float:
+    """Unit of a raw count: 2·full_scale/2^bits, 1 without a converter."""
+    return 2 * readout.full_scale / 2**readout.adc_bits if readout.adc_bits else 1.0
+
+
+def kept(readout: Readout, first: int, count: int, sample_rate_hz: float) -> Array | None:
+    """Which of the samples first … first+count−1 are not lost (`Readout.dropped`); None: all."""
+    if not readout.dropped:
+        return None
+    number = np.arange(first, first + count)
+    keep = np.ones(count, bool)
+    for time_s, lost_s in readout.dropped:
+        begin = round(time_s * sample_rate_hz)
+        keep &= ~((number >= begin) & (number < begin + round(lost_s * sample_rate_hz)))
+    return keep
