@@ -1,0 +1,20 @@
+"use strict";
+(function () {
+  var root = document.documentElement, button = document.getElementById("theme"), kept = null;
+  var system = window.matchMedia("(prefers-color-scheme: dark)");
+  try { kept = window.localStorage.getItem("hrg-theme"); } catch (error) { kept = null; }
+  function dark() { return root.dataset.theme ? root.dataset.theme === "dark" : system.matches; }
+  function show() { button.setAttribute("aria-pressed", String(dark())); }
+  if (kept === "dark" || kept === "light") { root.dataset.theme = kept; }
+  button.hidden = false;
+  button.addEventListener("click", function () {
+    root.dataset.theme = dark() ? "light" : "dark";
+    try { window.localStorage.setItem("hrg-theme", root.dataset.theme); } catch (error) { /* a page opened without storage */ }
+    show();
+  });
+  system.addEventListener("change", show);
+  window.addEventListener("beforeprint", function () {
+    document.querySelectorAll("details").forEach(function (part) { part.open = true; });
+  });
+  show();
+})();

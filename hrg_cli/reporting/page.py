@@ -1,0 +1,250 @@
+"""The report: one HTML page that needs no network, or its figures alone as PNG, for any set of hrg files.
+
+Identical files give identical bytes: the page holds no date of its own and its figures no random ids. Whatever a file says
+(names, history, reasons) is text on the page, never markup.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from .. import __version__, store
+from ..errors import HrgError
+from ..records import KINDS, Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
+from . import figures_recording, figures_result, figures_wave
+from .figures import Plot, png, style, svg
+from .page_content import STEPS, Step, Table, cell, headline, plain, steps, tables
+from .tables import facts
+
+FOLDER = Path(__file__).parent
+PAGE_BYTES = 2_600_000
+"""Figures beyond this are left out of the page, least important first, and the page says so."""
+DRAWN_OF_A_KIND = 8
+ROWS_HELD = 200_000
+"""Rows of a series held in memory for its figures; of longer ones every k-th is taken."""
+RESULTS_FIRST = ("diagnosis", "calibration", "resonator", "compensated", "wave", "recording", "periods")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on the page."""
+
+    anchor: str
+    title: str
+    words: str
+    svg: Markup
+
+
+@dataclass
+class Entry:
+    """One file on the page."""
+
+    name: str
+    anchor: str
+    record: Record
+    size: int
+    sha256: str
+    facts: list[tuple[str, str]]
+    tables: list[Table]
+    headline: list[tuple[str, str]]
+    sources: list[tuple[str, str, str, str]] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+    left_out: int = 0
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Provenance as text."""
+        p = self.record.provenance
+        return {"history": [plain(h) for h in p.history], "settings": plain(p.settings), "created": plain(p.created), "generated_by": plain(p.generated_by)}
+
+
+def build_report(paths: Sequence[Path], *, truth: bool = False) -> str:
+    """The page of these files as HTML.
+
+    truth: also show what a simulation knows (the truth of a recording, over the wave of the same run).
+    HrgError: no file, a file is missing, damaged or not an hrg file.
+    """
+    entries = [_entry(path, index) for index, path in enumerate(_unique(paths))]
+    truths = _truths(paths, entries) if truth else {}
+    order = sorted(range(len(entries)), key=lambda i: RESULTS_FIRST.index(entries[i].record.kind))
+    drawn: dict[str, int] = {}
+    room = PAGE_BYTES
+    for index in order:
+        entry = entries[index]
+        kind = entry.record.kind
+        drawn[kind] = drawn.get(kind, 0) + 1
+        if drawn[kind] > DRAWN_OF_A_KIND:
+            entry.left_out = -1
+            continue
+        for plot in _plots(_unique(paths)[index], truths):
+            anchor = f"f{index}-{plot.key}"
+            picture = Picture(anchor, plain(plot.title), plain(plot.words), Markup(svg(plot, anchor)))
+            if len(picture.svg) > room:
+                entry.left_out += 1
+                continue
+            room -= len(picture.svg)
+            entry.pictures.append(picture)
+    _link_sources(entries)
+    return _render(entries, truth)
+
+
+def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -> list[Path]:
+    """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths written. HrgError: as `build_report`."""
+    folder = Path(folder)
+    entries = [_entry(path, index) for index, path in enumerate(_unique(paths))]
+    truths = _truths(paths, entries) if truth else {}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise HrgError(f"{folder}: is no folder and cannot be made one ({error.strerror}); choose another --output") from error
+    written: list[Path] = []
+    used: set[str] = set()
+    for path in _unique(paths):
+        for plot in _plots(path, truths):
+            name = re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{plot.key}").lstrip(".")[:120]
+            while name in used:
+                name += "_"
+            used.add(name)
+            target = folder / f"{name}.png"
+            with store.atomic_path(target, force=True) as temporary:
+                png(plot, temporary)
+            written.append(target)
+    return written
+
+
+def status_of(paths: Sequence[Path]) -> tuple[str, list[str]]:
+    """Worst status of these files and every reason, each with its file's name."""
+    order = ["valid", "suspect", "refused"]
+    worst, reasons = "valid", []
+    for path in _unique(paths):
+        with store.open_record(path, store.kind_of(path)) as record:
+            worst = max(worst, record.status, key=order.index)
+            reasons += [f"{path.name}: {reason}" for reason in record.status_reasons]
+    return worst, reasons
+
+
+def _unique(paths: Sequence[Path]) -> list[Path]:
+    found = list(dict.fromkeys(Path(p) for p in paths))
+    if not found:
+        raise HrgError("no file to report on; name one or more files that hrg wrote")
+    return found
+
+
+def _entry(path: Path, index: int) -> Entry:
+    with store.open_record(path, store.kind_of(path)) as record:
+        record = _thinned(record)
+        shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
+        kept = record
+        found_tables, found_headline = tables(kept), headline(kept)
+    bare = _bare(kept)
+    return Entry(plain(path.name), f"file-{index + 1}", bare, path.stat().st_size, store.sha256(path), shown, found_tables, found_headline)
+
+
+def _bare(record: Record) -> Record:
+    """The record without its rows."""
+    nothing = {name: np.empty((0,) * len(spec.dims)) for name, spec in record.columns().items() if spec.dims}
+    return replace(record, **nothing)
+
+
+def _thinned(record: Record) -> Record:
+    """The record in memory (a recording stays on disk), every k-th row of a very long one."""
+    if isinstance(record, Recording):
+        return record
+    step = max(1, -(-len(record) // ROWS_HELD))
+    columns = [name for name, spec in record.columns().items() if spec.dims and spec.dims[0] == "row" and getattr(record, name) is not None]
+    if not columns:
+        return record
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
+    block = step * (1 << 16)
+    for start in range(0, len(record), block):
+        for name in columns:
+            parts[name].append(np.asarray(getattr(record, name)[start : start + block])[::step])
+    return replace(record, **{name: np.concatenate(values) for name, values in parts.items() if values})
+
+
+def _truths(paths: Sequence[Path], entries: list[Entry]) -> dict[str, Recording]:
+    """run_id -> the simulated recording of that run, its truth in memory."""
+    found = {}
+    for path, entry in zip(_unique(paths), entries):
+        if isinstance(entry.record, Recording):
+            with store.open_record(path, Recording) as record:
+                if record.truth_time_s is not None and len(record.truth_time_s):
+                    found[record.run_id] = replace(record, c=np.empty(0), s=np.empty(0), time_s=None)
+    return found
+
+
+def _plots(path: Path, truths: dict[str, Recording]) -> Iterator[Plot]:
+    """The figures of a file, drawn one after another."""
+    with store.open_record(path, store.kind_of(path)) as record, style():
+        record = _thinned(record)
+        draw = _DRAW[type(record)]
+        yield from draw(record, truths)
+
+
+_DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
+    Recording: lambda r, truths: figures_recording.plots(r, bool(truths)),
+    Periods: lambda r, _: figures_recording.period_plots(r),
+    Wave: lambda r, truths: figures_wave.plots(r, truths.get(r.run_id)),
+    Resonator: lambda r, _: figures_result.resonator_plots(r),
+    Calibration: lambda r, _: figures_result.calibration_plots(r),
+    Compensated: lambda r, _: figures_result.compensated_plots(r),
+    Diagnosis: lambda r, _: figures_result.diagnosis_plots(r),
+}
+
+
+def _link_sources(entries: list[Entry]) -> None:
+    """Say of each source whether the file on this page is the very one."""
+    by_hash = {entry.sha256: entry for entry in entries}
+    names = {entry.name for entry in entries}
+    for entry in entries:
+        for source in entry.record.provenance.sources:
+            if source.sha256 in by_hash:
+                said = f"is {by_hash[source.sha256].name} on this page"
+            else:
+                said = "a file of this name on this page has other content" if plain(source.name) in names else "not on this page"
+            entry.sources.append((plain(source.name), plain(source.kind), plain(source.sha256), said))
+
+
+def _render(entries: list[Entry], truth: bool) -> str:
+    environment = Environment(loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["size"] = _size
+    script = (FOLDER / "page.js").read_text(encoding="utf-8")
+    order = ["valid", "suspect", "refused"]
+    kinds = [cls.kind for cls in KINDS]
+    groups = [(kind, [e for e in entries if e.record.kind == kind]) for kind in kinds]
+    history = list(dict.fromkeys(line for e in entries for line in e.provenance["history"]))
+    chain: list[Step] = steps([(e.record.kind, e.record.status) for e in entries], history)
+    gyros = sorted({plain(getattr(e.record, "gyro_id", "")) for e in entries} - {""})
+    return environment.get_template("page.html").render(
+        entries=entries,
+        groups=[(kind, found) for kind, found in groups if found],
+        step_of={kind: name for kind, _, name in STEPS},
+        chain=chain,
+        history=history,
+        gyros=gyros,
+        worst=max((e.record.status for e in entries), key=order.index),
+        truth=truth,
+        version=__version__,
+        css=Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
+        script=Markup(script),
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        plain=plain,
+    )
+
+
+def _size(count: int) -> str:
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000 or unit == "GB":
+            return f"{count:.3g} {unit}" if count < 1000 else f"{count:.0f} {unit}"
+        count = count / 1000  # type: ignore[assignment]
+    raise AssertionError

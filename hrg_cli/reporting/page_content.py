@@ -1,0 +1,249 @@
+"""What the page says in words and tables: steps of the chain, headline, parameters for people, method comparison."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
+from ..units import DEGREE_PER_HOUR
+from .figures import number
+from .figures_result import details
+
+STEPS = (
+    ("recording", ("import", "simulate"), "record, import or simulate"),
+    ("periods", ("demodulate",), "demodulate"),
+    ("wave", ("estimate",), "estimate"),
+    ("resonator", ("identify",), "identify"),
+    ("calibration", ("calibrate",), "calibrate"),
+    ("diagnosis", ("diagnose",), "diagnose"),
+    ("compensated", ("compensate",), "compensate"),
+)
+"""Kind of file, commands that make it, name of the step; in the order of the work."""
+
+UNREADABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ufffe\uffff\ud800-\udfff]")
+"""Control characters and those that turn the direction of text."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the chain: `state` is "run", "suspect", "failed" or "skipped", `note` says why."""
+
+    name: str
+    state: str
+    note: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: its caption, heads and rows; the first column names the row."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def plain(value: Any) -> str:
+    """Text that is safe to show: unreadable characters become a replacement mark."""
+    return UNREADABLE.sub("\ufffd", str(value))
+
+
+def cell(value: Any) -> str:
+    """A value as a person reads it."""
+    if isinstance(value, float | np.floating):
+        return number(float(value), 7)
+    if isinstance(value, list | tuple):
+        return plain(", ".join(cell(v) for v in value)) or "–"
+    return "–" if value is None else plain(value)
+
+
+def steps(records: Iterable[tuple[str, Status]], history: Iterable[str]) -> list[Step]:
+    """The chain's steps from the files given (kind, status) and the commands in their histories."""
+    states: dict[str, list[Status]] = {}
+    for kind, status in records:
+        states.setdefault(kind, []).append(status)
+    ran = {command for text in history for command in text.split()[1:]}
+    found = []
+    for kind, commands, name in STEPS:
+        given = states.get(kind, [])
+        files = f"{len(given)} file{'s' if len(given) != 1 else ''}"
+        if "refused" in given:
+            found.append(Step(name, "failed", f"{given.count('refused')} of {files} refused"))
+        elif "suspect" in given:
+            found.append(Step(name, "suspect", f"{given.count('suspect')} of {files} suspect"))
+        elif given:
+            found.append(Step(name, "run", f"{files}, valid"))
+        elif ran.intersection(commands):
+            found.append(Step(name, "run", "named in the history; its file is not on this page"))
+        else:
+            found.append(Step(name, "skipped", "no file and no line in any history"))
+    return found
+
+
+def for_people(name: str, value: float, std: float, frequency_hz: float | None) -> str:
+    """A resonator parameter in the units people use."""
+
+    def pair(factor: float, unit: str) -> str:
+        return f"{number(value * factor, 5)} ± {number(std * factor, 2)} {unit}"
+
+    if name == "damping_rate_1_s" and value > 0:
+        quality = f", Q = {number(math.pi * frequency_hz / value, 4)}" if frequency_hz else ""
+        return f"τ = {number(1 / value, 5)} ± {number(std / value**2, 2)} s{quality}"
+    if name == "damping_split_1_s":
+        return f"{pair(1 / DEGREE_PER_HOUR, '°/h')} of drift D"
+    if name == "frequency_split_rad_s":
+        return f"Δf = {pair(1e3 / math.pi, 'mHz')}"
+    if name.endswith("_axis_rad"):
+        return pair(180 / math.pi, "°")
+    if name == "scale_factor" and value:
+        return f"σ = {number(abs(std / value) * 1e6, 2)} ppm"
+    if name.endswith("_hz"):
+        return f"σ = {number(std * 1e3, 2)} mHz"
+    if name.endswith("_rad_s"):
+        return pair(1 / DEGREE_PER_HOUR, "°/h")
+    return ""
+
+
+def tables(record: Record) -> list[Table]:
+    """The tables of a result."""
+    if isinstance(record, Resonator):
+        return _resonator(record)
+    if isinstance(record, Calibration):
+        return _calibration(record)
+    if isinstance(record, Diagnosis):
+        return _diagnosis(record)
+    if isinstance(record, Compensated):
+        return _figures("Figures", details(record.details))
+    return []
+
+
+def _resonator(record: Resonator) -> list[Table]:
+    parameters = record.parameters()
+    frequency = parameters.get("frequency_hz", (None,))[0]
+    rows = [(plain(n), number(v, 8), number(s, 2), plain(u), for_people(n, v, s, frequency)) for n, (v, s, u) in parameters.items()]
+    found = [Table("Parameters with standard deviations", ("parameter", "value", "σ", "unit", "for people"), rows)]
+    flat = details(record.flat_directions)
+    if isinstance(flat, list) and flat:
+        found.append(Table("What these runs cannot tell", ("direction",), [(plain(sentence),) for sentence in flat]))
+    return found + _figures("Details", details(record.details))
+
+
+def _calibration(record: Calibration) -> list[Table]:
+    content = details(record.details)
+    found = []
+    drift, scale = content.get("drift_rms_rad_s"), content.get("scale_factor_rms_ppm")
+    if isinstance(drift, dict) or isinstance(scale, dict):
+        drift, scale = (x if isinstance(x, dict) else {} for x in (drift, scale))
+        rows = [(key.replace("_", " "), _scaled(drift.get(key), 1 / DEGREE_PER_HOUR), _scaled(scale.get(key), 1.0)) for key in ("before", "after", "held_out")]
+        found.append(Table("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
+    left = {k: v for k, v in content.items() if k not in ("drift_rms_rad_s", "scale_factor_rms_ppm", "ladder", "harmonics")}
+    return found + _figures("Details", left)
+
+
+def _scaled(value: Any, factor: float) -> str:
+    return number(float(value) * factor) if isinstance(value, int | float) else "–"
+
+
+def _diagnosis(record: Diagnosis) -> list[Table]:
+    report = details(record.report)
+    if not isinstance(report, dict):
+        return []
+    found = []
+    effects = [e for e in report.get("effects", []) if isinstance(e, dict)]
+    if effects:
+        rows = []
+        for effect in effects:
+            parameters = effect.get("parameters") or {}
+            sizes = "; ".join(f"{k} = {cell(p.get('value'))} ± {cell(p.get('std'))} {p.get('units', '')}" for k, p in parameters.items() if isinstance(p, dict))
+            others = ", ".join(map(str, effect.get("indistinguishable_from") or []))
+            rows.append(
+                tuple(
+                    plain(v)
+                    for v in (effect.get("name"), sizes, cell(effect.get("z")), cell(effect.get("p_value")), cell(effect.get("delta_bic")), others or "–", effect.get("next_experiment") or "–")
+                )
+            )
+        found.append(Table("Causes found", ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"), rows))
+    if isinstance(report.get("remainder"), dict):
+        found.append(Table("What is left unexplained", ("", ""), [(plain(k), cell(v)) for k, v in report["remainder"].items()]))
+    tested = [e for e in report.get("tested", []) if isinstance(e, dict)]
+    if tested:
+        rows = [tuple(map(plain, (e.get("name"), cell(e.get("z")), cell(e.get("upper_limit")), e.get("units", "")))) for e in tested]
+        found.append(Table("Causes tested", ("effect", "z", "upper limit", "unit"), rows))
+    return found
+
+
+def _figures(caption: str, content: Any) -> list[Table]:
+    """Tables of a JSON object: its numbers and sentences in one, each object of objects (a comparison) in its own."""
+    if not isinstance(content, Mapping):
+        return []
+    single, found = [], []
+    for key, value in content.items():
+        title = plain(key).replace("_", " ")
+        if isinstance(value, Mapping) and value and all(isinstance(v, Mapping) for v in value.values()):
+            head = list(dict.fromkeys(k for v in value.values() for k in v))[:10]
+            rows = [(plain(name), *(_short(v.get(k)) for k in head)) for name, v in value.items()]
+            found.append(Table(title, ("", *(plain(h).replace("_", " ") for h in head)), rows[:60]))
+        elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
+            head = list(dict.fromkeys(k for v in value for k in v))[:10]
+            found.append(Table(title, [plain(h).replace("_", " ") for h in head], [tuple(_short(v.get(k)) for k in head) for v in value][:60]))
+        elif isinstance(value, Mapping):
+            single += [(f"{title}: {plain(k).replace('_', ' ')}", _short(v)) for k, v in value.items()]
+        else:
+            single.append((title, _short(value)))
+    return ([Table(caption, ("figure", "value"), single[:80])] if single else []) + found
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, Mapping):
+        if "value" in value:
+            std = f" ± {cell(value.get('std'))}" if value.get("std") is not None else ""
+            return f"{cell(value['value'])}{std} {plain(value.get('units', ''))}".strip()
+        return "; ".join(f"{plain(k)} {_short(v)}" for k, v in list(value.items())[:8])
+    if isinstance(value, list) and len(value) > 12:
+        return f"{len(value)} values, {_short(value[:3])} …"
+    text = cell(float(value) if isinstance(value, int) and abs(value) > 10**12 else value)
+    return text if len(text) <= 400 else text[:400] + "…"
+
+
+def headline(record: Record) -> list[tuple[str, str]]:
+    """The few figures of a result that stand on top of the page: (label, value)."""
+    if isinstance(record, Resonator):
+        parameters = record.parameters()
+        frequency = parameters.get("frequency_hz", (None,))[0]
+        named = {"frequency_hz": "frequency", "damping_rate_1_s": "damping", "damping_split_1_s": "damping split", "frequency_split_rad_s": "frequency split", "scale_factor": "scale factor K"}
+        found = []
+        for name, label in named.items():
+            if name in parameters:
+                value, std, units = parameters[name]
+                text = for_people(name, value, std, frequency) if name not in ("frequency_hz", "scale_factor") else f"{number(value, 8)} ± {number(std, 2)} {units if units != '1' else ''}"
+                found.append((label, text.strip()))
+        return found
+    if isinstance(record, Calibration):
+        content = details(record.details)
+        found = []
+        for key, label, factor, unit in (("drift_rms_rad_s", "drift left", 1 / DEGREE_PER_HOUR, "°/h"), ("scale_factor_rms_ppm", "scale factor left", 1.0, "ppm")):
+            value = content.get(key)
+            if isinstance(value, dict):
+                found.append((label, f"{_scaled(value.get('before'), factor)} → {_scaled(value.get('after'), factor)} {unit} (held out {_scaled(value.get('held_out'), factor)})"))
+        return found
+    if isinstance(record, Diagnosis):
+        report = details(record.report)
+        gain = report.get("gain") if isinstance(report, dict) else None
+        found = [("verdict", plain(record.verdict))]
+        causes = [str(e.get("name")) for e in report.get("effects", []) if isinstance(e, dict)] if isinstance(report, dict) else []
+        found.append(("causes found", plain(", ".join(causes)) or "none"))
+        if isinstance(gain, dict):
+            found.append(("held-out gain", f"{cell(gain.get('ratio'))} ± {cell(gain.get('std'))}"))
+        return found
+    if isinstance(record, Compensated) and record.residual_before_rad_s is not None and record.residual_after_rad_s is not None:
+        before, after = (float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR for y in (record.residual_before_rad_s, record.residual_after_rad_s))
+        return [("rate error, rms", f"{number(before)} → {number(after)} °/h")]
+    if isinstance(record, Wave) and len(record):
+        good = record.good()
+        return [("windows good", f"{int(good.sum())} of {len(good)}")]
+    return []
