@@ -14,6 +14,7 @@ from typing import Any
 from . import __version__, settings, store
 from .errors import HrgError
 from .records import KINDS, Provenance, Record, Recording, Source
+from .store import AnyRecord
 
 Progress = Callable[[float | None], None]
 """Called with the share done (0…1), or None where it is unknown."""
@@ -108,8 +109,15 @@ def run_stage(
 
 
 def write_first(
-    output: Path, stream: Any, values: Mapping[str, Any], table: str, sources: Sequence[Path], *, force: bool, command_line: str
-) -> Record:
+    output: Path,
+    stream: Recording | Iterable[Recording],
+    values: Mapping[str, Any],
+    table: str,
+    sources: Sequence[Path],
+    *,
+    force: bool,
+    command_line: str,
+) -> Recording:
     """Write the record of a command that starts a chain (import, simulate)."""
     with Sources(sources) as hashed:
         text = settings.to_toml({table: values})
@@ -149,7 +157,7 @@ def _watched(stream: Iterable[Record], source: Record, path: Path, progress: Pro
                 progress(min(1.0, float(block.time_s[-1]) / end) if end > 0 else None)  # type: ignore[attr-defined]
 
 
-def _with_provenance(record: Record, parents: Sequence[Record], sources: tuple[Source, ...], text: str, command_line: str) -> Record:
+def _with_provenance(record: AnyRecord, parents: Sequence[Record], sources: tuple[Source, ...], text: str, command_line: str) -> AnyRecord:
     history: dict[str, None] = {}
     for parent in parents:
         history.update(dict.fromkeys(parent.provenance.history))
