@@ -54,6 +54,7 @@ def local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -
     Sums are taken about each row's own time and value, so a long run loses no digits.
     """
     n = len(values)
+    half_width = min(half_width, n - 1)
     sums = np.zeros((5, n))
     used = weights > 0
     anchor = np.where(used, values, 0.0)

@@ -38,15 +38,14 @@ def standard_deviations(x: Array, variances: Array, carrier_known: bool) -> Arra
     out[:, 0] = project(turn * e_A)
     out[:, 1] = project(-1j * turn * e_B)
     u = turn * (A[:, None] * e_A - 1j * B[:, None] * e_B)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        determinant = np.abs(A**2 - B**2)
-        out[:, 2] = _limited(project(turn * (A[:, None] * e_B - 1j * B[:, None] * e_A)) / determinant, ANGLE_LIMIT)
-        out[:, 3] = _limited(project(turn * (1j * A[:, None] * e_A - B[:, None] * e_B)) / determinant, PHASE_LIMIT)
-        if real.shape[1] == 4 and not carrier_known:
-            lower, upper = -1j * u * np.exp(-1j * psi)[:, None] / 2, 1j * u * np.exp(1j * psi)[:, None] / 2
-            weights = np.concatenate([lower, upper], axis=-1)
-            spread = np.sqrt((weights.real**2 * real + weights.imag**2 * imaginary).sum(-1))
-            out[:, 4] = _limited(spread / (A**2 + B**2), CARRIER_LIMIT)
+    determinant, power = np.abs(A**2 - B**2), A**2 + B**2
+    out[:, 2] = _limited(project(turn * (A[:, None] * e_B - 1j * B[:, None] * e_A)), determinant, ANGLE_LIMIT)
+    out[:, 3] = _limited(project(turn * (1j * A[:, None] * e_A - B[:, None] * e_B)), determinant, PHASE_LIMIT)
+    if real.shape[1] == 4 and not carrier_known:
+        lower, upper = -1j * u * np.exp(-1j * psi)[:, None] / 2, 1j * u * np.exp(1j * psi)[:, None] / 2
+        weights = np.concatenate([lower, upper], axis=-1)
+        spread = np.sqrt((weights.real**2 * real + weights.imag**2 * imaginary).sum(-1))
+        out[:, 4] = _limited(spread, power, CARRIER_LIMIT)
     return out
 
 
@@ -58,7 +57,7 @@ def _envelope_variances(variances: Array) -> tuple[Array, Array]:
     return b, a
 
 
-def _limited(linear: Array, unknown: float) -> Array:
-    """σ joined to that of an unknown angle; 0/0 (no wave, no noise) counts as unknown."""
-    ratio = np.where(np.isnan(linear), np.inf, linear) / unknown
-    return np.where(np.isinf(ratio), unknown, linear / np.sqrt(1 + np.where(np.isinf(ratio), 0.0, ratio) ** 2))
+def _limited(spread: Array, size: Array, unknown: float) -> Array:
+    """σ = spread/size joined to that of an unknown angle; size 0 counts as unknown, NaN stays NaN."""
+    ratio = np.where(size == 0, np.inf, spread / np.where(size == 0, 1.0, size)) / unknown
+    return unknown * np.sin(np.arctan(ratio))

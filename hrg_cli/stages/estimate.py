@@ -27,8 +27,9 @@ ITERATIVE = {"gauss-newton": gauss_newton, "levenberg-marquardt": levenberg_marq
 DIRTY = FLAG_CLIPPED | FLAG_GAP | FLAG_NOT_FINITE
 WORSE = 1e-6
 """A solver that ends with a misfit this fraction above the global least one has not converged to the solution."""
-DETECTED = 3.0
-"""An amplitude below this many standard deviations is no wave."""
+DETECTED = 5.0
+"""An amplitude below this many standard deviations is no wave; noise alone exceeds it in 5e-5 of the windows (χ² of four)."""
+FEWEST_USABLE = 1e-3
 FAILED_LIMIT = 0.02
 FLAGGED_LIMIT = 0.2
 """Fractions of the windows above which failed or flagged ones make the whole suspect."""
@@ -251,10 +252,10 @@ class _Tally:
     def judge(self, wave: Wave, solver: str) -> Wave:
         """The last block with the whole stream's status."""
         run = wave.run_id or "this run"
-        if self.usable == 0:
+        if self.usable <= FEWEST_USABLE * self.rows or self.failed > self.rows / 2:
             return wave.judged(
                 [
-                    f"{run}: none of {self.rows} windows is usable: {self.flagged} are flagged, {self.failed} did not converge, "
+                    f"{run}: {self.usable} of {self.rows} windows are usable: {self.flagged} are flagged, {self.failed} did not converge, "
                     f"in {self.faint} the amplitude is below {DETECTED:g} standard deviations; check the recording"
                 ],
                 "refused",
@@ -274,7 +275,7 @@ class _Tally:
 
 def summary(wave: Wave) -> dict[str, Any]:
     """Figures of a wave record for the command's JSON."""
-    good = wave.good()
+    good = wave.good() & (wave.main_amplitude > 0)
     out: dict[str, Any] = {
         "windows": len(wave),
         "usable": int(good.sum()),
@@ -283,10 +284,16 @@ def summary(wave: Wave) -> dict[str, Any]:
     }
     if not good.any():
         return out
-    amplitude, angle = wave.main_amplitude[good], wave.wave_angle_rad[good]
+    amplitude, angle, frequency = wave.main_amplitude[good], wave.wave_angle_rad[good], wave.frequency_hz[good]
     out["main_amplitude"] = {"first": float(amplitude[0]), "last": float(amplitude[-1]), "units": wave.units}
     out["quadrature_ratio_rms"] = float(np.sqrt(np.mean((wave.quadrature_amplitude[good] / amplitude) ** 2)))
-    out["wave_angle_rad"] = {"first": float(angle[0]), "last": float(angle[-1]), "std": float(np.median(wave.wave_angle_rad_std[good]))}
-    out["frequency_hz"] = float(np.nanmedian(wave.frequency_hz[good]))
+    out["wave_angle_rad"] = {"first": float(angle[0]), "last": float(angle[-1])}
+    out["wave_angle_std_rad"] = _number(np.median(wave.wave_angle_rad_std[good]))
+    out["frequency_hz"] = _number(np.median(frequency[np.isfinite(frequency)])) if np.isfinite(frequency).any() else None
     out["residual_rms"] = float(np.sqrt(np.mean(wave.residual_rms[good] ** 2)))
     return out
+
+
+def _number(value: Any) -> float | None:
+    """A float for JSON, which knows no NaN."""
+    return float(value) if np.isfinite(value) else None

@@ -114,6 +114,7 @@ def figure(study: dict[str, Any]) -> Figure:
         evaluations = [int(k) for k in result["histogram"]]
         axis.bar(evaluations, list(result["histogram"].values()), color="0.4")
         axis.axvline(result["mean"], color="C1", label=f"mean {result['mean']:.3f}, max {result['max']}, failures {result['failures']}")
+        axis.margins(y=0.3)
         axis.set(yscale="log", xlabel="residual evaluations", ylabel="vectors", title=TITLES[name])
         axis.xaxis.get_major_locator().set_params(integer=True)
         axis.legend()

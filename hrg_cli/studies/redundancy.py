@@ -14,7 +14,6 @@ import numpy as np
 from pydantic import Field
 
 from ..fitting.closed_form import closed_form
-from ..physics import ellipse
 from ..physics.signals import from_sidebands, sidebands, signals
 
 if TYPE_CHECKING:
@@ -75,7 +74,7 @@ def redundancy_study(
     for name, meaning, apply in DEFECTS:
         misfit = closed_form(_with_defect(anyhow, apply, defect))[1]
         found = closed_form(_with_defect(working, apply, defect))[0]
-        error = found[:, 2] - ellipse.wave(ellipse.envelopes(*working[:, :4].T, 1), 1)[2]
+        error = found[:, 2] - working[:, 2]
         error -= np.pi * np.round(error / np.pi)
         residual = float(np.sqrt(np.mean(misfit**2))) / defect
         rows.append(
