@@ -1,0 +1,85 @@
+"""Free windows cut out of a long record whose drive switches off for a while, and the choice of the most different ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import HrgError
+from ..physics import ellipse
+from ..records import Wave
+from .envelope_runs import MIN_ROWS, EnvelopeRun
+
+Array = np.ndarray
+OFF_FRACTION = 1e-6
+"""A drive below this part of its largest value is off."""
+DECAY_PIECES = 400
+MIN_WINDOW_ROWS = 3 * MIN_ROWS
+
+
+def cut(wave: Wave) -> list[Wave]:
+    """Free windows of a wave in time order: where `drive_main` is zero, else where the main amplitude itself decays steadily.
+
+    A free wave without a drive is one window. HrgError: a forced wave in which no free window is found.
+    """
+    drive = wave.drive_main
+    driven = drive is not None and np.isfinite(drive).any() and np.nanmax(np.abs(drive)) > 0
+    if not driven and wave.mode == "free":
+        return [wave]
+    if driven:
+        assert drive is not None
+        off = np.abs(np.nan_to_num(drive, nan=np.inf)) <= OFF_FRACTION * np.nanmax(np.abs(drive))
+        if wave.drive_quadrature is not None and np.nanmax(np.abs(wave.drive_quadrature), initial=0.0) > 0:
+            off &= np.abs(np.nan_to_num(wave.drive_quadrature)) <= OFF_FRACTION * np.nanmax(np.abs(wave.drive_quadrature))
+    else:
+        off = decaying(np.asarray(wave.main_amplitude, float), wave.good())
+    windows = [wave.rows(a, b) for a, b in stretches(off) if b - a >= MIN_WINDOW_ROWS]
+    if not windows:
+        raise HrgError(
+            f"{wave.run_id or 'the run'}: is driven throughout (mode {wave.mode}), free windows were expected; "
+            "record a run-down or switch the drive off for a while, or use --method working-mode"
+        )
+    return [w.replace(run_id=f"{wave.run_id}[{i}]", mode="free") for i, w in enumerate(windows)] if len(windows) > 1 else [windows[0].replace(mode="free")]
+
+
+def stretches(on: Array) -> list[tuple[int, int]]:
+    """(start, stop) of the runs of True, shortened by one row at a switch: its window holds both states."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+    return [(int(a) + (a > 0), int(b) - (b < len(on))) for a, b in zip(edge[::2], edge[1::2]) if b - a > 2]
+
+
+def decaying(amplitude: Array, good: Array) -> Array:
+    """Rows in steady decay: pieces whose fall of ln a_A is above half the typical fall of the fastest tenth; ends are shed."""
+    n = len(amplitude)
+    size = max(1, n // DECAY_PIECES)
+    pieces = n // size
+    usable = np.where(good & (amplitude > 0), amplitude, np.nan)[: pieces * size].reshape(pieces, size)
+    count = np.maximum(1, np.sum(np.isfinite(usable), axis=1))
+    level = np.log(np.nansum(usable, axis=1) / count + 1e-300)
+    fall = -np.diff(level)
+    typical = float(np.median(np.sort(fall)[-max(1, len(fall) // 10) :]))
+    spread = float(np.median(np.abs(np.diff(fall)))) + 1e-300
+    if typical < 5 * spread / np.sqrt(max(1, len(fall) // 10)):
+        return np.zeros(n, bool)
+    falling = (fall > typical / 2) & (fall < 2 * typical)
+    both = np.concatenate([[False], falling]) & np.concatenate([falling, [False]])
+    rows = np.repeat(both, size)
+    return np.concatenate([rows, np.zeros(n - len(rows), bool)])
+
+
+def most_different(runs: Sequence[EnvelopeRun], count: int) -> list[int]:
+    """Indices of `count` runs spread widest in the wave's Stokes direction and rate, chosen one after the other, the longest first."""
+    features = []
+    for run in runs:
+        s = ellipse.stokes(run.envelope).mean(axis=0)
+        rate = np.ptp(run.turn_rad) / max(run.duration_s, 1e-300) * np.sign(run.turn_rad[-1] - run.turn_rad[0])
+        features.append([*(s[1:] / s[0]), rate])
+    table = np.array(features)
+    table[:, 3] /= max(1e-300, np.abs(table[:, 3]).max())
+    chosen = [int(np.argmax([r.duration_s for r in runs]))]
+    while len(chosen) < min(count, len(runs)):
+        distance = np.min(np.linalg.norm(table[:, None] - table[chosen][None], axis=2), axis=1)
+        distance[chosen] = -1
+        chosen.append(int(np.argmax(distance)))
+    return sorted(chosen)

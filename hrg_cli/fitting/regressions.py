@@ -1,0 +1,337 @@
+"""The identification methods of seed A as pooled linear regressions on the runs' envelopes, each by its physical name.
+
+All are linear in the coordinates of `coordinates.py`. The published forms are corrected where PHYSICS §4 shows an error: 1/π and a full
+turn in the rotation integrals, the true rate in fixed axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an
+option), e^{+jωt} throughout. Standard deviations come from sums of the residuals over short blocks, so that correlated derivative noise counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..physics import ellipse
+from .coordinates import COUNT
+from .envelope_runs import EnvelopeRun
+from .likelihood import Freedom
+
+Array = np.ndarray
+ROWS_A_BLOCK = 8
+CIRCULAR = 0.9
+"""|a_B/a_A| above which the axes of the ellipse are too ill-defined for a method that uses them."""
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Rows of one run: Σ columns·p + δ·offset = target; columns (N, 7), offset (N,) of the run's own frequency (0: not needed)."""
+
+    columns: Array
+    target: Array
+    offset: Array
+    weight: Array
+    block: Array
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Coordinates (7,) with NaN where the method does not give them, covariance (7, 7), and what the method has to say about its range."""
+
+    p: Array
+    covariance: Array
+    warnings: list[str] = field(default_factory=list)
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """a_A, a_B, electrical angle mθ, phase φ and their derivatives on the rows of a run; `good` is False beside gaps."""
+
+    run: EnvelopeRun
+    a: Array
+    b: Array
+    angle: Array
+    a_dot: Array
+    b_dot: Array
+    angle_dot: Array
+    rate: Array
+    good: Array
+
+
+def derivative(values: Array, time_s: Array) -> Array:
+    """Central differences on uneven times."""
+    return np.gradient(values, time_s, axis=0)
+
+
+def beside_gap(time_s: Array) -> Array:
+    """True on rows next to a step over three times the median, and on the first and last: no central difference there."""
+    wide = np.diff(time_s) > 3 * np.median(np.diff(time_s))
+    return np.concatenate([[True], wide]) | np.concatenate([wide, [True]])
+
+
+def table_rate(run: EnvelopeRun) -> Array:
+    """Rate on the rows, rad/s."""
+    return derivative(run.turn_rad, run.time_s)
+
+
+def ellipse_of(run: EnvelopeRun) -> Ellipse:
+    """The wave in moving axes, continuous in sign and angle."""
+    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    angle, phase = ellipse.unwrap(angle, phase, 1)
+    t = run.time_s
+    return Ellipse(run, a, b, angle, derivative(a, t), derivative(b, t), derivative(angle, t), table_rate(run), ~beside_gap(t))
+
+
+def _rows(run: EnvelopeRun, columns: list[Array], target: Array, keep: Array, scale: Array | float = 1.0, offset: Array | None = None) -> Equations:
+    step = float(np.median(np.diff(run.time_s)))
+    weight = np.broadcast_to(step / run.std / scale, target.shape)
+    block = np.arange(len(target)) // ROWS_A_BLOCK
+    full = np.stack([np.broadcast_to(c, target.shape) for c in columns], axis=-1)
+    off = np.zeros(len(target)) if offset is None else offset
+    return Equations(full[keep], target[keep], off[keep], weight[keep], block[keep])
+
+
+def _joined(parts: Sequence[Equations]) -> Equations:
+    return Equations(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("columns", "target", "offset", "weight", "block")))
+
+
+def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False) -> Equations:
+    """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D with D of PHYSICS §4 (8) exact.
+
+    `small`: (14), (16): products of the quadrature with a damping split or with the frequency split in ȧ_A are dropped.
+    """
+    w = ellipse_of(run)
+    c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
+    cross = 0.0 if small else 1.0
+    first = _rows(run, [w.a, w.a * c, w.a * s, cross * w.b * s, -cross * w.b * c, zero, zero], -w.a_dot, w.good)
+    second = _rows(run, [w.b, -cross * w.b * c, -cross * w.b * s, -w.a * s, w.a * c, zero, zero], -w.b_dot, w.good)
+    r = w.b / w.a
+    shape = (1 - r**2) * w.a
+    third = _rows(
+        run,
+        [
+            zero,
+            -s * (1 + cross * r**2) * w.a,
+            c * (1 + cross * r**2) * w.a,
+            -2 * r * c * w.a,
+            -2 * r * s * w.a,
+            -w.rate * (shape if not small else w.a),
+            zero,
+        ],
+        w.angle_dot * (shape if not small else w.a),
+        w.good & (w.rate != 0),
+    )
+    # D = νδμ sin χ (1 + r²) − 2rδω cos ζ over (1 − r²), χ = 2mθ − 2mθ_μ: sin χ = s·cos − c·sin of the axis
+    third = Equations(third.columns * np.array([1, -1, -1, 1, 1, 1, 1]), third.target, third.offset, third.weight, third.block)
+    return _joined([first, second, third])
+
+
+def moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A (14), (16)."""
+    return moving_axes(run, eliminate_rate, small=True)
+
+
+def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both channels, K free.
+
+    `eliminate_rate`: the published KΩ := −mθ̇.
+    """
+    u, dot = run.envelope, derivative(run.envelope, run.time_s)
+    keep = ~beside_gap(run.time_s)
+    rate = table_rate(run)
+    known = np.zeros_like(rate)
+    if eliminate_rate:
+        known, rate = -ellipse_of(run).angle_dot, np.zeros_like(rate)
+    parts = []
+    for this, other, sign in ((0, 1, 1.0), (1, 0, -1.0)):
+        turn = np.exp(-1j * np.angle(u[:, this]))
+        x, y = u[:, this] * turn, u[:, other] * turn
+        terms = [-x, -sign * x, -y, 1j * sign * x, 1j * y, sign * rate * y, 0 * y]
+        target = dot[:, this] * turn - sign * known * y
+        for part in (np.real, np.imag):
+            parts.append(_rows(run, [part(v) for v in terms], part(target), keep, offset=part(1j * x)))
+    return _joined(parts)
+
+
+def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Amplitude equations of (17) and the weighted difference of its phase equations, which needs no mean frequency.
+
+    a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ + KΩ·(−sin Δφ))(a_S² − a_C²) + Δν_s sin Δφ (a_C² + a_S²), Δφ = φ_C − φ_S.
+    """
+    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
+    return _channel_products(run, cross.real, cross.imag, np.abs(run.envelope[:, 0]) ** 2, np.abs(run.envelope[:, 1]) ** 2, eliminate_rate, False)
+
+
+def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own power taken off; no A, B, θ is formed."""
+    noise = 2 * run.std**2
+    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
+    c2, s2 = np.abs(run.envelope[:, 0]) ** 2 - noise, np.abs(run.envelope[:, 1]) ** 2 - noise
+    return _channel_products(run, cross.real, cross.imag, c2, s2, eliminate_rate, True)
+
+
+def _channel_products(run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array, eliminate_rate: bool, whole: bool) -> Equations:
+    """½d(a_C²)/dt, ½d(a_S²)/dt and, `whole`, d(a_C a_S e^{jΔφ})/dt, else a_C a_S Δφ̇ alone; x + jy = a_C a_S e^{jΔφ}."""
+    t = run.time_s
+    keep = ~beside_gap(t)
+    rate = table_rate(run)
+    known, zero = np.zeros_like(rate), np.zeros_like(rate)
+    if eliminate_rate:
+        known, rate = -ellipse_of(run).angle_dot, zero
+    size = np.sqrt(np.maximum(c2 + s2, 1e-300))
+    amplitude = [
+        _rows(run, [-c2, -c2, -x, zero, y, rate * x, zero], derivative(c2, t) / 2 - known * x, keep, size),
+        _rows(run, [-s2, s2, -x, zero, -y, -rate * x, zero], derivative(s2, t) / 2 + known * x, keep, size),
+    ]
+    total, difference = c2 + s2, s2 - c2
+    if whole:
+        in_phase = _rows(run, [-2 * x, zero, -total, -2 * y, zero, rate * difference, zero], derivative(x, t) - known * difference, keep, size)
+        quadrature = _rows(run, [-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t), keep, size)
+        return _joined([*amplitude, in_phase, quadrature])
+    product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
+    sin, cos = y / product, x / product
+    left = cos * derivative(y, t) - sin * derivative(x, t)
+    phase = _rows(
+        run, [zero, zero, sin * total, 2 * product, cos * difference, -rate * sin * difference, zero], left + known * sin * difference, keep, size
+    )
+    return _joined([*amplitude, phase])
+
+
+def _increments(run: EnvelopeRun, equations: Sequence[tuple[list[Array], Array]], scale: Array | float) -> Equations:
+    """∫columns dt against the increment of a quantity over an eighth of the run, trapezium rule with its end correction."""
+    t = run.time_s
+    lag = max(2, len(t) // 8)
+    step = np.diff(t)[:, None]
+    parts = []
+    for columns, quantity in equations:
+        full = np.stack([np.broadcast_to(c, quantity.shape) for c in columns], axis=-1)
+        slope = derivative(full, t)
+        pieces = (full[1:] + full[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12
+        area = np.concatenate([np.zeros((1, COUNT)), np.cumsum(pieces, axis=0)])
+        weight = np.broadcast_to(1 / run.std / scale, quantity.shape)[lag:]
+        n = len(t) - lag
+        parts.append(Equations(area[lag:] - area[:-lag], quantity[lag:] - quantity[:-lag], np.zeros(n), weight, np.arange(n) // lag))
+    return _joined(parts)
+
+
+def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A (15) averaged over an interval: increments of a_A, a_B instead of derivatives; K from the increments of mθ·a_A."""
+    w = ellipse_of(run)
+    c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
+    equations = [
+        ([-w.a, -w.a * c, -w.a * s, -w.b * s, w.b * c, zero, zero], w.a),
+        ([-w.b, w.b * c, w.b * s, w.a * s, -w.a * c, zero, zero], w.b),
+    ]
+    if np.ptp(run.turn_rad) > 0:
+        r = w.b / w.a
+        up, down = (1 + r**2) / (1 - r**2), 1 / (1 - r**2)
+        equations.append(([zero, s * up, -c * up, -2 * r * c * down, -2 * r * s * down, -w.rate, zero], w.angle))
+    mean = float(np.mean(w.a))
+    joined = _increments(run, equations, 1.0)
+    rows = len(joined.target) // len(equations)
+    joined.weight[2 * rows :] *= mean
+    return joined
+
+
+def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), over increments; no axes, so circular orbits too; noise power taken off S₀."""
+    s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
+    s0 = s0 - 4 * run.std**2
+    rate, zero = table_rate(run), np.zeros_like(s0)
+    equations = [
+        ([-2 * s0, -2 * s1, -2 * s2, zero, zero, zero, zero], s0),
+        ([-2 * s1, -2 * s0, zero, zero, 2 * s3, 2 * rate * s2, zero], s1),
+        ([-2 * s2, zero, -2 * s0, -2 * s3, zero, -2 * rate * s1, zero], s2),
+        ([-2 * s3, zero, zero, 2 * s2, -2 * s1, zero, zero], s3),
+    ]
+    return _increments(run, equations, np.sqrt(np.maximum(s0, 4 * run.std**2)))
+
+
+METHODS: dict[str, Callable[..., Equations]] = {
+    "moving-axes": moving_axes,
+    "moving-axes-small-quadrature": moving_axes_small_quadrature,
+    "fixed-axes": fixed_axes,
+    "fixed-axes-weighted": fixed_axes_weighted,
+    "increments": increments,
+    "products": products,
+    "stokes": stokes,
+}
+USES_AXES = ("moving-axes", "moving-axes-small-quadrature", "increments", "rotation-integrals")
+
+
+def solve(runs: Sequence[EnvelopeRun], freedom: Freedom, method: str, eliminate_rate: bool = False) -> Regression:
+    """Pooled weighted least squares of one method over all runs, with the block covariance."""
+    reason = out_of_range(runs, method)
+    if reason:
+        return Regression(np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan), refused=reason)
+    designs, targets, groups = [], [], []
+    start = 0
+    for number, run in enumerate(runs):
+        e = METHODS[method](run, eliminate_rate)
+        own = np.zeros((len(e.target), len(runs)))
+        own[:, number] = e.offset
+        shared = e.columns @ freedom.directions
+        designs.append(np.column_stack([shared, own]) * e.weight[:, None])
+        targets.append((e.target - e.columns @ freedom.origin) * e.weight)
+        groups.append(e.block + start)
+        start += int(e.block.max()) + 1 if len(e.block) else 0
+    design, target, group = np.concatenate(designs), np.concatenate(targets), np.concatenate(groups)
+    scale = np.linalg.norm(design, axis=0)
+    used = scale > 0
+    matrix = design[:, used] / scale[used]
+    U, size, Vt = np.linalg.svd(matrix, full_matrices=False)
+    keep = size > 1e-8 * size[0]
+    inverse = (Vt[keep].T / size[keep]) @ U[:, keep].T
+    step = inverse @ target
+    residual = target - matrix @ step
+    influence = inverse * residual
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    sums = np.add.reduceat(influence[:, order], starts, axis=1)
+    covariance = sums @ sums.T * len(starts) / max(1, len(starts) - int(keep.sum()))
+    k = len(freedom.names)
+    z, cov = np.full(design.shape[1], np.nan), np.full((design.shape[1],) * 2, np.nan)
+    z[used] = step / scale[used]
+    cov[np.ix_(used, used)] = covariance / np.outer(scale[used], scale[used])
+    present = np.flatnonzero(np.isfinite(z[:k]))
+    D = freedom.directions[:, present]
+    p = freedom.origin + D @ z[present]
+    p[~(np.abs(D).sum(axis=1) > 0) & (np.abs(freedom.directions).sum(axis=1) > 0)] = np.nan
+    return Regression(p, D @ cov[np.ix_(present, present)] @ D.T, warnings(runs, method, eliminate_rate))
+
+
+def roundness(runs: Sequence[EnvelopeRun]) -> float:
+    """Largest median |a_B/a_A| of the runs."""
+    worst = 0.0
+    for run in runs:
+        a, b, _, _ = ellipse.wave(run.envelope, 1)
+        worst = max(worst, float(np.quantile(np.abs(b) / np.maximum(a, 1e-300), 0.95)))
+    return worst
+
+
+def quadrature_significance(runs: Sequence[EnvelopeRun]) -> float:
+    """Mean (a_B/σ)² above the 1 of pure noise, in its standard errors."""
+    x = np.concatenate([ellipse.wave(r.envelope, 1)[1] / r.std for r in runs])
+    return float((np.mean(x**2) - 1) * np.sqrt(len(x) / 2))
+
+
+def out_of_range(runs: Sequence[EnvelopeRun], method: str) -> str:
+    """Why a method cannot answer with these runs; empty: it can."""
+    r = roundness(runs)
+    if method in USES_AXES and r > CIRCULAR:
+        return f"{method} needs an elongated wave, |a_B/a_A| reaches {r:.2g}; use stokes or likelihood"
+    return ""
+
+
+def warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool) -> list[str]:
+    """Sentences about known biases of a method on these runs."""
+    out = []
+    r = roundness(runs)
+    if method == "moving-axes-small-quadrature" and r > 0.03:
+        out.append(f"moving-axes-small-quadrature drops terms in a_B/a_A, which reaches {r:.2g}: ν and the damping split are biased (seed A 14, 16)")
+    if eliminate_rate and method in ("fixed-axes", "fixed-axes-weighted", "products"):
+        out.append("the published elimination KΩ := −mθ̇ deletes the drift it seeks: the damping split comes out halved (PHYSICS §4); use the true rate")
+    if method in USES_AXES and quadrature_significance(runs) < 3:
+        out.append("the quadrature is lost in the noise: the frequency split is skipped")
+    return out

@@ -1,0 +1,93 @@
+"""Identification of a uniformly turned gyro by integrals over full turns of 2mθ (seed A after (16), corrected).
+
+ν = −⟨d ln a_A/dt⟩, νδμ_c = −(1/π)∮(d ln a_A/dt) cos 2mθ d(2mθ), and for the quadrature wave y = (ȧ_B + νa_B)/a_A:
+δω_c = (1/π)∮ y sin 2mθ d(2mθ), δω_s = −(1/π)∮ y cos 2mθ d(2mθ); K = −mΔθ/∫Ω dt. The paper prints −2∫ and half a turn, which is 3.14 times
+too large and leaks a constant error δν as 4δν/π (PHYSICS §4); a_A is divided out first because it is not constant. The terms in a_B/a_A
+of (15) and the drift in K are put back from the estimates themselves, three times over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .coordinates import COUNT
+from .envelope_runs import EnvelopeRun
+from .regressions import ROWS_A_BLOCK, USES_AXES, Regression, ellipse_of, out_of_range, quadrature_significance
+
+Array = np.ndarray
+METHOD = "rotation-integrals"
+assert METHOD in USES_AXES
+
+
+def solve(runs: Sequence[EnvelopeRun]) -> Regression:
+    """All runs that make at least one full turn of 2mθ, weighted by their turns; refused when none does."""
+    refusal = out_of_range(runs, METHOD)
+    estimates, variances, weights = [], [], []
+    for run in runs:
+        found = None if refusal else one_run(run)
+        if found is not None:
+            estimates.append(found[0])
+            variances.append(found[1])
+            weights.append(found[2])
+    if not estimates:
+        nan = np.full(COUNT, np.nan)
+        refusal = refusal or f"{METHOD} needs a run that turns through a full period of 2mθ; rotate the gyro uniformly for longer"
+        return Regression(nan, np.full((COUNT, COUNT), np.nan), refused=refusal)
+    share = np.array(weights) / np.sum(weights)
+    p = np.tensordot(share, np.array(estimates), 1)
+    covariance = np.tensordot(share**2, np.array(variances), 1)
+    warnings = []
+    if quadrature_significance(runs) < 3:
+        warnings.append("the quadrature is lost in the noise: the frequency split is skipped")
+    return Regression(p, covariance, warnings)
+
+
+def one_run(run: EnvelopeRun) -> tuple[Array, Array, float] | None:
+    """Coordinates (7,), covariance and number of full turns of one run; None without a full turn or when the wave does not turn one way."""
+    w = ellipse_of(run)
+    alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
+    turns = int((alpha[-1] - alpha[0]) / (2 * np.pi))
+    if turns < 1 or np.any(np.diff(alpha) <= 0):
+        return None
+    last = int(np.searchsorted(alpha, alpha[0] + 2 * np.pi * turns))
+    rows = slice(0, min(last + 1, len(alpha)))
+    weight = _trapezium(alpha[rows], 2 * np.pi * turns) / (2 * np.pi * turns)
+    c, s = np.cos(2 * w.angle[rows]), np.sin(2 * w.angle[rows])
+    growth, r = w.a_dot[rows] / w.a[rows], w.b[rows] / w.a[rows]
+    influence = np.zeros((COUNT, len(weight)))
+    influence[0], influence[1], influence[2] = -weight, -2 * weight * c, -2 * weight * s
+    influence[3], influence[4] = 2 * weight * s, -2 * weight * c
+    p = np.zeros(COUNT)
+    for _ in range(4):
+        split, damping = p[3] * s - p[4] * c, p[1] * c + p[2] * s
+        pure = growth + split * r
+        y = w.b_dot[rows] / w.a[rows] + (p[0] - damping) * r
+        p[:3] = influence[:3] @ pure
+        p[3:5] = influence[3:5] @ y
+    left = pure + p[0] + p[1] * c + p[2] * s
+    right = y - p[3] * s + p[4] * c
+    drift = ((p[1] * s - p[2] * c) * (1 + r**2) - 2 * r * (p[3] * c + p[4] * s)) / (1 - r**2)
+    drifted = float(np.sum((drift[1:] + drift[:-1]) / 2 * np.diff(run.time_s[rows])))
+    sums = [np.add.reduceat(influence[i] * (left if i < 3 else right), np.arange(0, len(weight), ROWS_A_BLOCK)) for i in range(5)]
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[:5, :5] = np.array(sums) @ np.array(sums).T
+    turned = run.turn_rad[rows][-1] - run.turn_rad[0]
+    p[5] = -(w.angle[rows][-1] - w.angle[0] - drifted) / turned if turned else np.nan
+    covariance[5, 5] = 2 * (run.std.mean() / w.a[rows].mean() / turned) ** 2 if turned else 0.0
+    return p, covariance, float(turns)
+
+
+def _trapezium(x: Array, length: float) -> Array:
+    """Weights of ∫ over [x₀, x₀ + length] by the trapezium rule, the last step cut where it overshoots."""
+    weight = np.zeros(len(x))
+    step = np.diff(x)
+    weight[:-1] += step / 2
+    weight[1:] += step / 2
+    over = x[-1] - x[0] - length
+    if over > 0:
+        part = over / step[-1]
+        weight[-1] -= step[-1] * part * (1 - part / 2)
+        weight[-2] -= step[-1] * part * part / 2
+    return weight
