@@ -34,7 +34,9 @@ class WindowBasis:
         return self.orthonormal.shape[0] - self.orthonormal.shape[1]
 
 
-def columns(tau_s: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = (), moving: bool = False, scale_s: float = 1.0) -> Array:
+def columns(
+    tau_s: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = (), moving: bool = False, scale_s: float = 1.0
+) -> Array:
     """Basis (n, k) at times from the centre: the wanted pairs, a constant, nuisance pairs, and with `moving` (τ/scale)·the wanted pairs."""
     wanted = pairs(tau_s, frequency_hz)
     parts = [wanted, np.ones((len(tau_s), 1)), pairs(tau_s, nuisance_hz)]
@@ -70,7 +72,9 @@ def window_basis(
         return None
     q, r = np.linalg.qr(matrix)
     inverse = np.linalg.inv(r)[: 2 * len(frequency_hz)]
-    alpha, beta = drag(inverse @ (q.T @ (tau[:, None] * pairs(tau, frequency_hz))))
-    if moving:
-        alpha, beta = 0 * alpha, 0 * beta
-    return WindowBasis(np.ascontiguousarray(q), np.ascontiguousarray(inverse.T), (inverse**2).sum(1), alpha, beta, float(singular[0] / singular[-1]))
+    alpha = beta = np.zeros((len(frequency_hz), len(frequency_hz)), complex)
+    if not moving:
+        alpha, beta = drag(inverse @ (q.T @ (tau[:, None] * matrix[:, : 2 * len(frequency_hz)])))
+    return WindowBasis(
+        np.ascontiguousarray(q), np.ascontiguousarray(inverse.T), (inverse**2).sum(1), alpha, beta, float(singular[0] / singular[-1])
+    )

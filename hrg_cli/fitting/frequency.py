@@ -12,7 +12,7 @@ from .spectrum import chi_square_excess
 
 Array = np.ndarray
 
-PADDING = 4
+PADDING = 2
 """Zero padding of the spectra, so that the parabola through the peak is right within a tenth of a bin."""
 
 
@@ -119,8 +119,12 @@ def refine(time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | Non
         if even:
             inverse = np.linalg.pinv(columns(t[0] - centre[0], f, nuisances(carrier_hz)))[None, : 2 * len(f)]
         else:
-            inverse = np.linalg.pinv(np.stack([columns(row - mid, f, nuisances(carrier_hz)) for row, mid in zip(t, centre, strict=True)]))[:, : 2 * len(f)]
-        fit = np.einsum("wan,cwn->cwa", np.broadcast_to(inverse, (count, *inverse.shape[1:])), y[:, : count * samples].reshape(-1, count, samples))
+            inverse = np.linalg.pinv(np.stack([columns(row - mid, f, nuisances(carrier_hz)) for row, mid in zip(t, centre, strict=True)]))[
+                :, : 2 * len(f)
+            ]
+        fit = np.einsum(
+            "wan,cwn->cwa", np.broadcast_to(inverse, (count, *inverse.shape[1:])), y[:, : count * samples].reshape(-1, count, samples)
+        )
         u = (fit[..., 0::2] - 1j * fit[..., 1::2]) * np.exp(-2j * np.pi * np.multiply.outer(centre, np.asarray(f)))
         cross = (u[:, lag:] * u[:, : count - lag].conj()).sum((0, 1))
         cross = np.where(sign < 0, cross.conj(), cross).sum()

@@ -74,7 +74,9 @@ def chi_square_excess(freedom: float, sigmas: float) -> float:
     return float((1 - c + sigmas * np.sqrt(c)) ** 3)
 
 
-def lines(frequency_hz: Array, density: Array, segments: int, skip_hz: tuple[tuple[float, float], ...] = (), most: int = 32) -> tuple[Array, Array, Array]:
+def lines(
+    frequency_hz: Array, density: Array, segments: int, skip_hz: tuple[tuple[float, float], ...] = (), most: int = 32
+) -> tuple[Array, Array, Array]:
     """Frequencies, amplitudes (lines, channels) and power ratios to the floor of the lines that stand out by six σ; strongest first.
 
     A line is a local maximum of the larger of both channels' ratios; its amplitude is √(2 × power above the floor within two bins).

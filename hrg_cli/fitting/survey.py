@@ -13,7 +13,7 @@ from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray
 
-LOOKS, LOOK_SAMPLES = 32, 1 << 14
+LOOKS, LOOK_SAMPLES = 16, 1 << 14
 """Places along an even recording where the frequency is found, and samples a look."""
 
 UNEVEN_LOOKS, UNEVEN_SAMPLES = 24, 1024
@@ -21,6 +21,8 @@ UNEVEN_LOOKS, UNEVEN_SAMPLES = 24, 1024
 
 NOMINAL_BAND = 0.1
 """A nominal frequency narrows the search to this part of it on either side."""
+
+Spectra = list[tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -67,16 +69,23 @@ def survey(recording: Recording, name: str) -> Survey:
     suspect, refused = _dead(looks, name)
     step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
     if not even and min(np.diff(look.time_s).min() for look in looks) <= 0:
-        raise HrgError(f"{name}: its times do not increase; strictly increasing time_s was expected: sort the samples or drop the repeated ones")
+        raise HrgError(
+            f"{name}: its times do not increase; strictly increasing time_s was expected: sort the samples or drop the repeated ones"
+        )
     rails = (_rail(recording.c, [look.raw[0] for look in looks]), _rail(recording.s, [look.raw[1] for look in looks]))
-    found, ratio, limit, warned = _search(looks, even, step, carrier, recording.nominal_frequency_hz, name)
+    spectra = [finding.even_power(look.y, 1 / step) for look in looks] if even else []
+    found, ratio, limit, warned = _search(looks, spectra, step, carrier, recording.nominal_frequency_hz, name)
     suspect += warned
     if not ratio > limit:
         refused += (
             f"no oscillation stands out of the noise: the highest peak, at {found:.6g} Hz, has {ratio:.3g} times the power around it where {limit:.3g} was expected",
         )
-    track_s, track_hz = _track(looks, even, found, carrier)
-    width = min(len(looks[0].time_s), LOOK_SAMPLES // 4 if len(looks) < 8 else LOOK_SAMPLES) if even else min(len(looks[0].time_s), UNEVEN_SAMPLES // 2)
+    track_s, track_hz = _track(looks, spectra, found, carrier)
+    width = (
+        min(len(looks[0].time_s), LOOK_SAMPLES // 4 if len(looks) < 8 else LOOK_SAMPLES)
+        if even
+        else min(len(looks[0].time_s), UNEVEN_SAMPLES // 2)
+    )
     if len(looks) == 1:
         width = max(min(width, len(looks[0].time_s) // 4), min(64, len(looks[0].time_s)))
     grid = np.fft.rfftfreq(width, step)
@@ -98,7 +107,22 @@ def survey(recording: Recording, name: str) -> Survey:
     line_hz, line_amplitude, line_ratio = lines(grid, spectrum.mean(), spectrum.segments, skip)
     relative = float(np.median(np.sqrt(np.sum(variance, 1) / np.maximum(np.sum(strength, 1), 1e-300))))
     return Survey(
-        reference, carrier, step, track_s, track_hz, rails, noise2, float(np.max(strength)), relative, grid, spectrum.mean(), line_hz, line_amplitude, line_ratio, suspect, refused
+        reference,
+        carrier,
+        step,
+        track_s,
+        track_hz,
+        rails,
+        noise2,
+        float(np.max(strength)),
+        relative,
+        grid,
+        spectrum.mean(),
+        line_hz,
+        line_amplitude,
+        line_ratio,
+        suspect,
+        refused,
     )
 
 
@@ -121,7 +145,9 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
                 y[k, bad[k]] = y[k, ~bad[k]].mean() if not bad[k].all() else 0.0
         looks.append(Look(np.asarray(recording.times(a, a + length), float), y, raw))
     if not looks:
-        raise HrgError(f"{name}: has hardly any finite sample (NaN or infinite values); finite samples of both channels were expected: check the recording")
+        raise HrgError(
+            f"{name}: has hardly any finite sample (NaN or infinite values); finite samples of both channels were expected: check the recording"
+        )
     return looks
 
 
@@ -136,19 +162,22 @@ def _dead(looks: list[Look], name: str) -> tuple[tuple[str, ...], tuple[str, ...
 
 
 def _search(
-    looks: list[Look], even: bool, step_s: float, carrier_hz: float | None, nominal_hz: float | None, name: str
+    looks: list[Look], spectra: Spectra, step_s: float, carrier_hz: float | None, nominal_hz: float | None, name: str
 ) -> tuple[float, float, float, tuple[str, ...]]:
     """Frequency, its power ratio, the ratio needed, and reasons for suspicion."""
     nyquist = 0.5 / step_s
     top = nyquist if carrier_hz is None else nyquist - carrier_hz
     if carrier_hz is not None and not 0 < carrier_hz < nyquist:
-        raise HrgError(f"{name}: its carrier of {carrier_hz:g} Hz is above half the sampling rate ({nyquist:g} Hz); sample faster or correct carrier_hz")
+        raise HrgError(
+            f"{name}: its carrier of {carrier_hz:g} Hz is above half the sampling rate ({nyquist:g} Hz); sample faster or correct carrier_hz"
+        )
     if nominal_hz is not None and not 0 < nominal_hz < top:
         what = "its nominal frequency" if carrier_hz is None else "the sum of its carrier and its nominal frequency"
         value = nominal_hz if carrier_hz is None else nominal_hz + carrier_hz
-        raise HrgError(f"{name}: {what}, {value:g} Hz, is not between 0 and half the sampling rate ({nyquist:g} Hz); sample faster or correct it")
-    if even:
-        spectra = [finding.even_power(look.y, 1 / step_s) for look in looks]
+        raise HrgError(
+            f"{name}: {what}, {value:g} Hz, is not between 0 and half the sampling rate ({nyquist:g} Hz); sample faster or correct it"
+        )
+    if spectra:
         grid, power = spectra[0][0], np.sum([p for _, p in spectra], 0)
     else:
         some = looks[:: max(1, len(looks) // 5)]
@@ -167,23 +196,30 @@ def _search(
         hint, _ = finding.peak(grid, power, 1.5 * resolution, top)
         if not np.isfinite(found):
             found = nominal_hz
-        return found, ratio, limit, (f"nothing stands out within 10 % of the nominal frequency of {nominal_hz:g} Hz; the highest peak lies at {hint:.6g} Hz",)
+        return (
+            found,
+            ratio,
+            limit,
+            (f"nothing stands out within 10 % of the nominal frequency of {nominal_hz:g} Hz; the highest peak lies at {hint:.6g} Hz",),
+        )
     found, ratio = finding.peak(grid, power, 1.5 * resolution, top)
     if not np.isfinite(found):
         found, ratio = finding.peak(grid, power, 0.5 * resolution, top)
     if not np.isfinite(found):
-        raise HrgError(f"{name}: no oscillation between 0 and {top:g} Hz in either channel; a recording of several periods was expected: check it or record longer")
+        raise HrgError(
+            f"{name}: no oscillation between 0 and {top:g} Hz in either channel; a recording of several periods was expected: check it or record longer"
+        )
     return found, ratio, limit, ()
 
 
-def _track(looks: list[Look], even: bool, found: float, carrier_hz: float | None) -> tuple[Array, Array]:
+def _track(looks: list[Look], spectra: Spectra, found: float, carrier_hz: float | None) -> tuple[Array, Array]:
     """Times and frequencies of the looks in which the line is clear."""
     times, frequencies = [], []
-    for look in looks:
+    for number, look in enumerate(looks):
         span = float(look.time_s[-1] - look.time_s[0])
         reach = 0.01 * found + 2 / span
-        if even:
-            grid, power = finding.even_power(look.y, (len(look.time_s) - 1) / span)
+        if spectra:
+            grid, power = spectra[number]
             if carrier_hz is not None:
                 grid, power = finding.fold_carrier(grid, power, carrier_hz)
         else:
@@ -222,6 +258,8 @@ def _stuck_at_top(values: Array) -> bool:
     the sine allows, or the next lower values must be much rarer.
     """
     values = values[np.isfinite(values)]
+    if len(values) < 8 or np.count_nonzero(values == values.max()) < 5:
+        return False
     distinct, counts = np.unique(values, return_counts=True)
     if len(distinct) < 8:
         return False

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -22,8 +22,11 @@ from ..fitting.frequency import bands, nuisances
 from ..fitting.survey import Survey, survey
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods, Recording
 
-CHUNK_SAMPLES = 1 << 16
-"""Samples, about, that share one local basis frequency; results depend on it by less than they do on noise."""
+CHUNK_SAMPLES, CHUNK_WINDOWS = (1 << 16, 1 << 20), 256
+"""Samples, at least and at most, and windows in between, that share one local basis frequency."""
+
+FREQUENCY_STEP = 3e-4
+"""The local frequency is rounded to this part of 1/window, so that steady runs share one basis; the amplitude errs by 4e-8."""
 
 MOVING_PERIODS = 3.0
 """From so many periods a window the basis holds t·cos, t·sin, which then cost no precision."""
@@ -99,10 +102,13 @@ class _Run:
     outside_log: int = 0
     window_s: float = 0.0
     moving: bool = False
+    ahead_hz: float = 0.0
+    kept: tuple[float, WindowBasis] | None = None
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.name = _checked(self.recording)
+        self.course = np.zeros((0, 1), complex)
         self.f = self.survey.reference_hz
         self.carrier = self.survey.carrier_hz
         self.sign = np.array([1.0]) if self.carrier is None else np.array([-1.0, 1.0])
@@ -114,6 +120,28 @@ class _Run:
         time = self.recording.auxiliary_time_s
         self.log_time = np.asarray(time, float) if time is not None and len(time) else None
 
+    def local_hz(self, time_s: float) -> float:
+        """Frequency of the basis at a time: the survey's course, corrected by what the chunk before has shown."""
+        step = FREQUENCY_STEP / self.window_s
+        return float(round((self.survey.frequency_hz(time_s) + self.ahead_hz) / step) * step)
+
+    def follow(self, u: Array, time_s: float) -> None:
+        """Learn from a chunk's envelopes u (channel, rows, F) by how much the frequency differs from the survey's course."""
+        cross = (u[:, 1:] * u[:, :-1].conj()).sum((0, 1))
+        power = float((np.abs(u[:, :-1]) ** 2).sum())
+        total = complex(np.where(self.sign < 0, cross.conj(), cross).sum())
+        if np.isfinite(total) and u.shape[1] > 8 and abs(total) > 0.95 * power:
+            self.ahead_hz = self.f + float(np.angle(total)) / (2 * np.pi * self.window_s) - self.survey.frequency_hz(time_s)
+
+    def basis(self, samples: int, rate: float, local_hz: float) -> WindowBasis:
+        """The shared basis at a local frequency, kept while that stays the same."""
+        if self.kept is None or self.kept[0] != local_hz:
+            basis = window_basis(samples, rate, bands(local_hz, self.carrier), nuisances(self.carrier), self.moving)
+            if basis is None:
+                raise self.too_short()
+            self.kept = (local_hz, basis)
+        return self.kept[1]
+
     def too_short(self) -> HrgError:
         """The sentence for a recording that holds no window."""
         return HrgError(
@@ -121,30 +149,41 @@ class _Run:
             "record longer or set periods_per_window lower"
         )
 
-    def signals(self, fits: fitted.Fits, times: Array, local_hz: float, keep: slice) -> dict[str, Array]:
-        """Rows of a chunk in reference phase with standard deviations; `keep` drops the neighbours fitted only for the slopes."""
-        turn = np.exp(-2j * np.pi * np.fmod(times[:, None] * self.reference, 1.0))
+    def signals(self, fits: fitted.Fits, times: Array, local_hz: float, keep: slice, out: dict[str, Array], rows: slice) -> None:
+        """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops neighbours fitted only for the slopes."""
+        tones = len(self.reference)
+        turn = self.turns(float(times[0]), len(times))
         offset = 2 * np.pi * (local_hz - self.f) * self.sign
-        count, tones = len(times[keep]), len(self.reference)
-        signals, std = np.empty((count, 4 * tones)), np.empty((count, 4 * tones))
-        rms = np.empty((count, 2))
+        u = fitted.to_reference(fits.envelope, turn, offset, self.window_s, fits.alpha, fits.beta)[:, keep]
+        self.follow(u, float(times[0] + times[-1]) / 2)
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
         samples = fits.samples if np.ndim(fits.samples) == 0 else np.maximum(fits.samples[keep], 1)
         variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
-        cos2 = turn[keep].real ** 2
-        factor_p = np.sqrt(variance[:, 0::2] * cos2 + variance[:, 1::2] * (1 - cos2))
-        factor_q = np.sqrt(variance[:, 0::2] * (1 - cos2) + variance[:, 1::2] * cos2)
+        p, q = variance[:, 0::2], variance[:, 1::2]
+        part = turn[keep].real ** 2 * (p - q)
+        factor_p, factor_q = np.sqrt(part + q), np.sqrt(p - part)
         for k in range(2):
-            u = fitted.to_reference(fits.envelope[k], turn, offset, self.window_s, fits.alpha, fits.beta)[keep]
-            here = slice(2 * k * tones, (2 * k + 2) * tones)
-            signals[:, here.start : here.start + tones] = u.real
-            signals[:, here.start + tones : here.stop] = -u.imag
-            sample2 = np.maximum(fitted.pooled_variance(fits.residual2[k][keep], freedom), self.least2(k))
-            sigma = np.sqrt(sample2)[:, None]
-            std[:, here.start : here.start + tones] = sigma * factor_p
-            std[:, here.start + tones : here.stop] = sigma * factor_q
-            rms[:, k] = np.sqrt(fits.residual2[k][keep] / samples)
-        return {"signals": signals, "signals_std": std, "residual_rms": rms}
+            first = 2 * k * tones
+            out["signals"][rows, first : first + tones] = u[k].real
+            np.negative(u[k].imag, out=out["signals"][rows, first + tones : first + 2 * tones])
+            residual2 = fits.residual2[k][keep]
+            sigma = np.sqrt(np.maximum(fitted.pooled_variance(residual2, freedom), self.least2(k)))[:, None]
+            np.multiply(sigma, factor_p, out=out["signals_std"][rows, first : first + tones])
+            np.multiply(sigma, factor_q, out=out["signals_std"][rows, first + tones : first + 2 * tones])
+            np.sqrt(residual2 / samples, out=out["residual_rms"][rows, k])
+        out["time_s"][rows] = times[keep]
+
+    def turns(self, start_s: float, rows: int) -> Array:
+        """e^{−jω_r t} (rows, F) at windows one after another from a centre; the course within a chunk is computed once."""
+        if len(self.course) < rows:
+            self.course = np.exp(-2j * np.pi * np.fmod(np.arange(rows)[:, None] * self.window_s * self.reference, 1.0))
+        return self.course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
+
+    def empty(self, rows: int) -> dict[str, Array]:
+        """A block's columns, to be filled."""
+        signals = 4 * len(self.reference)
+        shapes = {"time_s": (rows,), "signals": (rows, signals), "signals_std": (rows, signals), "residual_rms": (rows, 2)}
+        return {name: np.empty(shape) for name, shape in shapes.items()} | {"flags": np.zeros(rows, "u1")}
 
     def scale(self, k: int) -> float:
         """Unit of a channel a raw count."""
@@ -163,7 +202,9 @@ class _Run:
             return
         residual2 = (rows["residual_rms"] ** 2).sum(1)
         wave2 = (rows["signals"] ** 2).sum(1) / 2
-        far = (residual2 > SETTLING_FACTOR**2 * self.survey.noise2.sum()) & (residual2 > (SETTLING_FACTOR * self.survey.relative_noise) ** 2 * wave2)
+        far = (residual2 > SETTLING_FACTOR**2 * self.survey.noise2.sum()) & (
+            residual2 > (SETTLING_FACTOR * self.survey.relative_noise) ** 2 * wave2
+        )
         start = float(self.recording.times(0, 1)[0])
         far &= times - start < SETTLING_SHARE * (self.duration - start)
         calm = np.flatnonzero(~far & np.isfinite(residual2))
@@ -242,7 +283,7 @@ def _even(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
     run.window_s = samples / rate
     total = len(recording.c) // samples
     pool = fitted.pool_rows(samples - 3)
-    chunk = pool * max(1, CHUNK_SAMPLES // (pool * samples))
+    chunk = pool * max(1, _chunk_samples(samples) // (pool * samples))
     halo = 0 if run.moving else fitted.NEIGHBOURS
     step = chunk * max(1, block_samples // (chunk * samples))
     for first in range(0, total, step):
@@ -250,19 +291,19 @@ def _even(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
         lead = max(0, first - halo)
         raw = [np.asarray(channel[lead * samples : min(last + halo, total) * samples]) for channel in (recording.c, recording.s)]
         suspects = [_beyond(raw[k], run.survey.rails[k]) for k in range(2)]
-        parts = []
+        block = run.empty(last - first)
         for start in range(first, last, chunk):
             stop = min(start + chunk, last)
             low, high = max(0, start - halo), min(stop + halo, total)
             times = (np.arange(low, high) * samples + (samples - 1) / 2) / rate
-            local = run.survey.frequency_hz(float((start + chunk / 2) * samples / rate))
-            basis = _basis(run, samples, rate, local)
+            local = run.local_hz(float((start + chunk / 2) * samples / rate))
+            basis = run.basis(samples, rate, local)
             keep = slice(start - low, stop - low)
             flags = np.zeros(stop - start, "u1")
             envelopes, residuals = [], []
             for k in range(2):
                 piece = raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
-                envelope, residual2 = fitted.fit_even(piece.astype(float), basis)
+                envelope, residual2 = fitted.fit_even(piece, basis)
                 envelopes.append(envelope * run.scale(k))
                 residuals.append(residual2 * run.scale(k) ** 2)
                 flags[~np.isfinite(residual2[keep])] |= FLAG_NOT_FINITE
@@ -270,10 +311,18 @@ def _even(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
                     rail = run.survey.rails[k]
                     flags[(piece[keep].max(1) >= rail[1]) | (piece[keep].min(1) <= rail[0])] |= FLAG_CLIPPED
             fits = fitted.Fits(
-                np.array(envelopes), np.array(residuals), np.asarray(basis.freedom), np.asarray(samples), basis.variance[None], basis.alpha[None], basis.beta[None]
+                np.array(envelopes),
+                np.array(residuals),
+                np.asarray(basis.freedom),
+                np.asarray(samples),
+                basis.variance[None],
+                basis.alpha[None],
+                basis.beta[None],
             )
-            parts.append({"time_s": times[keep], **run.signals(fits, times, local, keep), "flags": flags})
-        yield {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+            rows = slice(start - first, stop - first)
+            run.signals(fits, times, local, keep, block, rows)
+            block["flags"][rows] = flags
+        yield block
 
 
 def _beyond(raw: Array, rail: tuple[float, float]) -> bool:
@@ -283,11 +332,8 @@ def _beyond(raw: Array, rail: tuple[float, float]) -> bool:
     return bool(raw.max() >= rail[1] or raw.min() <= rail[0]) or not bool(np.isfinite(raw.max()))
 
 
-def _basis(run: _Run, samples: int, rate: float, local_hz: float) -> WindowBasis:
-    basis = window_basis(samples, rate, bands(local_hz, run.carrier), nuisances(run.carrier), run.moving)
-    if basis is None:
-        raise run.too_short()
-    return basis
+def _chunk_samples(window: float) -> int:
+    return int(min(max(CHUNK_SAMPLES[0], CHUNK_WINDOWS * window), CHUNK_SAMPLES[1]))
 
 
 def _window_samples(run: _Run, rate: float) -> int:
@@ -327,11 +373,13 @@ def _uneven(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
     run.window_s = width
     span = run.duration - begin + step
     if span > 20 * n * step:
-        raise HrgError(f"{run.name}: its times span {span:.6g} s, but {n} samples at its usual step fill {n * step:.6g} s; a clock that jumps? split the run at its gaps")
+        raise HrgError(
+            f"{run.name}: its times span {span:.6g} s, but {n} samples at its usual step fill {n * step:.6g} s; a clock that jumps? split the run at its gaps"
+        )
     total = int(span / width + 1e-9)
     per_window = width / step
     pool = fitted.pool_rows(per_window - needed)
-    chunk = pool * max(1, int(min(CHUNK_SAMPLES, block_samples) / (pool * per_window)))
+    chunk = pool * max(1, int(_chunk_samples(per_window) / (pool * per_window)))
     halo = 0 if run.moving else fitted.NEIGHBOURS
     reader = _Reader(recording, begin, width, block_samples, run.name)
     for first in range(0, total, chunk):
@@ -339,7 +387,7 @@ def _uneven(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
         low, high = max(0, first - halo), min(last + halo, total)
         time, raw, window = reader.windows(low, high)
         centre = begin + (np.arange(low, high) + 0.5) * width
-        local = run.survey.frequency_hz(begin + (first + chunk / 2) * width)
+        local = run.local_hz(begin + (first + chunk / 2) * width)
         y = np.stack([raw[0] * run.scale(0), raw[1] * run.scale(1)])
         fits = fitted.fit_uneven(time, y, window - low, centre, width, bands(local, run.carrier), nuisances(run.carrier), run.moving)
         keep = slice(first - low, last - low)
@@ -351,13 +399,20 @@ def _uneven(run: _Run, block_samples: int) -> Iterator[dict[str, Array]]:
         for k in range(2):
             rail = run.survey.rails[k]
             flags[window[(raw[k] >= rail[1]) | (raw[k] <= rail[0])] - low] |= FLAG_CLIPPED
-        yield {"time_s": centre[keep], **run.signals(fits, centre, local, keep), "flags": flags[keep]}
+        block = run.empty(last - first)
+        run.signals(fits, centre, local, keep, block, slice(None))
+        block["flags"][:] = flags[keep]
+        yield block
 
 
 def _gaps(time: Array, begin: float, width: float, step: float, low: int, high: int) -> Array:
     """Rows (of low … high − 1) touched by a stretch of more than 2.5 usual steps without a sample."""
     touched = np.zeros(high - low, bool)
-    edges = np.concatenate([[begin + low * width - step], time, [begin + high * width + step]]) if len(time) else np.array([begin, begin + high * width])
+    edges = (
+        np.concatenate([[begin + low * width - step], time, [begin + high * width + step]])
+        if len(time)
+        else np.array([begin, begin + high * width])
+    )
     for k in np.flatnonzero(np.diff(edges) > 2.5 * step):
         a, b = int((edges[k] - begin) / width) - low, int((edges[k + 1] - begin) / width) - low
         touched[max(0, a) : max(0, b) + 1] = True
@@ -388,7 +443,10 @@ class _Reader:
                     "sort the samples or drop the repeated ones"
                 )
             self.time = np.concatenate([self.time, time])
-            self.raw = [np.concatenate([kept, np.asarray(channel[more], float)]) for kept, channel in zip(self.raw, (self.recording.c, self.recording.s), strict=True)]
+            self.raw = [
+                np.concatenate([kept, np.asarray(channel[more], float)])
+                for kept, channel in zip(self.raw, (self.recording.c, self.recording.s), strict=True)
+            ]
             self.read = more.stop
         a, b = np.searchsorted(self.time, [start, stop])
         window = np.clip(((self.time[a:b] - self.begin) / self.width).astype(int), low, high - 1)
