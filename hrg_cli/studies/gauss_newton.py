@@ -103,6 +103,18 @@ def misfits(z: Array, start: Array) -> list[float]:
     return out
 
 
+def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Headings and rows for a person: the iteration and the closed form in both experiments."""
+    rows: list[tuple[Any, ...]] = []
+    for name, title in TITLES.items():
+        result = study[name]
+        counts = ", ".join(f"{k}: {n}" for k, n in result["histogram"].items())
+        spread = f"{result['mean']:.3f} ± {result['mean_std']:.3f}"
+        rows.append((title, "Gauss–Newton", spread, result["max"], result["failures"], f"{result['monotone_fraction']:.3f}", counts))
+        rows.append((title, "closed form", 0, 0, result["closed_form"]["failures"], "", ""))
+    return ("experiment", "solver", "mean evaluations", "most", "failures", "monotone", "evaluations: vectors"), rows
+
+
 def figure(study: dict[str, Any]) -> Figure:
     """Both iteration histograms above; the misfit by iteration of the non-monotone and the monotone case below."""
     from matplotlib.figure import Figure

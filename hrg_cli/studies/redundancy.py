@@ -93,6 +93,21 @@ def _with_defect(x: Array, apply: Defect, size: float) -> Array:
     return from_sidebands(*apply(*sidebands(signals(x)), size))
 
 
+def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Headings and rows for a person."""
+    rows = [
+        (
+            r["defect"],
+            r["meaning"],
+            f"{r['residual_rms_per_unit']:.3f}",
+            f"{r['wave_angle_error_rms_per_unit']:.3f}",
+            "yes" if r["visible"] else "no",
+        )
+        for r in study["defects"]
+    ]
+    return ("defect e", "meaning", "residual rms / e", "wave angle error / e, rad", "visible"), rows
+
+
 def figure(study: dict[str, Any]) -> Figure:
     """Residual and wave angle error of every defect side by side: what is seen against what it does."""
     from matplotlib.figure import Figure

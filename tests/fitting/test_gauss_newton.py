@@ -70,7 +70,7 @@ def test_noisy_vectors_converge_to_the_least_misfit_from_nearby():
     truth[:, 0], truth[:, 1] = 1.0, 0.3 * truth[:, 1]
     z = signals(truth) + 0.01 * np.random.default_rng(9).standard_normal((3000, 8))
     best, misfit = closed_form(z)
-    found = gauss_newton(z, truth + [0, 0, 0.1, 0.1, 0.1], carrier_known=False)
+    found = gauss_newton(z, truth + np.array([0, 0, 0.1, 0.1, 0.1]), carrier_known=False)
     assert (found.evaluations > 1).all()
     np.testing.assert_allclose(found.residual_rms, misfit, rtol=1e-9)
     np.testing.assert_allclose(canonical(found.x)[:, :2], best[:, :2], atol=1e-9)

@@ -1,5 +1,7 @@
 """Levenberg–Marquardt ends at the least misfit and never rises on its way."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from hrg_cli.fitting.closed_form import canonical, closed_form
@@ -23,7 +25,7 @@ def test_from_zero_every_exact_vector_is_solved():
 def test_more_iterations_never_leave_a_greater_misfit():
     z = signals(random_waves(2000, 2)) + 0.2 * np.random.default_rng(3).standard_normal((2000, 8))
     ends = [levenberg_marquardt(z, np.zeros((2000, 5)), max_iterations=k).residual_rms for k in (1, 2, 4, 8, 16)]
-    for earlier, later in zip(ends[:-1], ends[1:], strict=True):
+    for earlier, later in pairwise(ends):
         assert (later <= earlier).all()
 
 
@@ -32,7 +34,7 @@ def test_noisy_vectors_reach_the_closed_form():
     truth[:, 0], truth[:, 1] = 1.0, 0.5 * truth[:, 1]
     z = signals(truth) + 0.02 * np.random.default_rng(5).standard_normal((3000, 8))
     best, misfit = closed_form(z)
-    found = levenberg_marquardt(z, truth + [0, 0, 0.3, 0.3, 0.3])
+    found = levenberg_marquardt(z, truth + np.array([0, 0, 0.3, 0.3, 0.3]))
     assert (found.evaluations > 0).mean() > 0.99
     np.testing.assert_allclose(found.residual_rms, misfit, rtol=1e-9)
     done = found.evaluations > 0
@@ -42,6 +44,6 @@ def test_noisy_vectors_reach_the_closed_form():
 def test_known_carrier_phase_stays():
     x = random_waves(100, 6)
     x[:, 1] *= 0.3
-    found = levenberg_marquardt(signals(x), x + [0, 0, 0.1, 0.1, 0], carrier_known=True)
+    found = levenberg_marquardt(signals(x), x + np.array([0, 0, 0.1, 0.1, 0]), carrier_known=True)
     np.testing.assert_array_equal(found.x[:, 4], x[:, 4])
     assert found.residual_rms.max() < 1e-9

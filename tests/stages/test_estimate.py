@@ -144,7 +144,7 @@ def test_a_known_carrier_phase_is_used():
     wave = collect(estimate(record, carrier_phase_rad=0.9))
     assert (wave.carrier_phase_rad == 0.9).all() and (wave.carrier_phase_rad_std == 0).all()
     assert np.mean(((wave.phase_rad - 0.2) / wave.phase_rad_std) ** 2) == pytest.approx(1, abs=0.3)
-    with pytest.raises(HrgError, match="run 7.*direct"):
+    with pytest.raises(HrgError, match=r"run 7.*direct"):
         collect(estimate(turning(10)[0], carrier_phase_rad=0.9))
 
 
@@ -268,7 +268,7 @@ def test_useless_input_never_looks_like_success(change, status):
     ],
 )
 def test_wrong_periods_are_refused_with_a_sentence(change, words):
-    with pytest.raises(HrgError, match=f"run 7.*{words}"):
+    with pytest.raises(HrgError, match=rf"run 7.*{words}"):
         collect(estimate(turning(100)[0].replace(**change)))
 
 
