@@ -22,7 +22,7 @@ from ..fitting.uncertainty import standard_deviations
 from ..physics.signals import envelopes_of_direct, from_sidebands
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Array, Periods, Wave
 
-BLOCK_ROWS = 65536
+BLOCK_ROWS = 16384
 ITERATIVE = {"gauss-newton": gauss_newton, "levenberg-marquardt": levenberg_marquardt}
 DIRTY = FLAG_CLIPPED | FLAG_GAP | FLAG_NOT_FINITE
 WORSE = 1e-6
