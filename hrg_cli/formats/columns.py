@@ -69,6 +69,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "temperature": ("temperature", "temp", "temperature_degc", "t_degc", "temperatur"),
     "rate": ("rate", "rate_rad_s", "omega", "omega_z", "table rate", "table_rate", "angular rate", "angular_rate"),
     "drive_main": ("drive_main", "drive main", "main drive", "main_drive"),
+    "auxiliary_time": ("auxiliary_time", "aux_time", "log_time", "temperature_time", "temp_time", "auxiliary time"),
     "drive_quadrature": ("drive_quadrature", "drive quadrature", "quadrature drive", "quadrature_drive"),
 }
 """Role -> titles it goes by, in the order of trust."""
@@ -85,6 +86,7 @@ class Roles:
     rate: int | None
     drive_main: int | None
     drive_quadrature: int | None
+    auxiliary_time: int | None = None
 
     def auxiliary(self) -> dict[str, int]:
         """The slow columns present: role -> index."""
@@ -98,27 +100,28 @@ def listing(log: Log) -> str:
     return ", ".join(shown[:20]) + (f" … ({len(shown)} in all)" if len(shown) > 20 else "")
 
 
-def find(log: Log, path: str, asked: dict[str, str | int | None], single: bool) -> Roles:
-    """The column of every role; `asked` names some by title or 1-based number. HrgError: none such, or more than one reading."""
+def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
+    """The column of every role; `asked` names some by title or 1-based number, "none" leaves one out.
+
+    HrgError: no such column, or more than one reading of the log.
+    """
+    left_out = {role for role, wanted in asked.items() if isinstance(wanted, str) and wanted.strip().lower() == "none"}
+    single = "s" in left_out
     taken: dict[str, int | None] = {role: None for role in ALIASES}
     for role, wanted in asked.items():
-        if wanted is not None and not (role == "s" and single):
+        if wanted is not None and role not in left_out:
             taken[role] = _named(log, path, role, wanted)
     numbers = [i for i, channel in enumerate(log.channels) if channel.kind == "number"]
     free = [i for i in range(len(log.channels)) if i not in taken.values() and log.channels[i].kind != "text"]
     for role, titles in ALIASES.items():
-        if taken[role] is None and not (role == "s" and single):
-            taken[role] = next(
-                (
-                    i
-                    for title in titles
-                    for i in free
-                    if log.channels[i].name.lower() == title and (role == "time" or i in numbers)
-                ),
-                None,
+        if taken[role] is None and role not in left_out:
+            told = [i for i in free if log.channels[i].role == role]
+            fitting = told or [i for i in free if role == "time" or i in numbers]
+            taken[role] = (
+                told[0] if told else next((i for title in titles for i in fitting if log.channels[i].name.lower() == title), None)
             )
             free = [i for i in free if i != taken[role]]
-    if taken["time"] is None and log.sample_rate_hz is None:
+    if taken["time"] is None and log.sample_rate_hz is None and "time" not in left_out:
         taken["time"] = _unnamed_time(log, free)
         free = [i for i in free if i != taken["time"]]
     needed = ["c"] if single else ["c", "s"]
@@ -129,7 +132,7 @@ def find(log: Log, path: str, asked: dict[str, str | int | None], single: bool) 
             taken[role] = index
         missing = []
     if missing:
-        if len(numbers) == 1 and not single:
+        if len([i for i in numbers if i != taken["time"]]) == 1 and not single:
             raise HrgError(
                 f'{path}: has one channel only ({listing(log)}), two (C and S) were expected; give s = "none" to import it with S = 0: '
                 "then its frequency and damping can be found, its wave angle cannot"

@@ -14,6 +14,12 @@ from ..errors import HrgError
 Array = np.ndarray
 Blocks = Iterator[list[Array]]
 
+ONE_DEMODULATOR = (
+    "x and y of one demodulator are taken as the two channels; if they are the two phases of one pick-off, "
+    "name the columns of both pick-offs with c and s"
+)
+"""Why a lock-in log of one demodulator is suspect."""
+
 BLOCK_ROWS = 1 << 18
 """Rows read at once where the format lets us choose."""
 
@@ -29,6 +35,10 @@ class Channel:
     add_offset: float = 0.0
     rising: bool = False
     length: int | None = None
+    sample_rate_hz: float | None = None
+    """Its own rate, where a slow channel has one."""
+    role: str = ""
+    """What it is, where the format itself tells."""
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import HrgError
-from . import audio, text
+from . import audio, hdf5, matlab, parquet, tdms, text
 from .log import Log, Reader
 
-READERS: tuple[Reader, ...] = (audio.READER, text.READER)
+READERS: tuple[Reader, ...] = (
+    audio.READER,
+    hdf5.READER,
+    matlab.READER,
+    tdms.READER,
+    parquet.READER,
+    text.READER,
+)
 """To add a format: one file with a READER, one line here. The text reader stays last: it recognises anything readable."""
 
 EXPECTED = "a log was expected: CSV or other text, WAV, FLAC, MATLAB, TDMS, Parquet or HDF5"

@@ -10,6 +10,7 @@ import codecs
 import io
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from ..errors import HrgError
 from .clock import Clock, quantum
 from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
-from .log import Array, Blocks, Channel, Log, Reader
+from .log import ONE_DEMODULATOR, Array, Blocks, Channel, Log, Reader
 from .quantities import time_factor
 
 BLOCK_BYTES = 8 << 20
@@ -44,6 +45,8 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
     rate, reasons = _preamble_rate(dialect)
     if "increment" in [name.lower() for name in dialect.names]:
         rate, channels = _sequence_scope(dialect, channels, rate)
+    if [name.lower() for name in dialect.names[:2]] == ["chunk", "timestamp"]:
+        channels, reasons = _labone(dialect, channels)
     start = next(
         (
             Clock("date", row[i], str(path)).start_time()
@@ -129,6 +132,17 @@ def _sequence_scope(
                 ]
                 return 1 / step, tuple(kept)
     return rate, channels
+
+
+def _labone(dialect: Dialect, channels: tuple[Channel, ...]) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+    """Zurich Instruments LabOne: chunk;timestamp;… with time stamps in ticks of the instrument's clock."""
+    whole = all(row[1].isdigit() for row in dialect.sample)
+    chunk, stamp = (
+        replace(channels[0], kind="text"),
+        replace(channels[1], units="ticks" if whole else channels[1].units, role="time"),
+    )
+    names = [channel.name.lower() for channel in channels]
+    return (chunk, stamp, *channels[2:]), (ONE_DEMODULATOR,) if "x" in names and "y" in names else ()
 
 
 def _quantum(dialect: Dialect, last: list[str], index: int) -> float:

@@ -1,0 +1,117 @@
+"""The slow columns of a log (temperature, rate, drive) as the auxiliary log of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import HrgError
+from .columns import Roles
+from .log import Array, Log
+from .quantities import rate_factor, temperature_scale
+from .readers import guarded
+from .timing import Timing
+
+MOST_OWN_ROWS = 1 << 26
+FIELD = {
+    "rate": "rate_rad_s",
+    "temperature": "temperature_degc",
+    "drive_main": "drive_main",
+    "drive_quadrature": "drive_quadrature",
+}
+"""Role -> field of the recording."""
+
+
+class SlowLog:
+    """Takes the slow columns block by block beside the channels and hands over auxiliary rows in SI units.
+
+    Columns as long as the channels are averaged over groups of rows so that about `most` rows remain; columns with times of
+    their own go out with the first block; constants stand at the first and last time.
+    """
+
+    def __init__(
+        self,
+        log: Log,
+        roles: Roles,
+        *,
+        rate_units: str | None,
+        temperature_units: str | None,
+        rate_scale_factor: float,
+        constants: dict[str, float | None],
+        most: int,
+    ) -> None:
+        self.log, self.roles = log, roles
+        self.constants = {role: value for role, value in constants.items() if value is not None}
+        for role in self.constants:
+            if role in roles.auxiliary():
+                raise HrgError(f"a {role} column and constant_{FIELD[role]} were both given; leave one out")
+        self.scales: dict[str, tuple[float, float]] = {}
+        for role, index in roles.auxiliary().items():
+            channel = log.channels[index]
+            factor, offset = 1.0, 0.0
+            if role == "rate":
+                factor = rate_scale_factor * rate_factor(rate_units or channel.units or "rad/s")
+            if role == "temperature":
+                factor, offset = temperature_scale(temperature_units or channel.units or "degC")
+            self.scales[role] = (factor * channel.scale_factor, factor * channel.add_offset + offset)
+        own = roles.auxiliary_time is not None or any(
+            log.channels[i].length != log.channels[roles.c].length for i in roles.auxiliary().values()
+        )
+        self.own = own and bool(self.scales)
+        self.indexes = [] if self.own else list(roles.auxiliary().values())
+        self.every = max(1, -(-(log.rows or 0) // most))
+        self.left: list[Array] | None = None
+
+    def block(self, path: Path, timing: Timing, times: Array, columns: list[Array], first: bool, last: bool) -> dict[str, Array]:
+        """Auxiliary rows of one block: field name -> values."""
+        if self.own:
+            return self._with_constants(self._own_rows(path, timing) if first else [np.empty(0)] * (1 + len(self.scales)))
+        if not self.indexes:
+            rows = ([times[0]] if first else []) + ([times[-1]] if last and not (first and len(times) == 1) else [])
+            return self._with_constants([np.array(rows, float)]) if self.constants else {}
+        stacked = [times, *self._converted(columns)]
+        if self.left is not None:
+            stacked = [np.concatenate(pair) for pair in zip(self.left, stacked)]
+        whole = len(stacked[0]) if last else len(stacked[0]) // self.every * self.every
+        self.left = [values[whole:] for values in stacked]
+        grouped = [_means(values[:whole], self.every) for values in stacked]
+        seen = ~np.all([np.isnan(values) for values in grouped[1:]], axis=0)
+        return self._with_constants([values[seen] for values in grouped])
+
+    def _converted(self, columns: list[Array]) -> list[Array]:
+        return [np.asarray(values, float) * factor + offset for values, (factor, offset) in zip(columns, self.scales.values())]
+
+    def _with_constants(self, stacked: list[Array]) -> dict[str, Array]:
+        found = {"auxiliary_time_s": stacked[0], **{FIELD[role]: values for role, values in zip(self.scales, stacked[1:])}}
+        return found | {FIELD[role]: np.full(len(stacked[0]), value) for role, value in self.constants.items()}
+
+    def _own_rows(self, path: Path, timing: Timing) -> list[Array]:
+        indexes = list(self.roles.auxiliary().values())
+        clock = self.roles.auxiliary_time
+        rows = self.log.channels[indexes[0]].length or 0
+        if rows > MOST_OWN_ROWS:
+            raise HrgError(f"{path}: its slow columns have {rows} rows, {MOST_OWN_ROWS} at the most were expected; thin them out")
+        with guarded(path, self.log.format):
+            blocks = list(self.log.read([*indexes, *([] if clock is None else [clock])]))
+        joined = [np.concatenate([np.asarray(b[k], float) for b in blocks]) for k in range(len(blocks[0]))]
+        if clock is None:
+            times = np.arange(rows) / (self.log.channels[indexes[0]].sample_rate_hz or 1.0)
+        else:
+            times = joined.pop() * timing.factor - timing.first
+        if len(times) > 1 and not np.all(np.diff(times) > 0):
+            row = int(np.argmin(np.diff(times) > 0)) + 2
+            raise HrgError(
+                f"{path}: the times of its slow columns do not rise at their row {row}; sort the log or leave the columns out"
+            )
+        return [times, *self._converted(joined)]
+
+
+def _means(values: Array, every: int) -> Array:
+    """Means of groups of rows without their NaN, the last group perhaps shorter."""
+    if every == 1 or len(values) == 0:
+        return values
+    starts = np.arange(0, len(values), every)
+    finite = np.isfinite(values)
+    sums, counts = np.add.reduceat(np.where(finite, values, 0.0), starts), np.add.reduceat(finite.astype(int), starts)
+    return np.divide(sums, counts, out=np.full(len(starts), np.nan), where=counts > 0)
