@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..records import Array, Periods, Recording
-from .figures import INK, MUTED, SERIES, Plot, dots, labels, legend, line, note, number, panels, spread, time_unit
+from .figures import INK, MUTED, SERIES, Plot, dots, labels, legend, line, log_axis, note, number, panels, spread, time_unit
 
 LOOKS, LOOK_SAMPLES = 48, 1 << 13
 SPECTRUM_BINS = 700
@@ -86,23 +86,19 @@ def _strongest(signal: Array, rate_hz: float) -> float:
 def _overview(record: Recording, looks: list[Look]) -> Plot:
     figure, axes = panels(2, 1, height=1.75, sharex=True)
     factor, unit = time_unit(looks[-1].time_s[-1])
-    centre = np.array([look.time_s.mean() for look in looks]) * factor
+    pieces = max(1, 200 // len(looks))
+    centre = np.concatenate([[part.mean() for part in np.array_split(look.time_s, pieces)] for look in looks]) * factor
     said = []
     for i, (ax, channel, units) in enumerate(zip(axes[:, 0], "CS", (record.c_units, record.s_units))):
-        if len(looks) == 1:
-            line(ax, looks[0].time_s * factor, looks[0].signal[i], i)
-        else:
-            low = np.array([look.signal[i].min() for look in looks])
-            high = np.array([look.signal[i].max() for look in looks])
-            ax.fill_between(centre, low, high, color=SERIES[i], alpha=0.35, lw=0)
-            ax.plot(centre, low, color=SERIES[i], lw=0.9)
-            ax.plot(centre, high, color=SERIES[i], lw=0.9)
-        extreme = np.array([f(look.signal[i]) for look in looks for f in (np.min, np.max)])
-        said.append(f"channel {channel} runs from {spread(extreme)} {_unit(units)}")
+        parts = [part for look in looks for part in np.array_split(look.signal[i], pieces)]
+        low, high = (np.array([f(part) for part in parts]) for f in (np.min, np.max))
+        ax.fill_between(centre, low, high, color=SERIES[i], alpha=0.35, lw=0)
+        ax.plot(centre, low, color=SERIES[i], lw=0.8)
+        ax.plot(centre, high, color=SERIES[i], lw=0.8)
+        said.append(f"channel {channel} runs from {spread(np.concatenate([low, high]))} {_unit(units)}")
         labels(ax, y=f"{channel}, {_unit(units)}", title=f"Channel {channel}")
     axes[1, 0].set_xlabel(f"time, {unit}")
-    if len(looks) > 1:
-        note(axes[0, 0], f"lowest and highest of {len(looks)} looks of {len(looks[0].time_s)} samples")
+    note(axes[0, 0], f"lowest and highest, from {len(looks)} looks of {len(looks[0].time_s)} samples")
     words = f"Both channels over {number(looks[-1].time_s[-1] * factor)} {unit}: {'; '.join(said)}."
     return Plot("channels", "Channels against time", words, figure)
 
@@ -113,7 +109,7 @@ def _unit(units: str) -> str:
 
 def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
     """A few periods of S against C at the start, the middle and the end."""
-    figure, axes = panels(1, 3, height=2.75, sharey=True, sharex=True)
+    figure, axes = panels(1, 3, height=2.85, sharey=True, sharex=True)
     factor, unit = time_unit(looks[-1].time_s[-1])
     said = []
     reach = 1e-300
@@ -121,7 +117,7 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
         periods = max(8, int(round(4 * look.rate_hz / frequency))) if frequency > 0 else 64
         middle = len(look.time_s) // 2
         part = look.signal[:, max(0, middle - periods // 2) : middle + periods // 2 + 1]
-        dots(ax, part[0], part[1], i, s=7, alpha=0.8, points=600)
+        dots(ax, part[0], part[1], i, size=2.4, alpha=0.8)
         closed = part if part.shape[1] <= 600 else part[:, :600]
         ax.plot(closed[0], closed[1], color=SERIES[i], lw=0.5, alpha=0.5)
         centred = part - part.mean(1, keepdims=True)
@@ -129,8 +125,7 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
         angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180 / record.mode_number
         ratio = np.sqrt(max(values[0], 0.0) / values[1]) if values[1] > 0 else 0.0
         ax.set_aspect("equal", adjustable="box")
-        labels(ax, x=f"C, {_unit(record.c_units)}", title=f"at {number(look.time_s[middle] * factor, 3)} {unit}")
-        note(ax, f"θ {angle:.1f}°, axes {ratio:.2g} : 1")
+        labels(ax, x=f"C, {_unit(record.c_units)}", title=f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 : {number(ratio, 2)}")
         said.append(f"at {number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave angle of {angle:.1f}° and the minor axis is {ratio:.2g} of it")
         reach = max(reach, 1.08 * float(np.abs(part).max()))
     axes[0, 0].set_xlim(-reach, reach)
@@ -157,9 +152,10 @@ def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:
     floor = np.sqrt(np.median(left[:, 1:], axis=1))
     for i, (ax, channel) in enumerate(zip(axes[:, 0], "CS")):
         x, top = _thinned(axis[1:], np.sqrt(raw[i, 1:]))
-        ax.semilogy(x, top, color=SERIES[i], lw=0.9, label="raw")
+        ax.semilogy(x, top, color=SERIES[i], lw=1.0, label="raw")
         x, top = _thinned(axis[1:], np.sqrt(left[i, 1:]))
-        ax.semilogy(x, top, color=INK, lw=0.7, alpha=0.8, label="residual of a local fit")
+        ax.semilogy(x, top, color=MUTED, lw=0.8, label="residual of a local fit")
+        log_axis(ax.yaxis)
         labels(ax, y=f"{channel}, {_unit(record.c_units if i == 0 else record.s_units)}/√Hz", title=f"Channel {channel}")
         legend(ax, loc="upper right", ncols=2)
     axes[1, 0].set_xlabel("frequency, Hz")
@@ -290,5 +286,6 @@ def residual_spectrum(record: Periods) -> Plot:
         ax.plot(at, top * 1.4, "v", color=MUTED, ms=4, label="stands out")
         words += " Lines stand out at " + ", ".join(f"{number(f, 5)} Hz" for f in at) + "."
     labels(ax, x="frequency, Hz", y=f"{_unit(record.units)}/√Hz")
+    log_axis(ax.yaxis)
     legend(ax, ncols=3)
     return Plot("residual-spectrum", "Spectrum of the demodulation's residual", words, figure)

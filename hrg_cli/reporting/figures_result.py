@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from ..records import Array, Calibration, Compensated, Diagnosis, Resonator
 from ..units import DEGREE_PER_HOUR
 from .allan import allan_deviation
-from .figures import INK, MUTED, SERIES, Plot, chosen, dots, labels, legend, line, note, number, panels, scatter_with_mean, spread, time_unit
+from .figures import INK, MUTED, SERIES, Plot, chosen, labels, legend, line, log_axis, note, number, panels, scatter_with_mean, spread, time_unit
 
 
 def details(text: str) -> Any:
@@ -171,6 +171,7 @@ def _ladder(ladder: list[Any]) -> Plot:
         if len(finite) and finite.max() > 20 * finite.min():
             ax.set_xscale("log")
             ax.set_xlim(finite.min() / 3, finite.max() * 6)
+            log_axis(ax.xaxis)
         else:
             ax.set_xlim(0, (finite.max() if len(finite) else 1) * 1.25)
         for i, value in enumerate(values):
@@ -241,6 +242,8 @@ def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
         said.append(f"{name}: {number(float(deviation[0]), 3)} °/h at {number(float(tau[0]), 3)} s, lowest {number(float(deviation[best]), 3)} °/h at {number(float(tau[best]), 3)} s")
     labels(ax, x="averaging time τ, s", y="Allan deviation, °/h")
     ax.grid(True, which="both")
+    log_axis(ax.xaxis)
+    log_axis(ax.yaxis)
     legend(ax)
     note(ax, "band: ± standard error")
     return Plot("allan", "Allan deviation of the rate error", "; ".join(said) + ".", figure)
@@ -282,6 +285,7 @@ def _ranking(report: Any) -> Plot:
     if values.max(initial=1.0) > 50:
         ax.set_xscale("log")
         ax.set_xlim(0.3, values.max() * 3)
+        log_axis(ax.xaxis)
     else:
         ax.set_xlim(0, max(5.0, values.max(initial=1.0)) * 1.15)
     for i, z in enumerate(values):
@@ -339,12 +343,8 @@ def _residuals(record: Diagnosis, name: str, k: int) -> Plot:
             against.append((label, np.asarray(values) * scale))
     figure, axes = panels(1, len(against), height=2.3, width=8.2, sharey=True)
     for ax, (label, x) in zip(axes[0], against):
-        dots(ax, x, before, 1, alpha=0.15, s=4)
+        scatter_with_mean(ax, x, before, 1, "before")
         scatter_with_mean(ax, x, after, 0, "after")
-        from .figures import binned
-
-        centre, mean, error = binned(x, before)
-        ax.errorbar(centre, mean, error, color=SERIES[1], fmt="s-", ms=2.4, lw=1.0, label="before")
         ax.axhline(0, color=INK, lw=0.5)
         labels(ax, x=label)
     both = np.concatenate([before, after])

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..records import Array, Recording, Wave
 from ..units import DEGREE_PER_HOUR
-from .figures import INK, SERIES, Plot, labels, legend, line, note, number, panels, scatter_with_mean, spread, time_unit
+from .figures import INK, SERIES, Plot, envelope, labels, legend, line, note, number, panels, scatter_with_mean, spread, time_unit
 from .figures_recording import residual_spectrum
 
 INCREMENTS = 900
@@ -71,8 +71,9 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
         expected = None if truth is None else getattr(truth, f"truth_{name}", None)
         if expected is not None and truth is not None and truth.truth_time_s is not None:
             shift = _branch(record, name, values, time, np.asarray(truth.truth_time_s), np.asarray(expected) * scale, scale)
-            line(ax, np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift, 1, "truth", linestyle=(0, (4, 3)), lw=1.3)
-            legend(ax)
+            ax.plot(*envelope(np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift), color=INK, lw=1.2, ls=(0, (3, 4)), label="truth")
+            if k == 0:
+                legend(ax)
         labels(ax, y=label, title=title)
         said.append(f"{title} {spread(values)} {label.partition(', ')[2]}")
     axes[-1, 0].set_xlabel(f"time, {unit}")
