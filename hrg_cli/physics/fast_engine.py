@@ -44,7 +44,7 @@ def run(environment: Environment, plant: Plant, control: Control, start: Array, 
     substeps = max(1, math.ceil((_STEPS_A_PERIOD_NONLINEAR if nonlinear else _STEPS_A_PERIOD) * mechanics.frequency_hz * step_s)) if nonlinear or control.forced else 1
     h = step_s / substeps
     table = Coefficients(environment, plant)
-    memory = np.zeros(8)
+    memory = np.zeros(12)
     z0, w0 = state_of(table, np.zeros(1), start[None], omega)
     n0 = table.damping(np.zeros(1))[0]
     memory[0:2] = z0[0]
@@ -104,8 +104,10 @@ class Coefficients:
         mean_omega = np.sqrt((self._w[:, 0] + self._w[:, 3]) / 2)
         rates = np.column_stack([self._n, self._w / (2 * mean_omega[:, None]), self._k * self._rate])
         steps = np.diff(self._t)
-        slopes = np.abs(np.diff(rates, axis=0)) / np.where(steps > 0, steps, np.inf)[:, None]
-        self._slope = float(slopes.max()) if slopes.size else 0.0
+        slopes = np.diff(rates, axis=0) / np.where(steps > 0, steps, np.inf)[:, None]
+        self._slope = float(np.abs(slopes).max()) if slopes.size else 0.0
+        self.corner = float(np.abs(np.diff(slopes, axis=0)).max()) if len(slopes) > 1 else 0.0
+        """Largest bend of any coefficient between two rows of the grid, 1/s²."""
         self.moving = bool(np.ptp(rates, axis=0).any()) if k else False
 
     def damping(self, t: Array) -> Array:
@@ -227,8 +229,9 @@ def _acceleration(t: float, x: float, y: float, vx: float, vy: float, c: Array) 
 def _advance(
     memory, knots, propagators, local, n, substeps, h, first, scale, polynomial, nonlinear, kinds, gains, drive_matrix, parasitic, off, z, v, drive, command
 ):  # type: ignore[no-untyped-def]  # fmt: skip
-    """n samples of `substeps` steps; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last e_A."""
+    """n samples of `substeps` steps; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last e_A and force."""
     x, y, px, py = memory[0], memory[1], memory[2], memory[3]
+    gx, gy = memory[8] + 1j * memory[9], memory[10] + 1j * memory[11]
     moving = len(knots) > 1
     P = propagators[0].copy()
     q = local[0].copy()
@@ -251,13 +254,21 @@ def _advance(
             vx, vy = scale * px + q[5] * y, scale * py - q[5] * x
             ax, ay = _acceleration(t, x, y, vx, vy, polynomial)
             ax, ay = _acceleration(t, x, y, vx + 0.5 * h * ax, vy + 0.5 * h * ay, polynomial)
-        fx, fy = 0j, 0j
+        fx, fy, hx, hy = 0j, 0j, 0j, 0j
+        sampled = 0.0
         main, quadrature = 0.0, 0.0
         if forced:
             while gap < len(off) and t >= off[gap, 1]:
                 gap += 1
             if not (gap < len(off) and t >= off[gap, 0]):
-                wx, wy = (scale * px + q[1] * x + q[2] * y) / omega, (scale * py + q[3] * x + q[4] * y) / omega
+                # The loops look at the middle of the kick, as expected from the last one. There the momentum holds the force's
+                # part of u' too, by a factor that sampling makes ωh·cot ωh; left inside, it would ripple at 2ω through the gains.
+                angle = omega * h
+                sampled = angle / math.tan(angle)
+                step = math.cos(angle) + 1j * math.sin(angle)
+                gx, gy = gx * step, gy * step
+                wx = (scale * px - angle * gx.imag - sampled * gx.real + q[1] * x + q[2] * y) / omega
+                wy = (scale * py - angle * gy.imag - sampled * gy.real + q[3] * x + q[4] * y) / omega
                 ux, uy = x - 1j * wx, y - 1j * wy
                 s0, s1 = x * x + wx * wx + y * y + wy * wy, x * x + wx * wx - y * y - wy * wy
                 s2, s3 = 2 * (x * y + wx * wy), 2 * (x * wy - wx * y)
@@ -298,8 +309,14 @@ def _advance(
                         side = -1j * turn * (gains[8] - 1j * gains[9]) * quadrature
                         fx -= side * sin
                         fy += side * cos
-                    ax -= 2 * omega * (drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy + parasitic[0] * turn).imag
-                    ay -= 2 * omega * (drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy + parasitic[1] * turn).imag
+                    hx = drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy + parasitic[0] * turn
+                    hy = drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy + parasitic[1] * turn
+                    ax -= 2 * omega * hx.imag
+                    ay -= 2 * omega * hy.imag
+        gx, gy = hx, hy
+        if first + i == 0:
+            px += sampled * gx.real / scale
+            py += sampled * gy.real / scale
         kick = h / scale
         if i % substeps == 0:
             m = i // substeps
@@ -307,7 +324,8 @@ def _advance(
             if first + i == 0:
                 mx, my = px, py
             z[0, m], z[1, m] = x, y
-            v[0, m], v[1, m] = (scale * mx + q[1] * x + q[2] * y) / omega, (scale * my + q[3] * x + q[4] * y) / omega
+            v[0, m] = (scale * mx + q[1] * x + q[2] * y - sampled * gx.real) / omega
+            v[1, m] = (scale * my + q[3] * x + q[4] * y - sampled * gy.real) / omega
             drive[0, m], drive[1, m] = fx, fy
             command[0, m], command[1, m] = main, quadrature
         if first + i == 0:
@@ -321,6 +339,7 @@ def _advance(
             P[3, 0] * x + P[3, 1] * y + P[3, 2] * px + P[3, 3] * py,
         )
     memory[0], memory[1], memory[2], memory[3] = x, y, px, py
+    memory[8], memory[9], memory[10], memory[11] = gx.real, gx.imag, gy.real, gy.imag
 
 
 @functools.lru_cache(maxsize=16)

@@ -23,6 +23,10 @@ SlowTerm = Callable[[Array, SlowState], Array]
 _STEP_ANGLE = 0.05
 """|largest rate| × step."""
 _LONGEST_STEP_S = 0.02
+_SWITCHED_STEP_S = 0.001
+_CORNER_ERROR = 1e-6
+"""Angle by which a step may miss a corner of the environment."""
+_DERIVATIVE_S = 1e-3
 
 
 @dataclass
@@ -37,7 +41,7 @@ class SlowTerms:
 class _Clock:
     """The environment as an effect may see it at any times: temperature with its slope and branch, rate and turned angle."""
 
-    def __init__(self, environment: Environment, plant: Plant, control: Control) -> None:
+    def __init__(self, environment: Environment, plant: Plant) -> None:
         self._t, self._T, self._rate = (np.asarray(a, float) for a in (environment.time_s, environment.temperature_degc, environment.rate_rad_s))
         steps = np.diff(self._t)
         self._slope = np.diff(self._T) / np.where(steps > 0, steps, np.inf)
@@ -45,7 +49,7 @@ class _Clock:
         last = np.maximum.accumulate(np.where(signs != 0, np.arange(len(signs)), -1))
         self._branch = np.where(last >= 0, signs[np.maximum(last, 0)], 0.0)
         self._angle = np.concatenate([[0.0], np.cumsum(steps * (self._rate[1:] + self._rate[:-1]) / 2)])
-        self._plant, self._control = plant, control
+        self._plant = plant
 
     def state(self, t: Array, force: Array, forced: Array, phase: Array) -> SlowState:
         """Everything an effect's slow term may look at, at times t."""
@@ -63,78 +67,41 @@ def run(
     environment: Environment, plant_at: Callable[[Environment], Plant], control: Control, terms: SlowTerms, start: Array, step_s: float, count: int
 ) -> Iterator[Block]:
     """As `fast_engine.run`, from the envelopes. plant_at: the linear plant of any environment (true temperature and rate may differ from the logged)."""
-    plant = plant_at(environment)
-    clock = _Clock(environment, plant, control)
-    omega_r = plant.mechanics.omega_rad_s
-    stride = _stride(environment, plant, control, step_s)
+    motion = _Motion(environment, plant_at, control, terms)
+    omega_r = motion.plant.mechanics.omega_rad_s
+    stride = _stride(environment, motion.plant, control, step_s)
     h = stride * step_s
-    u, integral, near = np.asarray(start, complex), np.zeros(2), np.array([1.0, 0.0])
-    feed = plant.mechanics.damping_rate_1_s
-
-    def generators(t: Array) -> Array:
-        state = clock.state(t, np.zeros((len(t), 2)), np.zeros(len(t)), np.zeros(len(t)))
-        for change in terms.environment:
-            state = change(state)
-        local = Environment(t, state.temperature_degc, state.rate_rad_s, state.temperature_degc, state.rate_rad_s)
-        there = plant_at(local)
-        damping = there.damping - (there.scale_factor * local.rate_rad_s)[:, None, None] * J
-        return solvent(damping, there.stiffness, omega_r)
-
-    lively = control.forced or len(terms.motion) > 0
-
-    def beside(t: float, u: Array, integral: Array, near: Array) -> tuple[Array, Array, Drive | None]:
-        """du/dt beside L u, the integrals' change, and the drive."""
-        on = is_on(control, t)
-        action = drive(control, feed, u, integral, near) if on else None
-        du = action.du if action else np.zeros(2, complex)
-        if terms.motion:
-            turn = principal(u, near)[4] if np.any(u) else 1.0 + 0j
-            force = action.force if action else np.zeros(2, complex)
-            state = clock.state(np.array([t]), force[None], np.array([float(on)]), np.array([np.angle(turn)]))
-            for change in terms.environment:
-                state = change(state)
-            for term in terms.motion:
-                du = du + term(u[None], state)[0]
-        return du, action.integral_rate if action else np.zeros(2), action
-
+    u, memory = np.asarray(start, complex), _Memory(np.zeros(2), np.array([1.0, 0.0]))
     for first in range(0, count, CHUNK):
         n = min(CHUNK, count - first)
         steps = -(-n // stride)
         t = (first + np.arange(steps + 1) * stride) * step_s
-        nodes = generators(t)
-        first_half, second_half = exponential(generators(t[:-1] + h / 4), h / 2), exponential(generators(t[:-1] + 3 * h / 4), h / 2)
+        nodes, corrections = motion.generators(t)
+        halves = exponential(motion.generators(t[:-1] + h / 4)[0], h / 2), exponential(motion.generators(t[:-1] + 3 * h / 4)[0], h / 2)
+        middle = motion.generators(t[:-1] + h / 2)[1]
         path, slope = np.empty((steps + 1, 2), complex), np.empty((steps + 1, 2), complex)
         force, command, phase = np.zeros((steps + 1, 2), complex), np.zeros((steps + 1, 2)), np.zeros(steps + 1)
         for k in range(steps + 1):
-            k1, i1, action = beside(t[k], u, integral, near) if lively else (0.0, 0.0, None)
-            if lively and np.any(u):
-                _, _, near, _, turn = principal(u, near)
-                phase[k] = np.angle(turn)
-            path[k], slope[k] = u, nodes[k] @ u + k1
+            du, action, phase[k] = motion.look(t[k], u, memory, corrections[k])
+            path[k], slope[k] = u, nodes[k] @ u + du
             if action is not None:
                 force[k], command[k] = action.force, action.command
             if k == steps:
                 break
-            E1, E2 = first_half[k], second_half[k]
-            if not lively:
-                u = E2 @ (E1 @ u)
-                continue
-            middle = t[k] + h / 2
-            base = E1 @ u
-            k2, i2, _ = beside(middle, base + h / 2 * (E1 @ k1), integral + h / 2 * i1, near)
-            k3, i3, _ = beside(middle, base + h / 2 * k2, integral + h / 2 * i2, near)
-            k4, i4, _ = beside(t[k + 1], E2 @ (base + h * k3), integral + h * i3, near)
-            u = E2 @ (base + h / 6 * (E1 @ k1) + h / 3 * (k2 + k3)) + h / 6 * k4
-            integral = integral + h / 6 * (i1 + 2 * i2 + 2 * i3 + i4)
+            inside = motion.switches[(motion.switches > t[k]) & (motion.switches < t[k + 1])]
+            if len(inside):
+                u = motion.across(t[k], t[k + 1], inside, u, memory)
+            elif motion.lively:
+                u = motion.step(t[k], h, halves[0][k], halves[1][k], (corrections[k], middle[k], corrections[k + 1]), u, memory)
+            else:
+                u = halves[1][k] @ (halves[0][k] @ u)
         times = (first + np.arange(n)) * step_s
         cell, part = np.divmod(np.arange(n), stride)
         x = (part / stride)[:, None]
         values = _hermite(path, slope * h, cell, x)
         drives = force[cell] * (1 - x) + force[cell + 1] * x
         commands = command[cell] * (1 - x) + command[cell + 1] * x
-        state = clock.state(times, drives, np.any(commands != 0, axis=1).astype(float), phase[cell])
-        for change in terms.environment:
-            state = change(state)
+        state = motion.state(times, drives, np.any(commands != 0, axis=1).astype(float), phase[cell])
         seen = values
         for term in terms.readout:
             seen = term(seen, state)
@@ -142,8 +109,96 @@ def run(
         q = (seen * turn).T
         samples = Samples(times, q.real, -q.imag, (drives * turn).T, state.temperature_degc, state.rate_rad_s)
         yield Block(samples, commands.T, values.__getitem__)
-        if first + n < count:
-            u = path[-1]
+
+
+@dataclass
+class _Memory:
+    """What the loops remember: their two integrals and the last e_A."""
+
+    integral: Array
+    near: Array
+
+
+class _Motion:
+    """The right-hand side u' = L u + control + slow terms in its environment, and one step of it."""
+
+    def __init__(self, environment: Environment, plant_at: Callable[[Environment], Plant], control: Control, terms: SlowTerms) -> None:
+        self._plant_at, self._control, self._terms = plant_at, control, terms
+        self.plant = plant_at(environment)
+        self._clock = _Clock(environment, self.plant)
+        self._feed = self.plant.mechanics.damping_rate_1_s
+        self.lively = control.forced or len(terms.motion) > 0
+        self.switches = np.unique(control.on_off) if control.forced else np.zeros(0)
+
+    def state(self, t: Array, force: Array, forced: Array, phase: Array) -> SlowState:
+        """What the effects see at times t, the environment made true by theirs."""
+        state = self._clock.state(t, force, forced, phase)
+        for change in self._terms.environment:
+            state = change(state)
+        return state
+
+    def generators(self, t: Array) -> tuple[Array, Array]:
+        """L (n, 2, 2) at times t, and the matrix by which a force's envelope is corrected, f + C f.
+
+        With frequency and damping that move, L² + 2ΓL gains L' − (KΩ)'J = −N' + jW'/2ω. A force enters as
+        (2jω + 2Γ + L)⁻¹(2jωf − f'), f' ≈ KΩJ f: f turns with the wave.
+        """
+        empty = np.zeros(len(t))
+        omega_r = self.plant.mechanics.omega_rad_s
+        matrices = []
+        for moment in (t, t - _DERIVATIVE_S, t + _DERIVATIVE_S):
+            state = self.state(moment, np.zeros((len(t), 2)), empty, empty)
+            there = self._plant_at(Environment(moment, state.temperature_degc, state.rate_rad_s, state.temperature_degc, state.rate_rad_s))
+            matrices.append((there.damping, there.stiffness, (there.scale_factor * state.rate_rad_s)[:, None, None] * J))
+        (N, W, turning), before, after = matrices
+        L = solvent(N - turning, W, omega_r)
+        moved = (1j * (after[1] - before[1]) / (2 * omega_r) - (after[0] - before[0])) / (2 * _DERIVATIVE_S)
+        L = L - moved / (2j * omega_r)
+        return L, -(2 * N - turning + L) / (2j * omega_r)
+
+    def _beside(self, t: float, u: Array, integral: Array, near: Array, correction: Array) -> tuple[Array, Array, Drive | None]:
+        """du/dt beside L u, the integrals' change, and the drive."""
+        on = is_on(self._control, t)
+        action = drive(self._control, self._feed, u, integral, near) if on else None
+        du = action.du + correction @ action.du if action else np.zeros(2, complex)
+        if self._terms.motion:
+            turn = principal(u, near)[4] if np.any(u) else 1.0 + 0j
+            force = action.force if action else np.zeros(2, complex)
+            state = self.state(np.array([t]), force[None], np.array([float(on)]), np.array([np.angle(turn)]))
+            for term in self._terms.motion:
+                du = du + term(u[None], state)[0]
+        return du, action.integral_rate if action else np.zeros(2), action
+
+    def look(self, t: float, u: Array, memory: _Memory, correction: Array) -> tuple[Array, Drive | None, float]:
+        """du/dt beside L u, the drive and the wave's phase at a node."""
+        if not self.lively or not np.any(u):
+            return np.zeros(2, complex), None, 0.0
+        _, _, memory.near, _, turn = principal(u, memory.near)
+        du, _, action = self._beside(t, u, memory.integral, memory.near, correction)
+        return du, action, float(np.angle(turn))
+
+    def step(self, t: float, h: float, E1: Array, E2: Array, corrections: Sequence[Array], u: Array, memory: _Memory) -> Array:
+        """u after h by the fourth-order Runge–Kutta rule around the two half exponentials; the loops' integrals move along."""
+        I, near = memory.integral, memory.near
+        first, middle, last = corrections
+        k1, i1, _ = self._beside(t, u, I, near, first)
+        base = E1 @ u
+        k2, i2, _ = self._beside(t + h / 2, base + h / 2 * (E1 @ k1), I + h / 2 * i1, near, middle)
+        k3, i3, _ = self._beside(t + h / 2, base + h / 2 * k2, I + h / 2 * i2, near, middle)
+        k4, i4, _ = self._beside(t + h * (1 - 1e-12), E2 @ (base + h * k3), I + h * i3, near, last)
+        memory.integral = I + h / 6 * (i1 + 2 * i2 + 2 * i3 + i4)
+        return E2 @ (base + h / 6 * (E1 @ k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+
+    def across(self, start: float, stop: float, switches: Array, u: Array, memory: _Memory) -> Array:
+        """u after a step within which the drive is switched."""
+        edges = np.concatenate([[start], switches, [stop]])
+        for a, b in zip(edges[:-1], edges[1:]):
+            h = b - a
+            L, _ = self.generators(a + h * np.array([0.25, 0.75]))
+            _, corrections = self.generators(a + h * np.array([0.0, 0.5, 1.0]))
+            E = exponential(L, h / 2)
+            u = self.step(a, h, E[0], E[1], corrections, u, memory)
+        return u
 
 
 def _hermite(path: Array, step: Array, cell: Array, x: Array) -> Array:
@@ -160,5 +215,7 @@ def _stride(environment: Environment, plant: Plant, control: Control, step_s: fl
     fastest = float(np.abs(L).sum(-1).max())
     if control.forced:
         fastest = max(fastest, control.amplitude_gain_1_s, control.quadrature_gain_1_s)
-    longest = min(_LONGEST_STEP_S, _STEP_ANGLE / max(fastest, 1e-9))
+    longest = min(_LONGEST_STEP_S, _STEP_ANGLE / max(fastest, 1e-9), np.sqrt(8 * _CORNER_ERROR / max(table.corner, 1e-9)))
+    if len(control.on_off):
+        longest = min(longest, _SWITCHED_STEP_S)
     return int(2 ** np.clip(np.floor(np.log2(max(longest / step_s, 1.0))), 0, np.log2(CHUNK)))
