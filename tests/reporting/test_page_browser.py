@@ -1,0 +1,145 @@
+"""The report in a real browser: nothing on the console, every figure there and inked, both modes, keyboard, narrow screens."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import browser
+import records_by_hand
+
+from hrg_cli.reporting.page import build_report
+
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(browser.programs() is None, reason="chromium and chromium-driver are not installed")]
+
+BOXES = """return [...document.querySelectorAll('figure')].map(f => {
+  const s = f.querySelector('svg').getBoundingClientRect();
+  return {id: f.id, x: s.left + scrollX, y: s.top + scrollY, width: s.width, height: s.height};
+});"""
+BACKGROUND = "return getComputedStyle(document.body).backgroundColor"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page")
+    path = folder / "report.html"
+    path.write_text(build_report(records_by_hand.write_all(folder), truth=True), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def window(page, tmp_path_factory):
+    with browser.session(tmp_path_factory.mktemp("profile")) as opened:
+        opened.size(1200, 900)
+        opened.scheme("light")
+        opened.open(page.as_uri())
+        yield opened
+
+
+def pixels(png: bytes) -> np.ndarray:
+    image = pytest.importorskip("PIL.Image").open(io.BytesIO(png))
+    return np.asarray(image.convert("RGB")).astype(int)
+
+
+def ink(picture: np.ndarray, box: dict) -> float:
+    """Share of a figure's box that stands out of its background."""
+    top, left = int(box["y"]), int(box["x"])
+    part = picture[top : top + int(box["height"]), left : left + int(box["width"])]
+    assert part.size, box
+    background = part[2, 2]
+    return float((np.abs(part - background).sum(-1) > 60).mean())
+
+
+def test_no_console_message_and_no_request(window):
+    assert window.log() == []
+    assert window.run("return performance.getEntriesByType('resource').length") == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_figure_is_drawn(window, scheme):
+    window.scheme(scheme)
+    boxes = window.run(BOXES)
+    assert len(boxes) >= 20
+    assert all(b["width"] > 400 and b["height"] > 100 for b in boxes)
+    picture = pixels(window.picture())
+    dark = picture[5, 5].sum() < 300
+    assert dark == (scheme == "dark")
+    for box in boxes:
+        assert ink(picture, box) > 0.01, box["id"]
+    window.scheme("light")
+
+
+def test_figures_follow_the_mode(window):
+    colour = "return getComputedStyle([...document.querySelectorAll('figure svg text')][0]).fill"
+    window.scheme("light")
+    light = window.run(colour)
+    window.scheme("dark")
+    assert window.run(colour) != light
+    window.scheme("light")
+
+
+def test_the_button_turns_the_page_dark_by_keyboard(window, page):
+    window.scheme("light")
+    light = window.run(BACKGROUND)
+    window.run("document.getElementById('theme').focus()")
+    window.keys(" ")
+    assert window.run(BACKGROUND) != light
+    assert window.run("return document.getElementById('theme').getAttribute('aria-pressed')") == "true"
+    window.keys("\ue007")
+    assert window.run(BACKGROUND) == light
+    window.run("localStorage.clear()")
+
+
+def test_the_first_tab_stop_skips_to_the_content(window, page):
+    window.open(page.as_uri())
+    window.keys("\ue004")
+    assert window.run("return document.activeElement.className") == "skip"
+    assert window.run("return document.activeElement.getBoundingClientRect().left") >= 0
+    window.keys("\ue007")
+    assert window.run("return document.activeElement.id") == "main"
+
+
+def test_every_scrolling_part_can_be_reached_by_keyboard(window):
+    stuck = window.run("""return [...document.querySelectorAll('*')].filter(e => e.scrollWidth > e.clientWidth + 1
+        && ['auto', 'scroll'].includes(getComputedStyle(e).overflowX) && e.tabIndex < 0).map(e => e.outerHTML.slice(0, 80))""")
+    assert stuck == []
+
+
+@pytest.mark.parametrize("width", [320, 375, 768, 1280, 1920])
+def test_no_screen_scrolls_sideways(window, width):
+    window.size(width, 800)
+    assert window.run("return document.documentElement.scrollWidth") <= width
+    boxes = window.run(BOXES)
+    assert all(b["width"] > 250 for b in boxes)
+    window.size(1200, 900)
+
+
+def test_text_inside_figures_does_not_overlap(window):
+    """Labels of one figure may touch but not lie over each other."""
+    overlaps = window.run("""
+        const found = [];
+        for (const figure of document.querySelectorAll('figure')) {
+          const texts = [...figure.querySelectorAll('svg text')].map(t => [t.textContent, t.getBoundingClientRect()]).filter(([, b]) => b.width);
+          texts.forEach(([a, p], i) => texts.slice(i + 1).forEach(([b, q]) => {
+            const x = Math.min(p.right, q.right) - Math.max(p.left, q.left), y = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+            const turned = p.height > 1.6 * q.height || q.height > 1.6 * p.height;
+            if (!turned && x > 2 && y > 4) found.push(figure.id + ': ' + a + ' / ' + b);
+          }));
+        }
+        return found;""")
+    assert [o for o in overlaps if "correlation" not in o] == []
+
+
+def test_headings_and_ids_are_in_order(window):
+    levels = window.run("return [...document.querySelectorAll('h1,h2,h3,h4')].map(h => +h.tagName[1])")
+    assert levels[0] == 1 and levels.count(1) == 1
+    assert all(b - a <= 1 for a, b in zip(levels, levels[1:]))
+    assert window.run("const ids = [...document.querySelectorAll('[id]')].map(e => e.id); return ids.length - new Set(ids).size") == 0
+    missing = window.run("""return [...document.querySelectorAll('[aria-labelledby]')].filter(e => !document.getElementById(e.getAttribute('aria-labelledby')))
+        .map(e => e.getAttribute('aria-labelledby'))""")
+    assert missing == []
