@@ -47,6 +47,12 @@ class EnvelopeRun:
         return dataclasses.replace(self, **cut, temperature_degc=warm)
 
 
+def retuned(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
+    """The same run against a reference shifted by an angular frequency."""
+    turn = np.exp(-1j * offset_rad_s * run.time_s)[:, None]
+    return dataclasses.replace(run, envelope=run.envelope * turn, reference_frequency_hz=run.reference_frequency_hz + offset_rad_s / (2 * np.pi))
+
+
 def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     """Envelopes of a wave's good rows; the rate is the wave's own, or `rate_rad_s`, or zero.
 

@@ -17,6 +17,16 @@ from ..fitting.likelihood import Fit
 Array = np.ndarray
 POOR_FIT = 1.5
 """χ² a degree of freedom above which the model does not hold within the noise."""
+ORDER = (
+    "frequency_hz",
+    "damping_rate_1_s",
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+    "scale_factor",
+)
+"""Parameters in the contract's order, as the covariance has them."""
 WORDS = {
     "damping": "the mean decay",
     "damping_cos": "the damping split along the electrodes",
@@ -44,6 +54,8 @@ class Verdict:
     suspect: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     details: dict[str, Any] = field(default_factory=dict)
+    mode_number: int = 2
+    fit: Fit | None = None
 
 
 def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]) -> Verdict:
@@ -75,7 +87,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     differ = scatter > 4 * float(np.median(frequency_std))
     if differ:
         mean, mean_std = float(np.mean(frequency)), scatter / np.sqrt(len(frequency))
-    order = ["frequency_hz", "damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor"]
+    order = list(ORDER)
     full = np.zeros((7, 7))
     full[0, 0], full[1:, 1:] = mean_std**2, covariance
     std = dict(zip(order, np.sqrt(np.diag(full))))
@@ -86,8 +98,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     _, coloured = inference.inflation(fit)
     rows = np.array([len(r) for r in fit.response.batch.runs])
     run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
-    weights = fit.response.batch.weight
-    rms = np.array([np.sqrt(c / w.sum() / 4) * np.sqrt(len(w)) / np.mean(w) if len(w) else np.nan for c, w in zip(fit.run_chi2, [w[w > 0] for w in weights])])
+    rms = np.array([float(np.sqrt(c / len(r) / 4) * r.std.mean()) for c, r in zip(fit.run_chi2, fit.response.batch.runs)])
     verdict = Verdict(
         named,
         std,
@@ -99,6 +110,8 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
         rms,
         rows,
         flat=[sentence(f, fit, runs) for f in flat],
+        mode_number=mode,
+        fit=fit,
     )
     verdict.details = {
         "run_frequency_hz": [float(f) for f in frequency],

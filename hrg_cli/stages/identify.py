@@ -10,33 +10,77 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting import envelope_runs
-from ..fitting.base_fit import Known, base_fit, check
+from ..fitting import envelope_runs, free_windows
+from ..fitting.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
-from .identification_verdict import Verdict, from_fit
+from .identification_methods import by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
+from .identification_verdict import Verdict
 
 Array = np.ndarray
 
-METHODS = ("likelihood",)
+Method = Literal[
+    "likelihood",
+    "propagator",
+    "stokes",
+    "products",
+    "increments",
+    "moving-axes",
+    "moving-axes-small-quadrature",
+    "fixed-axes",
+    "fixed-axes-weighted",
+    "rotation-integrals",
+    "working-mode",
+    "all",
+]
 
 
 def identify(
     waves: Sequence[Wave],
     *,
-    method: Annotated[Literal["likelihood"], Field(description="method of identification")] = "likelihood",
+    method: Annotated[Method, Field(description="method of identification; all: every one beside the likelihood, in one table")] = "likelihood",
     rate_rad_s: Annotated[float | None, Field(description="constant rate about the axis instead of the waves' own")] = None,
+    fit_rate: Annotated[bool, Field(description="fit one unknown constant rate; needs scale_factor or takes its nominal value")] = False,
     scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
     damping_axis_rad: Annotated[float | None, Field(description="known damping axis, held")] = None,
     stiffness_axis_rad: Annotated[float | None, Field(description="known stiffness axis, held")] = None,
+    eliminate_rate: Annotated[bool, Field(description="seed A's elimination of the rate in fixed axes; halves the damping split")] = False,
+    window: Annotated[Literal["auto", "none"], Field(description="auto: cut free windows out of records whose drive switches off")] = "auto",
+    most_different: Annotated[int | None, Field(ge=1, description="use only so many windows, the most different ones")] = None,
+    profile: Annotated[bool, Field(description="profile-likelihood intervals of every parameter")] = False,
+    bootstrap: Annotated[int, Field(ge=0, description="block-bootstrap draws for the errors, 0: none")] = 0,
+    seed: Annotated[int, Field(ge=0, description="seed of the bootstrap")] = 0,
     blocks: Annotated[int, Field(ge=20, description="fewest averaged rows a run in the likelihood")] = 300,
 ) -> Resonator:
-    """Resonator parameters from free runs; every run keeps its own start and frequency."""
+    """Resonator parameters from free runs; every run keeps its own start and frequency.
+
+    HrgError: no usable run, mixed mode numbers, a run driven throughout (but for `working-mode`).
+    """
     waves = list(waves)
+    if not waves:
+        raise HrgError("there is no run; give at least one wave file of a free run-down")
+    if method == "working-mode":
+        return record(monitored(waves, rate_rad_s), waves, method)
+    if window == "auto":
+        waves = [part for wave in waves for part in free_windows.cut(wave)]
     runs = [envelope_runs.from_wave(w, rate_rad_s) for w in waves]
     check(runs)
+    if most_different is not None:
+        chosen = free_windows.most_different(runs, most_different)
+        runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
     known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
-    verdict = from_fit(base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks))
+    if fit_rate:
+        return record(unknown_rate(runs, known, blocks), waves, method)
+    if method in ("likelihood", "all"):
+        verdict = by_likelihood(runs, known, blocks)
+        if profile:
+            verdict.details["profile"] = profiles(verdict, runs)
+        if bootstrap:
+            resampled(verdict, bootstrap, seed)
+    else:
+        verdict = by_regression(runs, known, method, eliminate_rate)
+    if method == "all":
+        verdict.details["methods"] = compared(runs, known, verdict, eliminate_rate)
     return record(verdict, waves, method)
 
 

@@ -1,0 +1,123 @@
+"""Monitoring a driven gyro: the frequency split from the quadrature equation, the damping split from the phase equation.
+
+Quadrature, seed A (9), (16) with one electrode:   ȧ_B + λ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
+λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy out of the quadrature (PHYSICS M3p): λ is fitted.
+Phase, seed A (7) solved exactly:   φ̇ = ω̄ + [(1 + r²) δω cos ζ − 2r νδμ sin χ]/(1 − r²).
+The second is weak: νδμ enters with 2r, and ω̄ is the *mean* frequency, so every drift of it is read as damping split (PHYSICS §4 (12)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..physics import ellipse
+from .envelope_runs import EnvelopeRun
+from .regressions import derivative
+
+Array = np.ndarray
+BLOCK_ROWS = 8
+NAMES = ("damping_rate_of_quadrature_1_s", "split_cos", "split_sin", "damping_cos", "damping_sin")
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """Quadrature damping λ, (δω cos, sin), (νδμ cos, sin): values (5,), covariance (5, 5); rms of r, and νδμ read per mHz of frequency drift."""
+
+    value: Array
+    covariance: Array
+    quadrature_rms: float
+    trap_1_s_per_mhz: float
+
+
+def monitor(runs: Sequence[EnvelopeRun]) -> Monitor:
+    """Both regressions over all runs; each run has its own mean frequency and linear drift of it."""
+    first = _regression([_quadrature_rows(r) for r in runs])
+    second = _regression([_phase_rows(r, len(runs), i) for i, r in enumerate(runs)])
+    ratios = np.concatenate([_ratio(r) for r in runs])
+    rms = float(np.sqrt(np.mean(ratios**2)))
+    value, covariance = np.zeros(5), np.zeros((5, 5))
+    value[:3], covariance[:3, :3] = first[0], first[1]
+    value[3:], covariance[3:, 3:] = second[0][2:4], second[1][2:4, 2:4]
+    return Monitor(value, covariance, rms, 2 * np.pi * 1e-3 / max(2 * rms, 1e-300))
+
+
+def _ratio(run: EnvelopeRun) -> Array:
+    a, b, _, _ = ellipse.wave(run.envelope, 1)
+    return b / a
+
+
+def _quadrature_rows(run: EnvelopeRun) -> tuple[Array, Array]:
+    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ."""
+    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    angle, _ = ellipse.unwrap(angle, phase, 1)
+    columns = np.stack([-b, a * np.sin(2 * angle), -a * np.cos(2 * angle)], axis=-1)
+    return _increments(columns, b, run)
+
+
+def _phase_rows(run: EnvelopeRun, count: int, number: int) -> tuple[Array, Array]:
+    """Increments of φ against δω cos, δω sin, νδμ cos, νδμ sin, and this run's mean frequency and its drift."""
+    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    angle, phase = ellipse.unwrap(angle, phase, 1)
+    r = b / a
+    up, down = (1 + r**2) / (1 - r**2), -2 * r / (1 - r**2)
+    c, s = np.cos(2 * angle), np.sin(2 * angle)
+    own = np.zeros((len(a), 2 * count))
+    own[:, 2 * number] = 1.0
+    own[:, 2 * number + 1] = (run.time_s - run.time_s.mean()) / max(run.duration_s, 1e-300)
+    columns = np.column_stack([up * c, up * s, down * s, -down * c, own])
+    x, y = _increments(columns, phase, run)
+    scale = float(a.mean())
+    return x * scale, y * scale
+
+
+def _increments(columns: Array, quantity: Array, run: EnvelopeRun) -> tuple[Array, Array]:
+    step = np.diff(run.time_s)[:, None]
+    slope = derivative(columns, run.time_s)
+    pieces = (columns[1:] + columns[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12
+    area = np.concatenate([np.zeros((1, columns.shape[1])), np.cumsum(pieces, axis=0)])
+    picked = np.arange(0, len(quantity), BLOCK_ROWS)
+    weight = 1 / run.std[picked[1:]]
+    return np.diff(area[picked], axis=0) * weight[:, None], np.diff(quantity[picked]) * weight
+
+
+def _regression(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    x, y = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    scale = np.linalg.norm(x, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = np.linalg.pinv(x / scale, rcond=1e-10)
+    value = inverse @ y
+    residual = y - x / scale @ value
+    covariance = inverse @ inverse.T * float(residual @ residual) / max(1, len(y) - len(value))
+    return value / scale, covariance / np.outer(scale, scale)
+
+
+def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int) -> list[tuple[float, float]]:
+    """(axis [rad], its standard deviation) at every sign change of a_B as the wave passes it slowly; + to − and − to + alike.
+
+    With the quadrature following quasi-statically a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2). Neighbouring crossings are
+    told apart only by their sense: rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω in [0, π/m).
+    """
+    out = []
+    for run in runs:
+        a, b, angle, phase = ellipse.wave(run.envelope, 1)
+        angle, _ = ellipse.unwrap(angle, phase, 1)
+        ratio = b / a
+        width = max(3, len(ratio) // 40)
+        half = width // 2
+        for i in np.flatnonzero(np.diff(np.sign(np.convolve(ratio, np.ones(width) / width, "valid"))) != 0) + half:
+            rows = slice(max(0, i - 2 * width), i + 2 * width)
+            x, y = angle[rows] - angle[i], ratio[rows]
+            if np.ptp(x) < 1e-6:
+                continue
+            fit, covariance = np.polyfit(x, y, 1, cov="unscaled")
+            noise = float((run.std[rows] / a[rows]).mean())
+            if abs(fit[0]) < 5 * noise * np.sqrt(covariance[0, 0]):
+                continue
+            axis = (angle[i] - fit[1] / fit[0]) / mode_number
+            axis -= 0.0 if fit[0] > 0 else np.pi / (2 * mode_number)
+            std = noise * np.sqrt(covariance[1, 1]) / abs(fit[0]) / mode_number
+            out.append((float(np.mod(axis, np.pi / mode_number)), float(std)))
+    return out
