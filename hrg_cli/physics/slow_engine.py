@@ -77,7 +77,7 @@ def run(
         steps = -(-n // stride)
         t = (first + np.arange(steps + 1) * stride) * step_s
         nodes, corrections = motion.generators(t)
-        halves = exponential(motion.generators(t[:-1] + h / 4)[0], h / 2), exponential(motion.generators(t[:-1] + 3 * h / 4)[0], h / 2)
+        halves = motion.propagator(t[:-1], h / 2), motion.propagator(t[:-1] + h / 2, h / 2)
         middle = motion.generators(t[:-1] + h / 2)[1]
         path, slope = np.empty((steps + 1, 2), complex), np.empty((steps + 1, 2), complex)
         force, command, phase = np.zeros((steps + 1, 2), complex), np.zeros((steps + 1, 2)), np.zeros(steps + 1)
@@ -156,6 +156,12 @@ class _Motion:
         L = L - moved / (2j * omega_r)
         return L, -(2 * N - turning + L) / (2j * omega_r)
 
+    def propagator(self, t: Array, h: float) -> Array:
+        """The linear motion from t to t + h (n, 2, 2) by the Magnus expansion of fourth order: (L₁+L₂)/2 + (√3 h/12)[L₂, L₁] at the Gauss points."""
+        offset = h / (2 * np.sqrt(3))
+        L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
+        return exponential((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
+
     def _beside(self, t: float, u: Array, integral: Array, near: Array, correction: Array) -> tuple[Array, Array, Drive | None]:
         """du/dt beside L u, the integrals' change, and the drive."""
         on = is_on(self._control, t)
@@ -194,9 +200,8 @@ class _Motion:
         edges = np.concatenate([[start], switches, [stop]])
         for a, b in zip(edges[:-1], edges[1:]):
             h = b - a
-            L, _ = self.generators(a + h * np.array([0.25, 0.75]))
             _, corrections = self.generators(a + h * np.array([0.0, 0.5, 1.0]))
-            E = exponential(L, h / 2)
+            E = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)
             u = self.step(a, h, E[0], E[1], corrections, u, memory)
         return u
 
