@@ -324,6 +324,17 @@ def effects(
         console.print_table("", ("effect", "family", "parameters", ""), rows)
 
 
+@command(app, "run", "hrg run recording-*.h5 -o results/")
+def run_(
+    run: Common,
+    recordings: Files = None,
+) -> None:
+    """The whole chain on the recordings (or logs) of one gyro, into a folder, with a report page."""
+    from .running import run_files
+
+    run.finish(run_files(recordings or [], run))
+
+
 @command(app, "info", "hrg info wave.h5 --json")
 def info(run: Common, file: OneFile = None) -> None:
     """What a file holds: kind, validity, history, sources, figures."""

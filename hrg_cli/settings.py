@@ -99,8 +99,13 @@ def resolve(
         key, value = parse_assignment(text)
         assign(given, key.removeprefix(f"{name}."), value)
     given |= {key: value for key, value in (flags or {}).items() if value is not None}
-    checked = validate(model_of(stage), from_file | given, "settings", usage=True)
-    return {key: getattr(checked, key) for key in type(checked).model_fields}
+    return checked(stage, from_file | given, usage=True)
+
+
+def checked(stage: Callable[..., Any], values: Mapping[str, Any], where: str = "settings", usage: bool = False) -> dict[str, Any]:
+    """The stage's whole settings: its defaults with `values` over them."""
+    model = validate(model_of(stage), values, where, usage=usage)
+    return {key: getattr(model, key) for key in type(model).model_fields}
 
 
 def validate(model: Any, values: Mapping[str, Any], where: str, prefix: str = "", usage: bool = False) -> Any:

@@ -60,6 +60,11 @@ def read_any(path: Path | str) -> Record:
     return read(path, kind_of(path))
 
 
+def is_hdf5(path: Path | str) -> bool:
+    """Whether the file's first bytes are those of HDF5."""
+    return bool(h5py.is_hdf5(path))
+
+
 def kind_of(path: Path | str) -> type[Record]:
     """The kind of record in `path`."""
     with _opened(Path(path)) as file:

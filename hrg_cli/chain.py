@@ -1,0 +1,137 @@
+"""The whole chain on one gyro: demodulate and estimate each recording, identify and diagnose free runs, calibrate forced ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from . import pipeline, settings, store
+from .errors import DiskFullError, HrgError
+from .records import Wave
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the chain: what it read and wrote, and how it ended ("valid", "suspect", "refused", "failed", "skipped")."""
+
+    name: str
+    inputs: tuple[str, ...]
+    output: str
+    status: str
+    reasons: tuple[str, ...] = ()
+    json: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run_chain(
+    inputs: Sequence[Path],
+    folder: Path,
+    tables: Mapping[str, Mapping[str, Any]] | None = None,
+    *,
+    force: bool = False,
+    command_line: str = "",
+    say: Say = print,
+) -> list[Step]:
+    """Run every step that the inputs allow; a step that fails is recorded and those that need it are skipped.
+
+    inputs: recordings, or foreign logs (imported first); tables: settings a stage, e.g. {"demodulate": {"periods_per_window": 20}}.
+    HrgError: two inputs would write the same file; an output exists (unless `force`).
+    """
+    tables = tables or {}
+    stems = [path.name.removesuffix(".h5") if path.suffix == ".h5" else path.stem for path in inputs]
+    if len(set(stems)) < len(stems):
+        raise HrgError(
+            f"{inputs[0]}: two inputs are called {next(s for s in stems if stems.count(s) > 1)}; rename one, their outputs would collide"
+        )
+    steps: list[Step] = []
+    chain = _Chain(folder, tables, force, command_line or "hrg run", say, steps)
+    waves = [wave for path, stem in zip(inputs, stems) if (wave := chain.to_wave(path, stem)) is not None]
+    modes = {wave: store.read(wave, Wave).mode for wave in waves}
+    free, forced = [w for w in waves if modes[w] == "free"], [w for w in waves if modes[w] == "forced"]
+    resonator = chain.stage("identify", free, folder / "resonator.h5") if free else None
+    if free:
+        chain.stage("diagnose", free, folder / "diagnosis.h5", needs=resonator)
+    if forced:
+        calibration = chain.stage("calibrate", forced, folder / "calibration.h5")
+        for wave in forced if calibration else []:
+            chain.stage(
+                "compensate", [wave], folder / wave.name.replace(".wave.h5", ".compensated.h5"), beside={"calibration": calibration}
+            )
+    return steps
+
+
+@dataclass(frozen=True)
+class _Chain:
+    folder: Path
+    tables: Mapping[str, Mapping[str, Any]]
+    force: bool
+    command_line: str
+    say: Say
+    steps: list[Step]
+
+    def to_wave(self, path: Path, stem: str) -> Path | None:
+        """import (a foreign log), demodulate, estimate; None where one of them fails."""
+        if path.exists() and not store.is_hdf5(path):
+            path_or_none = self._import(path, self.folder / f"{stem}.h5")
+            if path_or_none is None:
+                return None
+            path = path_or_none
+        periods = self.stage("demodulate", [path], self.folder / f"{stem}.periods.h5")
+        return None if periods is None else self.stage("estimate", [periods], self.folder / f"{stem}.wave.h5")
+
+    def _import(self, log: Path, output: Path) -> Path | None:
+        from .formats import import_log
+
+        def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
+            values = settings.checked(import_log, self.tables.get("import", {}))
+            record = pipeline.write_first(
+                output, import_log(log, **values), values, "import", [log], force=self.force, command_line=self.command_line
+            )
+            return record.status, record.status_reasons, {}
+
+        return self._step("import", [log], output, work)
+
+    def stage(
+        self,
+        name: str,
+        inputs: Sequence[Path],
+        output: Path,
+        *,
+        beside: Mapping[str, Path | None] | None = None,
+        needs: Path | bool | None = True,
+    ) -> Path | None:
+        """Run a stage as a step; its output, or None when it failed."""
+        if needs is None:
+            self._end(Step(name, tuple(p.name for p in inputs), output.name, "skipped", ("the step before it failed",)))
+            return None
+
+        def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
+            values = settings.checked(pipeline.STAGES[name].function(), self.tables.get(name, {}))
+            with_it = {key: path for key, path in (beside or {}).items() if path is not None}
+            outcome = pipeline.run_stage(name, inputs, output, values, beside=with_it, force=self.force, command_line=self.command_line)
+            return outcome.record.status, outcome.record.status_reasons, outcome.json
+
+        return self._step(name, inputs, output, work)
+
+    def _step(
+        self, name: str, inputs: Sequence[Path], output: Path, work: Callable[[], tuple[str, tuple[str, ...], Mapping[str, Any]]]
+    ) -> Path | None:
+        read = tuple(p.name for p in inputs)
+        try:
+            status, reasons, json = work()
+        except DiskFullError:
+            raise
+        except HrgError as error:
+            self._end(Step(name, read, output.name, "failed", (str(error),)))
+            return None
+        self._end(Step(name, read, output.name, status, reasons, json))
+        return output
+
+    def _end(self, step: Step) -> None:
+        self.steps.append(step)
+        self.say(
+            f"{step.name} → {step.output}: {step.status}" + (f" ({step.reasons[0]})" if step.reasons and step.status != "valid" else "")
+        )
