@@ -21,6 +21,15 @@ def continued(time_s: Array, angle: Array, phase: Array, carrier_phase: Array, w
     return electrical, _unwrapped(time_s, phase, 2 * np.pi, window_s), carrier
 
 
+def nearest_copy(x: Array, expected: Array) -> Array:
+    """The copies of x = (mθ, φ, ψ) (n, 3) nearest to the expected ones (n, 3): ψ first, then mθ, then φ."""
+    electrical, phase, carrier = x.T
+    carrier_turns, turns = np.round((expected[:, 2] - carrier) / np.pi), np.round((expected[:, 0] - electrical) / np.pi)
+    phase = phase + np.pi * (carrier_turns + turns)
+    phase = phase + 2 * np.pi * np.round((expected[:, 1] - phase) / (2 * np.pi))
+    return np.stack([electrical + np.pi * turns, phase, carrier + np.pi * carrier_turns], axis=-1)
+
+
 def _unwrapped(time_s: Array, values: Array, period: float, window_s: float) -> Array:
     """Values (n) plus multiples of the period, each step the one nearest to its prediction."""
     if len(values) < 2:

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.closed_form import canonical, closed_form
-from ..fitting.continuity import CONTEXT_ROWS, continued, local_slope
+from ..fitting.continuity import CONTEXT_ROWS, continued, local_slope, nearest_copy
 from ..fitting.gauss_newton import gauss_newton
 from ..fitting.levenberg_marquardt import levenberg_marquardt
 from ..fitting.uncertainty import standard_deviations
@@ -78,7 +78,7 @@ def estimate(
     waiting: Wave | None = None
     for block in periods.blocks(BLOCK_ROWS):
         x, misfit, iterations, last = _solve(np.asarray(block.signals, float), periods.readout == "direct", how, last)
-        context = _make_continuous(x, np.asarray(block.time_s, float), periods.window_s, context)
+        context = _make_continuous(x, block, context)
         wave = _wave(block, x, misfit, iterations, how.carrier_phase_rad is not None)
         tally.add(wave)
         if waiting is not None:
@@ -170,19 +170,32 @@ def _starts(best: Array, start: str, last: _Row) -> Array:
     return previous
 
 
-def _make_continuous(x: Array, time_s: Array, window_s: float, context: Array | None) -> Array | None:
-    """Make (mθ, φ, ψ) of x (n, 5) continuous in place; `context` and the result hold the last finite rows (k, 4: time, mθ, φ, ψ)."""
+def _make_continuous(x: Array, block: Periods, context: Array | None) -> Array | None:
+    """Make (mθ, φ, ψ) of x (n, 5) continuous in place; `context` and the result hold the last trusted rows (k, 4: time, mθ, φ, ψ).
+
+    The path runs through trusted rows only, for one stray value near half a period away would turn all that follows; the others
+    take the copy nearest to the path. Where fewer than half of the rows can be trusted, all have a say.
+    """
+    time_s, std = np.asarray(block.time_s, float), np.asarray(block.signals_std, float)
     finite = np.isfinite(x).all(axis=1) & np.isfinite(time_s)
-    rows = np.column_stack([time_s[finite], x[finite, 2:]])
+    stray = (np.asarray(block.flags) & (FLAG_GAP | FLAG_NOT_FINITE) != 0) | (x[:, 0] < DETECTED * std.max(axis=1))
+    trusted = finite & ~stray
+    if 2 * trusted.sum() < finite.sum():
+        trusted = finite
+    rows = np.column_stack([time_s[trusted], x[trusted, 2:]])
     if len(rows) == 0:
         return context
     known = 0 if context is None else len(context)
     if context is not None:
         rows = np.concatenate([context, rows])
-    path = np.stack(continued(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], window_s), axis=-1)
+    path = np.stack(continued(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], block.window_s), axis=-1)
     if context is not None:
         path -= np.pi * np.round((path[known - 1] - context[-1, 1:]) / np.pi)
-    x[finite, 2:] = path[known:]
+    x[trusted, 2:] = path[known:]
+    others = finite & ~trusted
+    if others.any():
+        expected = np.stack([np.interp(time_s[others], rows[:, 0], column) for column in path.T], axis=-1)
+        x[others, 2:] = nearest_copy(x[others, 2:], expected)
     return np.column_stack([rows[:, 0], path])[-CONTEXT_ROWS - 1 :]
 
 

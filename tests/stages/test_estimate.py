@@ -7,7 +7,7 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.signals import signals
-from hrg_cli.records import FLAG_CLIPPED, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Wave, collect
+from hrg_cli.records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Wave, collect
 from hrg_cli.stages import estimate as module
 from hrg_cli.stages.estimate import estimate, summary
 
@@ -172,11 +172,25 @@ def test_bad_rows_stay_bad_and_leave_the_others_alone(readout):
     bad = np.isin(np.arange(500), [0, 1, 200])
     for name in ("main_amplitude", "wave_angle_rad", "phase_rad", "wave_angle_rad_std"):
         np.testing.assert_array_equal(np.isnan(getattr(wave, name)), bad, err_msg=name)
-    assert (wave.flags[[0, 5, 200, 499]] == [FLAG_NOT_FINITE, FLAG_CLIPPED, FLAG_NOT_FINITE | FLAG_CLIPPED, FLAG_SETTLING]).all()
+    assert (wave.flags[[0, 5, 200, 499]] == [FLAG_NOT_FINITE, FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE | FLAG_CLIPPED, FLAG_SETTLING]).all()
     assert not wave.good()[bad].any() and (wave.iterations[bad] < 0).all()
     assert np.ptp((wave.wave_angle_rad - theta)[~bad]) < 3e-3
     assert np.ptp((wave.phase_rad - phi)[~bad]) < 3e-3
     assert wave.status == "valid"
+
+
+@pytest.mark.parametrize("readout", ["direct", "carrier"])
+def test_stray_rows_turn_nothing_that_follows(readout):
+    """Garbage in windows at gaps, in every place of the half turn, leaves the clean rows on one path."""
+    record, (_, _, theta, phi, _) = turning(1000, readout=readout)
+    stray = np.arange(5, 1000, 7)
+    record.signals[stray] = np.random.default_rng(4).standard_normal((len(stray), record.signals.shape[1]))
+    record.flags[stray] = FLAG_GAP
+    wave = collect(estimate(record))
+    clean = wave.flags == 0
+    assert np.ptp((wave.wave_angle_rad - theta)[clean]) < 3e-3
+    assert np.ptp((wave.phase_rad - phi)[clean]) < 3e-3
+    assert np.abs((wave.wave_angle_rad - theta)[stray] - (wave.wave_angle_rad - theta)[0]).max() < 1.01 * np.pi / 4
 
 
 def test_frequency_is_the_slope_of_the_phase():
