@@ -172,7 +172,7 @@ def test_bad_rows_stay_bad_and_leave_the_others_alone(readout):
     bad = np.isin(np.arange(500), [0, 1, 200])
     for name in ("main_amplitude", "wave_angle_rad", "phase_rad", "wave_angle_rad_std"):
         np.testing.assert_array_equal(np.isnan(getattr(wave, name)), bad, err_msg=name)
-    assert (wave.flags[[0, 5, 200, 499]] == [FLAG_NOT_FINITE, FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE | FLAG_CLIPPED, FLAG_SETTLING]).all()
+    assert (wave.flags[[0, 5, 200, 499]] == [FLAG_NOT_FINITE, FLAG_CLIPPED, FLAG_NOT_FINITE | FLAG_CLIPPED, FLAG_SETTLING]).all()
     assert not wave.good()[bad].any() and (wave.iterations[bad] < 0).all()
     assert np.ptp((wave.wave_angle_rad - theta)[~bad]) < 3e-3
     assert np.ptp((wave.phase_rad - phi)[~bad]) < 3e-3
