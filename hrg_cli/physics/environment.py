@@ -52,14 +52,15 @@ def levels(values: Sequence[float], dwell_s: float, transition_s: float) -> Prog
 
 def sine(amplitude: float, frequency_hz: float, phase_rad: float = 0.0, offset: float = 0.0) -> Programme:
     """offset + amplitude·sin(2πft + phase)."""
-    return Programme(lambda t: offset + amplitude * np.sin(2 * np.pi * frequency_hz * np.asarray(t) + phase_rad), np.zeros(0), 1 / frequency_hz)
+    omega = 2 * np.pi * frequency_hz
+    return Programme(lambda t: offset + amplitude * np.sin(omega * np.asarray(t) + phase_rad), np.zeros(0), 1 / frequency_hz)
 
 
 def triangle(low: float, high: float, period_s: float, end_s: float) -> Programme:
     """From low to high in half a period and back, again and again until end_s."""
     count = int(np.ceil(2 * end_s / period_s)) + 2
     if count > _MOST_ROWS:
-        raise HrgError(f"environment: a cycle of {period_s:g} s in a run of {end_s:g} s has too many turns; lengthen the period or shorten the run")
+        raise HrgError(f"environment: a cycle of {period_s:g} s turns too often in {end_s:g} s; lengthen the period or shorten the run")
     return polyline(np.arange(count) * period_s / 2, np.where(np.arange(count) % 2, high, low))
 
 
@@ -92,7 +93,10 @@ def environment(
         period = min(temperature.period_s, rate.period_s)
         rows = max(_ROWS, int(min(np.ceil(_ROWS_A_PERIOD * end / period), _MOST_ROWS)))
         if rows * period < _FEWEST_ROWS_A_PERIOD * end:
-            raise HrgError(f"environment: a sine of {1 / period:g} Hz over {duration_s:g} s needs more than {_MOST_ROWS} grid rows; lower the frequency or shorten the run")
+            raise HrgError(
+                f"environment: a sine of {1 / period:g} Hz over {duration_s:g} s needs more than {_MOST_ROWS} grid rows; "
+                "lower its frequency or shorten the run"
+            )
         corners = np.concatenate([temperature.corners, rate.corners])
         times = np.unique(np.concatenate([np.linspace(0, end, rows), corners[(corners > 0) & (corners < end)]]))
         if fine:

@@ -41,7 +41,8 @@ def run(environment: Environment, plant: Plant, control: Control, start: Array, 
     mechanics = plant.mechanics
     omega = mechanics.omega_rad_s
     nonlinear = bool(np.any(plant.polynomial)) or plant.extra is not None
-    substeps = max(1, math.ceil((_STEPS_A_PERIOD_NONLINEAR if nonlinear else _STEPS_A_PERIOD) * mechanics.frequency_hz * step_s)) if nonlinear or control.forced else 1
+    steps_a_period = _STEPS_A_PERIOD_NONLINEAR if nonlinear else _STEPS_A_PERIOD if control.forced else 0.0
+    substeps = max(1, math.ceil(steps_a_period * mechanics.frequency_hz * step_s))
     h = step_s / substeps
     table = Coefficients(environment, plant)
     memory = np.zeros(12)
@@ -66,7 +67,8 @@ def run(environment: Environment, plant: Plant, control: Control, start: Array, 
             math.sin(control.quadrature_phase_error_rad),
         ]
     )
-    kinds = np.array([int(control.forced), ("force", "parametric").index(control.drive), ("off", "finite", "spring").index(control.quadrature_loop)])
+    drive_kind, loop_kind = ("force", "parametric").index(control.drive), ("off", "finite", "spring").index(control.quadrature_loop)
+    kinds = np.array([int(control.forced), drive_kind, loop_kind])
     drive_matrix = np.asarray(control.drive_matrix, complex)
     parasitic = np.asarray(control.parasitic_force, complex)
     off = np.asarray(control.on_off, float).reshape(-1, 2)
@@ -83,7 +85,8 @@ def run(environment: Environment, plant: Plant, control: Control, start: Array, 
             kinds, gains, drive_matrix, parasitic, off, z, v, drive, command,
         )  # fmt: skip
         t = np.arange(first, first + n) * step_s
-        yield Block(Samples(t, z, v, drive, table.temperature(t), table.rate(t)), command, functools.partial(_envelopes, table, t, z, v, omega))
+        samples = Samples(t, z, v, drive, table.temperature(t), table.rate(t))
+        yield Block(samples, command, functools.partial(_envelopes, table, t, z, v, omega))
 
 
 def _envelopes(table: Coefficients, t: Array, z: Array, v: Array, omega: float, at: Array) -> Array:
@@ -226,9 +229,10 @@ def _acceleration(t: float, x: float, y: float, vx: float, vy: float, c: Array) 
     return ax + along_z * x + along_v * vx + c[7] * qa + c[8] * qb, ay + along_z * y + along_v * vy - c[7] * qb + c[8] * qa
 
 
-def _advance(
-    memory, knots, propagators, local, n, substeps, h, first, scale, polynomial, nonlinear, kinds, gains, drive_matrix, parasitic, off, z, v, drive, command
-):  # type: ignore[no-untyped-def]  # fmt: skip
+def _advance(  # type: ignore[no-untyped-def]
+    memory, knots, propagators, local, n, substeps, h, first, scale, polynomial, nonlinear,
+    kinds, gains, drive_matrix, parasitic, off, z, v, drive, command,
+):  # fmt: skip
     """n samples of `substeps` steps; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last e_A and force."""
     x, y, px, py = memory[0], memory[1], memory[2], memory[3]
     gx, gy = memory[8] + 1j * memory[9], memory[10] + 1j * memory[11]

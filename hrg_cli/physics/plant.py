@@ -36,7 +36,7 @@ Acceleration = Callable[[float, float, float, float, float], tuple[float, float]
 
 @dataclass
 class Environment:
-    """The world on one time grid (k rows, linear in between): true temperature of the resonator and true rate, and what is logged of them."""
+    """The world on one time grid (k rows, linear in between): true temperature of the resonator, true rate, and what is logged."""
 
     time_s: Array
     temperature_degc: Array
@@ -133,7 +133,7 @@ class Samples:
     v_over_omega: Array
     """(2, n) velocity over ω, seen from axes that turn with the wave's own rotation KΩ."""
     drive: Array
-    """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f e^{jω_r t}, amplitude a second; 0 when off."""
+    """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f e^{jω_r t}, amplitude a second."""
     temperature_degc: Array
     rate_rad_s: Array
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from .resonator import J, exponential, solvent
 Array = np.ndarray
 SlowTerm = Callable[[Array, SlowState], Array]
 """(u (..., 2), state) -> du/dt (..., 2), or the measured u."""
+PlantAt = Callable[[Environment], Plant]
 _STEP_ANGLE = 0.05
 """|largest rate| × step."""
 _LONGEST_STEP_S = 0.02
@@ -42,7 +44,8 @@ class _Clock:
     """The environment as an effect may see it at any times: temperature with its slope and branch, rate and turned angle."""
 
     def __init__(self, environment: Environment, plant: Plant) -> None:
-        self._t, self._T, self._rate = (np.asarray(a, float) for a in (environment.time_s, environment.temperature_degc, environment.rate_rad_s))
+        self._t, self._T = np.asarray(environment.time_s, float), np.asarray(environment.temperature_degc, float)
+        self._rate = np.asarray(environment.rate_rad_s, float)
         steps = np.diff(self._t)
         self._slope = np.diff(self._T) / np.where(steps > 0, steps, np.inf)
         signs = np.sign(self._slope)
@@ -64,9 +67,9 @@ class _Clock:
 
 
 def run(
-    environment: Environment, plant_at: Callable[[Environment], Plant], control: Control, terms: SlowTerms, start: Array, step_s: float, count: int
+    environment: Environment, plant_at: PlantAt, control: Control, terms: SlowTerms, start: Array, step_s: float, count: int
 ) -> Iterator[Block]:
-    """As `fast_engine.run`, from the envelopes. plant_at: the linear plant of any environment (true temperature and rate may differ from the logged)."""
+    """As `fast_engine.run`, from the envelopes. plant_at: the linear plant in any environment, as the effects may change it."""
     motion = _Motion(environment, plant_at, control, terms)
     omega_r = motion.plant.mechanics.omega_rad_s
     stride = _stride(environment, motion.plant, control, step_s)
@@ -122,7 +125,7 @@ class _Memory:
 class _Motion:
     """The right-hand side u' = L u + control + slow terms in its environment, and one step of it."""
 
-    def __init__(self, environment: Environment, plant_at: Callable[[Environment], Plant], control: Control, terms: SlowTerms) -> None:
+    def __init__(self, environment: Environment, plant_at: PlantAt, control: Control, terms: SlowTerms) -> None:
         self._plant_at, self._control, self._terms = plant_at, control, terms
         self.plant = plant_at(environment)
         self._clock = _Clock(environment, self.plant)
@@ -157,7 +160,7 @@ class _Motion:
         return L, -(2 * N - turning + L) / (2j * omega_r)
 
     def propagator(self, t: Array, h: float) -> Array:
-        """The linear motion from t to t + h (n, 2, 2) by the Magnus expansion of fourth order: (L₁+L₂)/2 + (√3 h/12)[L₂, L₁] at the Gauss points."""
+        """The linear motion from t to t + h (n, 2, 2): Magnus, fourth order, (L₁+L₂)/2 + (√3 h/12)[L₂, L₁] at the Gauss points."""
         offset = h / (2 * np.sqrt(3))
         L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
         return exponential((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
@@ -183,7 +186,7 @@ class _Motion:
         du, _, action = self._beside(t, u, memory.integral, memory.near, correction)
         return du, action, float(np.angle(turn))
 
-    def step(self, t: float, h: float, E1: Array, E2: Array, corrections: Sequence[Array], u: Array, memory: _Memory) -> Array:
+    def step(self, t: float, h: float, E1: Array, E2: Array, corrections: Sequence[Array] | Array, u: Array, memory: _Memory) -> Array:
         """u after h by the fourth-order Runge–Kutta rule around the two half exponentials; the loops' integrals move along."""
         I, near = memory.integral, memory.near
         first, middle, last = corrections
@@ -198,7 +201,7 @@ class _Motion:
     def across(self, start: float, stop: float, switches: Array, u: Array, memory: _Memory) -> Array:
         """u after a step within which the drive is switched."""
         edges = np.concatenate([[start], switches, [stop]])
-        for a, b in zip(edges[:-1], edges[1:]):
+        for a, b in pairwise(edges):
             h = b - a
             _, corrections = self.generators(a + h * np.array([0.0, 0.5, 1.0]))
             E = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)

@@ -31,7 +31,7 @@ def simulate(
     config: Mapping[str, Any],
     extra_effects: Sequence[Any] = (),
     *,
-    model: Annotated[Literal["fast", "slow"], Field(description="fast: second-order equations, sample by sample; slow: envelopes")] = "fast",
+    model: Annotated[Literal["fast", "slow"], Field(description="fast: second-order equations; slow: envelopes")] = "fast",
     run: Annotated[str | None, Field(description="run_id of the run to simulate; needed where the file holds several")] = None,
     seed: Annotated[int, Field(ge=0, description="seed of the noise; each run has its own stream")] = 0,
     block_samples: Annotated[int, Field(ge=1, description="samples a block of the stream; they do not depend on it")] = 1_000_000,
@@ -56,7 +56,7 @@ def run_ids(config: Mapping[str, Any]) -> list[str]:
 
 def summary(record: Recording) -> dict[str, Any]:
     """The stage's part of the JSON."""
-    return {"run_id": record.run_id, "gyro_id": record.gyro_id, "mode": record.mode, "readout": record.readout, "sample_rate_hz": record.sample_rate_hz}
+    return {name: getattr(record, name) for name in ("run_id", "gyro_id", "mode", "readout", "carrier_hz", "sample_rate_hz", "mode_number")}
 
 
 def simulate_run(
@@ -98,8 +98,8 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         [partial(effect.slow_readout, p) for effect, p in active if getattr(effect, "slow_readout", same_signal) is not same_signal],
     )
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
-    made = slow_engine.run(world, partial(linear_plant, mechanics, courses), _control(settings), terms, _start(settings), step, _count(settings))
-    return made, pickoff, world
+    plant_at = partial(linear_plant, mechanics, courses)
+    return slow_engine.run(world, plant_at, _control(settings), terms, _start(settings), step, _count(settings)), pickoff, world
 
 
 def _call(effect: Any, place: str, *arguments: Any) -> None:
@@ -111,7 +111,6 @@ def _blocks(
     settings: SimulationFile, made: Iterator[Block], pickoff: Readout, world: Environment, random: np.random.Generator, block_samples: int
 ) -> Iterator[Recording]:
     head = _head(settings, pickoff)
-    mode_number = settings.device.mode_number
     rate = settings.recording.sample_rate_hz
     log_stride = max(1, round(rate / settings.recording.log_rate_hz))
     waiting: list[Array] = []
@@ -125,7 +124,7 @@ def _blocks(
         waiting.append(raw if keep is None else raw[:, keep])
         at = np.arange(-first % log_stride, n, log_stride)
         if len(at):
-            rows, last_wave = _rows(block, at, first, rate, world, settings, mode_number, last_wave)
+            rows, last_wave = _rows(block, at, first, world, settings, last_wave)
             waiting_rows.append(rows)
         first += n
         while sum(w.shape[1] for w in waiting) > block_samples:
@@ -136,10 +135,11 @@ def _blocks(
 
 
 def _rows(
-    block: Block, at: Array, first: int, sample_rate_hz: float, world: Environment, settings: SimulationFile, mode_number: int, last: tuple[float, float] | None
+    block: Block, at: Array, first: int, world: Environment, settings: SimulationFile, last: tuple[float, float] | None
 ) -> tuple[dict[str, Array], tuple[float, float]]:
     """The log's and the truth's rows at positions `at` of a block; angle and phase continue from `last`."""
-    true_time, time = block.samples.time_s[at], (first + at) / sample_rate_hz
+    mode_number = settings.device.mode_number
+    true_time, time = block.samples.time_s[at], (first + at) / settings.recording.sample_rate_hz
     rows = {
         "auxiliary_time_s": time,
         "temperature_degc": np.interp(true_time, world.time_s, world.logged_temperature_degc),
@@ -161,8 +161,8 @@ def _rows(
 def _recording(head: dict[str, Any], raw: Array, rows: list[dict[str, Array]], table: RecordingTable) -> Recording:
     if raw.dtype.kind == "f":
         raw = raw.astype(table.samples, copy=False)
-    names = rows[0] if rows else ()
-    return Recording(c=np.ascontiguousarray(raw[0]), s=np.ascontiguousarray(raw[1]), **head, **{name: np.concatenate([r[name] for r in rows]) for name in names})
+    log: dict[str, Any] = {name: np.concatenate([r[name] for r in rows]) for name in (rows[0] if rows else ())}
+    return Recording(c=np.ascontiguousarray(raw[0]), s=np.ascontiguousarray(raw[1]), **head, **log)
 
 
 def _head(settings: SimulationFile, pickoff: Readout) -> dict[str, Any]:
@@ -191,7 +191,8 @@ def _count(settings: SimulationFile) -> int:
 
 def _start(settings: SimulationFile) -> Array:
     start = settings.start
-    return ellipse.envelopes(start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad, settings.device.mode_number)
+    wave = np.array([start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad])
+    return ellipse.envelopes(*wave, mode_number=settings.device.mode_number)
 
 
 def _mechanics(settings: SimulationFile) -> Mechanics:

@@ -77,7 +77,9 @@ class Device(Table):
         _at_most_one(self, ("damping_split", "damping_split_1_s"))
         _at_most_one(self, ("frequency_split_rad_s", "frequency_split_hz"))
         if abs(self.split_1_s) > self.rate_1_s:
-            raise ValueError(f"the damping split {self.split_1_s:g} 1/s exceeds the damping rate {self.rate_1_s:g} 1/s; one axis would gain energy")
+            raise ValueError(
+                f"the damping split {self.split_1_s:g} 1/s exceeds the damping rate {self.rate_1_s:g} 1/s; one axis would gain energy"
+            )
         return self
 
     @property
@@ -109,7 +111,9 @@ class Start(Table):
     @model_validator(mode="after")
     def _order(self) -> Self:
         if abs(self.quadrature) > self.amplitude:
-            raise ValueError(f"the quadrature {self.quadrature:g} exceeds the amplitude {self.amplitude:g}; the larger one is the main amplitude")
+            raise ValueError(
+                f"the quadrature {self.quadrature:g} exceeds the amplitude {self.amplitude:g}; the larger one is the main amplitude"
+            )
         return self
 
 
