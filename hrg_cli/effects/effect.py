@@ -108,6 +108,7 @@ def along(vector: Array, direction: Array) -> Array:
 
 def branch(temperature: Array) -> Array:
     """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change."""
-    sign = np.sign(np.diff(temperature, prepend=temperature[:1]))
+    steps = np.diff(temperature)
+    sign = np.sign(np.concatenate([steps[:1], steps]))
     last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
     return sign[last]

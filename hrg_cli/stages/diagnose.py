@@ -1,0 +1,173 @@
+"""diagnose: where do measured runs depart from the simulation, which cause explains it, what remains, and what is gained.
+
+Steps: wrong values, adequacy of the base model, scores of every effect, forward selection with refit, adequacy of the extended model,
+open search for the rest, gain on data held out, upper limits of what was not found.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from ..effects import EFFECTS
+from ..effects.effect import Effect
+from ..fitting import evidence, extended_fit
+from ..fitting.base_fit import nominal_scale_factor
+from ..fitting.extended import Point, Series
+from ..fitting.extended_fit import Fit, Freedom
+from ..records import Diagnosis, Resonator, Wave
+from . import diagnosis_gain, diagnosis_remainder, diagnosis_report, diagnosis_search
+from .diagnosis_data import prepare
+from .diagnosis_model import simulation_file
+from .diagnosis_remainder import Remainder
+from .diagnosis_search import Search
+
+Array = np.ndarray
+INADEQUATE = 1e-4
+"""Chance at which a clean model would be called inadequate by the residual's smooth part."""
+OPEN_TERMS = 3
+
+
+def diagnose(
+    waves: Sequence[Wave],
+    resonator: Resonator | None = None,
+    extra_effects: Sequence[Effect] = (),
+    *,
+    scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
+    most_effects: Annotated[int, Field(ge=0, le=12, description="most effects taken into the extended model")] = 5,
+    blocks: Annotated[int, Field(ge=40, le=1500, description="fewest averaged rows a run")] = 120,
+) -> Diagnosis:
+    """Name what the base model gets wrong in these runs, or say that nothing fits and describe it.
+
+    waves: runs of one gyro, free and forced together; resonator: the values the user believes. HrgError: no usable run.
+    """
+    waves = [_with_clipped(w) for w in waves]
+    series, point, _ = prepare(waves, scale_factor, blocks)
+    freedom = _freedom(series, point, scale_factor)
+    base = extended_fit.fit(series, point, freedom)
+    base = _rescaled(base)
+    candidates = diagnosis_search.variants([*EFFECTS, *extra_effects], base)
+    search, remainder, noise_factor = _explain(base, candidates, most_effects)
+    verdict, search, remainder = _verdict(search, remainder, noise_factor)
+    kind, gain = diagnosis_gain.held_out(search.base, search.final)
+    report = diagnosis_report.report(verdict, search, remainder, kind, gain, noise_factor, resonator, candidates)
+    return _record(search, waves, verdict, report)
+
+
+def summary(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The contract's JSON keys of diagnose; `extended_model` is the TOML's path, which whoever writes the file fills in."""
+    return json.loads(diagnosis.report)
+
+
+def _with_clipped(wave: Wave) -> Wave:
+    """Windows flagged as clipped alone count: clipping is one of the causes."""
+    return wave.replace(flags=np.where(wave.flags == 1, 0, wave.flags).astype(wave.flags.dtype))
+
+
+def _freedom(series: Series, point: Point, scale_factor: float | None) -> Freedom:
+    """Weak priors: K where nothing turns, the second order's scale between plain averaging (0) and a real resonator (1)."""
+    span = float(series.time_s.max())
+    damping = max(abs(float(point.p[0])), 0.01 / span)
+    split = max(float(np.hypot(point.p[3], point.p[4])), damping, 1 / span)
+    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 1.0])
+    if scale_factor is not None:
+        std[5] = 0.0
+    return Freedom(np.array([0, 0, 0, 0, 0, nominal_scale_factor(series.mode_number), 0.5]), std)
+
+
+def _rescaled(base: Fit) -> Fit:
+    """Noise by the residual's own second differences where they contradict the stated one."""
+    series = base.series
+    values = np.zeros((*series.weight.shape, 4))
+    values[tuple(base.rows.T)] = base.residual
+    ok = series.weight > 0
+    rough = np.diff(values, n=2, axis=1)[ok[:, 2:]]
+    level = float(np.sqrt(np.median(rough**2) / (6 * 0.45494)))
+    if len(rough) < 20 or abs(level - 1) < 5 / np.sqrt(rough.size) * 1.5:
+        return base
+    return extended_fit.fit(replace(series, weight=series.weight / max(level, 1e-12)), base.point, base.freedom)
+
+
+def _explain(base: Fit, candidates: Sequence[diagnosis_search.Variant], most: int) -> tuple[Search, Remainder | None, float]:
+    """Selection and open search; repeated with inflated noise where, after both, the residual is still not white."""
+    noise_factor = 1.0
+    for _ in range(3):
+        search = diagnosis_search.select(base, candidates, noise_factor, most, [])
+        remainder = _rest(search.final, noise_factor)
+        extra = _space(remainder) if remainder else None
+        level, p = diagnosis_remainder.adequacy(search.final, extra)
+        if p > INADEQUATE or level < 1.2 * noise_factor:
+            break
+        noise_factor = level
+    return search, remainder, noise_factor
+
+
+def _space(remainder: Remainder) -> Array | None:
+    return np.concatenate([t.score.space for t in remainder.terms], axis=1) if remainder.terms else None
+
+
+def _rest(fit: Fit, noise_factor: float) -> Remainder | None:
+    """The open search where the fit is not adequate; None where it is."""
+    level, p = diagnosis_remainder.adequacy(fit)
+    if p > INADEQUATE or level < 1.2 * noise_factor and noise_factor > 1:
+        return None
+    return diagnosis_remainder.describe(fit, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
+
+
+def _verdict(search: Search, remainder: Remainder | None, noise_factor: float) -> tuple[str, Search, Remainder | None]:
+    """The word for it; catalogued causes that an open term outdoes are dropped and not blamed."""
+    if not search.found:
+        return ("unexplained" if remainder is not None else "adequate"), search, remainder
+    if remainder is not None or len(search.found) > 1:
+        spent = search.final.basis.shape[1] - search.base.basis.shape[1]
+        alone = diagnosis_remainder.describe(search.base, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
+        rows = np.log(len(search.base.residual))
+        catalogued = search.final.chi2 + (spent + (remainder.rank if remainder else 0)) * rows
+        if remainder is not None:
+            catalogued = min(catalogued, remainder.chi2 + (spent + remainder.rank) * rows)
+        described = alone.chi2 + alone.rank * rows
+        few = len(alone.terms) <= len(search.found) - (remainder is None)
+        if alone.terms and few and described < catalogued - diagnosis_search.WORTH * noise_factor and not _is_catalogued(alone, search):
+            return "unexplained", replace(search, final=search.base, found=(), last=search.first), alone
+    return ("explained" if remainder is None else "partly explained"), search, remainder
+
+
+def _is_catalogued(remainder: Remainder, search: Search) -> bool:
+    """Whether the open terms are only another spelling of catalogued effects."""
+    visible = [s for s in search.first if s.visible]
+    return all(any(evidence.alike(t.score, s) > 0.99 and s.rank <= t.score.rank for s in visible) for t in remainder.terms[:1])
+
+
+def _record(search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any]) -> Diagnosis:
+    series = search.base.series
+    good = series.weight > 0
+    run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]
+    measured = series.envelope[good]
+    before, after = search.base.prediction.residual()[good], search.final.prediction.residual()[good]
+    from ..physics import ellipse
+
+    a_A, _, angle, phase = ellipse.wave(measured, series.mode_number)
+    for k in range(len(series.names)):
+        angle[run == k], _ = ellipse.unwrap(angle[run == k], phase[run == k], series.mode_number)
+    return Diagnosis(
+        run=run.astype("i4"),
+        time_s=series.time_s[good],
+        wave_angle_rad=angle,
+        main_amplitude=a_A,
+        temperature_degc=series.temperature_degc[good] if series.has_temperature else None,
+        rate_rad_s=series.rate_rad_s[good],
+        measured=np.concatenate([measured.real, measured.imag], axis=1),
+        residual_before=before,
+        residual_after=after,
+        series=json.dumps(["C0 real", "S0 real", "C0 imaginary", "S0 imaginary"]),
+        run_ids=json.dumps(list(series.names), ensure_ascii=False),
+        gyro_id=waves[0].gyro_id,
+        verdict=verdict,
+        report=json.dumps(report, ensure_ascii=False),
+        extended_model=simulation_file(search.final, waves),
+    )
