@@ -97,16 +97,27 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
     if not np.all(np.isfinite(p)):
         raise HrgError("the propagator finds no motion to start from; look at the runs' envelopes (are they run-downs?)")
     span = max(r.duration_s for r in runs)
-    data = batch(propagator.thinned(runs, p, offsets, blocks_needed(p, runs, blocks)))
     space = freedom(known, p, runs[0].mode_number, span)
     p[6] = 1.0
-    z = np.linalg.pinv(space.directions) @ (p - space.origin)
-    result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
+    for attempt in (1, 2):
+        data = batch(propagator.thinned(runs, p, offsets, blocks_needed(p, runs, blocks)))
+        z = np.linalg.pinv(space.directions) @ (p - space.origin)
+        result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
+        if attempt == 2 or not _rate_varies(data):
+            break
+        p, offsets = result.p.copy(), result.response.state.offsets_rad_s(data.span_s)  # blocks again along the better motion
     while result.response.state.phase.shape[1] < MAX_PHASE_ORDER and phase_demands(result) > PHASE_GAIN:
         state = result.response.state
         phase = np.concatenate([state.phase, np.zeros((len(runs), 2))], axis=1)
         result = fit(data, space, result.z, state.start, phase)
     return result
+
+
+def _rate_varies(data: Batch) -> bool:
+    """Whether the rate changes within a run by more than 1 % of the largest rate."""
+    rate, step = data.step_rate, data.step_s > 0
+    ranges = [float(np.ptp(r[s])) for r, s in zip(rate, step)]
+    return max(ranges) > 0.01 * float(np.abs(rate).max(initial=0.0))
 
 
 def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> Fit:

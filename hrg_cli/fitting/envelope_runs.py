@@ -122,7 +122,8 @@ def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Arra
     def mean(values: Array) -> Array:
         return np.add.reduceat(values * weight, starts) / total
 
-    time, turn = mean(run.time_s), mean(run.turn_rad)
+    time = mean(run.time_s)
+    turn = np.interp(time, run.time_s, run.turn_rad)
     back = carry(time[which] - run.time_s, turn[which] - run.turn_rad)
     pulled = (back @ run.envelope[..., None])[..., 0]
     return dataclasses.replace(

@@ -84,21 +84,26 @@ def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
     return condition, flat
 
 
+def covariance_z(fit: Fit, factor: float) -> Array:
+    """Covariance of z with the data's information divided by `factor`, priors kept."""
+    information = fit.root.T @ fit.root - (1 - 1 / factor) * fit.data_root.T @ fit.data_root
+    return np.linalg.pinv(information, hermitian=True)
+
+
 def parameter_covariance(fit: Fit, factor: float, mode_number: int) -> tuple[Array, Array]:
     """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by 1/factor, priors kept.
 
     The size of a split that is lost in noise keeps the standard deviation of a component, and its axis at most a uniform one's.
     """
     values, slopes = coordinates.physical(fit.p, mode_number)
-    information = fit.root.T @ fit.root - (1 - 1 / factor) * fit.data_root.T @ fit.data_root
-    cov_p = fit.freedom.directions @ np.linalg.pinv(information, hermitian=True) @ fit.freedom.directions.T
+    cov_p = fit.freedom.directions @ covariance_z(fit, factor) @ fit.freedom.directions.T
     covariance = slopes @ cov_p @ slopes.T
     uniform = np.pi / mode_number / np.sqrt(12)
     for axis in (2, 4):
         std = np.sqrt(covariance[axis, axis])
         if not std < uniform:
-            covariance[axis] *= uniform / std if std > 0 else 0.0
-            covariance[:, axis] *= uniform / std if std > 0 else 0.0
+            covariance[axis] *= uniform / std if np.isfinite(std) and std > 0 else 0.0
+            covariance[:, axis] *= uniform / std if np.isfinite(std) and std > 0 else 0.0
             covariance[axis, axis] = uniform**2
     return values, covariance
 
@@ -142,25 +147,33 @@ def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
     return parts
 
 
-def run_frequencies(fit: Fit, factor: float) -> tuple[Array, Array]:
-    """Mean frequency of each run, Hz, and the standard deviations, (R,), (R,)."""
+@dataclass(frozen=True)
+class Frequencies:
+    """Mean frequency of each run, Hz: values (R,), covariance (R, R), covariance with z (R, k)."""
+
+    value: Array
+    covariance: Array
+    with_z: Array
+
+
+def run_frequencies(fit: Fit, factor: float) -> Frequencies:
+    """Mean frequencies of the runs, each its own nuisance, correlated through what they share."""
     response = fit.response
     span = response.batch.span_s
     frequency = np.array([r.reference_frequency_hz for r in response.batch.runs]) + response.state.offsets_rad_s(span) / (2 * np.pi)
-    covariance = fit.covariance_z() * factor
+    covariance = covariance_z(fit, factor)
     shared = np.tensordot(fit.freedom.directions.T, response.coordinate_sensitivities(), 1)
     own = response.run_sensitivities()
-    std = np.zeros(len(frequency))
+    variance, through = np.zeros(len(frequency)), np.zeros((len(frequency), len(covariance)))
     for run, record in enumerate(response.batch.runs):
         n = len(record)
         weight = response.batch.weight[run, :n]
         Q, R = np.linalg.qr(real(own[:, run, :n], weight))
-        back = np.linalg.pinv(R)
-        through = back @ (Q.T @ real(shared[:, run, :n], weight))
-        full = factor * back @ back.T + through @ covariance @ through.T
-        pick = np.concatenate([np.zeros(4), np.ones(len(full) - 4)]) / (2 * np.pi * span[run])
-        std[run] = np.sqrt(pick @ full @ pick)
-    return frequency, std
+        pick = np.concatenate([np.zeros(4), np.ones(len(own) - 4)]) / (2 * np.pi * span[run])
+        back = pick @ np.linalg.pinv(R)
+        variance[run] = factor * back @ back
+        through[run] = -back @ (Q.T @ real(shared[:, run, :n], weight))
+    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through @ covariance)
 
 
 def phase_demands(fit: Fit) -> float:

@@ -43,6 +43,16 @@ class Batch:
         return np.divide(np.diff(self.turn_rad, axis=1), dt, out=np.zeros_like(dt), where=dt > 0)
 
     @property
+    def step_rate_slope(self) -> Array:
+        """Angular acceleration of each step, rad/s², from the neighbouring steps' mean rates, (R, n−1)."""
+        middle = (self.time_s[:, 1:] + self.time_s[:, :-1]) / 2
+        rate, dt = self.step_rate, np.diff(middle, axis=1)
+        slope = np.divide(np.diff(rate, axis=1), dt, out=np.zeros_like(dt), where=(dt > 0) & (self.step_s[:, 1:] > 0))
+        if slope.shape[1] == 0:
+            return np.zeros_like(rate)
+        return np.concatenate([slope[:, :1], (slope[:, 1:] + slope[:, :-1]) / 2, slope[:, -1:]], axis=1)
+
+    @property
     def span_s(self) -> Array:
         """Duration of each run, (R,)."""
         return self.time_s[:, -1]
@@ -178,6 +188,8 @@ def respond(data: Batch, state: State) -> Response:
     plain = coordinates.generator(np.append(state.p[:6], 0.0), rate, 1.0)
     full = coordinates.generator(np.append(state.p[:6], 1.0), rate, omega[:, None])
     L = plain + state.p[6] * (full - plain)
+    change = (state.p[5] * data.step_s**2 / 12 * data.step_rate_slope)[..., None, None] * J
+    L = L + product(change, L) - product(L, change)  # Magnus: the rate changes within a step
     mean = (L[..., 0, 0] + L[..., 1, 1]) / 2
     half = exponential(L - mean[..., None, None] * np.eye(2), data.step_s / 2)
     phi = chain(product(half, half))

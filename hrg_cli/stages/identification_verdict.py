@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..fitting import inference
+from ..fitting import coordinates, inference
 from ..fitting.base_fit import Known, nominal_scale_factor
 from ..fitting.envelope_runs import EnvelopeRun
 from ..fitting.likelihood import Fit
@@ -79,23 +79,24 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
     values, covariance = inference.parameter_covariance(fit, factor, mode)
-    frequency, frequency_std = inference.run_frequencies(fit, factor)
-    weight = 1 / np.maximum(frequency_std, 1e-15) ** 2
-    mean = float(np.sum(weight * frequency) / weight.sum())
-    mean_std = float(1 / np.sqrt(weight.sum()))
+    runs_hz = inference.run_frequencies(fit, factor)
+    frequency, frequency_std = runs_hz.value, np.sqrt(np.diag(runs_hz.covariance))
+    full = np.zeros((7, 7))
+    full[1:, 1:] = covariance
     scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
     differ = scatter > 4 * float(np.median(frequency_std))
-    if differ:
-        mean, mean_std = float(np.mean(frequency)), scatter / np.sqrt(len(frequency))
+    weight = np.ones(len(frequency)) if differ else 1 / np.maximum(frequency_std, 1e-15) ** 2
+    weight /= weight.sum()
+    mean = float(weight @ frequency)
+    full[0, 0] = scatter**2 / len(frequency) if differ else weight @ runs_hz.covariance @ weight
+    _, slopes = coordinates.physical(fit.p, mode)
+    full[0, 1:] = full[1:, 0] = slopes @ fit.freedom.directions @ runs_hz.with_z.T @ weight
     order = list(ORDER)
-    full = np.zeros((7, 7))
-    full[0, 0], full[1:, 1:] = mean_std**2, covariance
     std = dict(zip(order, np.sqrt(np.diag(full))))
     named = dict(zip(order, [mean, *map(float, values)]))
     if known.scale_factor is not None:
         del named["scale_factor"]
     condition, flat = inference.flat_directions(fit, factor)
-    _, coloured = inference.inflation(fit)
     rows = np.array([len(r) for r in fit.response.batch.runs])
     run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
     rms = np.array([float(np.sqrt(c / len(r) / 4) * r.std.mean()) for c, r in zip(fit.run_chi2, fit.response.batch.runs)])
@@ -117,6 +118,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
         "run_frequency_hz": [float(f) for f in frequency],
         "run_frequency_std_hz": [float(f) for f in frequency_std],
         "phase_order": int(fit.response.state.phase.shape[1]),
+        "runs_differ_in_frequency": differ,
         "second_order": {"value": float(fit.p[6]), "std": float(np.sqrt(fit.covariance_z()[-1, -1]))},
         "iterations": fit.iterations,
         "variance_factor": factor,
@@ -124,11 +126,11 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
         "held": {k: v for k, v in dataclasses.asdict(known).items() if v is not None},
         "cramer_rao_std": dict(zip(order[1:], map(float, np.sqrt(np.diag(inference.parameter_covariance(fit, 1.0, mode)[1]))))),
     }
-    _reasons(verdict, fit, runs, coloured, differ)
+    _reasons(verdict, fit, runs, colour)
     return verdict
 
 
-def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float, differ: bool) -> None:
+def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
     """Sentences that make the result suspect or refused."""
     if not fit.converged:
         verdict.refused.append(f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs")
