@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
-from .fourier import harmonic_basis, monotone_weights, node_weights
+from .fourier import monotone_weights, node_weights
 from .increments import Noise, Path, covariance_bands, estimate_noise, whiten
 
 Array = np.ndarray
@@ -83,34 +84,42 @@ class Layout:
             return np.full(len(path), self.nodes[0])
         return path.middle(path.temperature_degc if self.axis == "temperature" else path.frequency_hz)
 
-    # ------------------------------------------------------------ models: (size, p) maps of their own coefficients to the full set
-
-    def select(
+    def part(
         self,
-        drift: int | None = None,
-        scale: int | None = None,
-        factors: Sequence[str] = (),
-        one_drift: bool = False,
-        one_scale: bool = False,
-        drift_constant: bool = True,
+        kind: Literal["drift", "scale"],
+        limit: int,
+        *,
+        one_node: bool = False,
+        lowest: int = 0,
     ) -> Array:
-        """Model with drift and scale-factor harmonics up to a limit (−1: none), independent of temperature with `one_…`, and some factors."""
-        drift = self.drift_harmonics if drift is None else drift
-        scale = self.scale_harmonics if scale is None else scale
+        """Map (size, p) of the drift's or scale factor's harmonics `lowest`…`limit` (−1: none), the same at all nodes with `one_node`."""
+        start, width = (0, self.drift_size) if kind == "drift" else (self.drift_size, self.node_size - self.drift_size)
         columns: list[Array] = []
-        for start, width, limit, single, first in (
-            (0, self.drift_size, drift, one_drift, 0 if drift_constant else 1),
-            (self.drift_size, self.node_size - self.drift_size, scale, one_scale, 0),
-        ):
-            for h in range(first, min(1 + 2 * limit, width)):
-                places = start + h + self.node_size * np.arange(len(self.nodes))
-                for group in [places] if single else places[:, None]:
-                    column = np.zeros(self.size)
-                    column[group] = 1.0
-                    columns.append(column)
-        for name in factors:
-            columns.extend(np.eye(self.size)[self.factor(name)])
+        for h in range(max(2 * lowest - 1, 0), min(1 + 2 * limit, width)):
+            places = start + h + self.node_size * np.arange(len(self.nodes))
+            for group in [places] if one_node else places[:, None]:
+                column = np.zeros(self.size)
+                column[group] = 1.0
+                columns.append(column)
         return np.array(columns).T if columns else np.zeros((self.size, 0))
+
+    def of_factors(self, *names: str) -> Array:
+        """Map (size, p) of whole factors."""
+        return np.concatenate([np.zeros((self.size, 0)), *(np.eye(self.size)[:, self.factor(name)] for name in names)], axis=1)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A linear model inside the full set of coefficients: c = start + matrix·p, p free."""
+
+    name: str
+    matrix: Array
+    start: Array | None = None
+
+    @property
+    def free(self) -> int:
+        """Number of free coefficients."""
+        return int(self.matrix.shape[1])
 
 
 def design(path: Path, layout: Layout, previous: Array | None = None) -> Array:
@@ -177,30 +186,29 @@ def accumulate(
 
 @dataclass(frozen=True)
 class Solution:
-    """Coefficients in the full set, their covariance, the effective number of coefficients and the weakest scaled eigenvalue."""
+    """Coefficients in the full set, their covariance and the effective number of coefficients."""
 
     coefficients: Array
     covariance: Array
     degrees: float
-    weakest: float
 
 
-def solve(information: Array, vector: Array, model: Array, penalty: Array | None = None) -> Solution:
+def solve(information: Array, vector: Array, model: Model, penalty: Array | None = None) -> Solution:
     """Least squares in a model's space; directions the data do not see (scaled eigenvalue < 1e-10) stay at zero."""
-    A, b = model.T @ information @ model, model.T @ vector
+    M = model.matrix
+    start = np.zeros(len(vector)) if model.start is None else model.start
+    A, b = M.T @ information @ M, M.T @ (vector - information @ start)
     data = A
     if penalty is not None:
-        A = A + model.T @ penalty @ model
+        A = A + M.T @ penalty @ M
+        b = b - M.T @ penalty @ start
     scale = np.sqrt(np.maximum(np.diag(A), 0))
     scale[scale == 0] = 1.0
     values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
     seen = values > 1e-10
     inverse = np.where(seen, 1 / np.where(seen, values, 1.0), 0.0)
     covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
-    coefficients = covariance @ b
-    return Solution(
-        model @ coefficients, model @ covariance @ model.T, float(np.trace(covariance @ data)), float(values.min()) if len(values) else 1.0
-    )
+    return Solution(start + M @ (covariance @ b), M @ covariance @ M.T, float(np.trace(covariance @ data)))
 
 
 def chi_square(information: Array, vector: Array, square: float, coefficients: Array) -> float:
@@ -222,11 +230,21 @@ class Fitted:
     jumps: int
 
 
+def held_out_chi_square(pieces: Pieces, folds: Array, model: Model, penalty: Array | None = None) -> float:
+    """Σ over folds of the whitened residuals squared, each fold predicted from the others."""
+    A, b, _, _ = pieces.sum()
+    total = 0.0
+    for f in range(int(folds.max()) + 1):
+        A_f, b_f, square, _ = pieces.sum(folds == f)
+        total += chi_square(A_f, b_f, square, solve(A - A_f, b - b_f, model, penalty).coefficients)
+    return total
+
+
 def fit(paths: Sequence[Path], layout: Layout, sweeps: int = 3) -> Fitted:
     """Joint fit of the full layout, alternating coefficients and each run's noise (white angle noise, angle random walk)."""
     turns = [p.turn.copy() for p in paths]
     noises = [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths]
-    model = np.eye(layout.size)
+    model = Model("everything", np.eye(layout.size))
     previous: Array | None = None
     jumps = 0
     for sweep in range(sweeps + 1):
@@ -266,21 +284,3 @@ def roughness(layout: Layout) -> Array:
         places = h + layout.node_size * np.arange(J)
         penalty[np.ix_(places, places)] = one
     return penalty
-
-
-__all__ = [
-    "PIECES",
-    "Factor",
-    "Fitted",
-    "Layout",
-    "Pieces",
-    "Solution",
-    "accumulate",
-    "chi_square",
-    "design",
-    "fit",
-    "harmonic_basis",
-    "piece_of",
-    "roughness",
-    "solve",
-]

@@ -8,13 +8,14 @@ high rates, residual rate / rate, in ppm of K₀. Both contain the noise of the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from ..fitting.fourier import node_weights
 from ..fitting.increments import covariance_bands
-from ..fitting.joint import PIECES, Fitted, design, piece_of, solve
+from ..fitting.joint import PIECES, Fitted, Model, design, piece_of, solve
 
 Array = np.ndarray
 CELLS_A_PERIOD = 16
@@ -32,7 +33,7 @@ class Cells:
     high: Array
 
 
-def predictions(fitted: Fitted, models: Sequence[Array], folds: Array, penalty: Array | None = None) -> tuple[Array, Array]:
+def predictions(fitted: Fitted, models: Sequence[Model], folds: Array, penalty: Array | None = None) -> tuple[Array, Array]:
     """Coefficients of each model (size, models) and of each with each fold left out (size, models, folds)."""
     count = int(folds.max()) + 1
     A, b, _, _ = fitted.pieces.sum()
@@ -82,6 +83,12 @@ def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cell
     return Cells(used, **common), Cells(unseen, **common)
 
 
+def of_runs(found: Cells, count: int) -> Cells:
+    """Only the cells of the first `count` runs."""
+    own = found.run < count
+    return Cells(*(getattr(found, f.name)[own] for f in fields(found)))
+
+
 @dataclass(frozen=True)
 class Figure:
     """Root mean square of each model with its 95 % bootstrap interval over runs, and the floor that noise leaves."""
@@ -110,3 +117,15 @@ def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) 
     drawn = np.sqrt(sums[picks].sum(axis=1) / counts[picks].sum(axis=1)[:, None])
     low, high = np.percentile(drawn, [2.5, 97.5], axis=0)
     return Figure(np.sqrt(square.mean(axis=0)), low, high, noise)
+
+
+def figure_rows(names: Sequence[str], used: Cells, unseen: Cells, scale_factor: float, draws: int, seed: int) -> list[dict[str, Any]]:
+    """One row a model: held-out drift [rad/s] and scale-factor [ppm] figures with intervals, and the same on the data used."""
+    rows: list[dict[str, Any]] = [{"stage": name} for name in names]
+    for kind in ("drift", "scale"):
+        for key, found in ((kind, unseen), (kind + "_used", used)):
+            f = figure(found, kind, scale_factor, draws, seed)
+            for i, row in enumerate(rows):
+                numbers = (("value", f.value[i]), ("low", f.low[i]), ("high", f.high[i]), ("floor", f.floor))
+                row[key] = {name: float(v) if np.isfinite(v) else None for name, v in numbers}
+    return rows

@@ -1,0 +1,88 @@
+"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics), and doubt from interpolating between nodes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..fitting.fourier import coefficients_at, harmonic_basis
+from ..fitting.increments import covariance_bands, whiten
+from ..fitting.joint import Fitted, Solution, design
+
+Array = np.ndarray
+STRAY_PROBABILITY = 1e-6
+
+
+def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
+    """Amplitudes of the harmonics mθ and 3mθ in the residual: no linear time-invariant defect makes them, an additive signal does.
+
+    Each run has its own cosine and sine (the wave's label mθ or mθ + π is free), fitted beside its even harmonics; their χ² are added.
+    """
+    from scipy.stats import chi2
+
+    layout, out = fitted.layout, []
+    for order in (1, 3):
+        n, total, runs, power = order * layout.mode_number, 0.0, 0, 0.0
+        for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
+            angle = path.middle(path.angle_rad)
+            if np.ptp(angle) < 2 * np.pi / layout.mode_number:
+                continue
+            loss = np.sinc(n * np.diff(path.angle_rad) / (2 * np.pi)) ** 2
+            odd = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1) * loss[:, None]
+            columns = np.concatenate([path.angle_basis(layout.drift_harmonics), odd], axis=1) * path.interval_s[:, None]
+            residual = turn - design(path, layout, solution.coefficients) @ solution.coefficients
+            white, _ = whiten(covariance_bands(path, noise), np.column_stack([columns, residual]))
+            found, _, rank, _ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)
+            if rank < white.shape[1] - 1:
+                continue
+            covariance = np.linalg.inv(white[:, :-1].T @ white[:, :-1])[-2:, -2:] * fitted.chi2_per_dof
+            total += float(found[-2:] @ np.linalg.solve(covariance, found[-2:]))
+            power += float(found[-2:] @ found[-2:] - np.trace(covariance))
+            runs += 1
+        if not runs:
+            continue
+        probability = float(chi2.sf(total, 2 * runs))
+        amplitude = float(np.sqrt(max(power, 0.0) / runs))
+        out.append(
+            {
+                "harmonic": f"{n}θ",
+                "amplitude_rad_s": amplitude,
+                "p_value": probability,
+                "significant": probability < STRAY_PROBABILITY,
+                "sentence": f"a stray harmonic {n}θ of {amplitude:.2e} rad/s is in the residual; it is not in the tables: look in the electronics "
+                f"for drive feed-through, an offset at the resonance or a parasitic force",
+            }
+        )
+    return out
+
+
+def interpolation_doubt(fitted: Fitted, solution: Solution, chi2: float, drift_limit: int, scale_limit: int) -> dict[str, float]:
+    """Standard deviation that interpolation adds midway between nodes, from predicting each inner node from the others.
+
+    Leaving a node out doubles the spacing; the error of cubic interpolation falls with its fourth power, of linear with its square.
+    """
+    layout = fitted.layout
+    count = len(layout.nodes)
+    cubic = layout.interpolation in ("cubic", "smooth")
+    if count < (5 if cubic else 3):
+        return {}
+    shrink = 1 / 16 if cubic else 1 / 4
+    tables = layout.tables(solution.coefficients)
+    out = {}
+    for name, table, limit, part in (
+        ("drift_rad_s", tables[0], drift_limit, layout.drift),
+        ("scale_factor", tables[1], scale_limit, layout.scale),
+    ):
+        size = 1 + 2 * limit
+        basis = harmonic_basis(np.linspace(0, np.pi / layout.mode_number, 24, endpoint=False), limit, layout.mode_number)
+        square, noise = 0.0, 0.0
+        for j in range(1, count - 1):
+            rest = np.arange(count) != j
+            predicted = coefficients_at(layout.nodes[[j]], layout.nodes[rest], table[rest, :size], "cubic" if cubic else "linear")[0]
+            square += float(np.mean((basis @ (table[j, :size] - predicted)) ** 2))
+            places = np.arange(layout.size)[part(j)][:size]
+            own = solution.covariance[np.ix_(places, places)] * chi2
+            noise += 2 * float(np.mean(np.einsum("ai,ij,aj->a", basis, own, basis)))
+        out[name] = shrink * float(np.sqrt(max(square - noise, 0.0) / (count - 2)))
+    return out

@@ -1,0 +1,148 @@
+"""Figures of the trade with the words of the standards (IEEE Std 1431, 952): scale factor, bias over angle and temperature, Allan deviation.
+
+SI units and ppm; °/h and °/√h are for the screen. Rate figures are of input rate: drift divided by the scale factor.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HrgError
+from ..records import Calibration, Wave
+from .calibration_table import values
+
+Array = np.ndarray
+
+
+def calibration_figures(calibration: Calibration) -> dict[str, float]:
+    """Bias (mean over angle and temperature), angle-dependent bias (half its range over the angle, worst node), temperature bias, and
+    the same of the scale factor in ppm; all of input rate, from the tables; residual figures held out."""
+    drift, scale = np.asarray(calibration.drift_rad_s), np.asarray(calibration.scale_factor)
+    bias = drift / scale
+    mean = float(scale.mean())
+    held = json.loads(calibration.details).get("figures", {})
+    out = {
+        "bias_rad_s": float(bias.mean()),
+        "angle_dependent_bias_rad_s": float(np.ptp(bias, axis=1).max() / 2),
+        "temperature_bias_rad_s": float(np.ptp(bias.mean(axis=1)) / 2),
+        "scale_factor_mean": mean,
+        "scale_factor_angle_ppm": float(np.ptp(scale, axis=1).max() / 2 / mean * 1e6),
+        "scale_factor_temperature_ppm": float(np.ptp(scale.mean(axis=1)) / 2 / mean * 1e6),
+    }
+    if len(calibration.node) > 1:
+        slope = np.polyfit(np.asarray(calibration.node), scale.mean(axis=1), 1)[0]
+        out["scale_factor_coefficient_ppm_per_node_unit"] = float(slope / mean * 1e6)
+    for kind, name in (("drift", "bias_residual_rad_s"), ("scale", "scale_factor_residual_ppm")):
+        value = held.get(kind, {}).get("held_out", {}).get("value")
+        if value is not None:
+            out[name] = float(value) / (mean if kind == "drift" else 1.0)
+    return out
+
+
+@dataclass(frozen=True)
+class ScaleFactorFigures:
+    """Straight line through (rate, output): error against the tables, asymmetry and nonlinearity in ppm, bias in rad/s of input rate."""
+
+    scale_factor: float
+    scale_factor_std: float
+    bias_rad_s: float
+    error_ppm: float
+    asymmetry_ppm: float
+    asymmetry_std_ppm: float
+    nonlinearity_ppm: float
+    rates_rad_s: list[float]
+    residual_ppm: list[float]
+
+
+def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None = None) -> ScaleFactorFigures:
+    """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431: deviations from the straight line).
+
+    Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the angle averages out (runs that turn less
+    are left out); with `calibration` each run is compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean, lines through the rates of each sign.
+    Nonlinearity: largest residual from the line over the largest rate.
+    """
+    from ..fitting.increments import path_of
+
+    rates, outputs, errors = [], [], []
+    for wave in waves:
+        path = path_of(wave, harmonics=4)
+        turn, time = path.turn, path.interval_s
+        if calibration is not None:
+            x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
+            drift, scale = values(calibration, x, path.middle(path.angle_rad), np.diff(path.angle_rad))
+            turn = (turn - drift * time) / scale
+        span = abs(path.angle_rad[-1] - path.angle_rad[0]) / (np.pi / path.mode_number)
+        stop = len(path)
+        if span < 1 and calibration is None:
+            continue
+        if calibration is None:
+            travelled = np.abs(np.cumsum(np.diff(path.angle_rad))) / (np.pi / path.mode_number)
+            stop = int(np.searchsorted(travelled, np.floor(span) - 1e-9)) + 1
+        total = float(time[:stop].sum())
+        rates.append(float(path.rotation[:stop].sum()) / total)
+        outputs.append(-float(turn[:stop].sum()) / total)
+        errors.append(np.sqrt(2 * np.mean(path.angle_variance)) * path.mode_number / total)
+    rate, output = np.array(rates), np.array(outputs)
+    if len(np.unique(np.round(rate / max(np.abs(rate).max(initial=0.0), 1e-300), 3))) < 2:
+        raise HrgError(
+            "the runs that turn through a period of the wave angle have one rate only: a scale factor needs at least two; add a run at another rate"
+        )
+    line = np.stack([rate, np.ones_like(rate)], axis=1)
+    (gain, offset), *_ = np.linalg.lstsq(line, output, rcond=None)
+    residual = output - line @ np.array([gain, offset])
+    spread = np.sqrt(np.sum(np.array(errors) ** 2) / len(errors))
+    std = spread / np.sqrt(np.sum((rate - rate.mean()) ** 2))
+    largest = np.abs(rate).max()
+    asymmetry = asymmetry_std = float("nan")
+    plus, minus = rate > 0.05 * largest, rate < -0.05 * largest
+    if plus.any() and minus.any():
+        up = float(np.sum((output - offset)[plus] * rate[plus]) / np.sum(rate[plus] ** 2))
+        down = float(np.sum((output - offset)[minus] * rate[minus]) / np.sum(rate[minus] ** 2))
+        asymmetry = 2 * (up - down) / (up + down) * 1e6
+        asymmetry_std = float(spread * np.hypot(np.sum(rate[plus] ** 2) ** -0.5, np.sum(rate[minus] ** 2) ** -0.5) / gain * 1e6)
+    reference = 1.0 if calibration is not None else gain
+    ppm = residual / (gain * largest) * 1e6
+    return ScaleFactorFigures(
+        float(gain), float(std), float(offset / gain), float((gain / reference - 1) * 1e6), asymmetry, asymmetry_std,
+        float(np.abs(ppm).max()), rate.tolist(), ppm.tolist(),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AllanFigures:
+    """Allan deviation of a rate with the coefficients of IEEE Std 952 annex C: σ² = Q²·3/τ² + N²/τ + B²·2ln2/π + K²τ/3."""
+
+    time_s: Array
+    deviation_rad_s: Array
+    quantization_rad: float
+    angle_random_walk_rad_sqrt_s: float
+    bias_instability_rad_s: float
+    rate_random_walk_rad_s_sqrt_s: float
+
+
+def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
+    """Overlapping Allan deviation of an evenly sampled rate and its coefficients, by non-negative least squares in relative error.
+
+    HrgError: fewer than 30 values, or values that are not finite.
+    """
+    from scipy.optimize import nnls
+
+    from ..reporting.allan import allan_deviation
+
+    rate = np.asarray(rate_rad_s, float)
+    if len(rate) < 30 or not np.isfinite(rate).all():
+        raise HrgError(
+            f"an Allan deviation needs at least 30 finite rates, {int(np.isfinite(rate).sum())} are there; a longer run is needed"
+        )
+    time, deviation, relative = allan_deviation(rate, interval_s)
+    variance = deviation**2
+    terms = np.stack([3 / time**2, 1 / time, np.full(len(time), 2 * np.log(2) / np.pi), time / 3], axis=1)
+    weight = 1 / np.maximum(variance * 2 * relative, 1e-300)
+    scale = np.linalg.norm(terms * weight[:, None], axis=0)
+    found, _ = nnls(terms * weight[:, None] / scale, variance * weight)
+    q, n, b, k = np.sqrt(found / scale)
+    return AllanFigures(time, deviation, float(q), float(n), float(b), float(k))
