@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,7 @@ def open_matlab(path: Path) -> Log:
     from scipy.io import loadmat, whosmat
 
     size = path.stat().st_size
+    _try_in_a_child(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -53,6 +56,18 @@ def open_matlab(path: Path) -> Log:
     if not arrays:
         raise HrgError(f"{path}: holds no vector of numbers; a variable a channel was expected")
     return log_of_arrays("matlab", arrays, sample_rate_hz=rate_of(scalars))
+
+
+def _try_in_a_child(path: Path) -> None:
+    """Load the file in a process of its own first: damaged cells and structures make scipy's reader crash, not raise."""
+    program = "import sys, scipy.io; scipy.io.whosmat(sys.argv[1]); scipy.io.loadmat(sys.argv[1])"
+    limit = 60 + path.stat().st_size / 1e6
+    try:
+        child = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, timeout=limit, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise HrgError(f"{path}: cannot be read as a MATLAB file within {limit:.0f} s; it is damaged: save it again") from error
+    if child.returncode < 0:
+        raise HrgError(f"{path}: cannot be read as a MATLAB file (scipy's reader crashed on it); it is damaged: save it again")
 
 
 def _flatten(name: str, value: Any, arrays: dict[str, np.ndarray], scalars: dict[str, float], depth: int) -> None:

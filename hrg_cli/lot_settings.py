@@ -1,0 +1,122 @@
+"""The file of a lot: which recordings, which stages, which settings, which limits; checked whole before any work begins."""
+
+from __future__ import annotations
+
+import fnmatch
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from . import settings
+from .errors import HrgError
+from .formats import import_log
+from .pipeline import STAGES
+
+PER_RECORDING = ("demodulate", "estimate")
+PER_GYRO = ("identify", "calibrate", "diagnose")
+_STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
+Table = dict[str, Any]
+
+
+class RunSettings(BaseModel):
+    """Settings of the recordings whose file name fits a pattern."""
+
+    model_config = _STRICT
+    import_: Annotated[Table, Field(alias="import")] = {}
+    demodulate: Table = {}
+    estimate: Table = {}
+
+
+class GyroSettings(BaseModel):
+    """A gyro named in the lot's file rather than by its recordings."""
+
+    model_config = _STRICT
+    gyro_id: Annotated[str, Field(min_length=1)]
+    recordings: Annotated[list[str], Field(min_length=1)]
+
+
+class LotSettings(BaseModel):
+    """A lot: patterns or names of recordings (hrg files or foreign logs), relative to the lot's file."""
+
+    model_config = _STRICT
+    lot_id: str = ""
+    created: Annotated[str, Field(pattern=r"^(\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}Z)?$")] = ""
+    """The time written into every file; empty: that of the newest recording."""
+    recordings: list[str] = []
+    gyro: list[GyroSettings] = []
+    stages: list[Literal["identify", "calibrate", "diagnose"]] = ["identify", "calibrate"]
+    outlier_z: Annotated[float, Field(gt=0)] = 3.5
+    limits: dict[Literal["resonator", "calibration", "diagnosis"], Table] = {}
+    """What `hrg check` would be given, by kind of file."""
+    import_: Annotated[Table, Field(alias="import")] = {}
+    demodulate: Table = {}
+    estimate: Table = {}
+    identify: Table = {}
+    calibrate: Table = {}
+    diagnose: Table = {}
+    runs: dict[str, RunSettings] = {}
+
+    @field_validator("recordings", mode="before")
+    @classmethod
+    def _one_or_many(cls, value: Any) -> Any:
+        return [value] if isinstance(value, str) else value
+
+    def table(self, stage: str, file_name: str = "") -> Table:
+        """The settings given for a stage: the lot's, then those of every pattern that fits the file's name."""
+        attribute = "import_" if stage == "import" else stage
+        given = dict(getattr(self, attribute))
+        for pattern, run in self.runs.items():
+            if hasattr(run, attribute) and fnmatch.fnmatchcase(file_name, pattern):
+                given |= getattr(run, attribute)
+        return given
+
+    def values(self, stage: str, file_name: str = "") -> Table:
+        """The whole checked settings of a stage."""
+        function = import_log if stage == "import" else STAGES[stage].function()
+        checked = settings.validate(
+            settings.model_of(function), self.table(stage, file_name), "the lot's file", prefix=f"{stage}."
+        )
+        return {key: getattr(checked, key) for key in type(checked).model_fields}
+
+
+def read_lot(path: Path | str, assignments: tuple[str, ...] = ()) -> LotSettings:
+    """The lot of a TOML file, `--set` assignments applied. HrgError: not TOML, unknown keys, wrong values, no recordings named."""
+    path = Path(path)
+    tree = settings.load_toml(path)
+    for text in assignments:
+        settings.assign(tree, *settings.parse_assignment(text))
+    lot: LotSettings = settings.validate(LotSettings, tree, str(path))
+    if not lot.recordings and not lot.gyro:
+        raise HrgError(f'{path}: names no recordings; write recordings = "data/*.h5" or [[gyro]] tables')
+    for stage in ("import", *PER_RECORDING, *lot.stages):
+        lot.values(stage)
+        for pattern in lot.runs:
+            lot.values(stage, pattern)
+    return lot
+
+
+def recordings_of(lot: LotSettings, base: Path) -> list[tuple[str | None, Path]]:
+    """(gyro or None, file) of every recording, sorted, none twice. HrgError: a name or pattern that no file fits."""
+    found: dict[Path, str | None] = {}
+    for gyro, patterns in [(None, lot.recordings), *((g.gyro_id, g.recordings) for g in lot.gyro)]:
+        for pattern in patterns:
+            files = _matching(base, pattern)
+            if not files:
+                raise HrgError(f"{base}: no file fits {pattern!r}; correct the lot's file")
+            for file in files:
+                found[file] = gyro if gyro is not None else found.get(file)
+    return [(gyro, path) for path, gyro in sorted(found.items())]
+
+
+def _matching(base: Path, pattern: str) -> list[Path]:
+    whole = base / pattern
+    if whole.is_file():
+        return [whole.absolute()]
+    try:
+        root, relative = (
+            (Path(whole.anchor), str(whole.relative_to(whole.anchor))) if Path(pattern).is_absolute() else (base, pattern)
+        )
+        return sorted(p.absolute() for p in root.glob(relative) if p.is_file())
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise HrgError(f"{base}: {pattern!r} is no pattern of files ({error}); write e.g. data/*.h5") from error

@@ -1,0 +1,200 @@
+"""The two units of work of a lot: one recording to its wave, and the waves of one gyro to its results.
+
+Each takes paths and settings, writes its own files atomically and returns a small dictionary; a failure is a result too. What
+was done is remembered beside the outputs with a key made of the inputs' content, the settings and the version, so that work
+already done is not done again, and anything that changed is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from . import __version__, pipeline, store
+from .errors import HrgError
+from .records import Record
+
+COMMAND = "hrg batch"
+
+
+@dataclass(frozen=True)
+class RecordingTask:
+    """One recording: the file, what it is called in the folder, the settings of import, demodulate and estimate."""
+
+    source: str
+    folder: str
+    name: str
+    gyro_id: str
+    epoch: int
+    settings: Mapping[str, Mapping[str, Any]]
+    foreign: bool = False
+    lot_id: str = ""
+
+
+@dataclass(frozen=True)
+class GyroTask:
+    """One gyro: its waves by mode, the stages to run and their settings, the limits."""
+
+    gyro_id: str
+    folder: str
+    free: tuple[str, ...]
+    forced: tuple[str, ...]
+    epoch: int
+    stages: tuple[str, ...]
+    settings: Mapping[str, Mapping[str, Any]]
+    limits: Mapping[str, Any] = field(default_factory=dict)
+
+
+def work_recording(task: RecordingTask) -> dict[str, Any]:
+    """Import (a foreign log), demodulate, estimate: {gyro_id, name, wave, mode, status, reasons, error}."""
+    folder = Path(task.folder)
+    wave = folder / f"{task.name}.wave.h5"
+    told = {"gyro_id": task.gyro_id, "name": task.name, "wave": str(wave)}
+    with _stamped(task.epoch), _reporting(told) as result:
+        recording = Path(task.source)
+        if not recording.is_file():
+            raise HrgError(f"{recording}: vanished; the lot's file names it")
+        key = _key({"settings": task.settings, "gyro": task.gyro_id, "lot": task.lot_id}, [recording])
+        done = _remembered(folder / f"{task.name}.json", key, folder)
+        if done is not None:
+            return told | done
+        folder.mkdir(parents=True, exist_ok=True)
+        outputs = [folder / f"{task.name}.periods.h5", wave]
+        if task.foreign:
+            recording = folder / f"{task.name}.recording.h5"
+            _import(task, recording)
+            outputs.insert(0, recording)
+        reasons: list[str] = []
+        for stage, source, output in (("demodulate", recording, outputs[-2]), ("estimate", outputs[-2], wave)):
+            outcome = pipeline.run_stage(stage, [source], output, task.settings[stage], force=True, command_line=COMMAND)
+            reasons += [reason for reason in outcome.record.status_reasons if reason not in reasons]
+        mode = str(getattr(outcome.record, "mode", "free"))
+        result |= {"mode": mode, "status": outcome.record.status, "reasons": reasons, "error": ""}
+        _remember(folder / f"{task.name}.json", key, {k: v for k, v in result.items() if k not in told}, outputs)
+    return result
+
+
+def work_gyro(task: GyroTask) -> dict[str, Any]:
+    """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage: JSON}, checks, error}."""
+    folder = Path(task.folder)
+    told: dict[str, Any] = {"gyro_id": task.gyro_id}
+    waves = [Path(p) for p in (*task.free, *task.forced)]
+    with _stamped(task.epoch), _reporting(told) as result:
+        content = {"settings": task.settings, "stages": task.stages, "limits": task.limits, "free": len(task.free)}
+        key = _key(content, waves)
+        done = _remembered(folder / "gyro.json", key, folder)
+        if done is not None:
+            return told | done
+        results: dict[str, Any] = {}
+        errors: list[str] = []
+        checks: list[dict[str, Any]] = []
+        outputs: list[Path] = []
+        for stage in task.stages:
+            inputs = {"identify": task.free, "calibrate": task.forced, "diagnose": (*task.free, *task.forced)}[stage]
+            if not inputs:
+                continue
+            output = folder / f"{pipeline.STAGES[stage].gives}.h5"
+            beside = (
+                {} if stage == "identify" or (folder / "resonator.h5") not in outputs else {"resonator": folder / "resonator.h5"}
+            )
+            beside = {k: v for k, v in beside.items() if k in pipeline.STAGES[stage].beside}
+            try:
+                outcome = pipeline.run_stage(
+                    stage,
+                    [Path(p) for p in inputs],
+                    output,
+                    task.settings[stage],
+                    beside=beside,
+                    force=True,
+                    command_line=COMMAND,
+                )
+            except HrgError as error:
+                errors.append(f"{stage}: {error}")
+                continue
+            outputs.append(output)
+            results[stage] = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
+            checks += _checked(outcome.record, task.limits)
+        result |= {"results": results, "checks": checks, "error": "; ".join(errors), "status": _worst(results, errors)}
+        if not errors:
+            _remember(folder / "gyro.json", key, {k: v for k, v in result.items() if k not in told}, outputs)
+    return result
+
+
+def _import(task: RecordingTask, output: Path) -> None:
+    from .formats import import_log
+
+    values = {**task.settings["import"], "gyro_id": task.gyro_id, "lot_id": task.lot_id}
+    source = Path(task.source)
+    pipeline.write_first(output, import_log(source, **values), values, "import", [source], force=True, command_line=COMMAND)
+
+
+def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
+    if record.kind not in limits:
+        return []
+    from .limits import check
+
+    return [{"name": row.name, "passed": row.passed, "sentence": row.sentence()} for row in check(record, limits)]
+
+
+def _worst(results: Mapping[str, Any], errors: list[str]) -> str:
+    """The worst status of a gyro's results; "failed" where a stage could not be done or there was nothing to do."""
+    if errors or not results:
+        return "failed"
+    order = ("valid", "suspect", "refused")
+    return max((str(r["status"]) for r in results.values()), key=order.index)
+
+
+@contextlib.contextmanager
+def _stamped(epoch: int) -> Iterator[None]:
+    """Every file of a lot bears one time, so that its bytes do not depend on when and where it was made."""
+    before = os.environ.get("SOURCE_DATE_EPOCH")
+    os.environ["SOURCE_DATE_EPOCH"] = str(epoch)
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop("SOURCE_DATE_EPOCH", None)
+        else:
+            os.environ["SOURCE_DATE_EPOCH"] = before
+
+
+@contextlib.contextmanager
+def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """A result that turns every failure of the work into its `error`."""
+    result: dict[str, Any] = dict(told)
+    try:
+        yield result
+    except HrgError as error:
+        result |= {"status": "failed", "error": str(error)}
+    except Exception as error:
+        result |= {"status": "failed", "error": f"internal error: {type(error).__name__}: {str(error)[:200]}"}
+
+
+def _key(content: Mapping[str, Any], inputs: list[Path]) -> str:
+    """SHA-256 over version, settings and the content of the inputs."""
+    text = json.dumps([__version__, content, [[p.name, store.sha256(p)] for p in inputs]], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _remembered(note: Path, key: str, folder: Path) -> dict[str, Any] | None:
+    """What was noted for this key, if every output is still there, unchanged."""
+    try:
+        noted = json.loads(note.read_text(encoding="utf-8"))
+        whole = noted["key"] == key and all(store.sha256(folder / name) == digest for name, digest in noted["outputs"].items())
+        return dict(noted["result"]) if whole else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _remember(note: Path, key: str, result: Mapping[str, Any], outputs: list[Path]) -> None:
+    text = json.dumps(
+        {"key": key, "outputs": {p.name: store.sha256(p) for p in outputs}, "result": result}, indent=1, sort_keys=True
+    )
+    with store.atomic_path(note, force=True) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
