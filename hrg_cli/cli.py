@@ -225,6 +225,27 @@ def calibrate(
     )
 
 
+@command(app, "diagnose", "hrg diagnose wave-*.h5 -o diagnosis.h5 --model resonator.h5")
+def diagnose(
+    run: Common,
+    waves: Files = None,
+    model: Annotated[
+        Path | None, typer.Option(help="What you believe: a resonator file or a simulation's TOML.", show_default=False)
+    ] = None,
+    effects_from: Annotated[
+        Path | None, typer.Option(help="Python file with effects of your own; it is executed.", show_default=False)
+    ] = None,
+    scale_factor: Annotated[float | None, typer.Option(help="Known scale factor K, held fixed.", show_default=False)] = None,
+) -> None:
+    """What the simulation gets wrong: the cause, its size, the extended model (OUTPUT.extended.toml) and the gain."""
+    from .diagnosing import diagnose_files
+    from .reporting import console, tables
+
+    with console.progress_bar("diagnose", run.quiet or run.json) as progress:
+        outcome = diagnose_files(waves or [], run, model, effects_from, {"scale_factor": scale_factor}, progress)
+    run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+
+
 @command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5")
 def compensate(
     run: Common,

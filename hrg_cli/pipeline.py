@@ -72,13 +72,14 @@ def run_stage(
     values: Mapping[str, Any],
     *,
     beside: Mapping[str, Path] | None = None,
+    further: Mapping[str, Any] | None = None,
     force: bool = False,
     command_line: str = "",
     progress: Progress | None = None,
 ) -> Outcome:
     """Run one stage on files: records in, one record out, whole or not at all.
 
-    values: the stage's resolved settings. HrgError: an input is of the wrong kind, damaged or changed while it was read; the output exists.
+    values: the stage's resolved settings; beside: files of further records; further: arguments that are no file. HrgError: an input is of the wrong kind, damaged or changed while it was read; the output exists.
     """
     stage = STAGES[name]
     started = time.monotonic()
@@ -89,18 +90,19 @@ def run_stage(
             raise HrgError(f"{output}: is an input of this command too; choose another --output")
     with ExitStack() as open_files, Sources([*inputs, *beside.values()]) as sources:
         kind = _KIND[stage.takes]
-        further = {key: store.read(path, _KIND[stage.beside[key]]) for key, path in beside.items()}
+        records_beside = {key: store.read(path, _KIND[stage.beside[key]]) for key, path in beside.items()}
+        arguments = {**records_beside, **(further or {}), **values}
         if stage.many:
             records: list[Record] = [store.read(path, kind) for path in inputs]
-            result = stage.function()(records, **further, **values)
-            parents = [*records, *further.values()]
+            result = stage.function()(records, **arguments)
+            parents = [*records, *records_beside.values()]
         else:
             record = open_files.enter_context(store.open_record(inputs[0], kind))
             with _naming(inputs[0]):
-                result = stage.function()(record, **further, **values)
+                result = stage.function()(record, **arguments)
             if not isinstance(result, Record):
                 result = _watched(result, record, inputs[0], progress)
-            parents = [record, *further.values()]
+            parents = [record, *records_beside.values()]
         text = settings.to_toml({name: values})
         written = store.write(
             output, result, force, finish=lambda last: _with_provenance(last, parents, sources.done(), text, command_line or f"hrg {name}")

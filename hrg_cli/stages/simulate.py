@@ -76,7 +76,7 @@ def _active(settings: SimulationFile, extra_effects: Sequence[Any]) -> Active:
 
 
 def _fast(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
-    mechanics, courses, control, pickoff = _mechanics(settings), _courses(settings), _control(settings), _readout(settings)
+    mechanics, courses, control, pickoff = mechanics_of(settings), _courses(settings), _control(settings), _readout(settings)
     world = _environment(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, world)
@@ -90,7 +90,7 @@ def _fast(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
 
 
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
-    mechanics, courses, pickoff = _mechanics(settings), _courses(settings), _readout(settings)
+    mechanics, courses, pickoff = mechanics_of(settings), _courses(settings), _readout(settings)
     world = _environment(settings, bool(active))
     terms = slow_engine.SlowTerms(
         [partial(effect.slow_environment, p) for effect, p in active if getattr(effect, "slow_environment", same_state) is not same_state],
@@ -191,11 +191,11 @@ def _count(settings: SimulationFile) -> int:
 
 def _start(settings: SimulationFile) -> Array:
     start = settings.start
-    wave = np.array([start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad])
-    return ellipse.envelopes(*wave, mode_number=settings.device.mode_number)
+    a_A, a_B, angle, phase = np.array([start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad])
+    return ellipse.envelopes(a_A, a_B, angle, phase, settings.device.mode_number)
 
 
-def _mechanics(settings: SimulationFile) -> Mechanics:
+def mechanics_of(settings: SimulationFile) -> Mechanics:
     d = settings.device
     return Mechanics(
         d.frequency_hz, d.rate_1_s, d.split_1_s, d.damping_axis_rad, d.frequency_split, d.stiffness_axis_rad, d.scale_factor, d.mode_number

@@ -1,0 +1,63 @@
+"""The body of `hrg diagnose`: the model that the user believes, effects of the user's own, the extended model beside the output."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import pipeline, settings, store
+from .command import Common, command_line, existing
+from .effects import load_effects
+from .errors import HrgError
+from .physics.resonator import PARAMETERS, Mechanics
+from .records import Diagnosis, Resonator
+from .stages.diagnose import diagnose
+from .stages.simulate import mechanics_of
+from .stages.simulation_file import runs_of
+
+
+def diagnose_files(
+    waves: Sequence[Path], run: Common, model: Path | None, effects_from: Path | None, flags: dict[str, Any], progress: pipeline.Progress
+) -> pipeline.Outcome:
+    """Diagnose wave files; writes the diagnosis and, beside it, the extended model as TOML."""
+    values = run.settings(diagnose, **flags)
+    waves = existing(waves, "wave files")
+    output = run.need_output("diagnosis.h5")
+    extended = output.with_name(f"{output.name.removesuffix('.h5')}.extended.toml")
+    store.check_output(extended, run.force)
+    beside: dict[str, Path] = {}
+    further: dict[str, Any] = {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
+    if model is not None and model.suffix == ".toml":
+        further["resonator"] = believed(model)
+    elif model is not None:
+        beside["resonator"] = model
+    outcome = pipeline.run_stage(
+        "diagnose", waves, output, values, beside=beside, further=further, force=run.force, command_line=command_line(), progress=progress
+    )
+    assert isinstance(outcome.record, Diagnosis)
+    if not outcome.record.extended_model:
+        return outcome
+    with store.atomic_path(extended, run.force) as temporary:
+        temporary.write_text(outcome.record.extended_model, encoding="utf-8")
+    return pipeline.Outcome(outcome.record, {**outcome.json, "extended_model": str(extended)})
+
+
+def believed(file: Path) -> Resonator:
+    """The resonator of a simulation file, without errors: values the user holds for true."""
+    mechanics: Mechanics = mechanics_of(runs_of(settings.load_toml(file), str(file))[0])
+    names = [name for name, _ in PARAMETERS]
+    values = np.array([getattr(mechanics, name) for name in names])
+    if not np.all(np.isfinite(values)):
+        raise HrgError(f"{file}: its [device] has values that are not finite; correct them")
+    return Resonator(
+        name=np.array(names, dtype=object),
+        value=values,
+        std=np.zeros(len(names)),
+        units=np.array([unit for _, unit in PARAMETERS], dtype=object),
+        covariance=np.zeros((len(names), len(names))),
+        method="simulation file",
+        mode_number=mechanics.mode_number,
+    )
