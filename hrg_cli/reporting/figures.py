@@ -174,10 +174,13 @@ def note(ax: Axes, text: str) -> None:
     ax.set_title(text, loc="right", fontsize=8.0, fontweight="normal", color=MUTED)
 
 
-def legend(ax: Axes, **more: Any) -> None:
-    """A legend where there is something to tell apart."""
+def legend(ax: Axes, *, above: bool = False, **more: Any) -> None:
+    """A legend where there is something to tell apart; `above` puts it over the frame, right of the title."""
+    options: dict[str, Any] = {"loc": "best", "borderaxespad": 0.3, "handlelength": 1.6}
+    if above:
+        options |= {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4, "borderaxespad": 0.1}
     if len(ax.get_legend_handles_labels()[1]) > 1:
-        ax.legend(**({"loc": "best", "borderaxespad": 0.3, "handlelength": 1.6} | more))
+        ax.legend(**(options | more))
 
 
 def svg(plot: Plot, prefix: str) -> str:

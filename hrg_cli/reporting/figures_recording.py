@@ -157,7 +157,7 @@ def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:
         ax.semilogy(x, top, color=MUTED, lw=0.8, label="residual of a local fit")
         log_axis(ax.yaxis)
         labels(ax, y=f"{channel}, {_unit(record.c_units if i == 0 else record.s_units)}/√Hz", title=f"Channel {channel}")
-        legend(ax, loc="upper right", ncols=2)
+        legend(ax, above=True)
     axes[1, 0].set_xlabel("frequency, Hz")
     axes[1, 0].set_xlim(0, rate / 2)
     words = (
@@ -287,5 +287,5 @@ def residual_spectrum(record: Periods) -> Plot:
         words += " Lines stand out at " + ", ".join(f"{number(f, 5)} Hz" for f in at) + "."
     labels(ax, x="frequency, Hz", y=f"{_unit(record.units)}/√Hz")
     log_axis(ax.yaxis)
-    legend(ax, ncols=3)
+    legend(ax, above=True)
     return Plot("residual-spectrum", "Spectrum of the demodulation's residual", words, figure)

@@ -14,12 +14,35 @@ from .allan import allan_deviation
 from .figures import INK, MUTED, SERIES, Plot, chosen, labels, legend, line, log_axis, note, number, panels, scatter_with_mean, spread, time_unit
 
 
-def details(text: str) -> Any:
-    """A record's JSON text; anything that is not JSON is an empty object."""
+def json_object(text: str) -> dict[str, Any]:
+    """A record's JSON text as an object; anything else is an empty one."""
+    value = _json(text)
+    return value if isinstance(value, dict) else {}
+
+
+def json_list(text: str) -> list[Any]:
+    """A record's JSON text as a list; anything else is an empty one."""
+    value = _json(text)
+    return value if isinstance(value, list) else []
+
+
+def _json(text: str) -> Any:
     try:
         return json.loads(text)
-    except ValueError:
-        return {}
+    except (ValueError, RecursionError):
+        return None
+
+
+def entries(report: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    """The objects in a list of a JSON object."""
+    value = report.get(key)
+    return [e for e in value if isinstance(e, dict)] if isinstance(value, list) else []
+
+
+def child(report: dict[str, Any], key: str) -> dict[str, Any]:
+    """The object of that key, or an empty one."""
+    value = report.get(key)
+    return value if isinstance(value, dict) else {}
 
 
 # ---------------------------------------------------------------- resonator
@@ -83,8 +106,8 @@ def calibration_plots(record: Calibration) -> list[Plot]:
         _map(record, (record.scale_factor / mean - 1) * 1e6, record.scale_factor_std / abs(mean) * 1e6, "K", f"K/{number(mean, 6)} − 1, ppm", "scale-factor-map"),
         _harmonics(record, mean),
     ]
-    ladder = details(record.details).get("ladder")
-    if isinstance(ladder, list) and ladder:
+    ladder = entries(json_object(record.details), "ladder")
+    if ladder:
         found.append(_ladder(ladder))
     return found
 
@@ -154,8 +177,7 @@ def _harmonic_names(count: int, mode: int) -> list[str]:
     return ["constant"] + [f"{'cos' if k % 2 else 'sin'} {2 * mode * ((k + 1) // 2)}θ" for k in range(1, count)]
 
 
-def _ladder(ladder: list[Any]) -> Plot:
-    steps = [step for step in ladder if isinstance(step, dict)]
+def _ladder(steps: list[dict[str, Any]]) -> Plot:
     names = [str(step.get("stage", i + 1)) for i, step in enumerate(steps)]
     figure, axes = panels(1, 2, height=0.9 + 0.3 * len(steps), width=8.2, sharey=True)
     columns = (
@@ -225,7 +247,7 @@ def _compensated(record: Compensated) -> Plot:
                 line(ax, time, np.asarray(y) / DEGREE_PER_HOUR, k, f"{name} the tables")
                 words += f"; residual {name} {number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
         labels(ax, y="°/h", title="Rate error")
-        legend(ax, ncols=2)
+        legend(ax, above=True)
     axes[-1, 0].set_xlabel(f"time, {unit}")
     return Plot("compensated", "Rate after the tables", words + ".", figure)
 
@@ -254,29 +276,23 @@ def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
 
 def diagnosis_plots(record: Diagnosis) -> list[Plot]:
     """Ranking of the causes found, the gain, and residuals before and after against θ, time, amplitude and temperature."""
-    report = details(record.report)
+    report = json_object(record.report)
     found = []
-    if _entries(report, "effects") or _entries(report, "tested"):
+    if entries(report, "effects") or entries(report, "tested"):
         found.append(_ranking(report))
     if isinstance(report.get("gain"), dict):
         found.append(_gain(report))
     if len(record):
-        names = details(record.series)
-        for k, name in enumerate(names if isinstance(names, list) else []):
+        for k, name in enumerate(json_list(record.series)):
             if k < record.residual_before.shape[1]:
                 found.append(_residuals(record, str(name), k))
     return found
 
 
-def _entries(report: Any, key: str) -> list[dict[str, Any]]:
-    value = report.get(key) if isinstance(report, dict) else None
-    return [e for e in value if isinstance(e, dict)] if isinstance(value, list) else []
-
-
-def _ranking(report: Any) -> Plot:
-    effects = [(str(e.get("name")), abs(_float(e.get("z"))), 0) for e in _entries(report, "effects")]
+def _ranking(report: dict[str, Any]) -> Plot:
+    effects = [(str(e.get("name")), abs(_float(e.get("z"))), 0) for e in entries(report, "effects")]
     named = {name for name, _, _ in effects}
-    tested = sorted(((str(e.get("name")), abs(_float(e.get("z"))), 5) for e in _entries(report, "tested") if str(e.get("name")) not in named), key=lambda e: -np.nan_to_num(e[1]))
+    tested = sorted(((str(e.get("name")), abs(_float(e.get("z"))), 5) for e in entries(report, "tested") if str(e.get("name")) not in named), key=lambda e: -np.nan_to_num(e[1]))
     rows = (effects + tested)[:24]
     figure, axes = panels(1, 1, height=0.8 + 0.24 * len(rows))
     ax = axes[0, 0]
@@ -300,13 +316,13 @@ def _ranking(report: Any) -> Plot:
     return Plot("ranking", "Causes by significance", words, figure)
 
 
-def _gain(report: Any) -> Plot:
+def _gain(report: dict[str, Any]) -> Plot:
     gain = report["gain"]
     figure, axes = panels(1, 2, height=2.1, width=7.2)
     held = str(gain.get("held_out", "data"))
     said = []
     for ax, before, after, label, colour in (
-        (axes[0, 0], _float(_child(report, "baseline").get("chi2_per_dof")), _float(_child(report, "after").get("chi2_per_dof")), "χ² a degree of freedom", 4),
+        (axes[0, 0], _float(child(report, "baseline").get("chi2_per_dof")), _float(child(report, "after").get("chi2_per_dof")), "χ² a degree of freedom", 4),
         (axes[0, 1], _float(gain.get("before")), _float(gain.get("after")), f"residual on held-out {held}", 2),
     ):
         values = [before, after]
@@ -323,11 +339,6 @@ def _gain(report: Any) -> Plot:
         note(axes[0, 1], f"ratio {number(_float(gain.get('ratio')), 3)} ± {number(_float(gain.get('std')), 2)}")
         said.append(f"ratio {number(_float(gain.get('ratio')), 3)} ± {number(_float(gain.get('std')), 2)}")
     return Plot("gain", "Gain of the extended model", "; ".join(said) + ".", figure)
-
-
-def _child(report: Any, key: str) -> dict[str, Any]:
-    value = report.get(key)
-    return value if isinstance(value, dict) else {}
 
 
 def _residuals(record: Diagnosis, name: str, k: int) -> Plot:
@@ -352,7 +363,7 @@ def _residuals(record: Diagnosis, name: str, k: int) -> Plot:
     if high > low:
         axes[0, 0].set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
     axes[0, 0].set_ylabel("residual, σ")
-    legend(axes[0, 0])
+    legend(axes[0, -1], above=True)
     rms = [float(np.sqrt(np.nanmean(r**2))) for r in (before, after)]
     words = f"Whitened residual of {name}: {number(rms[0])} σ rms before, {number(rms[1])} σ rms after the extended model."
     return Plot(f"residual-{k}", f"Residual of {name} before and after", words, figure)

@@ -73,7 +73,7 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
             shift = _branch(record, name, values, time, np.asarray(truth.truth_time_s), np.asarray(expected) * scale, scale)
             ax.plot(*envelope(np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift), color=INK, lw=1.2, ls=(0, (3, 4)), label="truth")
             if k == 0:
-                legend(ax)
+                legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
         labels(ax, y=label, title=title)
         said.append(f"{title} {spread(values)} {label.partition(', ')[2]}")
     axes[-1, 0].set_xlabel(f"time, {unit}")

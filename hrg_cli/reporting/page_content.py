@@ -13,7 +13,7 @@ import numpy as np
 from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
 from ..units import DEGREE_PER_HOUR
 from .figures import number
-from .figures_result import details
+from .figures_result import child, entries, json_list, json_object
 
 STEPS = (
     ("recording", ("import", "simulate"), "record, import or simulate"),
@@ -118,7 +118,7 @@ def tables(record: Record) -> list[Table]:
     if isinstance(record, Diagnosis):
         return _diagnosis(record)
     if isinstance(record, Compensated):
-        return _figures("Figures", details(record.details))
+        return _figures("Figures", json_object(record.details))
     return []
 
 
@@ -127,18 +127,17 @@ def _resonator(record: Resonator) -> list[Table]:
     frequency = parameters.get("frequency_hz", (None,))[0]
     rows = [(plain(n), number(v, 8), number(s, 2), plain(u), for_people(n, v, s, frequency)) for n, (v, s, u) in parameters.items()]
     found = [Table("Parameters with standard deviations", ("parameter", "value", "σ", "unit", "for people"), rows)]
-    flat = details(record.flat_directions)
-    if isinstance(flat, list) and flat:
+    flat = json_list(record.flat_directions)
+    if flat:
         found.append(Table("What these runs cannot tell", ("direction",), [(plain(sentence),) for sentence in flat]))
-    return found + _figures("Details", details(record.details))
+    return found + _figures("Details", json_object(record.details))
 
 
 def _calibration(record: Calibration) -> list[Table]:
-    content = details(record.details)
+    content = json_object(record.details)
     found = []
-    drift, scale = content.get("drift_rms_rad_s"), content.get("scale_factor_rms_ppm")
-    if isinstance(drift, dict) or isinstance(scale, dict):
-        drift, scale = (x if isinstance(x, dict) else {} for x in (drift, scale))
+    drift, scale = child(content, "drift_rms_rad_s"), child(content, "scale_factor_rms_ppm")
+    if drift or scale:
         rows = [(key.replace("_", " "), _scaled(drift.get(key), 1 / DEGREE_PER_HOUR), _scaled(scale.get(key), 1.0)) for key in ("before", "after", "held_out")]
         found.append(Table("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
     left = {k: v for k, v in content.items() if k not in ("drift_rms_rad_s", "scale_factor_rms_ppm", "ladder", "harmonics")}
@@ -150,27 +149,24 @@ def _scaled(value: Any, factor: float) -> str:
 
 
 def _diagnosis(record: Diagnosis) -> list[Table]:
-    report = details(record.report)
-    if not isinstance(report, dict):
-        return []
+    report = json_object(record.report)
     found = []
-    effects = [e for e in report.get("effects", []) if isinstance(e, dict)]
-    if effects:
+    if entries(report, "effects"):
         rows = []
-        for effect in effects:
-            parameters = effect.get("parameters") or {}
+        for effect in entries(report, "effects"):
+            parameters = child(effect, "parameters")
             sizes = "; ".join(f"{k} = {cell(p.get('value'))} ± {cell(p.get('std'))} {p.get('units', '')}" for k, p in parameters.items() if isinstance(p, dict))
-            others = ", ".join(map(str, effect.get("indistinguishable_from") or []))
+            others = cell(effect.get("indistinguishable_from") or None)
             rows.append(
                 tuple(
                     plain(v)
-                    for v in (effect.get("name"), sizes, cell(effect.get("z")), cell(effect.get("p_value")), cell(effect.get("delta_bic")), others or "–", effect.get("next_experiment") or "–")
+                    for v in (effect.get("name"), sizes, cell(effect.get("z")), cell(effect.get("p_value")), cell(effect.get("delta_bic")), others, effect.get("next_experiment") or "–")
                 )
             )
         found.append(Table("Causes found", ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"), rows))
-    if isinstance(report.get("remainder"), dict):
-        found.append(Table("What is left unexplained", ("", ""), [(plain(k), cell(v)) for k, v in report["remainder"].items()]))
-    tested = [e for e in report.get("tested", []) if isinstance(e, dict)]
+    if child(report, "remainder"):
+        found.append(Table("What is left unexplained", ("", ""), [(plain(k), cell(v)) for k, v in child(report, "remainder").items()]))
+    tested = entries(report, "tested")
     if tested:
         rows = [tuple(map(plain, (e.get("name"), cell(e.get("z")), cell(e.get("upper_limit")), e.get("units", "")))) for e in tested]
         found.append(Table("Causes tested", ("effect", "z", "upper limit", "unit"), rows))
@@ -224,7 +220,7 @@ def headline(record: Record) -> list[tuple[str, str]]:
                 found.append((label, text.strip()))
         return found
     if isinstance(record, Calibration):
-        content = details(record.details)
+        content = json_object(record.details)
         found = []
         for key, label, factor, unit in (("drift_rms_rad_s", "drift left", 1 / DEGREE_PER_HOUR, "°/h"), ("scale_factor_rms_ppm", "scale factor left", 1.0, "ppm")):
             value = content.get(key)
@@ -232,12 +228,12 @@ def headline(record: Record) -> list[tuple[str, str]]:
                 found.append((label, f"{_scaled(value.get('before'), factor)} → {_scaled(value.get('after'), factor)} {unit} (held out {_scaled(value.get('held_out'), factor)})"))
         return found
     if isinstance(record, Diagnosis):
-        report = details(record.report)
-        gain = report.get("gain") if isinstance(report, dict) else None
+        report = json_object(record.report)
+        gain = child(report, "gain")
         found = [("verdict", plain(record.verdict))]
-        causes = [str(e.get("name")) for e in report.get("effects", []) if isinstance(e, dict)] if isinstance(report, dict) else []
+        causes = [str(e.get("name")) for e in entries(report, "effects")]
         found.append(("causes found", plain(", ".join(causes)) or "none"))
-        if isinstance(gain, dict):
+        if gain:
             found.append(("held-out gain", f"{cell(gain.get('ratio'))} ± {cell(gain.get('std'))}"))
         return found
     if isinstance(record, Compensated) and record.residual_before_rad_s is not None and record.residual_after_rad_s is not None:

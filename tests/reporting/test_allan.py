@@ -1,0 +1,30 @@
+"""The Allan deviation against an outside authority and against what white noise and a ramp must give."""
+
+import numpy as np
+import pytest
+
+from hrg_cli.reporting.allan import allan_deviation
+
+
+def test_agrees_with_allantools():
+    allantools = pytest.importorskip("allantools")
+    rate = np.random.default_rng(1).standard_normal(5000).cumsum() * 0.01 + np.random.default_rng(2).standard_normal(5000)
+    tau, deviation, _ = allan_deviation(rate, 0.5)
+    other_tau, other, _, _ = allantools.oadev(rate, rate=2.0, data_type="freq", taus=tau)
+    np.testing.assert_allclose(other_tau, tau)
+    np.testing.assert_allclose(deviation, other, rtol=1e-9)
+
+
+def test_white_noise_falls_by_the_root_of_time():
+    tau, deviation, relative = allan_deviation(np.random.default_rng(3).standard_normal(200_000), 1.0)
+    short = tau < 100
+    assert np.all(np.abs(deviation[short] * np.sqrt(tau[short]) - 1) < 5 * relative[short])
+
+
+def test_ramp_rises_with_time():
+    tau, deviation, _ = allan_deviation(2e-3 * np.arange(1000), 1.0)
+    np.testing.assert_allclose(deviation, 2e-3 * tau / np.sqrt(2), rtol=1e-9)
+
+
+def test_too_short_is_empty():
+    assert all(len(part) == 0 for part in allan_deviation(np.zeros(8), 1.0))
