@@ -23,6 +23,17 @@ WIDTH = {"damping": 10.0, "split": 30.0, "scale_factor": 3.0}
 """Standard deviations of the priors that keep a direction without information finite, in natural scales."""
 
 
+SECOND_ORDER_REACH = 3.0
+"""Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at 1."""
+
+
+def without_second_order(space: Freedom) -> Freedom:
+    """The same freedom with the second-order correction held at 1; it is the last coordinate."""
+    origin = space.origin.copy()
+    origin[6] = 1.0
+    return Freedom(space.names[:-1], origin, space.directions[:, :-1], space.prior_mean[:-1], space.prior_std[:-1])
+
+
 def nominal_scale_factor(mode_number: int) -> float:
     """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a shell."""
     return 1.0 if mode_number == 1 else 0.55
@@ -89,13 +100,23 @@ def blocks_needed(p: Array, runs: Sequence[EnvelopeRun], blocks: int) -> int:
 def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: int = 300) -> Fit:
     """The likelihood's optimum over free runs; averaged envelopes, phase orders as the data demand.
 
-    HrgError: no run, mixed mode numbers, or no start can be found.
+    HrgError: no run, mixed mode numbers, or nothing that can be fitted.
     """
     check(runs)
-    known = known or Known()
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            best = _base_fit(runs, known or Known(), blocks)
+    except np.linalg.LinAlgError:
+        best = None
+    if best is None or not (np.all(np.isfinite(best.p)) and np.isfinite(best.chi2)):
+        raise HrgError(f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of a resonator can be fitted; look at the envelopes")
+    return best
+
+
+def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     p, offsets, _, _ = start(runs, known)
     if not np.all(np.isfinite(p)):
-        raise HrgError("the propagator finds no motion to start from; look at the runs' envelopes (are they run-downs?)")
+        return None
     span = max(r.duration_s for r in runs)
     space = freedom(known, p, runs[0].mode_number, span)
     p[6] = 1.0
@@ -106,6 +127,9 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
         if attempt == 2 or not _rate_varies(data):
             break
         p, offsets = result.p.copy(), result.response.state.offsets_rad_s(data.span_s)  # blocks again along the better motion
+    if abs(result.p[6] - 0.5) > SECOND_ORDER_REACH:  # a misfit pulls at it: it is no nuisance any more
+        space = without_second_order(space)
+        result = solve(data, space, result.z[:-1], result.response.state.start, result.response.state.phase)
     while result.response.state.phase.shape[1] < MAX_PHASE_ORDER and phase_demands(result) > PHASE_GAIN:
         state = result.response.state
         phase = np.concatenate([state.phase, np.zeros((len(runs), 2))], axis=1)

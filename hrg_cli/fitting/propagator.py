@@ -20,6 +20,8 @@ Array = np.ndarray
 START_BLOCKS = 2000
 LAG_FRACTIONS = (1 / 64, 1 / 16, 1 / 4, 1 / 2)
 STEPS_A_LAG = 3
+LARGEST_STEP = 10.0
+"""Change of L times lag above which a step is not believed."""
 
 
 def mean_frequency(run: EnvelopeRun) -> float:
@@ -65,7 +67,7 @@ def rough(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
 
 def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Array]:
     """Propagator over (dt, table turn) of the plain generator with a frequency offset, for `averaged`."""
-    constant = coordinates.generator(np.concatenate([p[:5], [0.0, 0.0]]), 0.0, 1.0) + 1j * offset_rad_s * np.eye(2)
+    constant = coordinates.generator(np.concatenate([p[:5], [0.0, 0.0]]), np.zeros(()), 1.0) + 1j * offset_rad_s * np.eye(2)
 
     def propagator(dt: Array, turn: Array) -> Array:
         return exponential(constant * dt[:, None, None] + p[5] * turn[:, None, None] * J, 1.0)
@@ -73,8 +75,8 @@ def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Array]:
     return propagator
 
 
-def regress(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array, lag_s: float) -> tuple[Array, Array, Array]:
-    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets and the covariance of z.
+def regress(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array, lag_s: float) -> tuple[Array, Array, Array, float]:
+    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets, covariance of z, and the misfit before the step.
 
     All pairs of rows about `lag_s` apart within a run; pairs across a gap carry their true time.
     """
@@ -112,7 +114,7 @@ def regress(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Ar
     spread = np.sum((target - design @ step) ** 2) / max(1, len(target) - len(step))
     covariance = spread * (Vt[keep].T / size[keep] ** 2) @ Vt[keep] / np.outer(scale, scale)
     k = len(freedom.names)
-    return p + freedom.directions @ step[:k], offsets + step[k:], covariance[:k, :k]
+    return p + freedom.directions @ step[:k], offsets + step[k:], covariance[:k, :k], float(np.mean(target**2))
 
 
 def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array]:
@@ -123,8 +125,17 @@ def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: A
         lag = max(fraction * span, 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs))
         if lag > 0.9 * span:
             break
-        for _ in range(STEPS_A_LAG):
-            p, offsets, covariance = regress(runs, freedom, p, offsets, lag)
+        misfit = np.inf
+        kept = (p, offsets, covariance)
+        for _ in range(STEPS_A_LAG + 1):
+            next_p, next_offsets, next_covariance, here = regress(runs, freedom, p, offsets, lag)
+            if not here < misfit * (1 + 1e-9):
+                p, offsets, covariance = kept  # the last step made it worse
+                break
+            kept, misfit = (p, offsets, covariance), here
+            if np.linalg.norm(next_p[:6] - p[:6]) * lag > LARGEST_STEP:
+                break
+            p, offsets, covariance = next_p, next_offsets, next_covariance
     return p, offsets, covariance
 
 

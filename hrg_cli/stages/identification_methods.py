@@ -14,8 +14,10 @@ from ..fitting.base_fit import Known, base_fit, check, nominal_scale_factor, sta
 from ..fitting.envelope_runs import EnvelopeRun
 from ..fitting.likelihood import Freedom, batch, fit
 from ..fitting.regressions import Regression
+from ..physics import ellipse
 from ..records import Wave
-from .identification_verdict import ORDER, Verdict, from_fit
+from .identification_modes import BETTER, free_modes, one_channel
+from .identification_verdict import ORDER, POOR_FIT, Verdict, from_fit, judged, one_rate
 
 Array = np.ndarray
 REGRESSION_ROWS = 300
@@ -23,8 +25,21 @@ ALL = ("propagator", "stokes", "products", "increments", "moving-axes", "moving-
 
 
 def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
-    """All runs together by maximum likelihood, judged."""
-    return from_fit(base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks))
+    """All runs together by maximum likelihood, judged; two modes without axes where the record shows no more."""
+    modes = one_channel(runs)
+    if modes is not None:
+        return modes
+    try:
+        verdict = from_fit(base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks))
+    except HrgError:
+        modes = free_modes(runs, np.inf)
+        if modes is None:
+            raise
+        return modes
+    if verdict.chi2_per_dof > POOR_FIT:
+        impossible = bool(verdict.refused) or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
+        modes = free_modes(runs, verdict.chi2_per_dof * (2 * BETTER if impossible else 1.0))
+    return verdict if modes is None else modes
 
 
 def prepared(runs: Sequence[EnvelopeRun], known: Known) -> tuple[list[EnvelopeRun], Array, Array, Freedom]:
@@ -128,7 +143,13 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
     factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
     turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
     result = base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks)
-    verdict = from_fit(result, turning, known, lambda held: result)
+    verdict = judged(result, turning, Known())
+    if one_rate(result) or not verdict.std["scale_factor"] < 0.3 * max(abs(result.p[5]), abs(result.p[0])):
+        span = 2 * max(float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) for r in result.response.batch.runs)
+        verdict.refused.append(
+            f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}): the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, "
+            "where a steady rate and a damping split turn it alike, and the residual's own structure decides between them; give the rate, or runs at several angles"
+        )
     rate, std = result.p[5] / factor, verdict.std["scale_factor"] / factor
     verdict.details["rate_rad_s"] = {"value": float(rate), "std": float(std), "scale_factor": factor}
     verdict.values.pop("scale_factor", None)

@@ -13,6 +13,7 @@ from ..fitting import coordinates, inference
 from ..fitting.base_fit import Known, nominal_scale_factor
 from ..fitting.envelope_runs import EnvelopeRun
 from ..fitting.likelihood import Fit
+from ..physics import ellipse
 
 Array = np.ndarray
 POOR_FIT = 1.5
@@ -63,15 +64,27 @@ def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callabl
     notes = []
     turning = max(float(np.ptp(r.turn_rad)) for r in runs)
     mode = runs[0].mode_number
-    if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor")):
+    if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor") or one_rate(fit)):
         nominal = nominal_scale_factor(mode)
         why = "no run was rotated" if turning == 0 else f"the runs turn the table by {turning:.2g} rad at most"
+        if turning and one_rate(fit):
+            why = "the runs have one rate and turn the wave through part of a period only, so a damping split imitates it"
         notes.append(f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both signs of a larger rate")
         known = dataclasses.replace(known, scale_factor=nominal)
         fit = again(known)
     verdict = judged(fit, runs, known)
     verdict.flat = notes + verdict.flat
     return verdict
+
+
+def one_rate(fit: Fit) -> bool:
+    """Whether the runs' own systematic residual forbids telling K·Ω from a damping split: one rate, less than a period of 2mθ, χ² poor."""
+    data = fit.response.batch
+    rates = np.concatenate([r[s > 0] for r, s in zip(data.step_rate, data.step_s)])
+    differ = float(np.ptp(rates)) > 0.1 * float(np.abs(rates).max())
+    spans = [float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) * 2 for r in data.runs]
+    factor, _ = inference.inflation(fit)
+    return not differ and max(spans) < 2 * np.pi and factor > 2
 
 
 def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
@@ -119,7 +132,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
         "run_frequency_std_hz": [float(f) for f in frequency_std],
         "phase_order": int(fit.response.state.phase.shape[1]),
         "runs_differ_in_frequency": differ,
-        "second_order": {"value": float(fit.p[6]), "std": float(np.sqrt(fit.covariance_z()[-1, -1]))},
+        "second_order": {"value": float(fit.p[6]), "std": _second_order_std(fit)},
         "iterations": fit.iterations,
         "variance_factor": factor,
         "colour": colour,
@@ -128,6 +141,11 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     }
     _reasons(verdict, fit, runs, colour)
     return verdict
+
+
+def _second_order_std(fit: Fit) -> float:
+    """Standard deviation of the second-order scale, 0 where it is held."""
+    return float(np.sqrt(fit.covariance_z()[-1, -1])) if fit.freedom.names[-1] == "second_order" else 0.0
 
 
 def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:

@@ -1,0 +1,115 @@
+"""A record in which only the two modes' frequencies and decays can be seen: u(t) = c₁ e^{λ₁t} + c₂ e^{λ₂t} in each channel.
+
+One channel (the other dead or proportional), or two channels that are not an orthogonal pair (a bell before two microphones), give the
+split and both decays; axes and the split of the channels' view mean nothing there. λ by linear prediction, then Gauss–Newton, complex
+throughout because the model is analytic in λ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .envelope_runs import EnvelopeRun
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Modes:
+    """λ (k,) complex 1/s against the reference, standard deviation of a real part (k,), amplitudes (k, channels), χ²/dof."""
+
+    exponent: Array
+    std: Array
+    amplitude: Array
+    chi2_per_dof: float
+    dof: int
+
+
+def channels(run: EnvelopeRun) -> tuple[Array, bool]:
+    """(envelopes (n, 1) along the direction that carries the run, True) when the channels are one signal; else ((n, 2), False)."""
+    weighted = run.envelope / run.std[:, None]
+    gram = weighted.conj().T @ weighted
+    size, vector = np.linalg.eigh(gram)
+    n = len(run)
+    one = size[0] < 2 * n * (1 + 6 / np.sqrt(n)) or size[0] < 1e-6 * size[1]
+    return (run.envelope @ vector[:, 1:].conj(), True) if one else (run.envelope, False)
+
+
+def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
+    """First λ from u(t + count·h) = Σ aᵢ u(t + i·h) on an even grid, the lag h giving the strongest smallest direction of several."""
+    step = float(np.median(np.diff(time_s)))
+    even = np.arange(time_s[0], time_s[-1], step)
+    grid = np.stack([np.interp(even, time_s, x.real) + 1j * np.interp(even, time_s, x.imag) for x in u.T], axis=-1)
+    weight = 1 / np.interp(even, time_s, std)
+    best, best_cost = np.zeros(count, complex), np.inf
+    lags = np.unique(np.geomspace(1, max(2, len(even) // (2 * count)), 12).astype(int))
+    for lag in lags:
+        rows = len(even) - count * lag
+        if rows < 4 * count:
+            continue
+        stack = np.stack([(grid[i * lag : i * lag + rows] * weight[count * lag :, None]).ravel() for i in range(count + 1)], axis=-1)
+        solution = np.linalg.lstsq(stack[:, :-1], stack[:, -1], rcond=None)[0]
+        roots = np.roots(np.concatenate([[1.0], -solution[::-1]]))
+        if np.any(np.abs(roots) < 1e-12):
+            continue
+        exponent = np.log(roots) / (lag * step)
+        exponent = np.minimum(exponent.real, 0.5 / (time_s[-1] - time_s[0])) + 1j * exponent.imag
+        cost = _solve(u, time_s, std, exponent)[1]
+        if cost < best_cost:
+            best, best_cost = exponent, cost
+    return best
+
+
+def _solve(u: Array, time_s: Array, std: Array, exponent: Array) -> tuple[Array, float]:
+    """Amplitudes (k, channels) and χ² at given λ."""
+    basis = np.exp(np.outer(time_s - time_s[0], exponent)) / std[:, None]
+    target = u / std[:, None]
+    amplitude = np.linalg.lstsq(basis, target, rcond=1e-10)[0]
+    return amplitude, float(np.sum(np.abs(target - basis @ amplitude) ** 2))
+
+
+def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
+    """`count` damped exponentials by least squares over all columns of u (n, channels)."""
+    t, std = run.time_s, run.std
+    exponent = predict(u, t, std, count)
+    amplitude, chi2 = _solve(u, t, std, exponent)
+    x = t - t[0]
+    covariance = np.zeros((count, count))
+    width = u.shape[1]
+    for _ in range(40):
+        basis = np.exp(np.outer(x, exponent)) / std[:, None]
+        residual = (u / std[:, None] - basis @ amplitude).T.ravel()
+        own = np.kron(np.eye(width), basis)
+        shared = np.concatenate([x[:, None] * basis * amplitude[:, c] for c in range(width)])
+        design = np.concatenate([own, shared], axis=1)
+        scale = np.linalg.norm(design, axis=0)
+        scale[scale == 0] = 1.0
+        inverse = np.linalg.pinv(design / scale, rcond=1e-12)
+        step = (inverse @ residual / scale)[-count:]
+        size = 1.0
+        while size > 1e-3:
+            trial, cost = _solve(u, t, std, exponent + size * step)
+            if cost <= chi2 * (1 + 1e-12):
+                break
+            size /= 2
+        else:
+            break
+        exponent, amplitude = exponent + size * step, trial
+        covariance = np.real(inverse @ inverse.conj().T / np.outer(scale, scale))[-count:, -count:]
+        done = chi2 - cost < 1e-9 * chi2
+        chi2 = cost
+        if done:
+            break
+    dof = max(1, 2 * u.size - 2 * count * (width + 1))
+    order = np.argsort(-exponent.imag)
+    factor = max(1.0, chi2 / dof)
+    return Modes(exponent[order], np.sqrt(np.maximum(0.0, np.diag(covariance)) * factor)[order], amplitude[order], chi2 / dof, dof)
+
+
+def resolved(two: Modes, one: Modes) -> bool:
+    """Whether the second mode is there: χ² falls by far more than chance, and the modes are apart by more than their errors."""
+    gain = one.chi2_per_dof * one.dof - two.chi2_per_dof * two.dof
+    apart = abs(two.exponent[0].imag - two.exponent[1].imag) > 4 * float(np.hypot(*two.std))
+    return bool(gain > 50 * max(1.0, two.chi2_per_dof) and apart)
