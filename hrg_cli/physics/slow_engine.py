@@ -144,7 +144,7 @@ class _Motion:
         """L (n, 2, 2) at times t, and the matrix by which a force's envelope is corrected, f + C f.
 
         With frequency and damping that move, L² + 2ΓL gains L' − (KΩ)'J = −N' + jW'/2ω. A force enters as
-        (2jω + 2Γ + L)⁻¹(2jωf − f'), f' ≈ KΩJ f: f turns with the wave.
+        (2jω_r + 2Γ + L)⁻¹(2jωf − f'), f' ≈ KΩJ f + j(ω − ω_r) f: f turns with the wave.
         """
         empty = np.zeros(len(t))
         omega_r = self.plant.mechanics.omega_rad_s
@@ -155,9 +155,10 @@ class _Motion:
             matrices.append((there.damping, there.stiffness, (there.scale_factor * state.rate_rad_s)[:, None, None] * J))
         (N, W, turning), before, after = matrices
         L = solvent(N - turning, W, omega_r)
-        moved = (1j * (after[1] - before[1]) / (2 * omega_r) - (after[0] - before[0])) / (2 * _DERIVATIVE_S)
-        L = L - moved / (2j * omega_r)
-        return L, -(2 * N - turning + L) / (2j * omega_r)
+        omega = np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2)[:, None, None]
+        moved = (1j * (after[1] - before[1]) / (2 * omega) - (after[0] - before[0])) / (2 * _DERIVATIVE_S)
+        L = L - moved / (2j * omega)
+        return L, -(2 * N - turning + L - 1j * (omega - omega_r) * np.eye(2)) / (2j * omega)
 
     def propagator(self, t: Array, h: float) -> Array:
         """The linear motion from t to t + h (n, 2, 2): Magnus, fourth order, (L₁+L₂)/2 + (√3 h/12)[L₂, L₁] at the Gauss points."""
