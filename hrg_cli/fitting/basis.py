@@ -17,7 +17,8 @@ Array = np.ndarray
 class WindowBasis:
     """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k), envelope coefficients p, q = q @ `triangle` (k, 2F).
 
-    `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise. `alpha`, `beta` (F, F): the drag of the envelope's slope.
+    `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise. `alpha`, `beta` (F, F): the drag of the envelope's slope; `left`: what a unit
+    slope leaves in the residual's sum of squares, averaged over phase.
     `condition`: of the basis with its columns scaled to one.
     """
 
@@ -26,6 +27,7 @@ class WindowBasis:
     variance: Array
     alpha: Array
     beta: Array
+    left: float
     condition: float
 
     @property
@@ -73,8 +75,12 @@ def window_basis(
     q, r = np.linalg.qr(matrix)
     inverse = np.linalg.inv(r)[: 2 * len(frequency_hz)]
     alpha = beta = np.zeros((len(frequency_hz), len(frequency_hz)), complex)
+    left = 0.0
     if not moving:
-        alpha, beta = drag(inverse @ (q.T @ (tau[:, None] * matrix[:, : 2 * len(frequency_hz)])))
+        slopes = tau[:, None] * matrix[:, : 2 * len(frequency_hz)]
+        taken = q.T @ slopes
+        alpha, beta = drag(inverse @ taken)
+        left = float((slopes**2).sum() - (taken**2).sum()) / (2 * len(frequency_hz))
     return WindowBasis(
-        np.ascontiguousarray(q), np.ascontiguousarray(inverse.T), (inverse**2).sum(1), alpha, beta, float(singular[0] / singular[-1])
+        np.ascontiguousarray(q), np.ascontiguousarray(inverse.T), (inverse**2).sum(1), alpha, beta, left, float(singular[0] / singular[-1])
     )

@@ -37,22 +37,33 @@ def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
 
 
 def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
-    """Power explained by cos, sin and a constant, summed over the channels y (channels, n) at any times, for each frequency (k,).
+    """Power explained by cos, sin and a constant, summed over the channels y (channels, n) at any times, on an even grid of frequencies (k,).
 
-    Lomb's periodogram with a floating mean: true least squares, for uneven times and few periods alike.
+    Lomb's periodogram with a floating mean: true least squares, for uneven times and few periods alike. All sums follow from
+    E = e^{jωt}: Σcos² and Σcos·sin from ΣE², the mean from ΣE, the right side from ΣyE.
     """
+    n = len(time_s)
     centred = time_s - time_s.mean()
     y = y - y.mean(-1, keepdims=True)
+    step = np.exp(2j * np.pi * (frequency_hz[1] - frequency_hz[0]) * centred) if len(frequency_hz) > 1 else np.ones(n, complex)
     power = np.empty(len(frequency_hz))
-    rows = max(1, (1 << 19) // max(1, len(centred)))
+    rows = 1 << max(0, min(8, int(np.log2((1 << 18) / n)) if n < 1 << 18 else 0))
     for start in range(0, len(frequency_hz), rows):
-        phase = 2 * np.pi * np.multiply.outer(frequency_hz[start : start + rows], centred)
-        basis = np.stack([np.cos(phase), np.sin(phase)], 1)
-        basis -= basis.mean(-1, keepdims=True)
-        gram = basis @ basis.transpose(0, 2, 1)
-        gram += 1e-9 * (np.trace(gram, axis1=1, axis2=2)[:, None, None] + 1e-300) * np.eye(2)
-        right = basis @ y.T
-        power[start : start + rows] = (right * np.linalg.solve(gram, right)).sum((1, 2))
+        turn = np.empty((rows, n), complex)
+        turn[0] = np.exp(2j * np.pi * frequency_hz[start] * centred)
+        filled, jump = 1, step
+        while filled < rows:
+            np.multiply(turn[:filled], jump, out=turn[filled : 2 * filled])
+            filled, jump = 2 * filled, jump * jump
+        total, square = turn.sum(1), np.einsum("kn,kn->k", turn, turn)
+        right = turn @ y.T
+        cc = (n + square.real) / 2 - total.real**2 / n
+        ss = (n - square.real) / 2 - total.imag**2 / n
+        cs = square.imag / 2 - total.real * total.imag / n
+        cc, ss = cc + 1e-9 * n, ss + 1e-9 * n
+        yc, ys = right.real, right.imag
+        explained = ((yc**2).sum(1) * ss + (ys**2).sum(1) * cc - 2 * (yc * ys).sum(1) * cs) / np.maximum(cc * ss - cs**2, 1e-18 * n * n)
+        power[start : start + rows] = explained[: len(power) - start]
     return power
 
 

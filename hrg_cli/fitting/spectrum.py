@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .basis import columns, pairs
+from .basis import WindowBasis, columns, pairs
 
 Array = np.ndarray
 
@@ -75,9 +75,10 @@ def chi_square_excess(freedom: float, sigmas: float) -> float:
 
 
 def lines(
-    frequency_hz: Array, density: Array, segments: int, skip_hz: tuple[tuple[float, float], ...] = (), most: int = 32
+    frequency_hz: Array, density: Array, segments: int, skip_hz: tuple[tuple[float, float], ...] = (), most: int = 32, least: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """Frequencies, amplitudes (lines, channels) and power ratios to the floor of the lines that stand out by six σ; strongest first.
+    """Frequencies, amplitudes (lines, channels) and power ratios to the floor of the lines that stand out by six σ; strongest first;
+    amplitudes under `least` (rounding) are left out.
 
     A line is a local maximum of the larger of both channels' ratios; its amplitude is √(2 × power above the floor within two bins).
     """
@@ -101,4 +102,33 @@ def lines(
     amplitude = np.sqrt(2 * weight.sum(1) * step)
     total = weight.sum(-1)
     where = (total * frequency_hz[around]).sum(1) / np.maximum(total.sum(1), 1e-300)
-    return where, amplitude, ratio[chosen]
+    real = amplitude.max(1) > least
+    return where[real], amplitude[real], ratio[chosen][real]
+
+
+def colour(frequency_hz: Array, density: Array, segments: int, basis: WindowBasis, sample_rate_hz: float, blind_hz: tuple[tuple[float, float], ...]) -> Array:
+    """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it were white.
+
+    A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n − Σ|Q_j(f)|²) to the residual of the basis Q; so
+    κ = ∫S|H|² / (variance · ∫S(n − Σ|Q_j|²)/freedom). Bins where the oscillation itself was taken out are filled from beside. κ within four of
+    its own standard deviations of 1, or within a tenth, is 1.
+    """
+    n = len(basis.orthonormal)
+    filled = density.copy()
+    below = floor(density)
+    for low, high in blind_hz:
+        inside = (frequency_hz >= low) & (frequency_hz <= high)
+        filled[inside] = below[inside]
+    size = 1 << int(np.ceil(np.log2(max(8 * n, 2 * len(frequency_hz)))))
+    at = np.fft.rfftfreq(size, 1 / sample_rate_hz)
+    s = np.stack([np.interp(at, frequency_hz, filled[:, k]) for k in range(2)])
+    modes = np.abs(np.fft.rfft(basis.orthonormal, size, axis=0)) ** 2
+    rows = np.abs(np.fft.rfft(basis.orthonormal @ basis.triangle, size, axis=0)) ** 2
+    left = np.maximum(s @ (n - modes.sum(1)), 1e-300) / basis.freedom
+    kappa = (s @ rows) / (basis.variance * left[:, None])
+    weights = s[:, :, None] * rows
+    weights = weights / np.maximum(weights.max(1, keepdims=True), 1e-300)
+    spread = (weights**2).sum(1) / np.maximum(weights.sum(1), 1e-100) ** 2 * len(at) / max(1, len(frequency_hz))
+    doubt = 4 * np.sqrt(spread * 2 / max(1, segments))
+    silent = density.max(0) < 1e-28 * density.max()
+    return np.where((np.abs(kappa - 1) > np.maximum(0.1, doubt)) & ~silent[:, None], kappa, 1.0)

@@ -19,6 +19,9 @@ LOOKS, LOOK_SAMPLES = 16, 1 << 14
 UNEVEN_LOOKS, UNEVEN_SAMPLES = 24, 1024
 """The same for uneven sampling, whose transforms are direct sums."""
 
+LINE_LEAST = 1e-8
+"""Lines below this part of the oscillation are the arithmetic's rounding."""
+
 NOMINAL_BAND = 0.1
 """A nominal frequency narrows the search to this part of it on either side."""
 
@@ -36,8 +39,12 @@ class Look:
 
 @dataclass(frozen=True)
 class Survey:
-    """What the looks show. `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples are stuck;
-    `step_s`: median sampling step; `noise2` (2,): residual variance a sample; `strength2` the stronger channel's variance; `spectrum_*` as in Periods; reasons to suspect or refuse."""
+    """What the looks show.
+
+    `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples
+    are stuck; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`: where the
+    oscillation itself was taken out of the spectrum; reasons to suspect or refuse.
+    """
 
     reference_hz: float
     carrier_hz: float | None
@@ -45,11 +52,12 @@ class Survey:
     track_s: Array
     track_hz: Array
     rails: tuple[tuple[float, float], tuple[float, float]]
-    noise2: Array
     strength2: float
-    relative_noise: float
+    looks: tuple[Look, ...]
     spectrum_hz: Array
     spectrum_density: Array
+    spectrum_segments: int
+    blind_hz: tuple[tuple[float, float], ...]
     line_hz: Array
     line_amplitude: Array
     line_ratio: Array
@@ -68,6 +76,8 @@ def survey(recording: Recording, name: str) -> Survey:
     looks = _looks(recording, even, name)
     suspect, refused = _dead(looks, name)
     step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
+    if not even and not all(np.isfinite(look.time_s).all() for look in looks):
+        raise HrgError(f"{name}: time_s holds values that are not finite; strictly increasing times were expected")
     if not even and min(np.diff(look.time_s).min() for look in looks) <= 0:
         raise HrgError(
             f"{name}: its times do not increase; strictly increasing time_s was expected: sort the samples or drop the repeated ones"
@@ -100,12 +110,11 @@ def survey(recording: Recording, name: str) -> Survey:
             piece = slice(start, start + width)
             if even or np.diff(look.time_s[piece]).max() < 3 * step:
                 spectrum.add(look.time_s[piece], residual[:, piece], even)
-    noise2 = np.median(np.array(variance), axis=0)
     reference = float(np.round(np.median(track_hz), 6))
     blind = 4 / (width * step)
     skip = tuple((f - blind, f + blind) for f in (*finding.bands(reference, carrier), 0.0))
-    line_hz, line_amplitude, line_ratio = lines(grid, spectrum.mean(), spectrum.segments, skip)
-    relative = float(np.median(np.sqrt(np.sum(variance, 1) / np.maximum(np.sum(strength, 1), 1e-300))))
+    strength2 = float(np.max(strength))
+    line_hz, line_amplitude, line_ratio = lines(grid, spectrum.mean(), spectrum.segments, skip, least=LINE_LEAST * np.sqrt(max(strength2, 0.0)))
     return Survey(
         reference,
         carrier,
@@ -113,11 +122,12 @@ def survey(recording: Recording, name: str) -> Survey:
         track_s,
         track_hz,
         rails,
-        noise2,
-        float(np.max(strength)),
-        relative,
+        strength2,
+        tuple(looks),
         grid,
         spectrum.mean(),
+        spectrum.segments,
+        skip,
         line_hz,
         line_amplitude,
         line_ratio,
@@ -131,19 +141,20 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     most, length = (LOOKS, min(n, LOOK_SAMPLES)) if even else (UNEVEN_LOOKS, min(n, UNEVEN_SAMPLES))
     if n < 6:
         raise HrgError(f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record longer")
-    looks = []
+    looks, patched = [], []
     for a in np.unique(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)):
         raw = (np.asarray(recording.c[a : a + length]), np.asarray(recording.s[a : a + length]))
-        y = np.stack(
-            [raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset]
-        ).astype(float)
+        y = np.stack([raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset])
+        y = y.astype(float)
+        time = recording.times(a, a + length).astype(float)
         bad = ~np.isfinite(y)
-        if bad.any():
-            if bad.mean() > 0.2:
-                continue
+        if not bad.any():
+            looks.append(Look(time, y, raw))
+        elif bad.mean() < 0.2:
             for k in range(2):
-                y[k, bad[k]] = y[k, ~bad[k]].mean() if not bad[k].all() else 0.0
-        looks.append(Look(np.asarray(recording.times(a, a + length), float), y, raw))
+                y[k, bad[k]] = y[k, ~bad[k]].mean()
+            patched.append(Look(time, y, raw))
+    looks = looks or patched
     if not looks:
         raise HrgError(
             f"{name}: has hardly any finite sample (NaN or infinite values); finite samples of both channels were expected: check the recording"

@@ -1,7 +1,4 @@
-"""Least-squares fits of many windows at once: one shared basis at even times, batched normal equations at uneven times.
-
-Both give a `Fits`; `signals` turns it to the reference frequency, takes out the drag of the envelope's slope, and adds standard deviations.
-"""
+"""Least-squares fits of many windows at once, and what follows: drag of the envelope's slope, pooled noise."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .basis import WindowBasis, columns, drag, pairs
+from .basis import WindowBasis
 
 Array = np.ndarray
 
@@ -28,7 +25,7 @@ class Fits:
     """Windows fitted about their centres at the local frequencies. Rows that could not be fitted hold NaN.
 
     envelope (channel, rows, F) = p − jq; residual2 (channel, rows) sums of squares; freedom, samples (rows,) or numbers;
-    variance (rows or 1, 2F) of p, q for unit noise; alpha, beta (rows or 1, F, F): `basis.drag`.
+    variance (rows or 1, 2F) of p, q for unit noise; alpha, beta (rows or 1, F, F): `basis.drag`; left (rows,) or a number: `WindowBasis.left`.
     """
 
     envelope: Array
@@ -38,6 +35,7 @@ class Fits:
     variance: Array
     alpha: Array
     beta: Array
+    left: Array
 
 
 def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
@@ -51,85 +49,50 @@ def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
     square = np.empty(rows)
     for start in range(0, rows, at_once):
         y = raw[start : start + at_once].astype(float)
-        np.matmul(y, basis.orthonormal, out=q[start : start + at_once])
-        if samples < 64:
-            np.einsum("ij,ij->i", y, y, out=square[start : start + at_once])
-        else:
-            square[start : start + at_once] = (y[:, None, :] @ y[:, :, None])[:, 0, 0]
-    fit = q @ basis.triangle
-    return fit[:, 0::2] - 1j * fit[:, 1::2], np.maximum(square - np.einsum("ij,ij->i", q, q), 0.0)
+        with np.errstate(invalid="ignore"):
+            np.matmul(y, basis.orthonormal, out=q[start : start + at_once])
+            if samples < 64:
+                np.einsum("ij,ij->i", y, y, out=square[start : start + at_once])
+            else:
+                square[start : start + at_once] = (y[:, None, :] @ y[:, :, None])[:, 0, 0]
+    with np.errstate(invalid="ignore"):
+        fit = q @ basis.triangle
+        return fit[:, 0::2] - 1j * fit[:, 1::2], np.maximum(square - np.einsum("ij,ij->i", q, q), 0.0)
 
 
-def fit_uneven(
-    time_s: Array,
-    y: Array,
-    window: Array,
-    centre_s: Array,
-    width_s: float,
-    frequency_hz: tuple[float, ...],
-    nuisance_hz: tuple[float, ...],
-    moving: bool,
-) -> Fits:
-    """Windows at true times: `window` (n,) is each sample's row in `centre_s`, not decreasing; y (channels, n).
+def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
+    """Slope of the envelopes u (channel, rows, F) in the local frame, from rows ± `NEIGHBOURS`; None with fewer than three rows.
 
-    A window with fewer samples than unknowns + 1, or whose samples do not separate the unknowns, holds NaN.
+    U1 = (u_{k+h} e^{−jΔhT} − u_{k−h} e^{jΔhT})/2hT, Δ = ω_local − ω_r, in reference phase. Rows at the ends use their neighbour's; 0 where unknown.
     """
-    rows, tones = len(centre_s), 2 * len(frequency_hz)
-    tau = time_s - centre_s[window]
-    basis = columns(tau, frequency_hz, nuisance_hz, moving, width_s / 2)
-    k = basis.shape[1]
-    right = np.concatenate([y.T, tau[:, None] * pairs(tau, frequency_hz)], 1)
-    present, starts, samples_present = np.unique(window, return_index=True, return_counts=True)
-    samples = np.zeros(rows, int)
-    samples[present] = samples_present
-    gram, cross, square = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1])), np.zeros((rows, len(y)))
-    if len(present):
-        for a in range(k):
-            gram[present, a, a:] = np.add.reduceat(basis[:, a : a + 1] * basis[:, a:], starts, axis=0)
-            gram[:, a:, a] = gram[:, a, a:]
-            cross[present, a] = np.add.reduceat(basis[:, a : a + 1] * right, starts, axis=0)
-        square[present] = np.add.reduceat(y.T**2, starts, axis=0)
-    values = np.linalg.eigvalsh(gram)
-    good = (samples > k) & (values[:, 0] > 1e-6 * values[:, -1])
-    gram[~good] = np.eye(k)
-    inverse = np.linalg.inv(gram)
-    fit = inverse @ cross
-    residual2 = np.maximum(square - np.einsum("rkc,rkc->rc", fit[:, :, : len(y)], cross[:, :, : len(y)]), 0.0)
-    envelope = np.moveaxis(fit[:, 0:tones:2, : len(y)] - 1j * fit[:, 1:tones:2, : len(y)], -1, 0).copy()
-    envelope[:, ~good] = np.nan
-    residual2[~good] = np.nan
-    alpha, beta = drag(fit[:, :tones, len(y) :])
-    still = 0.0 if moving else 1.0
-    return Fits(
-        envelope, residual2.T, np.maximum(samples - k, 1), samples, np.einsum("rkk->rk", inverse)[:, :tones], still * alpha, still * beta
-    )
-
-
-def to_reference(envelope: Array, turn: Array, local_less_reference_rad_s: Array, window_s: float, alpha: Array, beta: Array) -> Array:
-    """Envelopes (channel, rows, F) against the reference, e^{−jω_r t_k} = `turn` (rows, F), freed from their slope's drag.
-
-    The slope in the local frame comes from rows ± `NEIGHBOURS`: U1 = (U_{k+h} e^{−jΔhT} − U_{k−h} e^{jΔhT})/2hT, Δ = ω_local − ω_r;
-    then U ← U − (α U1 + β U1*) with U1 turned back to the window's own phase. Rows at the ends use their neighbour's slope.
-    """
-    u = envelope * turn
     rows = u.shape[1]
     h = min(NEIGHBOURS, (rows - 1) // 2)
-    if h < 1 or not (alpha.any() or beta.any()):
-        return u
+    if h < 1:
+        return None
     ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s) / (2 * h * window_s)
     slope = np.empty_like(u)
     slope[:, h : rows - h] = u[:, 2 * h :] * ahead - u[:, : rows - 2 * h] * ahead.conj()
     slope[:, :h], slope[:, rows - h :] = slope[:, h : h + 1], slope[:, rows - h - 1 : rows - h]
     if not np.isfinite(slope.sum()):
         slope[~np.isfinite(slope)] = 0.0
+    return slope
+
+
+def undrag(u: Array, slope: Array, turn: Array, alpha: Array, beta: Array) -> None:
+    """Take the drag of the slope out of the envelopes u, in place: U ← U − (α U1 + β U1*), U = u e^{jω_r t_k} and `turn` = e^{−jω_r t_k}."""
     if u.shape[2] == 1 and len(alpha) == 1:
         if abs(alpha[0, 0, 0]) > 1e-6 * abs(beta[0, 0, 0]):
             u -= alpha[0, 0, 0] * slope
         u -= np.conj(slope) * (beta[0, 0, 0] * turn * turn)
-        return u
+        return
     own = slope * turn.conj()
     u -= turn * ((alpha[None] * own[:, :, None, :]).sum(-1) + (beta[None] * own.conj()[:, :, None, :]).sum(-1))
-    return u
+
+
+def drag_noise(alpha: Array, beta: Array, window_s: float) -> float:
+    """Factor by which `undrag` raises the standard deviation: √(1 + 2(|α|² + |β|²)/(2hT)²)."""
+    strength = float((np.abs(alpha) ** 2 + np.abs(beta) ** 2).mean(0).sum(-1).max()) if alpha.size else 0.0
+    return float(np.sqrt(1 + 2 * strength / (2 * NEIGHBOURS * window_s) ** 2))
 
 
 def pooled_variance(residual2: Array, freedom: Array) -> Array:

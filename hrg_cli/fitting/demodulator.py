@@ -1,0 +1,177 @@
+"""The part of demodulation that even and uneven sampling share: local frequency, reference phase, rows with standard deviations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import HrgError
+from ..records import FLAG_CLIPPED, Recording
+from .basis import WindowBasis, columns, window_basis
+from .frequency import bands, nuisances
+from .spectrum import colour
+from .survey import Survey
+from .windows import Fits, drag_noise, pooled_variance, slopes, undrag
+
+Array = np.ndarray
+Rows = dict[str, Array]
+
+CHUNK_SAMPLES, CHUNK_WINDOWS = (1 << 16, 1 << 20), 256
+"""Samples, at least and at most, and windows in between, that share one local basis frequency."""
+
+FREQUENCY_STEP = 3e-5
+"""The local frequency is rounded to this part of 1/window, so that a steady run keeps its basis; the amplitude errs by less than 1e-9."""
+
+MOVING_PERIODS = 3.0
+"""From so many periods a window the basis holds t·cos, t·sin, which then cost no precision."""
+
+
+def chunk_samples(window: float) -> int:
+    """Samples about that share one basis, for windows of so many samples."""
+    return int(min(max(CHUNK_SAMPLES[0], CHUNK_WINDOWS * window), CHUNK_SAMPLES[1]))
+
+
+@dataclass
+class Demodulator:
+    """One recording on its way through; `window_s` is set by the sampling's own module before the first row."""
+
+    recording: Recording
+    survey: Survey
+    name: str
+    periods_asked: float
+    moving_asked: bool | None
+    window_s: float = 0.0
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        carrier = self.survey.carrier_hz
+        self.reference_hz = self.survey.reference_hz
+        self.sign = np.array([1.0]) if carrier is None else np.array([-1.0, 1.0])
+        self.reference = np.array(bands(self.reference_hz, carrier))
+        self.nuisance = nuisances(carrier)
+        self.moving = self.periods_asked >= MOVING_PERIODS if self.moving_asked is None else self.moving_asked
+        self.calm: tuple[float, float] = (np.inf, np.inf)
+        """Median over the looks of a window's residual variance, both channels summed, and of that over the wave's power."""
+        self._ahead_hz = 0.0
+        self._basis: tuple[float, WindowBasis] | None = None
+        self._course = np.zeros((0, 1), complex)
+        self._colour: Array | None = None
+
+    def columns(self) -> int:
+        """Unknowns of a window."""
+        return columns(np.zeros(1), tuple(self.reference), self.nuisance, self.moving).shape[1]
+
+    def scale(self, k: int) -> float:
+        """Unit of a channel a raw count."""
+        return float(self.recording.c_scale_factor if k == 0 else self.recording.s_scale_factor)
+
+    def least_variance(self, k: int) -> float:
+        """Least variance a sample: a converter's rounding, 1/12 of a count squared; for floats their own rounding."""
+        dtype = (self.recording.c if k == 0 else self.recording.s).dtype
+        if np.issubdtype(dtype, np.integer):
+            return self.scale(k) ** 2 / 12
+        return max(self.survey.strength2 * float(np.finfo(dtype).eps) ** 2, 1e-300)
+
+    def too_short(self) -> HrgError:
+        """The sentence for a recording that holds no window."""
+        return HrgError(
+            f"{self.name}: its {len(self.recording.c)} samples do not hold one window of {self.periods_asked:g} periods "
+            f"at {self.reference_hz:.6g} Hz; record longer or set periods_per_window lower"
+        )
+
+    def local_hz(self, time_s: float) -> float:
+        """Frequency of the basis at a time: the survey's course, corrected by what the chunk before has shown."""
+        step = FREQUENCY_STEP / self.window_s
+        return float(round((self.survey.frequency_hz(time_s) + self._ahead_hz) / step) * step)
+
+    def local_bands(self, local_hz: float) -> tuple[float, ...]:
+        """Frequencies of the signals where the oscillation is at `local_hz`."""
+        return bands(local_hz, self.survey.carrier_hz)
+
+    def follow(self, u: Array, time_s: float) -> None:
+        """Learn from a chunk's envelopes u (channel, rows, F) by how much the frequency differs from the survey's course."""
+        if u.shape[1] <= 8:
+            return
+        cross = np.array([sum(np.vdot(u[k, :-1, a], u[k, 1:, a]) for k in range(2)) for a in range(u.shape[2])])
+        power = sum(np.vdot(u[k, :, a], u[k, :, a]).real for k in range(2) for a in range(u.shape[2]))
+        total = complex(np.where(self.sign < 0, cross.conj(), cross).sum())
+        if np.isfinite(total) and abs(total) > 0.9 * power:
+            seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
+            self._ahead_hz = seen - self.survey.frequency_hz(time_s)
+
+    def basis(self, samples: int, rate_hz: float, local_hz: float) -> WindowBasis:
+        """The shared basis of even windows at a local frequency, kept while that stays the same."""
+        if self._basis is None or self._basis[0] != local_hz:
+            basis = window_basis(samples, rate_hz, self.local_bands(local_hz), self.nuisance, self.moving)
+            if basis is None:
+                raise self.too_short()
+            self._basis = (local_hz, basis)
+        return self._basis[1]
+
+    def learn_colour(self, basis: WindowBasis, rate_hz: float) -> None:
+        """Take the residual's spectrum into the standard deviations, where it is not white."""
+        found = self.survey
+        if found.spectrum_segments == 0 or len(found.spectrum_hz) < 16:
+            return
+        kappa = colour(found.spectrum_hz, found.spectrum_density, found.spectrum_segments, basis, rate_hz, found.blind_hz)
+        if (kappa != 1).any():
+            self._colour = kappa
+            worst = np.sqrt(kappa.mean(1))
+            self.notes.append(
+                f"the residual is not white; standard deviations follow its spectrum ({worst[0]:.2g} and {worst[1]:.2g} times those of white noise, C and S)"
+            )
+
+    def turns(self, start_s: float, rows: int) -> Array:
+        """e^{−jω_r t} (rows, F) at windows one after another from a centre; the course within a chunk is computed once."""
+        if len(self._course) < rows:
+            self._course = np.exp(-2j * np.pi * np.fmod(np.arange(rows)[:, None] * self.window_s * self.reference, 1.0))
+        return self._course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
+
+    def empty(self, rows: int) -> Rows:
+        """A block's columns, to be filled."""
+        signals = 4 * len(self.reference)
+        shapes = {"time_s": (rows,), "signals": (rows, signals), "signals_std": (rows, signals), "residual_rms": (rows, 2)}
+        return {name: np.empty(shape) for name, shape in shapes.items()} | {"flags": np.zeros(rows, "u1")}
+
+    def fill(self, fits: Fits, times: Array, local_hz: float, keep: slice, out: Rows, rows: slice) -> None:
+        """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops neighbours fitted only for the slopes."""
+        tones = len(self.reference)
+        turn = self.turns(float(times[0]), len(times))
+        u = fits.envelope * turn
+        residual2 = fits.residual2
+        noisier = 1.0
+        slope = None if self.moving else slopes(u, 2 * np.pi * (local_hz - self.reference_hz) * self.sign, self.window_s)
+        if slope is not None:
+            undrag(u, slope, turn, fits.alpha, fits.beta)
+            noisier = drag_noise(fits.alpha, fits.beta, self.window_s)
+            residual2 = self._without_slope(residual2, slope, fits.left)
+        u, turn = u[:, keep], turn[keep]
+        self.follow(u, float(times[0] + times[-1]) / 2)
+        freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
+        samples = fits.samples if np.ndim(fits.samples) == 0 else np.maximum(fits.samples[keep], 1)
+        variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
+        cos2 = turn.real**2
+        for k in range(2):
+            own = variance * noisier**2 if self._colour is None else variance * (noisier**2 * self._colour[k])
+            p, q = own[:, 0::2], own[:, 1::2]
+            part = cos2 * (p - q)
+            first = 2 * k * tones
+            out["signals"][rows, first : first + tones] = u[k].real
+            np.negative(u[k].imag, out=out["signals"][rows, first + tones : first + 2 * tones])
+            sample2 = np.maximum(pooled_variance(residual2[k, keep], freedom), self.least_variance(k))[:, None]
+            np.sqrt(sample2 * (q + part), out=out["signals_std"][rows, first : first + tones])
+            np.sqrt(sample2 * (p - part), out=out["signals_std"][rows, first + tones : first + 2 * tones])
+            np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])
+            if self._colour is not None and self._colour[k].min() < 1:
+                clipped = out["flags"][rows] & FLAG_CLIPPED != 0  # a clipped top bends the signal itself, not its harmonics alone
+                out["signals_std"][rows, first : first + 2 * tones][clipped] /= np.sqrt(self._colour[k].min())
+        out["time_s"][rows] = times[keep]
+
+    @staticmethod
+    def _without_slope(residual2: Array, slope: Array, left: Array) -> Array:
+        """The residual's sum of squares without what the known slope puts into it, where that counts."""
+        extra = np.abs(slope).mean(1) ** 2 @ np.ones(slope.shape[2]) * float(np.mean(left))
+        if not (extra > 1e-3 * np.nanmean(residual2, axis=1)).any():
+            return residual2
+        return np.maximum(residual2 - (np.abs(slope) ** 2).sum(-1) * left, 0.02 * residual2)

@@ -1,0 +1,118 @@
+"""Rows from even sampling: windows of a fixed number of samples, one shared basis and one matrix product a chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..records import FLAG_CLIPPED, FLAG_NOT_FINITE
+from .basis import window_basis
+from .demodulator import Demodulator, Rows, chunk_samples
+from .windows import NEIGHBOURS, Fits, fit_even, pool_rows
+
+Array = np.ndarray
+
+CONDITION, CONDITION_SHORT = 5.0, 1e3
+"""Highest condition of a window's basis; windows asked to be shorter than a period may be worse."""
+
+
+def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
+    """Blocks of rows. HrgError: too short for one window."""
+    recording, rate = run.recording, float(run.recording.sample_rate_hz or 0)
+    samples = _window_samples(run, rate)
+    run.window_s = samples / rate
+    total = len(recording.c) // samples
+    _learn(run, samples, rate)
+    pool = pool_rows(samples - run.columns())
+    chunk = pool * max(1, chunk_samples(samples) // (pool * samples))
+    halo = 0 if run.moving else NEIGHBOURS
+    step = chunk * max(1, block_samples // (chunk * samples))
+    for first in range(0, total, step):
+        last = min(first + step, total)
+        lead = max(0, first - halo)
+        raw = [np.asarray(channel[lead * samples : min(last + halo, total) * samples]) for channel in (recording.c, recording.s)]
+        touching = [_touches(raw[k], run.survey.rails[k]) for k in range(2)]
+        block = run.empty(last - first)
+        for start in range(first, last, chunk):
+            stop = min(start + chunk, last)
+            low, high = max(0, start - halo), min(stop + halo, total)
+            times = (np.arange(low, high) * samples + (samples - 1) / 2) / rate
+            local = run.local_hz((start + chunk / 2) * samples / rate)
+            basis = run.basis(samples, rate, local)
+            keep, rows = slice(start - low, stop - low), slice(start - first, stop - first)
+            flags = block["flags"][rows]
+            envelope = np.empty((2, high - low, len(run.reference)), complex)
+            residual2 = np.empty((2, high - low))
+            for k in range(2):
+                piece = raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
+                scale = run.scale(k)
+                fitted, left = fit_even(piece, basis)
+                np.multiply(fitted, scale, out=envelope[k])
+                np.multiply(left, scale**2, out=residual2[k])
+                if not np.isfinite(left.sum()):
+                    bad = ~np.isfinite(left)
+                    envelope[k, bad] = np.nan
+                    residual2[k, bad] = np.nan
+                    flags[bad[keep]] |= FLAG_NOT_FINITE
+                if touching[k]:
+                    lowest, highest = run.survey.rails[k]
+                    flags[(piece[keep] >= highest).any(1) | (piece[keep] <= lowest).any(1)] |= FLAG_CLIPPED
+            fits = Fits(
+                envelope,
+                residual2,
+                np.asarray(basis.freedom),
+                np.asarray(samples),
+                basis.variance[None],
+                basis.alpha[None],
+                basis.beta[None],
+                np.asarray(basis.left),
+            )
+            run.fill(fits, times, local, keep, block, rows)
+        yield block
+
+
+def _touches(raw: Array, rail: tuple[float, float]) -> bool:
+    """Whether any sample of a block touches a rail (one fast pass, so that clean blocks cost no more)."""
+    if not np.isfinite(rail[0]) and not np.isfinite(rail[1]):
+        return False
+    highest, lowest = raw.max(), raw.min()
+    return not np.isfinite(highest) or bool(highest >= rail[1] or lowest <= rail[0])
+
+
+def _window_samples(run: Demodulator, rate: float) -> int:
+    """Samples a window: those asked for, or as many more as the basis needs to be regular with two degrees of freedom to spare."""
+    n = len(run.recording.c)
+    asked = max(1, round(run.periods_asked * rate / run.reference_hz))
+    if run.moving and run.moving_asked is None and asked < 3 * run.columns():
+        run.moving = False
+    worst = CONDITION if run.periods_asked >= 0.9 and not run.moving_asked else CONDITION_SHORT
+    samples = asked
+    while samples <= n:
+        basis = window_basis(samples, rate, tuple(run.reference), run.nuisance, run.moving)
+        if basis is not None and basis.freedom >= 2 and basis.condition <= worst:
+            if samples > asked:
+                run.notes.append(
+                    f"windows of {samples} samples ({samples * run.reference_hz / rate:.3g} periods) are used: "
+                    f"{asked} ({run.periods_asked:g} periods) are too few for the fit"
+                )
+            return samples
+        samples += max(1, samples // 16)
+    raise run.too_short()
+
+
+def _learn(run: Demodulator, samples: int, rate: float) -> None:
+    """What windows of this length leave at each look: the calm level that a settling start stands out of, and the noise's colour."""
+    levels = []
+    for look in run.survey.looks[1:] or run.survey.looks:
+        count = look.y.shape[1] // samples
+        if count == 0:
+            continue
+        basis = run.basis(samples, rate, run.local_hz(float(look.time_s.mean())))
+        fits = [fit_even(look.y[k, : count * samples].reshape(count, samples), basis) for k in range(2)]
+        residual2 = sum(left for _, left in fits) / samples
+        wave2 = sum((np.abs(envelope) ** 2).sum(-1) for envelope, _ in fits) / 2
+        levels.append((np.median(residual2), np.median(residual2 / np.maximum(wave2, 1e-300))))
+    if levels:
+        run.calm = (float(np.median([a for a, _ in levels])), float(np.median([b for _, b in levels])))
+    run.learn_colour(run.basis(samples, rate, run.local_hz(float(run.survey.looks[0].time_s.mean()))), rate)

@@ -1,0 +1,201 @@
+"""Rows from uneven sampling: windows of a fixed duration, least squares at the true times by batched normal equations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..errors import HrgError
+from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
+from .basis import columns, drag, pairs, window_basis
+from .demodulator import Demodulator, Rows, chunk_samples
+from .windows import NEIGHBOURS, Fits, pool_rows
+
+Array = np.ndarray
+
+GAP_STEPS = 2.5
+"""A stretch without samples longer than so many usual steps is a gap."""
+
+LONGEST_SPAN = 20.0
+"""Times that span so many times what the samples fill at their usual step are a clock that jumps, not a run with gaps."""
+
+
+def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
+    """Blocks of rows. HrgError: times that do not increase or jump; too short for one window."""
+    recording, n, step = run.recording, len(run.recording.c), run.survey.step_s
+    begin, end = (float(recording.times(a, a + 1)[0]) for a in (0, n - 1))
+    span = end - begin + step
+    if span > LONGEST_SPAN * n * step:
+        raise HrgError(
+            f"{run.name}: its times span {span:.6g} s, but {n} samples at the usual step fill {n * step:.6g} s; "
+            "the clock jumps or a gap is huge: correct time_s or split the run"
+        )
+    width = _window_width(run, step)
+    run.window_s = width
+    total = int(span / width + 1e-9)
+    pool = pool_rows(width / step - run.columns())
+    chunk = pool * max(1, int(chunk_samples(width / step) / (pool * width / step)))
+    halo = 0 if run.moving else NEIGHBOURS
+    _learn(run, width, step)
+    reader = _Reader(recording, begin, width, block_samples, run.name)
+    for first in range(0, total, chunk):
+        last = min(first + chunk, total)
+        low, high = max(0, first - halo), min(last + halo, total)
+        time, raw, window = reader.windows(low, high)
+        centre = begin + (np.arange(low, high) + 0.5) * width
+        local = run.local_hz(begin + (first + chunk / 2) * width)
+        y = np.stack([raw[0] * run.scale(0), raw[1] * run.scale(1)])
+        fits = fit_uneven(time, y, window - low, centre, width, run.local_bands(local), run.nuisance, run.moving)
+        flags = np.zeros(high - low, "u1")
+        flags[_gaps(time, begin, width, step, low, high)] |= FLAG_GAP
+        flags[window[~np.isfinite(y).all(0)] - low] |= FLAG_NOT_FINITE
+        flags[~np.isfinite(fits.residual2).all(0) & (flags & FLAG_NOT_FINITE == 0)] |= FLAG_GAP
+        for k in range(2):
+            lowest, highest = run.survey.rails[k]
+            flags[window[(raw[k] >= highest) | (raw[k] <= lowest)] - low] |= FLAG_CLIPPED
+        keep = slice(first - low, last - low)
+        block = run.empty(last - first)
+        block["flags"][:] = flags[keep]
+        run.fill(fits, centre, local, keep, block, slice(None))
+        yield block
+
+
+def fit_uneven(
+    time_s: Array,
+    y: Array,
+    window: Array,
+    centre_s: Array,
+    width_s: float,
+    frequency_hz: tuple[float, ...],
+    nuisance_hz: tuple[float, ...],
+    moving: bool,
+) -> Fits:
+    """Windows at true times: `window` (n,) is each sample's row in `centre_s`, not decreasing; y (channels, n).
+
+    A window with fewer samples than unknowns + 1, or whose samples do not separate the unknowns, holds NaN.
+    """
+    rows, tones = len(centre_s), 2 * len(frequency_hz)
+    tau = time_s - centre_s[window]
+    basis = columns(tau, frequency_hz, nuisance_hz, moving, width_s / 2)
+    k = basis.shape[1]
+    right = np.concatenate([y.T, tau[:, None] * pairs(tau, frequency_hz)], 1)
+    present, starts, samples_present = np.unique(window, return_index=True, return_counts=True)
+    samples = np.zeros(rows, int)
+    samples[present] = samples_present
+    gram, cross, square = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1])), np.zeros((rows, len(y)))
+    if len(present):
+        for a in range(k):
+            gram[present, a, a:] = np.add.reduceat(basis[:, a : a + 1] * basis[:, a:], starts, axis=0)
+            gram[:, a:, a] = gram[:, a, a:]
+            cross[present, a] = np.add.reduceat(basis[:, a : a + 1] * right, starts, axis=0)
+        square[present] = np.add.reduceat(y.T**2, starts, axis=0)
+    values = np.linalg.eigvalsh(gram)
+    good = (samples > k) & (values[:, 0] > 1e-6 * values[:, -1])
+    gram[~good] = np.eye(k)
+    inverse = np.linalg.inv(gram)
+    fit = inverse @ cross
+    residual2 = np.maximum(square - np.einsum("rkc,rkc->rc", fit[:, :, : len(y)], cross[:, :, : len(y)]), 0.0)
+    envelope = np.moveaxis(fit[:, 0:tones:2, : len(y)] - 1j * fit[:, 1:tones:2, : len(y)], -1, 0).copy()
+    envelope[:, ~good] = np.nan
+    residual2[~good] = np.nan
+    alpha, beta = drag(fit[:, :tones, len(y) :])
+    still = 0.0 if moving else 1.0
+    slope2 = np.zeros((rows, tones))
+    if len(present) and not moving:
+        slope2[present] = np.add.reduceat(right[:, len(y) :] ** 2, starts, axis=0)
+    left = still * np.maximum(slope2 - np.einsum("rkc,rkc->rc", fit[:, :, len(y) :], cross[:, :, len(y) :]), 0.0).mean(-1)
+    return Fits(
+        envelope, residual2.T, np.maximum(samples - k, 1), samples, np.einsum("rkk->rk", inverse)[:, :tones], still * alpha, still * beta, left)
+
+
+def _window_width(run: Demodulator, step: float) -> float:
+    """Duration of a window: as asked, or as long as its unknowns need at the usual step, with two samples to spare."""
+    width = run.periods_asked / run.reference_hz
+    if run.moving and run.moving_asked is None and width < 3 * run.columns() * step:
+        run.moving = False
+    least = (run.columns() + 2) * step
+    if run.periods_asked >= 0.9:
+        while least < 64 / run.reference_hz and not _regular(run, max(width, least), step):
+            least = 1.1 * max(width, least)
+    if width < least:
+        run.notes.append(f"windows of {least * run.reference_hz:.3g} periods are used: {run.periods_asked:g} hold too few samples for the fit")
+        return least
+    return width
+
+
+def _regular(run: Demodulator, width: float, step: float) -> bool:
+    basis = window_basis(int(width / step), 1 / step, tuple(run.reference), run.nuisance, run.moving)
+    return basis is not None and basis.condition < 10
+
+
+def _learn(run: Demodulator, width: float, step: float) -> None:
+    """What windows of this length leave at each look: the calm level that a settling start stands out of, and the noise's colour."""
+    levels = []
+    for look in run.survey.looks[1:] or run.survey.looks:
+        start, stop = look.time_s[0], look.time_s[-1]
+        count = int((stop - start) / width)
+        if count == 0:
+            continue
+        inside = look.time_s < start + count * width
+        window = ((look.time_s[inside] - start) / width).astype(int)
+        centre = start + (np.arange(count) + 0.5) * width
+        bands = run.local_bands(run.local_hz(float(look.time_s.mean())))
+        fits = fit_uneven(look.time_s[inside], look.y[:, inside], window, centre, width, bands, run.nuisance, run.moving)
+        residual2 = fits.residual2.sum(0) / np.maximum(fits.samples, 1)
+        wave2 = (np.abs(fits.envelope) ** 2).sum((0, 2)) / 2
+        if np.isfinite(residual2).any():
+            levels.append((np.nanmedian(residual2), np.nanmedian(residual2 / np.maximum(wave2, 1e-300))))
+    if levels:
+        run.calm = (float(np.median([a for a, _ in levels])), float(np.median([b for _, b in levels])))
+    basis = window_basis(int(width / step), 1 / step, run.local_bands(run.reference_hz), run.nuisance, run.moving)
+    if basis is not None:
+        run.learn_colour(basis, 1 / step)
+
+
+def _gaps(time: Array, begin: float, width: float, step: float, low: int, high: int) -> Array:
+    """Rows (of low … high − 1) touched by a stretch without a sample of more than `GAP_STEPS` usual steps."""
+    touched = np.zeros(high - low, bool)
+    edges = np.concatenate([[begin + low * width - step / 2], time, [begin + high * width + step / 2]])
+    for k in np.flatnonzero(np.diff(edges) > GAP_STEPS * step):
+        a, b = int((edges[k] - begin) / width) - low, int((edges[k + 1] - begin) / width) - low
+        touched[max(0, a) : max(0, b) + 1] = True
+    return touched
+
+
+class _Reader:
+    """Samples of an unevenly sampled recording by windows, read forward in blocks; checks that times increase."""
+
+    def __init__(self, recording: Recording, begin: float, width: float, block: int, name: str) -> None:
+        self.recording, self.begin, self.width, self.block, self.name = recording, begin, width, block, name
+        self.read = 0
+        self.time = np.zeros(0)
+        self.raw = [np.zeros(0), np.zeros(0)]
+
+    def windows(self, low: int, high: int) -> tuple[Array, list[Array], Array]:
+        """Times, both channels and window numbers of the samples in windows low … high − 1; low goes back by a few windows at the most."""
+        start, stop = self.begin + low * self.width, self.begin + high * self.width
+        while self.read < len(self.recording.c) and not (len(self.time) and self.time[-1] >= stop):
+            self._more()
+        a, b = np.searchsorted(self.time, [start, stop])
+        window = np.clip(((self.time[a:b] - self.begin) / self.width).astype(int), low, high - 1)
+        out = self.time[a:b], [channel[a:b] for channel in self.raw], window
+        kept = max(0, int(np.searchsorted(self.time, stop - 2 * (NEIGHBOURS + 1) * self.width)) - 1)
+        self.time, self.raw = self.time[kept:], [channel[kept:] for channel in self.raw]
+        return out
+
+    def _more(self) -> None:
+        more = slice(self.read, min(self.read + self.block, len(self.recording.c)))
+        time = self.recording.times(more.start, more.stop).astype(float)
+        joined = np.concatenate([self.time[-1:], time])
+        wrong = np.flatnonzero(~(np.diff(joined) > 0))
+        if len(wrong):
+            at = int(wrong[0]) + self.read + (0 if len(self.time) else 1)
+            raise HrgError(
+                f"{self.name}: time_s[{at}] = {joined[wrong[0] + 1]:.9g} s follows {joined[wrong[0]]:.9g} s; "
+                "strictly increasing times were expected: sort the samples or drop the repeated ones"
+            )
+        self.time = np.concatenate([self.time, time])
+        channels = (self.recording.c, self.recording.s)
+        self.raw = [np.concatenate([held, np.asarray(channel[more], float)]) for held, channel in zip(self.raw, channels, strict=True)]
+        self.read = more.stop
