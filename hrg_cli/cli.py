@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .command import Common, command, command_line, existing
+from .commands.frame import Common, command, command_line, existing
 from .errors import UsageError
 
 app = typer.Typer(
@@ -92,7 +92,7 @@ def import_(
 
     --show-config prints the mapping as TOML; kept as a file it serves a whole lot through --config.
     """
-    from .importing import import_file
+    from .commands.importing import import_file
 
     flags = {key: value for key, value in locals().items() if key not in ("run", "log", "time_column", "import_file")}
     for key in ("c", "s", "temperature", "rate"):
@@ -119,8 +119,8 @@ def simulate(
     ] = None,
 ) -> None:
     """Simulate recordings of a gyro described in TOML; several [[run]] tables give OUTPUT-RUN.h5 each."""
+    from .commands.simulating import simulate_files
     from .reporting import console
-    from .simulating import simulate_files
 
     started = time.monotonic()
     config_file = existing([config_file] if config_file else [], "a simulation file (TOML)")[0]
@@ -238,7 +238,7 @@ def diagnose(
     scale_factor: Annotated[float | None, typer.Option(help="Known scale factor K, held fixed.", show_default=False)] = None,
 ) -> None:
     """What the simulation gets wrong: the cause, its size, the extended model (OUTPUT.extended.toml) and the gain."""
-    from .diagnosing import diagnose_files
+    from .commands.diagnosing import diagnose_files
     from .reporting import console, tables
 
     with console.progress_bar("diagnose", run.quiet or run.json) as progress:
@@ -256,6 +256,54 @@ def compensate(
     if calibration is None and not run.show_config:
         raise UsageError("no tables are named; add --calibration calibration.h5")
     _run(run, "compensate", [wave] if wave else [], beside={"calibration": calibration})
+
+
+@command(app, "export", "hrg export calibration.h5 -o table.h --fixed-point-bits 16")
+def export_(
+    run: Common,
+    calibration: OneFile = None,
+    fixed_point_bits: Annotated[int, typer.Option(help="C header: integers of so many bits; 0: floating point.")] = 0,
+    precision: Annotated[float, typer.Option(help="C header: interpolation error allowed, in standard deviations of the table.")] = 0.5,
+) -> None:
+    """The tables for other programs: CSV, JSON or a C header, by the output's suffix, with the worst error stated."""
+    from . import store
+    from .exporting import export
+    from .records import Calibration
+
+    started = time.monotonic()
+    path = existing([calibration] if calibration else [], "a calibration file")[0]
+    output = run.need_output("table.csv, table.json or table.h")
+    record = store.read(path, Calibration)
+    made = export(record, output.suffix, fixed_point_bits=fixed_point_bits, precision=precision)
+    with store.atomic_path(output, run.force) as temporary:
+        temporary.write_text(made.text, encoding="utf-8")
+    report = {"kind": "table", "status": record.status, "status_reasons": list(record.status_reasons), "output": str(output)}
+    run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3), **made.errors})
+
+
+@command(app, "batch", "hrg batch lot.toml -o lot/ --jobs 4")
+def batch(
+    run: Common,
+    lot: OneFile = None,
+    dask: Annotated[bool, typer.Option("--dask", help="Dask workers started here, --jobs of them.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)] = None,
+) -> None:
+    """The whole chain for every gyro of a lot; resumes where it was interrupted."""
+    from .batch import executor_for, run_lot
+    from .reporting import console
+
+    path = existing([lot] if lot else [], "a lot's file (TOML)")[0]
+    folder = run.need_output("lot/")
+    with console.progress_bar("batch", run.quiet or run.json) as progress:
+        report = run_lot(
+            path,
+            folder,
+            open_executor=executor_for(run.jobs, dask, scheduler),
+            force=run.force,
+            assignments=run.assignments,
+            progress=progress,
+        )
+    run.finish(report)
 
 
 @command(app, "check", "hrg check calibration.h5 --limits configs/limits.toml")
@@ -320,7 +368,7 @@ def study(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="gauss-newton, redundancy, identification or diagnosis.")] = None,
 ) -> None:
     """Repeat one of the papers' experiments, or a study of this project's own methods: table and figures into a folder."""
-    from .studying import run_study
+    from .commands.studying import run_study
 
     run.finish(*run_study(name, run))
 
@@ -338,7 +386,7 @@ def effects(
         text = page(name)
         console.print_json({"name": name, "page": text}) if run.json else print(text)
         return
-    rows = [(e.name, e.family, ", ".join(p.name for p in e.parameters), e.title) for e in EFFECTS]
+    rows = [(e.name, e.family, ", ".join(p.name for p in e.parameters), e.page.splitlines()[0]) for e in EFFECTS]
     if run.json:
         console.print_json({"effects": [dict(zip(("name", "family", "parameters", "title"), row)) for row in rows]})
     else:
@@ -351,7 +399,7 @@ def run_(
     recordings: Files = None,
 ) -> None:
     """The whole chain on the recordings (or logs) of one gyro, into a folder, with a report page."""
-    from .running import run_files
+    from .commands.running import run_files
 
     run.finish(run_files(recordings or [], run))
 

@@ -79,7 +79,8 @@ def run_stage(
 ) -> Outcome:
     """Run one stage on files: records in, one record out, whole or not at all.
 
-    values: the stage's resolved settings; beside: files of further records; further: arguments that are no file. HrgError: an input is of the wrong kind, damaged or changed while it was read; the output exists.
+    values: the stage's resolved settings; beside: files of further records; further: arguments that are no file.
+    HrgError: an input is of the wrong kind, damaged or changed while it was read; the output exists.
     """
     stage = STAGES[name]
     started = time.monotonic()

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from .command import Common
-from .errors import UsageError
-from .reporting import console
-from .store import atomic_path, check_output
+from ..errors import UsageError
+from ..reporting import console
+from ..store import atomic_path, check_output
+from .frame import Common
 
 STUDIES = {
     "gauss-newton": "gauss_newton",

@@ -10,12 +10,12 @@ from typing import Any
 
 import typer
 
-from . import pipeline, settings, store
-from .command import Common, command_line
-from .effects import load_effects
-from .records import Recording
-from .stages.simulate import run_ids, simulate, summary
-from .stages.simulation_file import runs_of
+from .. import pipeline, settings, store
+from ..effects import load_effects
+from ..records import Recording
+from ..stages.simulate import run_ids, simulate, summary
+from ..stages.simulation_file import runs_of
+from .frame import Common, command_line
 
 STAGE_SETTINGS = ("model", "run", "block_samples", "seed")
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .errors import DiskFullError, HrgError, UsageError
+from ..errors import DiskFullError, HrgError, UsageError
 
 DONE, FAILED, USAGE, REFUSED = 0, 1, 2, 3
 
@@ -36,7 +36,7 @@ class Common:
 
     def settings(self, function: Callable[..., Any], table: str = "", **flags: Any) -> dict[str, Any]:
         """The command's resolved settings; with --show-config they are printed and the command ends."""
-        from . import settings
+        from .. import settings
 
         accepted = inspect.signature(function).parameters
         for name in ("seed", "jobs"):
@@ -56,7 +56,7 @@ class Common:
 
     def finish(self, report: Mapping[str, Any], show: Callable[[], None] | None = None) -> None:
         """Print the result and leave with the exit status that its validity asks for."""
-        from .reporting import console
+        from ..reporting import console
 
         if self.json:
             console.print_json(report)

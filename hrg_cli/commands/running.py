@@ -10,13 +10,13 @@ from typing import Any
 
 import typer
 
-from . import settings, store
-from .chain import run_chain
-from .command import Common, command_line, existing
-from .errors import HrgError
-from .pipeline import STAGES
-from .reporting import console
-from .reporting.page import build_report
+from .. import settings, store
+from ..chain import run_chain
+from ..errors import HrgError
+from ..pipeline import STAGES
+from ..reporting import console
+from ..reporting.page import build_report
+from .frame import Common, command_line, existing
 
 
 def run_files(recordings: Sequence[Path], run: Common) -> dict[str, Any]:

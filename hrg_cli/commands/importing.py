@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from . import pipeline, store
-from .command import Common, command_line, existing
-from .formats import import_log
-from .records import Recording
+from .. import pipeline, store
+from ..formats import import_log
+from ..records import Recording
+from .frame import Common, command_line, existing
 
 
 def import_file(log: Path | None, run: Common, flags: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from . import pipeline, settings, store
-from .command import Common, command_line, existing
-from .effects import load_effects
-from .errors import HrgError
-from .physics.resonator import PARAMETERS, Mechanics
-from .records import Diagnosis, Resonator
-from .stages.diagnose import diagnose
-from .stages.simulate import mechanics_of
-from .stages.simulation_file import runs_of
+from .. import pipeline, settings, store
+from ..effects import load_effects
+from ..errors import HrgError
+from ..physics.resonator import PARAMETERS, Mechanics
+from ..records import Diagnosis, Resonator
+from ..stages.diagnose import diagnose
+from ..stages.simulate import mechanics_of
+from ..stages.simulation_file import runs_of
+from .frame import Common, command_line, existing
 
 
 def diagnose_files(
