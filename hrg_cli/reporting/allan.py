@@ -11,7 +11,8 @@ def allan_deviation(rate: Array, interval_s: float, points: int = 40) -> tuple[A
     """Overlapping Allan deviation: σ²(nτ₀) = ⟨(θ_{k+2n} − 2θ_{k+n} + θ_k)²⟩ / 2(nτ₀)², θ the integral of the rate (IEEE Std 952, annex C).
 
     rate (n,) in any unit, interval_s the spacing; averaging times spread evenly in logarithm up to a third of the record.
-    Returns averaging times [s], deviations in the rate's unit, and their relative standard errors 1/√(2(N/n − 1)). Fewer than 9 values: empty.
+    Returns averaging times [s], deviations in the rate's unit, and their relative standard errors 1/√(2(N/n − 1)).
+    Fewer than 9 values: empty.
     """
     count = len(rate)
     if count < 9:

@@ -28,13 +28,15 @@ INK, MUTED, GRID, PAPER = "#1a2028", "#5b6673", "#d9dee4", "#fdfefe"
 SERIES = ("#0067a5", "#c8500a", "#00806a", "#a3418f", "#8a6d00", "#47617d")
 """Colours that stay apart for colour-blind readers; in order of use."""
 
-VARIABLES = {INK: "--ink", MUTED: "--muted", GRID: "--grid", PAPER: "--paper"} | {colour: f"--series-{i + 1}" for i, colour in enumerate(SERIES)}
+VARIABLES = {INK: "--ink", MUTED: "--muted", GRID: "--grid", PAPER: "--paper"} | {
+    colour: f"--series-{i + 1}" for i, colour in enumerate(SERIES)
+}
 """Colour of the light page -> CSS variable of the page."""
 
 POINTS = 1200
 """Points of a line that a figure keeps."""
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.family": ["DejaVu Sans"],
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -67,6 +69,7 @@ STYLE: dict[str, Any] = {
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
     "svg.fonttype": "none",
+    "svg.hashsalt": "hrg",
     "path.simplify": True,
     "text.parse_math": False,
     "figure.constrained_layout.h_pad": 0.06,
@@ -94,7 +97,13 @@ def style() -> Any:
 
 
 def panels(
-    rows: int = 1, columns: int = 1, *, height: float = 2.6, width: float = 7.2, sharex: bool | Literal["row", "col"] = False, sharey: bool | Literal["row", "col"] = False
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    height: float = 2.6,
+    width: float = 7.2,
+    sharex: bool | Literal["row", "col"] = False,
+    sharey: bool | Literal["row", "col"] = False,
 ) -> tuple[Figure, Array]:
     """A figure of rows × columns axes (always a 2-D array); `height` is in inches a row."""
     figure = Figure(figsize=(width, height * rows + 0.25), layout="constrained")
@@ -186,7 +195,7 @@ def legend(ax: Axes, *, above: bool = False, **more: Any) -> None:
 def svg(plot: Plot, prefix: str) -> str:
     """The figure as one <svg> element: no date, ids that start with `prefix`, colours as CSS variables, role img with its words."""
     buffer = io.StringIO()
-    with mpl.rc_context({**STYLE, "svg.hashsalt": "hrg"}):
+    with mpl.rc_context(STYLE):
         plot.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, dpi=130)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..records import Array, Periods, Recording
+from ..records import Array, Periods, Recording, Wave
 from .figures import INK, MUTED, SERIES, Plot, dots, labels, legend, line, log_axis, note, number, panels, spread, time_unit
 
 LOOKS, LOOK_SAMPLES = 48, 1 << 13
@@ -114,7 +114,7 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
     said = []
     reach = 1e-300
     for ax, look, i in zip(axes[0], (looks[0], looks[len(looks) // 2], looks[-1]), range(3)):
-        periods = max(8, int(round(4 * look.rate_hz / frequency))) if frequency > 0 else 64
+        periods = max(8, round(4 * look.rate_hz / frequency)) if frequency > 0 else 64
         middle = len(look.time_s) // 2
         part = look.signal[:, max(0, middle - periods // 2) : middle + periods // 2 + 1]
         dots(ax, part[0], part[1], i, size=2.4, alpha=0.8)
@@ -125,8 +125,15 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
         angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180 / record.mode_number
         ratio = np.sqrt(max(values[0], 0.0) / values[1]) if values[1] > 0 else 0.0
         ax.set_aspect("equal", adjustable="box")
-        labels(ax, x=f"C, {_unit(record.c_units)}", title=f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 : {number(ratio, 2)}")
-        said.append(f"at {number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave angle of {angle:.1f}° and the minor axis is {ratio:.2g} of it")
+        labels(
+            ax,
+            x=f"C, {_unit(record.c_units)}",
+            title=f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 : {number(ratio, 2)}",
+        )
+        said.append(
+            f"at {number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave angle of {angle:.1f}° "
+            f"and the minor axis is {ratio:.2g} of it"
+        )
         reach = max(reach, 1.08 * float(np.abs(part).max()))
     axes[0, 0].set_xlim(-reach, reach)
     axes[0, 0].set_ylim(-reach, reach)
@@ -161,7 +168,8 @@ def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:
     axes[1, 0].set_xlabel("frequency, Hz")
     axes[1, 0].set_xlim(0, rate / 2)
     words = (
-        f"Amplitude spectral density from 0 to {number(rate / 2)} Hz: the strongest line is at {number(frequency, 7)} Hz; the median of the residual is "
+        f"Amplitude spectral density from 0 to {number(rate / 2)} Hz: the strongest line is at {number(frequency, 7)} Hz; "
+        f"the median of the residual is "
         f"{number(floor[0], 3)} (C) and {number(floor[1], 3)} (S) {_unit(record.c_units)}/√Hz."
     )
     return Plot("spectrum", "Raw spectrum with its residual", words, figure)
@@ -248,7 +256,9 @@ def period_plots(record: Periods) -> list[Plot]:
 def _signals(record: Periods) -> Plot:
     time, signals, residual = (np.asarray(a[:]) for a in (record.time_s, record.signals, record.residual_rms))
     factor, unit = time_unit(float(time[-1]))
-    names = ("C cos", "C sin", "S cos", "S sin") if signals.shape[1] == 4 else ("a_c⁻", "a_c⁺", "b_c⁻", "b_c⁺", "a_s⁻", "a_s⁺", "b_s⁻", "b_s⁺")
+    names = (
+        ("C cos", "C sin", "S cos", "S sin") if signals.shape[1] == 4 else ("a_c⁻", "a_c⁺", "b_c⁻", "b_c⁺", "a_s⁻", "a_s⁺", "b_s⁻", "b_s⁺")
+    )
     figure, axes = panels(3, 1, height=1.8, sharex=True)
     half = signals.shape[1] // 2
     for k, name in enumerate(names):
@@ -265,21 +275,23 @@ def _signals(record: Periods) -> Plot:
     labels(axes[2, 0], x=f"time, {unit}", y=_unit(record.units), title="rms of what the fit leaves a window")
     axes[2, 0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
     words = (
-        f"{len(time)} windows of {number(record.window_s)} s over {number(time[-1] * factor)} {unit} against {number(record.reference_frequency_hz, 8)} Hz; "
+        f"{len(time)} windows of {number(record.window_s)} s over {number(time[-1] * factor)} {unit} "
+        f"against {number(record.reference_frequency_hz, 8)} Hz; "
         f"signals {spread(signals)}, residual rms {spread(residual)} {_unit(record.units)}; {int(flags.sum())} windows are flagged."
     )
     return Plot("signals", "Demodulated signals", words, figure)
 
 
-def residual_spectrum(record: Periods) -> Plot:
+def residual_spectrum(record: Periods | Wave) -> Plot:
     """Averaged spectrum of the demodulation's residual with the lines that stand out of it."""
-    frequency, density = np.asarray(record.spectrum_frequency_hz), np.asarray(record.spectrum_density)
+    frequency, density = np.asarray(record.spectrum_frequency_hz, dtype=float), np.asarray(record.spectrum_density, dtype=float)
     figure, axes = panels(1, 1, height=2.4)
     ax = axes[0, 0]
     keep = frequency > 0
     for k, channel in enumerate("CS"):
         ax.semilogy(*_thinned(frequency[keep], np.sqrt(np.maximum(density[keep, k], 0))), color=SERIES[k], lw=0.9, label=channel)
-    words = f"Residual amplitude density from 0 to {number(frequency[-1])} Hz, median {number(float(np.sqrt(np.median(density[keep]))), 3)} {_unit(record.units)}/√Hz."
+    median = float(np.sqrt(np.median(density[keep])))
+    words = f"Residual amplitude density from 0 to {number(frequency[-1])} Hz, median {number(median, 3)} {_unit(record.units)}/√Hz."
     if record.spectrum_line_frequency_hz is not None and len(record.spectrum_line_frequency_hz):
         at = np.asarray(record.spectrum_line_frequency_hz)[:12]
         top = np.sqrt(np.interp(at, frequency, density.max(1)))

@@ -71,14 +71,24 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
         expected = None if truth is None else getattr(truth, f"truth_{name}", None)
         if expected is not None and truth is not None and truth.truth_time_s is not None:
             shift = _branch(record, name, values, time, np.asarray(truth.truth_time_s), np.asarray(expected) * scale, scale)
-            ax.plot(*envelope(np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift), color=INK, lw=1.2, ls=(0, (3, 4)), label="truth")
+            ax.plot(
+                *envelope(np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift),
+                color=INK,
+                lw=1.2,
+                ls=(0, (3, 4)),
+                label="truth",
+            )
             if k == 0:
                 legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
         labels(ax, y=label, title=title)
         said.append(f"{title} {spread(values)} {label.partition(', ')[2]}")
     axes[-1, 0].set_xlabel(f"time, {unit}")
     bad = int(len(time) - good.sum())
-    words = f"Run over {number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of which {bad} are flagged or failed: " + "; ".join(said) + "."
+    words = (
+        f"Run over {number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of which {bad} are flagged or failed: "
+        + "; ".join(said)
+        + "."
+    )
     return Plot("wave", "Wave against time: θ, a_A, a_B, φ", words, figure)
 
 
@@ -128,15 +138,23 @@ def increments(record: Wave) -> Rates | None:
 
 
 def without_constants(rates: Rates) -> tuple[Array, str]:
-    """m·dθ/dt less a constant drift and, where the rate turns enough, a constant scale factor times it; and words for what was taken out."""
+    """m·dθ/dt less a constant drift and, where the rate turns enough, a constant scale factor times it; and what was taken out in words."""
     y = rates.precession_rad_s
     columns = [np.ones_like(y)]
-    turning = rates.rate_rad_s is not None and np.isfinite(rates.rate_rad_s).all() and np.ptp(rates.rate_rad_s) > 1e-3 * np.abs(rates.rate_rad_s).max()
+    turning = (
+        rates.rate_rad_s is not None
+        and np.isfinite(rates.rate_rad_s).all()
+        and np.ptp(rates.rate_rad_s) > 1e-3 * np.abs(rates.rate_rad_s).max()
+    )
     if turning and rates.rate_rad_s is not None:
         columns.append(rates.rate_rad_s)
     basis = np.stack(columns, 1)
     solution = np.linalg.lstsq(basis, y, rcond=None)[0]
-    said = f"mean {number(solution[0] / DEGREE_PER_HOUR)} °/h" if not turning else f"K = {number(-solution[1], 5)} and a drift of {number(solution[0] / DEGREE_PER_HOUR)} °/h"
+    said = (
+        f"mean {number(solution[0] / DEGREE_PER_HOUR)} °/h"
+        if not turning
+        else f"K = {number(-solution[1], 5)} and a drift of {number(solution[0] / DEGREE_PER_HOUR)} °/h"
+    )
     return y - basis @ solution, said
 
 
@@ -169,7 +187,8 @@ def _rates(record: Wave, rates: Rates) -> Plot:
     for j, (label, _) in enumerate(against):
         axes[-1, j].set_xlabel(label)
     words = (
-        f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by {number(float(np.std(left)) / DEGREE_PER_HOUR)} °/h rms; the decay rate is "
-        f"{number(rates.decay_1_s.mean())} 1/s and scatters by {number(float(np.std(decay)))} 1/s; the quadrature ratio moves by {number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
+        f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by {number(float(np.std(left)) / DEGREE_PER_HOUR)} °/h rms; "
+        f"the decay rate is {number(rates.decay_1_s.mean())} 1/s and scatters by {number(float(np.std(decay)))} 1/s; "
+        f"the quadrature ratio moves by {number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
     )
     return Plot("rates", "What constants leave of the wave's rates, against θ, time, amplitude and temperature", words, figure)

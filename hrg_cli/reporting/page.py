@@ -21,7 +21,7 @@ from markupsafe import Markup
 from .. import __version__, store
 from ..errors import HrgError
 from ..records import KINDS, Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
-from . import figures_recording, figures_result, figures_wave
+from . import figures_calibration, figures_diagnosis, figures_recording, figures_result, figures_wave
 from .figures import Plot, png, style, svg
 from .page_content import STEPS, Step, Table, cell, headline, plain, steps, tables
 from .tables import facts
@@ -65,7 +65,12 @@ class Entry:
     def provenance(self) -> dict[str, Any]:
         """Provenance as text."""
         p = self.record.provenance
-        return {"history": [plain(h) for h in p.history], "settings": plain(p.settings), "created": plain(p.created), "generated_by": plain(p.generated_by)}
+        return {
+            "history": [plain(h) for h in p.history],
+            "settings": plain(p.settings),
+            "created": plain(p.created),
+            "generated_by": plain(p.generated_by),
+        }
 
 
 def build_report(paths: Sequence[Path], *, truth: bool = False) -> str:
@@ -152,7 +157,7 @@ def _entry(path: Path, index: int) -> Entry:
 
 def _bare(record: Record) -> Record:
     """The record without its rows."""
-    nothing = {name: np.empty((0,) * len(spec.dims)) for name, spec in record.columns().items() if spec.dims}
+    nothing: dict[str, Any] = {name: np.empty((0,) * len(spec.dims)) for name, spec in record.columns().items() if spec.dims}
     return replace(record, **nothing)
 
 
@@ -169,7 +174,8 @@ def _thinned(record: Record) -> Record:
     for start in range(0, len(record), block):
         for name in columns:
             parts[name].append(np.asarray(getattr(record, name)[start : start + block])[::step])
-    return replace(record, **{name: np.concatenate(values) for name, values in parts.items() if values})
+    joined: dict[str, Any] = {name: np.concatenate(values) for name, values in parts.items() if values}
+    return replace(record, **joined)
 
 
 def _truths(paths: Sequence[Path], entries: list[Entry]) -> dict[str, Recording]:
@@ -196,9 +202,9 @@ _DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
     Periods: lambda r, _: figures_recording.period_plots(r),
     Wave: lambda r, truths: figures_wave.plots(r, truths.get(r.run_id)),
     Resonator: lambda r, _: figures_result.resonator_plots(r),
-    Calibration: lambda r, _: figures_result.calibration_plots(r),
+    Calibration: lambda r, _: figures_calibration.calibration_plots(r),
     Compensated: lambda r, _: figures_result.compensated_plots(r),
-    Diagnosis: lambda r, _: figures_result.diagnosis_plots(r),
+    Diagnosis: lambda r, _: figures_diagnosis.diagnosis_plots(r),
 }
 
 
@@ -216,7 +222,9 @@ def _link_sources(entries: list[Entry]) -> None:
 
 
 def _render(entries: list[Entry], truth: bool) -> str:
-    environment = Environment(loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters["size"] = _size
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     order = ["valid", "suspect", "refused"]

@@ -13,7 +13,7 @@ import numpy as np
 from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
 from ..units import DEGREE_PER_HOUR
 from .figures import number
-from .figures_result import child, entries, json_list, json_object
+from .json_text import child, entries, json_list, json_object
 
 STEPS = (
     ("recording", ("import", "simulate"), "record, import or simulate"),
@@ -138,7 +138,10 @@ def _calibration(record: Calibration) -> list[Table]:
     found = []
     drift, scale = child(content, "drift_rms_rad_s"), child(content, "scale_factor_rms_ppm")
     if drift or scale:
-        rows = [(key.replace("_", " "), _scaled(drift.get(key), 1 / DEGREE_PER_HOUR), _scaled(scale.get(key), 1.0)) for key in ("before", "after", "held_out")]
+        rows = [
+            (key.replace("_", " "), _scaled(drift.get(key), 1 / DEGREE_PER_HOUR), _scaled(scale.get(key), 1.0))
+            for key in ("before", "after", "held_out")
+        ]
         found.append(Table("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
     left = {k: v for k, v in content.items() if k not in ("drift_rms_rad_s", "scale_factor_rms_ppm", "ladder", "harmonics")}
     return found + _figures("Details", left)
@@ -155,12 +158,24 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
         rows = []
         for effect in entries(report, "effects"):
             parameters = child(effect, "parameters")
-            sizes = "; ".join(f"{k} = {cell(p.get('value'))} ± {cell(p.get('std'))} {p.get('units', '')}" for k, p in parameters.items() if isinstance(p, dict))
+            sizes = "; ".join(
+                f"{k} = {cell(p.get('value'))} ± {cell(p.get('std'))} {p.get('units', '')}"
+                for k, p in parameters.items()
+                if isinstance(p, dict)
+            )
             others = cell(effect.get("indistinguishable_from") or None)
             rows.append(
                 tuple(
                     plain(v)
-                    for v in (effect.get("name"), sizes, cell(effect.get("z")), cell(effect.get("p_value")), cell(effect.get("delta_bic")), others, effect.get("next_experiment") or "–")
+                    for v in (
+                        effect.get("name"),
+                        sizes,
+                        cell(effect.get("z")),
+                        cell(effect.get("p_value")),
+                        cell(effect.get("delta_bic")),
+                        others,
+                        effect.get("next_experiment") or "–",
+                    )
                 )
             )
         found.append(Table("Causes found", ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"), rows))
@@ -186,7 +201,9 @@ def _figures(caption: str, content: Any) -> list[Table]:
             found.append(Table(title, ("", *(plain(h).replace("_", " ") for h in head)), rows[:60]))
         elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
             head = list(dict.fromkeys(k for v in value for k in v))[:10]
-            found.append(Table(title, [plain(h).replace("_", " ") for h in head], [tuple(_short(v.get(k)) for k in head) for v in value][:60]))
+            found.append(
+                Table(title, [plain(h).replace("_", " ") for h in head], [tuple(_short(v.get(k)) for k in head) for v in value][:60])
+            )
         elif isinstance(value, Mapping):
             single += [(f"{title}: {plain(k).replace('_', ' ')}", _short(v)) for k, v in value.items()]
         else:
@@ -211,21 +228,35 @@ def headline(record: Record) -> list[tuple[str, str]]:
     if isinstance(record, Resonator):
         parameters = record.parameters()
         frequency = parameters.get("frequency_hz", (None,))[0]
-        named = {"frequency_hz": "frequency", "damping_rate_1_s": "damping", "damping_split_1_s": "damping split", "frequency_split_rad_s": "frequency split", "scale_factor": "scale factor K"}
+        named = {
+            "frequency_hz": "frequency",
+            "damping_rate_1_s": "damping",
+            "damping_split_1_s": "damping split",
+            "frequency_split_rad_s": "frequency split",
+            "scale_factor": "scale factor K",
+        }
         found = []
         for name, label in named.items():
             if name in parameters:
                 value, std, units = parameters[name]
-                text = for_people(name, value, std, frequency) if name not in ("frequency_hz", "scale_factor") else f"{number(value, 8)} ± {number(std, 2)} {units if units != '1' else ''}"
+                text = (
+                    for_people(name, value, std, frequency)
+                    if name not in ("frequency_hz", "scale_factor")
+                    else f"{number(value, 8)} ± {number(std, 2)} {units if units != '1' else ''}"
+                )
                 found.append((label, text.strip()))
         return found
     if isinstance(record, Calibration):
         content = json_object(record.details)
         found = []
-        for key, label, factor, unit in (("drift_rms_rad_s", "drift left", 1 / DEGREE_PER_HOUR, "°/h"), ("scale_factor_rms_ppm", "scale factor left", 1.0, "ppm")):
-            value = content.get(key)
-            if isinstance(value, dict):
-                found.append((label, f"{_scaled(value.get('before'), factor)} → {_scaled(value.get('after'), factor)} {unit} (held out {_scaled(value.get('held_out'), factor)})"))
+        for key, label, factor, unit in (
+            ("drift_rms_rad_s", "drift left", 1 / DEGREE_PER_HOUR, "°/h"),
+            ("scale_factor_rms_ppm", "scale factor left", 1.0, "ppm"),
+        ):
+            rms = child(content, key)
+            before, after, held_out = (_scaled(rms.get(name), factor) for name in ("before", "after", "held_out"))
+            if rms:
+                found.append((label, f"{before} → {after} {unit} (held out {held_out})"))
         return found
     if isinstance(record, Diagnosis):
         report = json_object(record.report)
@@ -237,7 +268,9 @@ def headline(record: Record) -> list[tuple[str, str]]:
             found.append(("held-out gain", f"{cell(gain.get('ratio'))} ± {cell(gain.get('std'))}"))
         return found
     if isinstance(record, Compensated) and record.residual_before_rad_s is not None and record.residual_after_rad_s is not None:
-        before, after = (float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR for y in (record.residual_before_rad_s, record.residual_after_rad_s))
+        before, after = (
+            float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR for y in (record.residual_before_rad_s, record.residual_after_rad_s)
+        )
         return [("rate error, rms", f"{number(before)} → {number(after)} °/h")]
     if isinstance(record, Wave) and len(record):
         good = record.good()

@@ -119,7 +119,15 @@ def wave(run="run-1", count=1500) -> Wave:
 
 
 def resonator() -> Resonator:
-    names = ["frequency_hz", "damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor"]
+    names = [
+        "frequency_hz",
+        "damping_rate_1_s",
+        "damping_split_1_s",
+        "damping_axis_rad",
+        "frequency_split_rad_s",
+        "stiffness_axis_rad",
+        "scale_factor",
+    ]
     values = np.array([431.09, 0.08, 8e-4, 0.35, 3e-3, 0.7, 0.277])
     std = np.array([1e-6, 1e-5, 1e-5, 5e-3, 2e-5, 4e-3, 3e-6])
     correlation = np.eye(7)
@@ -135,7 +143,14 @@ def resonator() -> Resonator:
         chi2_per_dof=1.02,
         condition=240.0,
         flat_directions=json.dumps(["scale factor and table rate cannot be told apart"]),
-        details=json.dumps({"methods": {"likelihood": {"damping_rate_1_s": 0.08, "chi2_per_dof": 1.02}, "propagator": {"damping_rate_1_s": 0.0801, "chi2_per_dof": 1.4}}}),
+        details=json.dumps(
+            {
+                "methods": {
+                    "likelihood": {"damping_rate_1_s": 0.08, "chi2_per_dof": 1.02},
+                    "propagator": {"damping_rate_1_s": 0.0801, "chi2_per_dof": 1.4},
+                }
+            }
+        ),
         run=np.array(["run-1", "run-2", "run-3"], object),
         run_chi2_per_dof=np.array([0.98, 1.05, 1.31]),
         run_residual_rms=np.array([1e-4, 1e-4, 1.2e-4]),
@@ -147,8 +162,24 @@ def calibration(nodes=5) -> Calibration:
     temperature = np.linspace(-20, 60, nodes)
     angle = np.linspace(0, np.pi / 2, 73)
     unit = np.pi / 180 / 3600
-    drift = np.stack([np.stack([3 * unit + 0 * temperature, (5 + 0.05 * temperature) * unit, (-2 + 0.03 * temperature) * unit, 0.4 * unit + 0 * temperature, 0.1 * unit + 0 * temperature], 1)])[0]
-    scale = np.stack([0.277 * (1 + 1e-6 * temperature), 3e-5 + 0 * temperature, -2e-5 + 0 * temperature, 2e-6 + 0 * temperature, 1e-6 + 0 * temperature], 1)
+    drift = np.stack(
+        [
+            np.stack(
+                [
+                    3 * unit + 0 * temperature,
+                    (5 + 0.05 * temperature) * unit,
+                    (-2 + 0.03 * temperature) * unit,
+                    0.4 * unit + 0 * temperature,
+                    0.1 * unit + 0 * temperature,
+                ],
+                1,
+            )
+        ]
+    )[0]
+    scale = np.stack(
+        [0.277 * (1 + 1e-6 * temperature), 3e-5 + 0 * temperature, -2e-5 + 0 * temperature, 2e-6 + 0 * temperature, 1e-6 + 0 * temperature],
+        1,
+    )
     basis = np.stack([np.ones_like(angle), np.cos(4 * angle), np.sin(4 * angle), np.cos(8 * angle), np.sin(8 * angle)])
     ladder = [("nothing", 6.1, 310.0), ("constant drift", 5.2, 310.0), ("harmonics", 0.6, 42.0), ("harmonics and temperature", 0.21, 11.0)]
     return Calibration(
@@ -185,7 +216,13 @@ def compensated() -> Compensated:
     after = 1e-5 * rng.standard_normal(4000)
     rate = 0.1 * np.sin(time / 300)
     return Compensated(
-        time_s=time, rate_estimate_rad_s=rate + after, angle_estimate_rad=np.cumsum(rate) * 0.5, residual_before_rad_s=before, residual_after_rad_s=after, gyro_id="G-17", run_id="run-1"
+        time_s=time,
+        rate_estimate_rad_s=rate + after,
+        angle_estimate_rad=np.cumsum(rate) * 0.5,
+        residual_before_rad_s=before,
+        residual_after_rad_s=after,
+        gyro_id="G-17",
+        run_id="run-1",
     )
 
 
@@ -221,7 +258,10 @@ def diagnosis() -> Diagnosis:
         ],
         "after": {"chi2_per_dof": 1.03, "residual_rms": 1.01},
         "gain": {"held_out": "runs", "before": 2.4, "after": 1.02, "ratio": 2.35, "std": 0.08},
-        "tested": [{"name": n, "z": z, "upper_limit": 1e-4, "units": "1"} for n, z in (("mains_tone", 1.2), ("saturation", -0.4), ("thermal_damping", 2.1), ("rate_bias", 0.1))],
+        "tested": [
+            {"name": n, "z": z, "upper_limit": 1e-4, "units": "1"}
+            for n, z in (("mains_tone", 1.2), ("saturation", -0.4), ("thermal_damping", 2.1), ("rate_bias", 0.1))
+        ],
         "remainder": None,
         "extended_model": "extended.toml",
     }
@@ -241,7 +281,15 @@ def diagnosis() -> Diagnosis:
     )
 
 
-RECORDS = {"recording": recording, "periods": periods, "wave": wave, "resonator": resonator, "calibration": calibration, "compensated": compensated, "diagnosis": diagnosis}
+RECORDS = {
+    "recording": recording,
+    "periods": periods,
+    "wave": wave,
+    "resonator": resonator,
+    "calibration": calibration,
+    "compensated": compensated,
+    "diagnosis": diagnosis,
+}
 
 
 def write_all(folder: Path) -> list[Path]:

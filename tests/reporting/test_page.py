@@ -33,7 +33,7 @@ def whole(files):
 class Elements(html.parser.HTMLParser):
     """Tags with attributes, checked to close in order."""
 
-    EMPTY = {"meta", "link", "br", "img", "hr", "input"}
+    EMPTY = ("meta", "link", "br", "img", "hr", "input")
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -76,7 +76,13 @@ def test_figures_say_their_numbers_in_words(whole):
     elements = Elements(whole)
     named = {a["id"] for a in elements.all("figcaption")}
     assert all(a["role"] == "img" and a["aria-labelledby"] in named for a in elements.all("svg"))
-    for words in ("strongest line is at 431.0", "pickoff_nonlinearity at 48.2 σ", "scale_factor with damping_split_1_s −0.72", "drift left, °/h rms: nothing 6.1", "Allan deviation"):
+    for words in (
+        "strongest line is at 431.0",
+        "pickoff_nonlinearity at 48.2 σ",
+        "scale_factor with damping_split_1_s −0.72",
+        "drift left, °/h rms: nothing 6.1",
+        "Allan deviation",
+    ):
         assert words in whole
 
 
@@ -126,20 +132,41 @@ def test_hostile_results_stay_text(tmp_path):
     attack = "<script>alert(1)</script> $\\bad{"
     resonator = by_hand.resonator()
     diagnosis = by_hand.diagnosis()
-    store.write(tmp_path / "a.h5", resonator.replace(name=np.array([attack + str(i) for i in range(7)], object), run=np.array([attack] * 3, object)))
+    store.write(
+        tmp_path / "a.h5", resonator.replace(name=np.array([attack + str(i) for i in range(7)], object), run=np.array([attack] * 3, object))
+    )
     report = diagnosis.report.replace("pickoff_nonlinearity", "<script>alert(1)</script> $").replace("two amplitudes", "<img src=x>")
     store.write(tmp_path / "b.h5", diagnosis.replace(report=report, series='["<script>x</script>", "$_{"]'))
     elements = Elements(page.build_report([tmp_path / "a.h5", tmp_path / "b.h5"]))
     assert len(elements.all("script")) == 1 and not elements.all("img")
 
 
-@pytest.mark.parametrize("report", ["", "[]", "{}", '{"effects": 3, "gain": {"before": null}, "tested": [1], "remainder": "x"}', "null", '{"effects": [{"name": null, "z": null}]}'])
+@pytest.mark.parametrize(
+    "report",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"effects": 3, "gain": {"before": null}, "tested": [1], "remainder": "x"}',
+        "null",
+        '{"effects": [{"name": null, "z": null}]}',
+    ],
+)
 def test_any_diagnosis_json_gives_a_page(tmp_path, report):
     store.write(tmp_path / "d.h5", by_hand.diagnosis().replace(report=report, series="{}"))
     assert "Diagnosis" in page.build_report([tmp_path / "d.h5"])
 
 
-@pytest.mark.parametrize("details", ["", "[]", "null", '{"ladder": [1, {"stage": null}], "drift_rms_rad_s": 3, "scale_factor_rms_ppm": {"before": "x"}}', '{"a": {"b": {"c": [1, 2]}}, "n": 1e400}'])
+@pytest.mark.parametrize(
+    "details",
+    [
+        "",
+        "[]",
+        "null",
+        '{"ladder": [1, {"stage": null}], "drift_rms_rad_s": 3, "scale_factor_rms_ppm": {"before": "x"}}',
+        '{"a": {"b": {"c": [1, 2]}}, "n": 1e400}',
+    ],
+)
 def test_any_details_json_gives_a_page(tmp_path, details):
     store.write(tmp_path / "c.h5", by_hand.calibration().replace(details=details))
     store.write(tmp_path / "r.h5", by_hand.resonator().replace(details=details))
@@ -152,7 +179,13 @@ def test_short_flagged_and_empty_series(tmp_path):
         "one": wave.rows(0, 1),
         "none": wave.rows(0, 0),
         "bad": wave.replace(flags=np.full(len(wave), 4, "u1"), wave_angle_rad=np.full(len(wave), np.nan)),
-        "still": wave.replace(wave_angle_rad=np.zeros(len(wave)), main_amplitude=np.ones(len(wave)), quadrature_amplitude=np.zeros(len(wave)), temperature_degc=None, rate_rad_s=None),
+        "still": wave.replace(
+            wave_angle_rad=np.zeros(len(wave)),
+            main_amplitude=np.ones(len(wave)),
+            quadrature_amplitude=np.zeros(len(wave)),
+            temperature_degc=None,
+            rate_rad_s=None,
+        ),
         "periods": by_hand.periods().rows(0, 2),
         "compensated": by_hand.compensated().rows(0, 3),
         "node": by_hand.calibration(1),
@@ -192,7 +225,9 @@ def test_long_recording_is_read_in_looks(tmp_path, monkeypatch):
     store.write(tmp_path / "r.h5", by_hand.recording(seconds=120.0, truth=False))
     read = []
     original = by_hand.Recording.physical
-    monkeypatch.setattr(by_hand.Recording, "physical", lambda self, start=0, stop=None: read.append(stop - start) or original(self, start, stop))
+    monkeypatch.setattr(
+        by_hand.Recording, "physical", lambda self, start=0, stop=None: read.append(stop - start) or original(self, start, stop)
+    )
     page.build_report([tmp_path / "r.h5"])
     assert max(read) <= 1 << 13 and sum(read) < 0.7 * 120 * by_hand.RATE_HZ
 
@@ -211,7 +246,13 @@ def test_errors_are_sentences(tmp_path, files):
 
 
 def test_steps_from_files_and_history():
-    found = {s.name: s.state for s in steps([("wave", "valid"), ("wave", "suspect"), ("resonator", "refused")], ["2026-01-01T00:00:00Z hrg 0.1.0 hrg demodulate a.h5 -o b.h5"])}
+    found = {
+        s.name: s.state
+        for s in steps(
+            [("wave", "valid"), ("wave", "suspect"), ("resonator", "refused")],
+            ["2026-01-01T00:00:00Z hrg 0.1.0 hrg demodulate a.h5 -o b.h5"],
+        )
+    }
     assert found == {
         "record, import or simulate": "skipped",
         "demodulate": "run",

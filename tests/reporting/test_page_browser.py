@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+import itertools
+
 import browser
 import records_by_hand
 
@@ -124,7 +126,8 @@ def test_text_inside_figures_does_not_overlap(window):
     overlaps = window.run("""
         const found = [];
         for (const figure of document.querySelectorAll('figure')) {
-          const texts = [...figure.querySelectorAll('svg text')].map(t => [t.textContent, t.getBoundingClientRect()]).filter(([, b]) => b.width);
+          const texts = [...figure.querySelectorAll('svg text')].map(t => [t.textContent, t.getBoundingClientRect()])
+            .filter(([, b]) => b.width);
           texts.forEach(([a, p], i) => texts.slice(i + 1).forEach(([b, q]) => {
             const x = Math.min(p.right, q.right) - Math.max(p.left, q.left), y = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
             const turned = p.height > 1.6 * q.height || q.height > 1.6 * p.height;
@@ -138,8 +141,9 @@ def test_text_inside_figures_does_not_overlap(window):
 def test_headings_and_ids_are_in_order(window):
     levels = window.run("return [...document.querySelectorAll('h1,h2,h3,h4')].map(h => +h.tagName[1])")
     assert levels[0] == 1 and levels.count(1) == 1
-    assert all(b - a <= 1 for a, b in zip(levels, levels[1:]))
+    assert all(b - a <= 1 for a, b in itertools.pairwise(levels))
     assert window.run("const ids = [...document.querySelectorAll('[id]')].map(e => e.id); return ids.length - new Set(ids).size") == 0
-    missing = window.run("""return [...document.querySelectorAll('[aria-labelledby]')].filter(e => !document.getElementById(e.getAttribute('aria-labelledby')))
+    missing = window.run("""return [...document.querySelectorAll('[aria-labelledby]')]
+        .filter(e => !document.getElementById(e.getAttribute('aria-labelledby')))
         .map(e => e.getAttribute('aria-labelledby'))""")
     assert missing == []

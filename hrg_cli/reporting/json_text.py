@@ -1,0 +1,42 @@
+"""JSON inside records (details, verdicts), read without trusting its shape."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+
+def json_object(text: str) -> dict[str, Any]:
+    """A record's JSON text as an object; anything else is an empty one."""
+    value = _json(text)
+    return value if isinstance(value, dict) else {}
+
+
+def json_list(text: str) -> list[Any]:
+    """A record's JSON text as a list; anything else is an empty one."""
+    value = _json(text)
+    return value if isinstance(value, list) else []
+
+
+def _json(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def entries(report: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    """The objects in a list of a JSON object."""
+    value = report.get(key)
+    return [e for e in value if isinstance(e, dict)] if isinstance(value, list) else []
+
+
+def child(report: dict[str, Any], key: str) -> dict[str, Any]:
+    """The object of that key, or an empty one."""
+    value = report.get(key)
+    return value if isinstance(value, dict) else {}
+
+
+def as_float(value: Any) -> float:
+    """A JSON number; anything else is NaN."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else float("nan")
