@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..fitting.fourier import node_weights
-from ..fitting.increments import covariance_bands
+from ..fitting.increments import Path, covariance_bands
 from ..fitting.joint import PIECES, Fitted, Model, design, piece_of, solve
 
 Array = np.ndarray
@@ -64,7 +64,7 @@ def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cell
         rate = path.rate_rad_s
         kind = np.where(np.abs(rate) <= low_limit, 0, np.where(np.abs(rate) >= 0.5 * fastest, 1, 2))
         period = np.pi / path.mode_number
-        angle = (np.mod(path.middle(path.angle_rad), period) / period * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
+        angle = (np.mod(_steady_angle(path), period) / period * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
         node = np.argmax(node_weights(fitted.layout.abscissa(path), fitted.layout.nodes), axis=1)
         keys, place = np.unique((kind * len(fitted.layout.nodes) + node) * CELLS_A_PERIOD + angle, return_inverse=True)
         time = np.bincount(place, path.interval_s)
@@ -81,6 +81,15 @@ def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cell
     high = (np.abs(rate) >= 0.45 * fastest) & (rate != 0)
     common = {"variance": variance, "rate_rad_s": rate, "run": run, "low": low, "high": high}
     return Cells(used, **common), Cells(unseen, **common)
+
+
+def _steady_angle(path: Path) -> Array:
+    """Wave angle of the increments, the mean of a stretch where it creeps: the noise of an increment must not choose its cell."""
+    angle = path.middle(path.angle_rad)
+    speed = abs(float(path.angle_rad[-1] - path.angle_rad[0])) / len(path)
+    width = int(np.clip(np.pi / path.mode_number / CELLS_A_PERIOD / 4 / max(speed, 1e-300), 1, max(len(path) // 8, 1)))
+    stretch = np.arange(len(path)) // width
+    return np.asarray((np.bincount(stretch, angle) / np.bincount(stretch))[stretch])
 
 
 def of_runs(found: Cells, count: int) -> Cells:
