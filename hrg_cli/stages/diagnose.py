@@ -50,9 +50,12 @@ def diagnose(
     series, point, _ = prepare(waves, scale_factor, blocks)
     freedom = _freedom(series, point, scale_factor)
     base = extended_fit.fit(series, point, freedom)
-    base = _rescaled(base)
     candidates = diagnosis_search.variants([*EFFECTS, *extra_effects], base)
     search, remainder, noise_factor = _explain(base, candidates, most_effects)
+    level = _noise_level(search.final, remainder)
+    if level is not None:
+        base = extended_fit.fit(replace(series, weight=series.weight / level), base.point, freedom)
+        search, remainder, noise_factor = _explain(base, candidates, most_effects)
     verdict, search, remainder = _verdict(search, remainder, noise_factor)
     kind, gain = diagnosis_gain.held_out(search.base, search.final)
     report = diagnosis_report.report(verdict, search, remainder, kind, gain, noise_factor, resonator, candidates)
@@ -80,17 +83,20 @@ def _freedom(series: Series, point: Point, scale_factor: float | None) -> Freedo
     return Freedom(np.array([0, 0, 0, 0, 0, nominal_scale_factor(series.mode_number), 0.5]), std)
 
 
-def _rescaled(base: Fit) -> Fit:
-    """Noise by the residual's own second differences where they contradict the stated one."""
-    series = base.series
-    values = np.zeros((*series.weight.shape, 4))
-    values[tuple(base.rows.T)] = base.residual
-    ok = series.weight > 0
+def _noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
+    """White noise over the stated one, from second differences of what is left in the end; None where they agree."""
+    residual = fit.residual
+    space = _space(remainder) if remainder else None
+    if space is not None:
+        residual = residual - space @ (space.T @ residual)
+    values = np.zeros((*fit.series.weight.shape, 4))
+    values[tuple(fit.rows.T)] = residual
+    ok = fit.series.weight > 0
     rough = np.diff(values, n=2, axis=1)[ok[:, 2:]]
-    level = float(np.sqrt(np.median(rough**2) / (6 * 0.45494)))
-    if len(rough) < 20 or abs(level - 1) < 5 / np.sqrt(rough.size) * 1.5:
-        return base
-    return extended_fit.fit(replace(series, weight=series.weight / max(level, 1e-12)), base.point, base.freedom)
+    if len(rough) < 20:
+        return None
+    level = float(np.sqrt(np.median(rough**2) / (6 * 0.45494)))  # median of χ² with one degree of freedom
+    return level if abs(level - 1) > max(0.03, 8 / np.sqrt(rough.size)) and level > 1e-9 else None
 
 
 def _explain(base: Fit, candidates: Sequence[diagnosis_search.Variant], most: int) -> tuple[Search, Remainder | None, float]:
