@@ -1,7 +1,8 @@
 """Least-squares bases of a demodulation window: cos, sin of the wanted frequencies, nuisance terms, and t·cos, t·sin where asked.
 
 y(τ) = Σ_a [p_a cos ω_a τ + q_a sin ω_a τ] + constant + nuisance tones (+ τ·(…)), τ from the window's centre; envelope U_a = p_a − j q_a.
-A window without the τ terms is pulled by the envelope's slope U1: ΔU = α U1 + β U1* (`drag`), of the order U1/2ω whatever its length.
+A window without the τ terms is pulled by the envelope's slope U1: ΔU = α U1 + β U1*, of the order U1/2ω whatever its length; every window
+by the curvature U2, about U2·T²/24. `Pull` holds these and what slope or curvature leave in the residual.
 """
 
 from __future__ import annotations
@@ -14,20 +15,28 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
+class Pull:
+    """What an unmodelled motion M (slope U1 or curvature U2) does to a window: ΔU = α M + β M*, and (p, q)ᵀ·left·(p, q) with M = p − jq to
+    the residual's sum of squares. alpha, beta (rows or 1, F, F); left (rows or 1, 2F, 2F)."""
+
+    alpha: Array
+    beta: Array
+    left: Array
+
+
+@dataclass(frozen=True)
 class WindowBasis:
     """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k), envelope coefficients p, q = q @ `triangle` (k, 2F).
 
-    `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise. `alpha`, `beta` (F, F): the drag of the envelope's slope; `left`: what a unit
-    slope leaves in the residual's sum of squares, averaged over phase.
+    `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise; `slope` and `curvature`: their pulls.
     `condition`: of the basis with its columns scaled to one.
     """
 
     orthonormal: Array
     triangle: Array
     variance: Array
-    alpha: Array
-    beta: Array
-    left: float
+    slope: Pull
+    curvature: Pull
     condition: float
 
     @property
@@ -53,11 +62,11 @@ def pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
     return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), -1)
 
 
-def drag(pull: Array) -> tuple[Array, Array]:
-    """α, β (..., F, F) of ΔU = α U1 + β U1* from the real pull (..., 2F, 2F) of the slopes (p1, q1) on the coefficients (p, q), U = p − jq."""
-    m00, m01 = pull[..., 0::2, 0::2], pull[..., 0::2, 1::2]
-    m10, m11 = pull[..., 1::2, 0::2], pull[..., 1::2, 1::2]
-    return (m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2
+def pull(coefficients: Array, left: Array) -> Pull:
+    """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and `left` into the residual; U = p − jq, M = p1 − jq1."""
+    m00, m01 = coefficients[..., 0::2, 0::2], coefficients[..., 0::2, 1::2]
+    m10, m11 = coefficients[..., 1::2, 0::2], coefficients[..., 1::2, 1::2]
+    return Pull((m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2, left)
 
 
 def window_basis(
@@ -74,13 +83,16 @@ def window_basis(
         return None
     q, r = np.linalg.qr(matrix)
     inverse = np.linalg.inv(r)[: 2 * len(frequency_hz)]
-    alpha = beta = np.zeros((len(frequency_hz), len(frequency_hz)), complex)
-    left = 0.0
-    if not moving:
-        slopes = tau[:, None] * matrix[:, : 2 * len(frequency_hz)]
-        taken = q.T @ slopes
-        alpha, beta = drag(inverse @ taken)
-        left = float((slopes**2).sum() - (taken**2).sum()) / (2 * len(frequency_hz))
+    tones = 2 * len(frequency_hz)
+    pulls = []
+    for motion in (tau[:, None] * matrix[:, :tones], tau[:, None] ** 2 / 2 * matrix[:, :tones]):
+        taken = q.T @ motion
+        pulls.append(pull((inverse @ taken)[None], (motion.T @ motion - taken.T @ taken)[None]))
     return WindowBasis(
-        np.ascontiguousarray(q), np.ascontiguousarray(inverse.T), (inverse**2).sum(1), alpha, beta, left, float(singular[0] / singular[-1])
+        np.ascontiguousarray(q),
+        np.ascontiguousarray(inverse.T),
+        (inverse**2).sum(1),
+        pulls[0],
+        pulls[1],
+        float(singular[0] / singular[-1]),
     )

@@ -12,7 +12,7 @@ from .basis import WindowBasis, columns, window_basis
 from .frequency import bands, nuisances
 from .spectrum import colour
 from .survey import Survey
-from .windows import Fits, drag_noise, pooled_variance, slopes, undrag
+from .windows import Fits, curvatures, motion_counts, pooled_variance, pull_noise, slopes, unpulled, without_motion
 
 Array = np.ndarray
 Rows = dict[str, Array]
@@ -20,16 +20,14 @@ Rows = dict[str, Array]
 CHUNK_SAMPLES, CHUNK_WINDOWS = (1 << 16, 1 << 20), 256
 """Samples, at least and at most, and windows in between, that share one local basis frequency."""
 
+DRIFT_RAD = 0.03
+"""Most that the envelope may turn within a window for the local frequency's error at a chunk's ends."""
+
 FREQUENCY_STEP = 3e-5
 """The local frequency is rounded to this part of 1/window, so that a steady run keeps its basis; the amplitude errs by less than 1e-9."""
 
 MOVING_PERIODS = 3.0
 """From so many periods a window the basis holds t·cos, t·sin, which then cost no precision."""
-
-
-def chunk_samples(window: float) -> int:
-    """Samples about that share one basis, for windows of so many samples."""
-    return int(min(max(CHUNK_SAMPLES[0], CHUNK_WINDOWS * window), CHUNK_SAMPLES[1]))
 
 
 @dataclass
@@ -57,6 +55,15 @@ class Demodulator:
         self._basis: tuple[float, WindowBasis] | None = None
         self._course = np.zeros((0, 1), complex)
         self._colour: Array | None = None
+
+    def chunk_windows(self, window_samples: float, pool: int) -> int:
+        """Windows that share one basis: a multiple of `pool`, enough samples, few enough that the frequency's drift turns none by `DRIFT_RAD`."""
+        windows = max(1, int(min(max(CHUNK_SAMPLES[0], CHUNK_WINDOWS * window_samples), CHUNK_SAMPLES[1]) / window_samples))
+        track_s, track_hz = self.survey.track_s, self.survey.track_hz
+        if len(track_s) > 1:
+            drift = float(np.abs(np.diff(track_hz) / np.diff(track_s)).max())
+            windows = min(windows, max(8, int(DRIFT_RAD / (np.pi * max(drift, 1e-30) * self.window_s**2))))
+        return pool * max(1, windows // pool)
 
     def columns(self) -> int:
         """Unknowns of a window."""
@@ -140,12 +147,22 @@ class Demodulator:
         turn = self.turns(float(times[0]), len(times))
         u = fits.envelope * turn
         residual2 = fits.residual2
-        noisier = 1.0
-        slope = None if self.moving else slopes(u, 2 * np.pi * (local_hz - self.reference_hz) * self.sign, self.window_s)
+        offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
+        slope = None if self.moving else slopes(u, offset, self.window_s)
+        bend = curvatures(u, offset, self.window_s) if self.periods_asked >= MOVING_PERIODS else None
+        noisier = pull_noise(fits.slope, fits.curvature, self.window_s) if bend is not None else pull_noise(fits.slope, None, self.window_s)
         if slope is not None:
-            undrag(u, slope, turn, fits.alpha, fits.beta)
-            noisier = drag_noise(fits.alpha, fits.beta, self.window_s)
-            residual2 = self._without_slope(residual2, slope, fits.left)
+            raw = u
+            u = unpulled(raw, slope, turn, fits.slope)
+            if motion_counts(residual2, slope, fits.slope):
+                again = slopes(u, offset, self.window_s)
+                slope = slope if again is None else again
+                u = unpulled(raw, slope, turn, fits.slope)
+                residual2 = without_motion(residual2, slope, turn, fits.slope)
+        if bend is not None:
+            u = unpulled(u, bend, turn, fits.curvature)
+            if motion_counts(residual2, bend, fits.curvature):
+                residual2 = without_motion(residual2, bend, turn, fits.curvature)
         u, turn = u[:, keep], turn[keep]
         self.follow(u, float(times[0] + times[-1]) / 2)
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
@@ -167,11 +184,3 @@ class Demodulator:
                 clipped = out["flags"][rows] & FLAG_CLIPPED != 0  # a clipped top bends the signal itself, not its harmonics alone
                 out["signals_std"][rows, first : first + 2 * tones][clipped] /= np.sqrt(self._colour[k].min())
         out["time_s"][rows] = times[keep]
-
-    @staticmethod
-    def _without_slope(residual2: Array, slope: Array, left: Array) -> Array:
-        """The residual's sum of squares without what the known slope puts into it, where that counts."""
-        extra = np.abs(slope).mean(1) ** 2 @ np.ones(slope.shape[2]) * float(np.mean(left))
-        if not (extra > 1e-3 * np.nanmean(residual2, axis=1)).any():
-            return residual2
-        return np.maximum(residual2 - (np.abs(slope) ** 2).sum(-1) * left, 0.02 * residual2)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import window_basis
-from .demodulator import Demodulator, Rows, chunk_samples
+from .demodulator import Demodulator, Rows
 from .windows import NEIGHBOURS, Fits, fit_even, pool_rows
 
 Array = np.ndarray
@@ -25,18 +25,17 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     total = len(recording.c) // samples
     _learn(run, samples, rate)
     pool = pool_rows(samples - run.columns())
-    chunk = pool * max(1, chunk_samples(samples) // (pool * samples))
-    halo = 0 if run.moving else NEIGHBOURS
+    chunk = run.chunk_windows(samples, pool)
     step = chunk * max(1, block_samples // (chunk * samples))
     for first in range(0, total, step):
         last = min(first + step, total)
-        lead = max(0, first - halo)
-        raw = [np.asarray(channel[lead * samples : min(last + halo, total) * samples]) for channel in (recording.c, recording.s)]
+        lead = max(0, first - NEIGHBOURS)
+        raw = [np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples]) for channel in (recording.c, recording.s)]
         touching = [_touches(raw[k], run.survey.rails[k]) for k in range(2)]
         block = run.empty(last - first)
         for start in range(first, last, chunk):
             stop = min(start + chunk, last)
-            low, high = max(0, start - halo), min(stop + halo, total)
+            low, high = max(0, start - NEIGHBOURS), min(stop + NEIGHBOURS, total)
             times = (np.arange(low, high) * samples + (samples - 1) / 2) / rate
             local = run.local_hz((start + chunk / 2) * samples / rate)
             basis = run.basis(samples, rate, local)
@@ -64,9 +63,8 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
                 np.asarray(basis.freedom),
                 np.asarray(samples),
                 basis.variance[None],
-                basis.alpha[None],
-                basis.beta[None],
-                np.asarray(basis.left),
+                basis.slope,
+                basis.curvature,
             )
             run.fill(fits, times, local, keep, block, rows)
         yield block

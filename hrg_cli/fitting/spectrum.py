@@ -106,7 +106,9 @@ def lines(
     return where[real], amplitude[real], ratio[chosen][real]
 
 
-def colour(frequency_hz: Array, density: Array, segments: int, basis: WindowBasis, sample_rate_hz: float, blind_hz: tuple[tuple[float, float], ...]) -> Array:
+def colour(
+    frequency_hz: Array, density: Array, segments: int, basis: WindowBasis, sample_rate_hz: float, blind_hz: tuple[tuple[float, float], ...]
+) -> Array:
     """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it were white.
 
     A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n − Σ|Q_j(f)|²) to the residual of the basis Q; so

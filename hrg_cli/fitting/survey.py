@@ -114,7 +114,9 @@ def survey(recording: Recording, name: str) -> Survey:
     blind = 4 / (width * step)
     skip = tuple((f - blind, f + blind) for f in (*finding.bands(reference, carrier), 0.0))
     strength2 = float(np.max(strength))
-    line_hz, line_amplitude, line_ratio = lines(grid, spectrum.mean(), spectrum.segments, skip, least=LINE_LEAST * np.sqrt(max(strength2, 0.0)))
+    line_hz, line_amplitude, line_ratio = lines(
+        grid, spectrum.mean(), spectrum.segments, skip, least=LINE_LEAST * np.sqrt(max(strength2, 0.0))
+    )
     return Survey(
         reference,
         carrier,
@@ -144,7 +146,9 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     looks, patched = [], []
     for a in np.unique(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)):
         raw = (np.asarray(recording.c[a : a + length]), np.asarray(recording.s[a : a + length]))
-        y = np.stack([raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset])
+        y = np.stack(
+            [raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset]
+        )
         y = y.astype(float)
         time = recording.times(a, a + length).astype(float)
         bad = ~np.isfinite(y)

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
-from .basis import columns, drag, pairs, window_basis
-from .demodulator import Demodulator, Rows, chunk_samples
+from .basis import columns, pairs, pull, window_basis
+from .demodulator import Demodulator, Rows
 from .windows import NEIGHBOURS, Fits, pool_rows
 
 Array = np.ndarray
@@ -35,13 +35,12 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     run.window_s = width
     total = int(span / width + 1e-9)
     pool = pool_rows(width / step - run.columns())
-    chunk = pool * max(1, int(chunk_samples(width / step) / (pool * width / step)))
-    halo = 0 if run.moving else NEIGHBOURS
+    chunk = run.chunk_windows(width / step, pool)
     _learn(run, width, step)
     reader = _Reader(recording, begin, width, block_samples, run.name)
     for first in range(0, total, chunk):
         last = min(first + chunk, total)
-        low, high = max(0, first - halo), min(last + halo, total)
+        low, high = max(0, first - NEIGHBOURS), min(last + NEIGHBOURS, total)
         time, raw, window = reader.windows(low, high)
         centre = begin + (np.arange(low, high) + 0.5) * width
         local = run.local_hz(begin + (first + chunk / 2) * width)
@@ -79,7 +78,8 @@ def fit_uneven(
     tau = time_s - centre_s[window]
     basis = columns(tau, frequency_hz, nuisance_hz, moving, width_s / 2)
     k = basis.shape[1]
-    right = np.concatenate([y.T, tau[:, None] * pairs(tau, frequency_hz)], 1)
+    wanted = pairs(tau, frequency_hz)
+    right = np.concatenate([y.T, tau[:, None] * wanted, tau[:, None] ** 2 / 2 * wanted], 1)
     present, starts, samples_present = np.unique(window, return_index=True, return_counts=True)
     samples = np.zeros(rows, int)
     samples[present] = samples_present
@@ -99,14 +99,17 @@ def fit_uneven(
     envelope = np.moveaxis(fit[:, 0:tones:2, : len(y)] - 1j * fit[:, 1:tones:2, : len(y)], -1, 0).copy()
     envelope[:, ~good] = np.nan
     residual2[~good] = np.nan
-    alpha, beta = drag(fit[:, :tones, len(y) :])
-    still = 0.0 if moving else 1.0
-    slope2 = np.zeros((rows, tones))
-    if len(present) and not moving:
-        slope2[present] = np.add.reduceat(right[:, len(y) :] ** 2, starts, axis=0)
-    left = still * np.maximum(slope2 - np.einsum("rkc,rkc->rc", fit[:, :, len(y) :], cross[:, :, len(y) :]), 0.0).mean(-1)
-    return Fits(
-        envelope, residual2.T, np.maximum(samples - k, 1), samples, np.einsum("rkk->rk", inverse)[:, :tones], still * alpha, still * beta, left)
+    pulls = []
+    for first in (len(y), len(y) + tones):
+        these = slice(first, first + tones)
+        square2 = np.zeros((rows, tones, tones))
+        if len(present):
+            motion = right[:, these]
+            square2[present] = np.add.reduceat(motion[:, :, None] * motion[:, None, :], starts, axis=0)
+        left = square2 - fit[:, :, these].transpose(0, 2, 1) @ cross[:, :, these]
+        pulls.append(pull(np.where(good[:, None, None], fit[:, :tones, these], 0.0), np.where(good[:, None, None], left, 0.0)))
+    variance = np.einsum("rkk->rk", inverse)[:, :tones]
+    return Fits(envelope, residual2.T, np.maximum(samples - k, 1), samples, variance, pulls[0], pulls[1])
 
 
 def _window_width(run: Demodulator, step: float) -> float:
@@ -119,7 +122,9 @@ def _window_width(run: Demodulator, step: float) -> float:
         while least < 64 / run.reference_hz and not _regular(run, max(width, least), step):
             least = 1.1 * max(width, least)
     if width < least:
-        run.notes.append(f"windows of {least * run.reference_hz:.3g} periods are used: {run.periods_asked:g} hold too few samples for the fit")
+        run.notes.append(
+            f"windows of {least * run.reference_hz:.3g} periods are used: {run.periods_asked:g} hold too few samples for the fit"
+        )
         return least
     return width
 

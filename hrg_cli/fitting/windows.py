@@ -6,12 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .basis import WindowBasis
+from .basis import Pull, WindowBasis
 
 Array = np.ndarray
 
 NEIGHBOURS = 4
 """Windows on either side between which the envelope's slope is taken; it adds 0.02 % to the variance at one period a window."""
+
+BEND = 2
+"""Windows on either side between which the curvature is taken; it adds 4 % to the variance."""
+
+KNOWN = 1e-3
+"""Part of itself to which the motion's share of a residual is known."""
 
 CACHE_SAMPLES = 1 << 15
 """Samples turned to floats at once, so that they stay in the processor's cache."""
@@ -25,7 +31,7 @@ class Fits:
     """Windows fitted about their centres at the local frequencies. Rows that could not be fitted hold NaN.
 
     envelope (channel, rows, F) = p − jq; residual2 (channel, rows) sums of squares; freedom, samples (rows,) or numbers;
-    variance (rows or 1, 2F) of p, q for unit noise; alpha, beta (rows or 1, F, F): `basis.drag`; left (rows,) or a number: `WindowBasis.left`.
+    variance (rows or 1, 2F) of p, q for unit noise; slope, curvature: their pulls.
     """
 
     envelope: Array
@@ -33,9 +39,8 @@ class Fits:
     freedom: Array
     samples: Array
     variance: Array
-    alpha: Array
-    beta: Array
-    left: Array
+    slope: Pull
+    curvature: Pull
 
 
 def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
@@ -63,36 +68,74 @@ def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
 def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
     """Slope of the envelopes u (channel, rows, F) in the local frame, from rows ± `NEIGHBOURS`; None with fewer than three rows.
 
-    U1 = (u_{k+h} e^{−jΔhT} − u_{k−h} e^{jΔhT})/2hT, Δ = ω_local − ω_r, in reference phase. Rows at the ends use their neighbour's; 0 where unknown.
+    U1 = (u_{k+h} e^{−jΔhT} − u_{k−h} e^{jΔhT})/2hT, Δ = ω_local − ω_r, in reference phase. Rows at the ends continue their neighbours'; 0 where unknown.
     """
-    rows = u.shape[1]
-    h = min(NEIGHBOURS, (rows - 1) // 2)
+    h = min(NEIGHBOURS, (u.shape[1] - 1) // 2)
     if h < 1:
         return None
     ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s) / (2 * h * window_s)
-    slope = np.empty_like(u)
-    slope[:, h : rows - h] = u[:, 2 * h :] * ahead - u[:, : rows - 2 * h] * ahead.conj()
-    slope[:, :h], slope[:, rows - h :] = slope[:, h : h + 1], slope[:, rows - h - 1 : rows - h]
-    if not np.isfinite(slope.sum()):
-        slope[~np.isfinite(slope)] = 0.0
-    return slope
+    return _spread(u[:, 2 * h :] * ahead - u[:, : -2 * h] * ahead.conj(), h, np.exp(1j * local_less_reference_rad_s * window_s))
 
 
-def undrag(u: Array, slope: Array, turn: Array, alpha: Array, beta: Array) -> None:
-    """Take the drag of the slope out of the envelopes u, in place: U ← U − (α U1 + β U1*), U = u e^{jω_r t_k} and `turn` = e^{−jω_r t_k}."""
-    if u.shape[2] == 1 and len(alpha) == 1:
-        if abs(alpha[0, 0, 0]) > 1e-6 * abs(beta[0, 0, 0]):
-            u -= alpha[0, 0, 0] * slope
-        u -= np.conj(slope) * (beta[0, 0, 0] * turn * turn)
-        return
-    own = slope * turn.conj()
-    u -= turn * ((alpha[None] * own[:, :, None, :]).sum(-1) + (beta[None] * own.conj()[:, :, None, :]).sum(-1))
+def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
+    """Curvature of the envelopes in the local frame from rows ± h, h = `BEND`: (u_{k+h} e^{−jΔhT} − 2u_k + u_{k−h} e^{jΔhT})/(hT)²; else as `slopes`."""
+    h = min(BEND, (u.shape[1] - 1) // 2)
+    if h < 1:
+        return None
+    ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s)
+    bend = (u[:, 2 * h :] * ahead - 2 * u[:, h:-h] + u[:, : -2 * h] * ahead.conj()) / (h * window_s) ** 2
+    return _spread(bend, h, np.exp(1j * local_less_reference_rad_s * window_s))
 
 
-def drag_noise(alpha: Array, beta: Array, window_s: float) -> float:
-    """Factor by which `undrag` raises the standard deviation: √(1 + 2(|α|² + |β|²)/(2hT)²)."""
-    strength = float((np.abs(alpha) ** 2 + np.abs(beta) ** 2).mean(0).sum(-1).max()) if alpha.size else 0.0
-    return float(np.sqrt(1 + 2 * strength / (2 * NEIGHBOURS * window_s) ** 2))
+def _spread(inner: Array, h: int, turn: Array) -> Array:
+    """`inner` rows with h rows more at either end, continued linearly in the local frame, which turns by `turn` a row; what is not finite is 0."""
+    out = np.empty((inner.shape[0], inner.shape[1] + 2 * h, inner.shape[2]), complex)
+    out[:, h:-h] = inner
+    for i in range(1, h + 1):
+        if inner.shape[1] > h:
+            out[:, h - i] = 2 * inner[:, 0] * turn**-i - inner[:, i] * turn ** (-2 * i)
+            out[:, -h - 1 + i] = 2 * inner[:, -1] * turn**i - inner[:, -1 - i] * turn ** (2 * i)
+        else:
+            out[:, h - i], out[:, -h - 1 + i] = inner[:, 0] * turn**-i, inner[:, -1] * turn**i
+    if not np.isfinite(out.sum()):
+        out[~np.isfinite(out)] = 0.0
+    return out
+
+
+def unpulled(u: Array, motion: Array, turn: Array, by: Pull) -> Array:
+    """The envelopes u without the pull of a motion M, all in reference phase: U − (α M + β M*) with U = u·conj(`turn`)."""
+    if u.shape[2] == 1 and len(by.alpha) == 1:
+        out = u - np.conj(motion) * (by.beta[0, 0, 0] * turn * turn)
+        if abs(by.alpha[0, 0, 0]) > 1e-6 * abs(by.beta[0, 0, 0]):
+            out -= by.alpha[0, 0, 0] * motion
+        return out
+    own = motion * turn.conj()
+    return u - turn * ((by.alpha[None] * own[:, :, None, :]).sum(-1) + (by.beta[None] * own.conj()[:, :, None, :]).sum(-1))
+
+
+def pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
+    """Factor by which taking the pulls out raises the standard deviation: √(1 + 2(|α1|² + |β1|²)/(2hT)²), times 1 + 2α2/(hT)²."""
+    strength = float((np.abs(slope.alpha) ** 2 + np.abs(slope.beta) ** 2).mean(0).sum(-1).max()) if slope.alpha.size else 0.0
+    factor = float(np.sqrt(1 + 2 * strength / (2 * NEIGHBOURS * window_s) ** 2))
+    if curvature is not None:
+        factor *= 1 + 2 * float(np.abs(curvature.alpha).mean(0).max()) / (BEND * window_s) ** 2
+    return factor
+
+
+def motion_counts(residual2: Array, motion: Array, by: Pull) -> bool:
+    """Whether a motion puts more than a thousandth into the residual's sums of squares (channel, rows)."""
+    mean = float(np.trace(by.left.mean(0))) / by.left.shape[-1]
+    expected = (np.abs(motion) ** 2).sum(-1).mean(1) * mean
+    return bool((expected > 1e-3 * np.nanmean(residual2, axis=1)).any())
+
+
+def without_motion(residual2: Array, motion: Array, turn: Array, by: Pull) -> Array:
+    """The residual's sums of squares (channel, rows) without what a known motion puts into them; that is known to `KNOWN` of itself."""
+    own = motion * turn.conj()
+    parts = np.empty((*own.shape[:2], 2 * own.shape[2]))
+    parts[..., 0::2], parts[..., 1::2] = own.real, -own.imag
+    known = ((by.left[None] * parts[:, :, None, :]).sum(-1) * parts).sum(-1)
+    return np.maximum(residual2 - known, KNOWN * np.minimum(known, residual2))
 
 
 def pooled_variance(residual2: Array, freedom: Array) -> Array:
