@@ -127,10 +127,13 @@ def _blocks(
             rows, last_wave = _rows(block, at, first, world, settings, last_wave)
             waiting_rows.append(rows)
         first += n
-        while sum(w.shape[1] for w in waiting) > block_samples:
+        if sum(w.shape[1] for w in waiting) > block_samples:
             joined = np.concatenate(waiting, axis=1)
-            yield _recording(head, joined[:, :block_samples], waiting_rows, settings.recording)
-            waiting, waiting_rows = [joined[:, block_samples:]], []
+            while joined.shape[1] > block_samples:
+                yield _recording(head, joined[:, :block_samples], waiting_rows, settings.recording)
+                joined = joined[:, block_samples:]
+                waiting_rows = [{name: values[:0] for name, values in waiting_rows[0].items()}]
+            waiting = [joined]
     yield _recording(head, np.concatenate(waiting, axis=1), waiting_rows, settings.recording)
 
 
