@@ -72,6 +72,8 @@ def run_lot(
             result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED} for task, result in zip(second, results)
         ]
         rows = judged_rows(lot, [_plain(r, folder, path) for r in failed + done], [_plain(r, folder, path) for r in found])
+        for left in folder.rglob(".*.hrg-*.tmp"):  # of workers that were killed; nobody else writes here
+            left.unlink(missing_ok=True)
         report = _report(lot, rows, failed + done)
         write_table(folder, rows)
         _write_text(folder / MARK, json.dumps(report, indent=1, sort_keys=True, ensure_ascii=False) + "\n")
@@ -189,7 +191,7 @@ def _gyro_tasks(lot: LotSettings, tasks: list[RecordingTask], done: list[dict[st
     stages: tuple[str, ...] = tuple(stage for stage in ("identify", "calibrate", "diagnose") if stage in lot.stages)
     values = {stage: lot.values(stage) for stage in stages}
     return [
-        GyroTask(gyro, folder, tuple(sorted(m["free"])), tuple(sorted(m["forced"])), epoch, stages, values, dict(lot.limits))
+        GyroTask(gyro, folder, tuple(sorted(m["free"])), tuple(sorted(m["forced"])), epoch, stages, values, lot.limits)
         for (gyro, folder), m in sorted(waves.items())
     ]
 

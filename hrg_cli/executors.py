@@ -19,6 +19,8 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 OpenExecutor = Callable[[], contextlib.AbstractContextManager[Executor]]
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+CONNECT_S = 15
+"""Seconds to wait for a scheduler."""
 ROUNDS = 2
 """Rounds with all workers before the lost tasks are tried alone."""
 
@@ -64,7 +66,7 @@ def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
         cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None)  # type: ignore[no-untyped-call]
     try:
         try:
-            client = Client(address or cluster, timeout=15)  # type: ignore[no-untyped-call]
+            client = Client(address or cluster, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
         except (OSError, TimeoutError, ValueError) as error:
             raise HrgError(
                 f"{address}: no Dask scheduler answers there ({error}); start one with `dask scheduler`, or leave --scheduler out"

@@ -47,7 +47,7 @@ class LotSettings(BaseModel):
     gyro: list[GyroSettings] = []
     stages: list[Literal["identify", "calibrate", "diagnose"]] = ["identify", "calibrate"]
     outlier_z: Annotated[float, Field(gt=0)] = 3.5
-    limits: dict[Literal["resonator", "calibration", "diagnosis"], Table] = {}
+    limits: dict[str, Table] = {}
     """What `hrg check` would be given, by kind of file."""
     import_: Annotated[Table, Field(alias="import")] = {}
     demodulate: Table = {}

@@ -193,8 +193,6 @@ def _remembered(note: Path, key: str, folder: Path) -> dict[str, Any] | None:
 
 
 def _remember(note: Path, key: str, result: Mapping[str, Any], outputs: list[Path]) -> None:
-    text = json.dumps(
-        {"key": key, "outputs": {p.name: store.sha256(p) for p in outputs}, "result": result}, indent=1, sort_keys=True
-    )
+    text = json.dumps({"key": key, "outputs": {p.name: store.sha256(p) for p in outputs}, "result": result}, indent=1)
     with store.atomic_path(note, force=True) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")

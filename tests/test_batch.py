@@ -1,0 +1,300 @@
+"""Lots: the same bytes for any executor, nothing done twice, killed workers' work done again, failures kept to their gyro."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hrg_cli import store
+from hrg_cli.batch import executor_for, run_lot, safe_name
+from hrg_cli.errors import HrgError
+from hrg_cli.executors import run_tasks
+from hrg_cli.lot_settings import LotSettings
+from hrg_cli.lot_table import judged_rows
+from hrg_cli.physics.resonator import Mechanics, exponential, generator
+from hrg_cli.records import Recording, Resonator
+
+RATE, FREQUENCY, SECONDS = 4000.0, 503.0, 2.0
+GYROS = 3
+CREATED = "2026-01-01T00:00:00Z"
+
+
+def run_down(gyro: str, run: str, theta: float, split: float, seed: int) -> Recording:
+    """A free run-down of the linear slow model."""
+    rng = np.random.default_rng(seed)
+    device = Mechanics(
+        frequency_hz=FREQUENCY,
+        damping_rate_1_s=0.5,
+        damping_split_1_s=0.02,
+        damping_axis_rad=0.3,
+        frequency_split_rad_s=split,
+        stiffness_axis_rad=0.8,
+        scale_factor=0.55,
+    )
+    t = np.arange(int(SECONDS * RATE)) / RATE
+    u = exponential(generator(device), t) @ np.array([np.cos(2 * theta), np.sin(2 * theta)])
+    x = (u * np.exp(2j * np.pi * FREQUENCY * t)[:, None]).real + 5e-4 * rng.standard_normal(u.shape)
+    return Recording(c=x[:, 0], s=x[:, 1], sample_rate_hz=RATE, mode="free", gyro_id=gyro, run_id=run)
+
+
+def split_of(gyro: int) -> float:
+    return 0.3 + 0.05 * gyro
+
+
+@pytest.fixture(scope="module")
+def lot(tmp_path_factory) -> Path:
+    """Gyros of two hrg recordings each, one gyro of laboratory logs, one damaged file."""
+    folder = tmp_path_factory.mktemp("lot")
+    (folder / "data").mkdir()
+    for gyro in range(GYROS):
+        for run, theta in enumerate((0.1, 0.6)):
+            record = run_down(f"G{gyro}", f"{run}", theta, split_of(gyro), 10 * gyro + run)
+            if gyro == 0:
+                table = pd.DataFrame({"time": record.times(), "c": record.c, "s": record.s})
+                table.to_csv(folder / "data" / f"lab-{run}.csv", index=False)
+            else:
+                store.write(folder / "data" / f"g{gyro}-{run}.h5", record)
+    (folder / "data" / "damaged.h5").write_bytes((folder / "data" / "g1-0.h5").read_bytes()[:9000])
+    (folder / "lot.toml").write_text(
+        f"""
+lot_id = "L7"
+created = "{CREATED}"
+recordings = ["data/g*.h5", "data/damaged.h5"]
+stages = ["identify"]
+
+[[gyro]]
+gyro_id = "../LAB 0"
+recordings = ["data/lab-*.csv"]
+
+[demodulate]
+periods_per_window = 2.0
+
+[runs."g2-*".estimate]
+start = "closed-form"
+
+[limits.resonator]
+status = "any"
+frequency_split_rad_s = {{ maximum = 0.375 }}
+"""
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def reference(lot, tmp_path_factory) -> tuple[Path, dict]:
+    """The lot done by this process alone."""
+    folder = tmp_path_factory.mktemp("reference") / "out"
+    return folder, run_lot(lot / "lot.toml", folder)
+
+
+def content(folder: Path) -> dict[str, str]:
+    """Digest of every file."""
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()
+    }
+
+
+def test_every_gyro_has_its_row(reference):
+    folder, report = reference
+    assert report["kind"] == "lot" and report["status"] == "suspect"
+    rows = {row["gyro_id"]: row for row in report["rows"]}
+    assert set(rows) == {"../LAB 0", "G1", "G2", ""}
+    for gyro, name in enumerate(("../LAB 0", "G1", "G2")):
+        error = rows[name]["frequency_split_rad_s"] - split_of(gyro)
+        assert abs(error) < 5 * rows[name]["frequency_split_rad_s_std"]
+    assert rows["G1"]["passed"] and rows["../LAB 0"]["passed"]
+    assert not rows["G2"]["passed"] and "at most 0.375 was wanted" in rows["G2"]["why"]
+    assert not rows[""]["passed"] and "truncated" in rows[""]["why"]
+    assert report["recordings"] == 7 and report["recordings_failed"] == 1
+    table = pd.read_csv(folder / "lot.csv")
+    assert list(table["gyro_id"].fillna("")) == [row["gyro_id"] for row in report["rows"]]
+    assert table.loc[1, "frequency_hz"] == report["rows"][1]["frequency_hz"]
+    if (folder / "lot.parquet").exists():
+        pd.testing.assert_frame_equal(
+            pd.read_parquet(folder / "lot.parquet")[["frequency_hz"]].astype(float), table[["frequency_hz"]]
+        )
+    assert str(folder) not in (folder / "lot.csv").read_text()
+
+
+def test_names_stay_inside_the_folder(reference):
+    folder, _ = reference
+    assert {p.name for p in folder.iterdir() if p.is_dir()} == {safe_name("../LAB 0"), "G1", "G2"}
+    assert not list(folder.parent.glob("LAB*")) and not list(folder.rglob("*.tmp"))
+    for name in ("..", "/etc/passwd", "", "a/b", "x" * 300, "\n"):
+        assert "/" not in safe_name(name) and safe_name(name) not in ("", ".", "..") and len(safe_name(name)) < 80
+    assert safe_name("a/b") != safe_name("a:b")
+
+
+def test_provenance_leads_back_to_the_recordings(reference, lot):
+    folder, _ = reference
+    resonator = store.read(folder / "G1" / "resonator.h5", Resonator)
+    assert resonator.provenance.created == CREATED
+    assert [s.name for s in resonator.provenance.sources] == ["g1-0.wave.h5", "g1-1.wave.h5"]
+
+
+def test_two_processes_make_the_same_bytes(reference, lot, tmp_path):
+    run_lot(lot / "lot.toml", tmp_path / "out", open_executor=executor_for(2))
+    assert content(tmp_path / "out") == content(reference[0])
+
+
+def test_a_second_time_nothing_is_done_again(reference, lot, monkeypatch):
+    folder, report = reference
+    before = {p: p.stat().st_mtime_ns for p in folder.rglob("*.h5")}
+    monkeypatch.setattr("hrg_cli.pipeline.run_stage", lambda *a, **k: pytest.fail("a stage was run again"))
+    again = run_lot(lot / "lot.toml", folder)
+    assert {k: v for k, v in again.items() if k != "elapsed_s"} == {k: v for k, v in report.items() if k != "elapsed_s"}
+    assert before == {p: p.stat().st_mtime_ns for p in folder.rglob("*.h5")}
+
+
+def test_only_what_changed_is_done_again(reference, lot, tmp_path, monkeypatch):
+    import shutil
+
+    from hrg_cli import pipeline
+
+    folder = tmp_path / "out"
+    shutil.copytree(reference[0], folder)
+    (folder / "G1" / "g1-0.wave.h5").unlink()
+    done: list[tuple[str, str]] = []
+    real = pipeline.run_stage
+
+    def watched(name, inputs, output, *rest, **more):
+        done.append((name, output.name))
+        return real(name, inputs, output, *rest, **more)
+
+    monkeypatch.setattr(pipeline, "run_stage", watched)
+    run_lot(lot / "lot.toml", folder)
+    assert done == [("demodulate", "g1-0.periods.h5"), ("estimate", "g1-0.wave.h5")]
+    assert content(folder) == content(reference[0])
+    done.clear()
+    run_lot(lot / "lot.toml", folder, assignments=("identify.blocks=100",))
+    assert [name for name, _ in done] == ["identify"] * 3
+
+
+def dies_once(task: tuple[str, int]) -> int:
+    """Kills its own process the first time it is asked for 3, and every time for 5."""
+    mark, number = task
+    if number == 5 or (number == 3 and not Path(mark).exists()):
+        Path(mark).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def test_a_killed_process_harms_only_the_task_that_kills_it(tmp_path):
+    tasks = [(str(tmp_path / "mark"), n) for n in range(8)]
+    assert run_tasks(dies_once, tasks, executor_for(2)) == [0, 1, 4, 9, 16, None, 36, 49]
+
+
+def started(*arguments: str) -> subprocess.Popen[bytes]:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", f"distributed.cli.{arguments[0]}", *arguments[1:]]
+    return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+
+
+def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_path):
+    pytest.importorskip("distributed")
+    file = tmp_path / "scheduler.json"
+    scheduler = started("dask_scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file))
+    workers = []
+    try:
+        deadline = time.monotonic() + 30
+        while not file.exists() or not file.read_text():
+            assert time.monotonic() < deadline, "the scheduler did not start"
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+        options = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path))
+        workers = [started("dask_worker", address, *options) for _ in range(2)]
+        out = tmp_path / "out"
+
+        def kill_one() -> None:
+            while not list(out.rglob("*.periods.h5")) and time.monotonic() < deadline:
+                time.sleep(0.01)
+            workers[0].send_signal(signal.SIGKILL)
+
+        killer = threading.Thread(target=kill_one)
+        killer.start()
+        run_lot(lot / "lot.toml", out, open_executor=executor_for(2, scheduler=address))
+        killer.join()
+        assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
+        assert content(out) == content(reference[0])
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()
+
+
+def test_an_interrupted_lot_is_resumed(reference, lot, tmp_path):
+    out = tmp_path / "out"
+    program = f"from hrg_cli.batch import run_lot; run_lot({str(lot / 'lot.toml')!r}, {str(out)!r})"
+    child = subprocess.Popen([sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+    while not list(out.rglob("*.wave.h5")) and child.poll() is None:
+        time.sleep(0.01)
+    child.kill()
+    child.wait()
+    run_lot(lot / "lot.toml", out)
+    assert content(out) == content(reference[0])
+
+
+def test_a_scheduler_that_is_not_there_is_named(lot, tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("hrg_cli.executors.CONNECT_S", 1)
+    with pytest.raises(HrgError, match="no Dask scheduler answers"):
+        run_lot(lot / "lot.toml", tmp_path / "out", open_executor=executor_for(scheduler="tcp://127.0.0.1:9"))
+
+
+def test_two_programs_do_not_work_on_one_lot(lot, tmp_path):
+    from hrg_cli.batch import _only_writer
+
+    (tmp_path / "out").mkdir()
+    with _only_writer(tmp_path / "out"), pytest.raises(HrgError, match="another program works on this lot"):
+        run_lot(lot / "lot.toml", tmp_path / "out")
+
+
+WRONG = {
+    "unknown key": ("recordings = 'data/*.h5'\nlimit = 3\n", "unknown key limit"),
+    "unknown setting": ("recordings = 'data/*.h5'\n[demodulate]\nperiod = 3\n", "unknown key demodulate.period"),
+    "wrong value": ("recordings = 'data/*.h5'\n[runs.x.demodulate]\nperiods_per_window = -1\n", "demodulate.periods_per_window"),
+    "nothing named": ("lot_id = 'x'\n", "names no recordings"),
+    "no such file": ("recordings = 'nothing/*.h5'\n", "no file fits"),
+    "unknown stage": ("recordings = 'data/*.h5'\nstages = ['guess']\n", "stages"),
+    "not TOML": ("recordings = [\n", "is not TOML"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_lot_is_one_sentence(lot, tmp_path, name):
+    text, expected = WRONG[name]
+    path = lot / f"wrong-{name.replace(' ', '-')}.toml"
+    path.write_text(text)
+    with pytest.raises(HrgError) as error:
+        run_lot(path, tmp_path / "out")
+    assert expected in str(error.value) and not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_something_else_is_refused(lot, tmp_path):
+    (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(HrgError, match="not of a lot"):
+        run_lot(lot / "lot.toml", tmp_path)
+
+
+def test_outliers_stand_out_of_the_lot():
+    rng = np.random.default_rng(0)
+    values = 5000 + rng.normal(0, 2.0, 20)
+    values[7] += 40
+    identified = [{"status": "valid", "parameters": {"frequency_hz": {"value": v, "std": 0.1}}} for v in values.tolist()]
+    gyros = [{"gyro_id": f"{i}", "status": "valid", "results": {"identify": result}} for i, result in enumerate(identified)]
+    rows = judged_rows(LotSettings(recordings=["x"]), [], gyros)
+    assert [row["gyro_id"] for row in rows if row["outliers"]] == ["7"]
+    z = np.array([row["frequency_hz_z"] for row in rows])
+    np.testing.assert_allclose(
+        z[7], (values[7] - np.median(values)) / np.hypot(1.4826 * np.median(abs(values - np.median(values))), 0.1)
+    )
+    assert not any(row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros[:4]))
