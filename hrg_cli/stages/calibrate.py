@@ -115,6 +115,10 @@ def calibrate(
     elif stable_only and stability is None:
         remarks.append("stable_only needs repeated programmes (several days or switch-ons, or warming and cooling); nothing was dropped")
     penalty, smoothness = choose_smoothness(fitted, chosen) if interpolation == "smooth" and chosen.name == "table" else (None, None)
+    rich = fitted
+    if factors:
+        # what the chosen model leaves is its noise; the variants and the ladder are compared under the noise of the richest model
+        fitted = fit(forced, layout, chosen, rich, sweeps=2)
     A, b, square, rows = fitted.pieces.sum()
     solution = solve(A, b, chosen, penalty)
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
@@ -151,10 +155,10 @@ def calibrate(
         ],
     }
     if model == "all":
-        details["variants"] = compare(fitted, folds, drift_limit, scale_limit, resonator, scale_factor, bootstrap, seed)
+        details["variants"] = compare(rich, folds, drift_limit, scale_limit, resonator, scale_factor, bootstrap, seed)
     if ladder:
         settings = Settings(drift_limit, scale_limit, scale_factor, bootstrap, seed)
-        details["ladder"], details["final_analysis"] = climb(fitted, free, folds, settings, penalty)
+        details["ladder"], details["final_analysis"] = climb(rich, free, folds, settings, penalty)
     if chosen.name == "physical" and resonator is not None:
         solution = _of_resonator(layout, solution, resonator, chi2)
         if chi2 > 2:

@@ -16,7 +16,7 @@ from ..fitting.likelihood import Freedom, batch, fit
 from ..fitting.regressions import Regression
 from ..physics import ellipse
 from ..records import Wave
-from .identification_modes import BETTER, free_modes, one_channel
+from .identification_modes import free_modes, one_channel
 from .identification_verdict import ORDER, POOR_FIT, Verdict, from_fit, judged, one_rate
 
 Array = np.ndarray
@@ -38,7 +38,7 @@ def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Ver
         return modes
     if verdict.chi2_per_dof > POOR_FIT:
         impossible = bool(verdict.refused) or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
-        modes = free_modes(runs, verdict.chi2_per_dof * (2 * BETTER if impossible else 1.0))
+        modes = free_modes(runs, verdict.chi2_per_dof, impossible)
     return verdict if modes is None else modes
 
 

@@ -38,18 +38,23 @@ def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
     return _verdict(found, "the channels carry one signal (one is dead or proportional): the split and both decays are given, no axes")
 
 
-def free_modes(runs: Sequence[EnvelopeRun], chi2_per_dof: float) -> Verdict | None:
-    """The verdict of one run at rest that two unrelated modes describe far better than a resonator seen by an orthogonal pair."""
+def free_modes(runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: bool = False) -> Verdict | None:
+    """The verdict of one run at rest that two unrelated modes describe far better than a resonator seen by an orthogonal pair.
+
+    `impossible`: the resonator found is none (a damping split above the damping), so two modes need only be as good.
+    """
     if len(runs) != 1 or float(np.ptp(runs[0].turn_rad)) > 0:
         return None
     run = thinned(runs[0])
     two, single = two_modes.identify(run, run.envelope, 2), two_modes.identify(run, run.envelope, 1)
-    if not two_modes.resolved(two, single) or not two.chi2_per_dof * BETTER < chi2_per_dof:
+    if not two_modes.resolved(two, single) or not two.chi2_per_dof * (0.5 if impossible else BETTER) < chi2_per_dof:
         return None
+    than = "a resonator before an orthogonal pair of channels, which would need an impossible damping split" if impossible else (
+        f"a resonator before an orthogonal pair of channels (χ²/dof {chi2_per_dof:.3g})"
+    )
     return _verdict(
         [(run, two)],
-        f"two unrelated modes describe the run far better (χ²/dof {two.chi2_per_dof:.3g}) than a resonator before an orthogonal pair of channels "
-        f"({chi2_per_dof:.3g}): the split and both decays are given, no axes",
+        f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}: the split and both decays are given, no axes",
     )
 
 

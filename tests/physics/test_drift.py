@@ -1,0 +1,111 @@
+"""The drift function against direct integration of the envelopes: signs, factors, limits and the errata."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hrg_cli.physics import drift, ellipse, resonator
+from hrg_cli.physics.resonator import Mechanics
+
+
+def gyro(mode_number=2, **change):
+    values = dict(frequency_hz=5000.0, damping_rate_1_s=0.3, damping_split_1_s=0.03, damping_axis_rad=0.35, frequency_split_rad_s=0.2, stiffness_axis_rad=0.9)
+    return Mechanics(**{**values, **change}, mode_number=mode_number)
+
+
+def measured_rates(mechanics, angle, ratio, force=lambda u: 0 * u, rate=0.0, h=1e-6):
+    """(m dθ/dt, dφ/dt) by differencing the exact envelopes."""
+    m = mechanics.mode_number
+    u = ellipse.envelopes(1.0, ratio, angle, 0.2, m)
+    du = resonator.generator(mechanics, rate, second_order=0.0) @ u + force(u)
+    before, after = ellipse.wave(u - h * du, m), ellipse.wave(u + h * du, m)
+    return m * (after[2] - before[2]) / (2 * h), (after[3] - before[3]) / (2 * h)
+
+
+@pytest.mark.parametrize("mode_number", [1, 2])
+@pytest.mark.parametrize("ratio", [0.0, 0.05, -0.4, 0.8])
+def test_exact_drift_and_phase_rate(ratio, mode_number):
+    g = gyro(mode_number)
+    for angle in (0.05, 0.3, 0.7):
+        swing, phase = measured_rates(g, angle, ratio)
+        assert swing == pytest.approx(drift.drift(g, angle, ratio), abs=1e-8)
+        assert phase == pytest.approx(drift.phase_rate(g, angle, ratio), abs=1e-8)
+        turned, _ = measured_rates(g, angle, ratio, rate=2.0)
+        assert turned - swing == pytest.approx(-g.scale_factor * 2.0, abs=1e-7)
+
+
+def test_control_terms_have_the_sign_of_the_force():
+    g, ratio, angle = gyro(), 0.2, 0.3
+    a_a, a_b, error_a, error_b = 0.3, 0.15, 0.02, -0.03
+
+    def force(u):
+        e_a, e_b = np.array([np.cos(2 * angle), np.sin(2 * angle)]), np.array([-np.sin(2 * angle), np.cos(2 * angle)])
+        A, B = np.exp(0.2j), -1j * np.exp(0.2j)
+        return e_a * a_a * A * np.exp(-1j * error_a) + e_b * a_b * B * np.exp(-1j * error_b)
+
+    swing, phase = measured_rates(g, angle, ratio, force)
+    assert swing == pytest.approx(drift.drift(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5)
+    assert phase == pytest.approx(drift.phase_rate(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5)
+
+
+def test_small_quadrature_form_is_right_to_first_order():
+    g = gyro()
+    errors = [abs(float(drift.drift(g, 0.0, r) - drift.drift_small_quadrature(g, 0.0, r))) for r in (0.002, 0.001)]
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+    r = 1e-3
+    assert drift.drift_from_phase(g, 0.3, r, drift.phase_rate(g, 0.3, r)) == pytest.approx(float(drift.drift(g, 0.3, r)), abs=1e-6)
+
+
+@pytest.mark.parametrize("drive", ["force", "parametric"])
+def test_quasi_static_quadrature_by_integration(drive):
+    """A wave held at an angle with its amplitude kept, the quadrature left alone: r and D settle to (9), half of it with a pump."""
+    g = gyro(frequency_split_rad_s=0.01, damping_split_1_s=0.0)
+    m, angle = 2, 0.63
+
+    def rates(t, y):
+        u = y[:2]
+        A, B = np.cos(m * angle) * u[0] + np.sin(m * angle) * u[1], -np.sin(m * angle) * u[0] + np.cos(m * angle) * u[1]
+        push = g.damping_rate_1_s * (u if drive == "parametric" else A * np.array([np.cos(m * angle), np.sin(m * angle)]))
+        if drive == "parametric":
+            push = g.damping_rate_1_s * np.exp(2j * np.angle(A)) * np.conj(u)
+        swing = measured(u) / m
+        hold = m * swing * np.array([u[1], -u[0]])  # turns the frame with the wave
+        return resonator.generator(g, 0.0, second_order=0.0) @ u + push + hold
+
+    def measured(u):
+        r = ellipse.wave(u, m)[1] / ellipse.wave(u, m)[0]
+        return float(drift.drift(g, angle, r))
+
+    end = solve_ivp(rates, (0, 60.0), ellipse.envelopes(1.0, 0.0, angle, 0.0).astype(complex), rtol=1e-9, atol=1e-12).y[:, -1]
+    a_A, a_B, _, _ = ellipse.wave(end, m)
+    assert a_B / a_A == pytest.approx(float(drift.quadrature_quasi_static(g, angle, drive)), rel=0.02)
+    assert measured(end) == pytest.approx(float(drift.drift_quasi_static(g, angle, drive)), rel=0.03)
+
+
+def test_tangent_law_is_the_exact_motion_at_rest():
+    g = gyro(frequency_split_rad_s=0.0)
+    times = np.linspace(0, 60, 30)
+    for start in (0.4, 1.0, 1.7, -0.6):
+        u = resonator.exponential(resonator.generator(g, 0.0, second_order=0.0), times) @ ellipse.envelopes(1.0, 0.0, start, 0.0)
+        angle, _ = ellipse.unwrap(*ellipse.wave(u, 2)[2:], 2)
+        angle += np.round((start - angle[0]) / (np.pi / 2)) * np.pi / 2
+        assert np.allclose(drift.tangent_law(g, start, times), angle, atol=1e-9)
+
+
+def test_adams_is_of_fourth_order_and_meets_the_tangent_law():
+    g = gyro(frequency_split_rad_s=0.0)
+    errors = []
+    for steps in (50, 100):
+        angle = drift.adams(lambda t, y: float(drift.drift(g, y)) / 2, 0.4, 60 / steps, steps)
+        errors.append(abs(angle[-1] - drift.tangent_law(g, 0.4, 60.0)))
+    assert errors[1] < 1e-6
+    assert 10 < errors[0] / errors[1] < 30
+
+
+def test_lock_in_bound():
+    """Below K·Ω = νδμ the wave stands still; above, the mean rate is −√((KΩ)² − (νδμ)²)   (PHYSICS M1b)."""
+    g = gyro(frequency_split_rad_s=0.0, damping_split_1_s=0.05)
+    locked = drift.adams(lambda t, y: (float(drift.drift(g, y)) - 0.04) / 2, 0.4, 0.5, 2000)
+    assert abs(locked[-1] - locked[-100]) < 1e-9
+    free = drift.adams(lambda t, y: (float(drift.drift(g, y)) - 0.13) / 2, 0.4, 0.5, 4000)
+    assert 2 * (free[-1] - free[0]) / 2000 == pytest.approx(-np.sqrt(0.13**2 - 0.05**2), rel=0.01)
