@@ -390,7 +390,8 @@ def effects(
     if run.json:
         console.print_json({"effects": [dict(zip(("name", "family", "parameters", "title"), row)) for row in rows]})
     else:
-        console.print_table("", ("effect", "family", "parameters", ""), rows)
+        for name_, family, _, title in rows:
+            print(f"{name_:30}{family:12}{title}")
 
 
 @command(app, "run", "hrg run recording-*.h5 -o results/")
