@@ -301,22 +301,27 @@ def _coarse(path: Path, noise: Noise, columns: Array, turn: Array) -> _Coarse:
     return _Coarse(np.diff(means, axis=0), noise.white / many, np.diff(time), many * float(np.median(path.width_s)))
 
 
-def fit(paths: Sequence[Path], layout: Layout, sweeps: int = 3) -> Fitted:
-    """Joint fit of the full layout, alternating coefficients and each run's noise (white angle noise, angle random walk)."""
-    turns = [p.turn.copy() for p in paths]
-    noises = [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths]
-    model = Model("everything", np.eye(layout.size))
-    previous: Array | None = None
-    jumps = 0
+def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start: Fitted | None = None, sweeps: int = 3) -> Fitted:
+    """Joint fit of a model (by default the full layout), alternating coefficients and each run's noise.
+
+    White angle noise is each run's own; the angle random walk is the larger of the run's own and the one common to all runs.
+    start: an earlier fit of the same runs, whose noise begins the sweeps.
+    """
+    model = Model("everything", np.eye(layout.size)) if model is None else model
+    turns = [p.turn.copy() for p in paths] if start is None else [t.copy() for t in start.turns]
+    noises = [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths] if start is None else list(start.noises)
+    previous: Array | None = None if start is None else start.solution.coefficients
+    jumps = 0 if start is None else start.jumps
     for sweep in range(sweeps + 1):
         pieces = accumulate(paths, noises, layout, turns, previous)
         A, b, square, rows = pieces.sum()
         solution = solve(A, b, model)
+        designs = [design(p, layout, previous) for p in paths]
         previous = solution.coefficients
         if sweep == sweeps:
             break
         for r, path in enumerate(paths):
-            residual = turns[r] - design(path, layout, previous if sweep else None) @ solution.coefficients
+            residual = turns[r] - designs[r] @ solution.coefficients
             jump = np.round(residual / np.pi)
             if jump.any():
                 # (mθ, φ) and (mθ + π, φ + π) are the same wave: a gap may hide half a turn of mθ
@@ -325,7 +330,8 @@ def fit(paths: Sequence[Path], layout: Layout, sweeps: int = 3) -> Fitted:
                 residual = residual - np.pi * jump
             lost = float(np.trace(solution.covariance @ pieces.information[r].sum(axis=0)))
             noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
-        walk = common_walk(paths, noises, [design(p, layout, previous if sweep else None) for p in paths], turns)
+        offsets = [np.zeros(len(t)) for t in turns] if model.start is None else [X @ model.start for X in designs]
+        walk = common_walk(paths, noises, [X @ model.matrix for X in designs], [t - o for t, o in zip(turns, offsets)])
         noises = [Noise(n.white, max(n.walk, walk)) for n in noises]
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)

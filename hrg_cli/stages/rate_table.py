@@ -1,0 +1,220 @@
+"""Calibration of any rate gyro from a table of dwells: output against rate and temperature, or against temperature alone (bias).
+
+output/S₀ = K(T)·Ω − D(T) + Σ_p c_p Ω^p,   p = 2, 3, …;   rate = (output/S₀ + D(T) − Σ c_p Ω^p)/K(T)
+S₀ is the nominal scale (output a rad/s) that makes K ≈ 1; the record is a `Calibration` without wave angle, −output/S₀ in the place of m·dθ/dt.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import HrgError
+from ..fitting.fourier import coefficients_at, node_weights
+from ..records import Calibration
+
+Array = np.ndarray
+CLUSTERS = 50
+FOLDS = 5
+
+
+def rate_table(
+    table: Mapping[str, Any],
+    *,
+    output: Annotated[str, Field(description="column of the gyro's output")],
+    rate: Annotated[str | None, Field(description="column of the rate in rad/s; none: at rest, the bias alone")] = None,
+    temperature: Annotated[str | None, Field(description="column of the temperature")] = None,
+    temperature_scale: Annotated[float, Field(description="°C a unit of the temperature column")] = 1.0,
+    temperature_offset_degc: Annotated[float, Field(description="°C at 0 of the temperature column")] = 0.0,
+    nominal_scale: Annotated[float | None, Field(description="output a rad/s; none: fitted, or 1 at rest")] = None,
+    node_spacing_degc: Annotated[float, Field(gt=0, description="distance of the temperature nodes at most")] = 5.0,
+    interpolation: Annotated[Literal["linear", "cubic"], Field(description="between nodes")] = "cubic",
+    largest_power: Annotated[int, Field(ge=1, le=9, description="highest power of the rate that cross-validation tries")] = 7,
+    spike_sigma: Annotated[float, Field(gt=0, description="rows further than this from the fit, in robust standard deviations, are spikes")] = 6.0,
+    gyro_id: Annotated[str, Field(description="the gyro")] = "",
+) -> Calibration:
+    """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used, spikes rejected and counted.
+
+    table: columns by name (a DataFrame serves). Held-out: contiguous fifths of the rows. Standard deviations are robust against
+    correlated neighbours (clusters of rows). HrgError: a missing column, too few finite rows, one rate only.
+    """
+    y = _column(table, output)
+    omega = np.zeros(len(y)) if rate is None else _column(table, rate)
+    degc = np.zeros(len(y)) if temperature is None else _column(table, temperature) * temperature_scale + temperature_offset_degc
+    good = np.isfinite(y) & np.isfinite(omega) & np.isfinite(degc)
+    if good.sum() < 10:
+        raise HrgError(f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected; check the columns' names and units")
+    y, omega, degc = y[good], omega[good], degc[good]
+    turning = bool(np.ptp(omega) > 0)
+    if rate is not None and not turning:
+        raise HrgError(f"column {rate}: one rate only, {omega[0]:.6g} rad/s: K and D cannot be told apart; add dwells at another rate, best of both signs")
+    scale = nominal_scale or (float(np.polyfit(omega, y, 1)[0]) if turning else 1.0)
+    nodes = _nodes(degc, node_spacing_degc) if temperature is not None else np.zeros(1)
+    y = y / scale
+    keep, powers, fits = np.ones(len(y), bool), [], np.zeros(0)
+    for _ in range(20):
+        powers, scores = _choose_powers(y[keep], omega[keep], degc[keep], nodes, interpolation, turning, largest_power)
+        X = _design(omega, degc, nodes, interpolation, turning, powers)
+        fits = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+        residual = y - X @ fits
+        spread = 1.4826 * float(np.median(np.abs(residual[keep] - np.median(residual[keep]))))
+        now = np.abs(residual) <= spike_sigma * max(spread, 1e-300)
+        if (now == keep).all():
+            break
+        keep = now
+    covariance = _clustered(X[keep], y[keep] - X[keep] @ fits)
+    count = len(nodes)
+    drift = -fits[:count]
+    gain = fits[count : 2 * count] if turning else np.ones(count)
+    sizes = covariance[: 2 * count, : 2 * count] if turning else covariance[:count, :count]
+    blocks = np.zeros((2 * count, 2 * count))
+    order = np.concatenate([2 * np.arange(count), 2 * np.arange(count) + 1]) if turning else 2 * np.arange(count)
+    sign = np.concatenate([-np.ones(count), np.ones(count)])[: len(order)]
+    blocks[np.ix_(order, order)] = sizes * np.outer(sign, sign)
+    std = np.sqrt(np.maximum(np.diag(blocks), 0)).reshape(count, 2)
+    details = _details(y, omega, degc, keep, nodes, interpolation, turning, powers, fits, scores, scale)
+    record = Calibration(
+        temperature_degc=nodes,
+        wave_angle_rad=np.zeros(1),
+        drift_rad_s=drift[:, None],
+        drift_rad_s_std=std[:, :1],
+        scale_factor=gain[:, None],
+        scale_factor_std=std[:, 1:],
+        drift_harmonics=drift[:, None],
+        drift_harmonics_std=std[:, :1],
+        scale_factor_harmonics=gain[:, None],
+        scale_factor_harmonics_std=std[:, 1:],
+        covariance=blocks,
+        interpolation=interpolation,
+        gyro_id=gyro_id,
+        node_min=float(degc.min()) if temperature is not None else -np.inf,
+        node_max=float(degc.max()) if temperature is not None else np.inf,
+        rate_min_rad_s=float(omega.min()),
+        rate_max_rad_s=float(omega.max()),
+        correction="rate = (output/nominal_scale + D - sum c_p rate^p) / K",
+        details=json.dumps(details),
+    )
+    remarks = []
+    if (~keep).any():
+        remarks.append(f"{int((~keep).sum())} of {len(keep)} rows are spikes (beyond {spike_sigma:g} robust standard deviations) and were left out")
+    if not turning:
+        remarks.append("the gyro did not turn: the table holds its bias only, the scale factor is the nominal one")
+    return record.judged(remarks) if (~keep).mean() > 0.05 else record.replace(status_reasons=tuple(remarks))
+
+
+def rate_of(record: Calibration, output: Array, temperature_degc: Array | float = 0.0) -> Array:
+    """Rate [rad/s] of outputs at temperatures with a calibration of `rate_table`; the powers of the rate by fixed-point steps."""
+    details = json.loads(record.details)
+    degc = np.broadcast_to(np.asarray(temperature_degc, float), np.shape(output))
+    slack = 0.02 * (record.node_max - record.node_min)
+    if np.isfinite(record.node_min) and ((degc < record.node_min - slack) | (degc > record.node_max + slack)).any():
+        raise HrgError(
+            f"temperatures from {degc.min():.6g} to {degc.max():.6g} °C leave the table's {record.node_min:.6g} to {record.node_max:.6g} °C; "
+            f"calibrate over the wider range"
+        )
+    at = [coefficients_at(degc.ravel(), record.node, np.asarray(t), record.interpolation)[:, 0].reshape(degc.shape) for t in (record.drift_rad_s, record.scale_factor)]
+    linear = np.asarray(output, float) / details["nominal_scale"] + at[0]
+    rate = linear / at[1]
+    for _ in range(20):
+        rate = (linear - sum(c * rate**p for p, c in zip(details["powers"], details["power_coefficients"]))) / at[1]
+    return np.asarray(rate)
+
+
+def summary(record: Calibration) -> dict[str, Any]:
+    """Figures of a table's calibration for the JSON."""
+    return dict(json.loads(record.details))
+
+
+def _column(table: Mapping[str, Any], name: str) -> Array:
+    if name not in table:
+        raise HrgError(f"the table has no column {name!r}; it has {', '.join(map(str, table))}")
+    return np.asarray(table[name], float)
+
+
+def _nodes(degc: Array, spacing: float) -> Array:
+    low, high = float(degc.min()), float(degc.max())
+    if high - low < 1e-6:
+        return np.array([low])
+    return np.linspace(low, high, int(np.clip(np.ceil((high - low) / spacing) + 1, 2, 12)))
+
+
+def _design(omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int]) -> Array:
+    weights = node_weights(degc, nodes, interpolation)
+    if not turning:
+        return weights
+    return np.concatenate([weights, weights * omega[:, None], *((omega**p)[:, None] for p in powers)], axis=1)
+
+
+def _choose_powers(
+    y: Array, omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, largest: int
+) -> tuple[list[int], dict[str, float]]:
+    """Powers 2…P with the smallest held-out residual over contiguous fifths of the rows; scores by P."""
+    if not turning:
+        return [], {"1": held_out_rms(y, _design(omega, degc, nodes, interpolation, turning, []))}
+    scores = {}
+    for highest in range(1, min(largest, len(np.unique(omega)) - 1) + 1):
+        X = _design(omega, degc, nodes, interpolation, turning, list(range(2, highest + 1)))
+        scores[str(highest)] = held_out_rms(y, X)
+    best = int(min(scores, key=lambda key: scores[key]))
+    return list(range(2, best + 1)), scores
+
+
+def held_out_rms(y: Array, X: Array) -> float:
+    """Root mean square of the rows predicted without their contiguous fifth."""
+    fold = np.arange(len(y)) * FOLDS // len(y)
+    residual = np.empty(len(y))
+    for f in range(FOLDS):
+        own = fold == f
+        residual[own] = y[own] - X[own] @ np.linalg.lstsq(X[~own], y[~own], rcond=None)[0]
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def _clustered(X: Array, residual: Array) -> Array:
+    """Covariance (XᵀX)⁻¹ Σ_g s_g s_gᵀ (XᵀX)⁻¹, s_g the score of a cluster of neighbouring rows: right for correlated neighbours too."""
+    bread = np.linalg.pinv(X.T @ X)
+    cluster = np.arange(len(X)) * min(CLUSTERS, len(X)) // len(X)
+    scores = np.zeros((cluster.max() + 1, X.shape[1]))
+    np.add.at(scores, cluster, X * residual[:, None])
+    groups = len(scores)
+    return np.asarray(groups / max(groups - 1, 1) * bread @ (scores.T @ scores) @ bread)
+
+
+def _details(
+    y: Array, omega: Array, degc: Array, keep: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int], fits: Array,
+    scores: dict[str, float], scale: float,
+) -> dict[str, Any]:  # fmt: skip
+    X = _design(omega, degc, nodes, interpolation, turning, powers)
+    residual = (y - X @ fits)[keep]
+    plain = np.stack([np.ones(keep.sum()), omega[keep]], axis=1) if turning else np.ones((int(keep.sum()), 1))
+    constant = y[keep] - plain @ np.linalg.lstsq(plain, y[keep], rcond=None)[0]
+    out: dict[str, Any] = {
+        "nominal_scale": scale,
+        "powers": powers,
+        "power_coefficients": fits[2 * len(nodes) :].tolist() if turning else [],
+        "held_out_by_power": scores,
+        "rows": len(y),
+        "rejected": int((~keep).sum()),
+        "residual_rms_rad_s": {
+            "before": float(np.sqrt(np.mean(constant**2))),
+            "after": float(np.sqrt(np.mean(residual**2))),
+            "held_out": held_out_rms(y[keep], X[keep]),
+        },
+    }
+    if turning:
+        gain = fits[len(nodes) : 2 * len(nodes)]
+        largest = float(np.abs(omega).max())
+        grid = np.linspace(omega.min(), omega.max(), 201)
+        bend = sum((c * grid**p for p, c in zip(powers, out["power_coefficients"])), np.zeros(len(grid)))
+        straight = np.polyfit(grid, bend, 1)
+        out["nonlinearity_ppm"] = float(np.abs(bend - np.polyval(straight, grid)).max() / largest * 1e6)
+        even = sum((c * largest**p for p, c in zip(powers, out["power_coefficients"]) if p % 2 == 0), 0.0)
+        out["asymmetry_ppm"] = float(2 * even / largest * 1e6)
+        if len(nodes) > 1:
+            out["scale_factor_coefficient_ppm_per_degc"] = float(np.polyfit(nodes, gain, 1)[0] / gain.mean() * 1e6)
+    if len(nodes) > 1:
+        out["bias_coefficient_rad_s_per_degc"] = float(np.polyfit(nodes, -fits[: len(nodes)], 1)[0])
+    return out
