@@ -1,4 +1,4 @@
-"""simulate's fast engine against scipy.integrate.solve_ivp (DOP853) that is no more accurate, its samples a second, and the growth with length.
+"""simulate's fast engine against a less accurate scipy.integrate.solve_ivp (DOP853), its samples a second, and the growth with length.
 
 python benchmarks/bench_simulate.py
 """

@@ -7,7 +7,7 @@ from hrg_cli.physics import ellipse, fast_engine, slow_engine
 from hrg_cli.physics.plant import Control, Environment, Plant, ThermalCourses, linear_plant
 from hrg_cli.physics.resonator import J, Mechanics, reflection
 
-STILL = {"frequency_hz": 4987.3, "damping_rate_1_s": 0.31}
+PLAIN = ThermalCourses()
 
 
 def world(rate=0.0, temperature=20.0, end=10.0, rows=2):
@@ -20,7 +20,7 @@ def start(mode_number=2, amplitude=1.0, quadrature=0.0, angle=0.0, phase=0.0):
     return ellipse.envelopes(*map(np.asarray, (amplitude, quadrature, angle, phase)), mode_number)
 
 
-def fast(mechanics, environment, u0, fs, seconds, control=None, courses=ThermalCourses(), change=None):
+def fast(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN, change=None):
     """(time, z (2, n), envelopes (n, 2)) of the fast engine."""
     plant = linear_plant(mechanics, courses, environment)
     if change:
@@ -28,9 +28,15 @@ def fast(mechanics, environment, u0, fs, seconds, control=None, courses=ThermalC
     return _whole(fast_engine.run(environment, plant, control or Control(), u0, 1 / fs, round(seconds * fs)))
 
 
-def slow(mechanics, environment, u0, fs, seconds, control=None, courses=ThermalCourses()):
+def slow(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN):
     blocks = slow_engine.run(
-        environment, lambda e: linear_plant(mechanics, courses, e), control or Control(), slow_engine.SlowTerms(), u0, 1 / fs, round(seconds * fs)
+        environment,
+        lambda e: linear_plant(mechanics, courses, e),
+        control or Control(),
+        slow_engine.SlowTerms(),
+        u0,
+        1 / fs,
+        round(seconds * fs),
     )
     return _whole(blocks)
 
@@ -59,7 +65,9 @@ def test_a_million_periods_keep_their_phase():
     n = 4_000_000
     t, z = None, None
     environment = world(end=1000.0)
-    for block in fast_engine.run(environment, linear_plant(mechanics, ThermalCourses(), environment), Control(), start(phase=0.3), 1 / 4001.0, n):
+    for block in fast_engine.run(
+        environment, linear_plant(mechanics, ThermalCourses(), environment), Control(), start(phase=0.3), 1 / 4001.0, n
+    ):
         t, z = block.samples.time_s, block.samples.z
     np.testing.assert_allclose(z[0], np.cos(np.mod(2 * np.pi * 1000.0 * t, 2 * np.pi) + 0.3), atol=1e-8)
 
@@ -118,7 +126,7 @@ def test_damping_anisotropy_moves_the_wave_and_locks_it():
 
 @pytest.mark.parametrize(("drive", "factor"), [("force", 1.0), ("parametric", 0.5)])
 def test_second_order_of_the_split_in_a_forced_run(drive, factor):
-    """Fixed wave: D = −δω² sin 2ζ/ν with the force drive (M3), half of it with the ring's parametric drive (M3p); r = δω sin ζ/ν, or half."""
+    """Fixed wave: r = δω sin ζ/ν and D = −δω² sin 2ζ/ν with the force drive (M3), half of both with the parametric drive (M3p)."""
     mechanics = Mechanics(3000.0, 2.0, frequency_split_rad_s=0.05, stiffness_axis_rad=0.0)
     control = Control(forced=True, drive=drive, amplitude_gain_1_s=20.0, amplitude_integral_1_s2=100.0)
     t, _, u = fast(mechanics, world(end=5.0), start(angle=0.1), 13_000.0, 5.0, control)
@@ -158,7 +166,11 @@ def test_loops_null_the_quadrature():
     _, _, u = fast(mechanics, world(end=1.0), start(angle=0.3), 13_000.0, 1.0, finite)
     assert (ellipse.wave(u[-500:])[1]).mean() == pytest.approx(0.1 * np.sin(zeta) / 31, rel=1e-2)
     spring = Control(**common, quadrature_loop="spring", quadrature_gain_1_s=30.0, quadrature_integral_1_s2=225.0)
-    parts = list(fast_engine.run(world(end=2.0), linear_plant(mechanics, ThermalCourses(), world(end=2.0)), spring, start(angle=0.3), 1 / 13_000, 26_000))
+    parts = list(
+        fast_engine.run(
+            world(end=2.0), linear_plant(mechanics, ThermalCourses(), world(end=2.0)), spring, start(angle=0.3), 1 / 13_000, 26_000
+        )
+    )
     assert abs(ellipse.wave(parts[-1].envelopes(np.arange(25_000, 26_000)))[1].mean()) < 1e-5
     assert parts[-1].command[1, -1] == pytest.approx(-0.1 * np.sin(zeta), rel=1e-2)
 
@@ -168,7 +180,13 @@ def test_phase_error_of_the_quadrature_drive_moves_the_wave():
     mechanics = Mechanics(3000.0, 1.0, frequency_split_rad_s=0.1, stiffness_axis_rad=0.0)
     rates = []
     for error in (0.0, 0.02):
-        control = Control(forced=True, quadrature_loop="finite", quadrature_gain_1_s=50.0, quadrature_integral_1_s2=600.0, quadrature_phase_error_rad=error)
+        control = Control(
+            forced=True,
+            quadrature_loop="finite",
+            quadrature_gain_1_s=50.0,
+            quadrature_integral_1_s2=600.0,
+            quadrature_phase_error_rad=error,
+        )
         t, _, u = fast(mechanics, world(end=3.0), start(angle=0.3), 13_000.0, 3.0, control)
         rates.append(2 * np.polyfit(t[26_000::13], wave(u[26_000::13])[2], 1)[0])
     assert rates[1] - rates[0] == pytest.approx(0.1 * np.sin(1.2) * 0.02, rel=0.02)
@@ -177,7 +195,14 @@ def test_phase_error_of_the_quadrature_drive_moves_the_wave():
 def random_case(seed):
     g = np.random.default_rng(seed)
     mechanics = Mechanics(
-        g.uniform(400, 600), g.uniform(0.1, 1), g.uniform(0, 0.05), g.uniform(0, 1.5), g.uniform(0.5, 4), g.uniform(0, 1.5), 0.55, int(g.integers(1, 4))
+        g.uniform(400, 600),
+        g.uniform(0.1, 1),
+        g.uniform(0, 0.05),
+        g.uniform(0, 1.5),
+        g.uniform(0.5, 4),
+        g.uniform(0, 1.5),
+        0.55,
+        int(g.integers(1, 4)),
     )
     speed = g.uniform(-10, 10)
     environment = world(lambda t: speed * np.sin(6 * t), lambda t: 20 + 20 * t**2, end=1.0, rows=301)
@@ -187,7 +212,7 @@ def random_case(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_fast_engine_against_a_general_integrator(seed):
-    """DOP853 on z'' + 2(N − KΩJ)z' + (W − (KΩ)'J)z = 0 written down anew, everything moving at once: 1e-6 at seven samples a period."""
+    """DOP853 on z'' + 2(N − KΩJ)z' + (W − (KΩ)'J)z = 0, everything moving at once: 1e-6 at seven samples a period."""
     from scipy.integrate import solve_ivp
 
     mechanics, environment, courses, u0 = random_case(seed)
@@ -238,7 +263,7 @@ def test_duffing_pull_and_precession():
         plant.polynomial[0] = -kappa
 
     t, _, u = fast(mechanics, world(), start(quadrature=0.3), 13_000.0, 1.0, change=cubic)
-    a_A, a_B, angle, phase = wave(u)
+    _, _, angle, phase = wave(u)
     assert np.polyfit(t, phase, 1)[0] == pytest.approx(0.5 * 1.09, rel=1e-3)
     assert 2 * np.polyfit(t, angle, 1)[0] == pytest.approx(-kappa * 0.3 / (4 * mechanics.omega_rad_s), rel=1e-3)
 
@@ -288,7 +313,7 @@ def test_engines_agree_over_free_runs(rate, warming):
 @pytest.mark.parametrize("loop", ["off", "finite", "spring"])
 @pytest.mark.parametrize("drive", ["force", "parametric"])
 def test_engines_agree_over_forced_runs(drive, loop):
-    """First order in (loop gains, rates)/ω with the drive on: the loops see momentum, not period averages. ω four times up, difference falls."""
+    """With the drive on the loops see instants, not periods: the difference is of first order in (gains, splits)/ω, and falls with it."""
     differences = []
     for frequency in (2000.0, 8000.0):
         mechanics = Mechanics(frequency, 0.31, 0.05, 0.35, 0.5, 0.9)

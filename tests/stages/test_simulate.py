@@ -16,6 +16,10 @@ DEVICE = {
 }  # fmt: skip
 
 
+SOAK = {"kind": "soak", "levels_degc": [10.0, 30.0], "dwell_s": 0.5, "transition_s": 0.5}
+CYCLE = {"kind": "cycle", "low_degc": 10.0, "high_degc": 30.0, "period_s": 1.0}
+
+
 def config(seconds=1.0, fs=16_000.0, **tables):
     base = {"device": DEVICE, "start": {"wave_angle_rad": 0.2, "quadrature": 0.03, "phase_rad": 1.0}}
     recording = {"sample_rate_hz": fs, "duration_s": seconds} | tables.pop("recording", {})
@@ -31,7 +35,11 @@ def truth_envelopes(record, times):
     from hrg_cli.physics.ellipse import envelopes
 
     u = envelopes(
-        record.truth_main_amplitude, record.truth_quadrature_amplitude, record.truth_wave_angle_rad, record.truth_phase_rad, record.mode_number
+        record.truth_main_amplitude,
+        record.truth_quadrature_amplitude,
+        record.truth_wave_angle_rad,
+        record.truth_phase_rad,
+        record.mode_number,
     )
     return np.stack([np.interp(times, record.truth_time_s, u[:, k]) for k in (0, 1)], -1)
 
@@ -157,9 +165,9 @@ def test_drive_off_lets_the_wave_decay():
     [
         ({"temperature_degc": 31.0}, [0.0, 1.9], [31.0, 31.0]),
         ({"temperature": {"kind": "ramp", "start_degc": 10.0, "stop_degc": 30.0}}, [0.0, 1.0], [10.0, 20.0]),
-        ({"temperature": {"kind": "soak", "levels_degc": [10.0, 30.0], "dwell_s": 0.5, "transition_s": 0.5}}, [0.4, 0.75, 1.2, 1.9], [10.0, 20.0, 30.0, 30.0]),
-        ({"temperature": {"kind": "cycle", "low_degc": 10.0, "high_degc": 30.0, "period_s": 1.0}}, [0.0, 0.25, 0.5, 1.0], [10.0, 20.0, 30.0, 10.0]),
-        ({"temperature": {"kind": "cycle", "low_degc": 10.0, "high_degc": 30.0, "period_s": 1.0, "shape": "sine"}}, [0.0, 0.5], [10.0, 30.0]),
+        ({"temperature": SOAK}, [0.4, 0.75, 1.2, 1.9], [10.0, 20.0, 30.0, 30.0]),
+        ({"temperature": CYCLE}, [0.0, 0.25, 0.5, 1.0], [10.0, 20.0, 30.0, 10.0]),
+        ({"temperature": CYCLE | {"shape": "sine"}}, [0.0, 0.5], [10.0, 30.0]),
     ],
 )  # fmt: skip
 def test_temperature_programmes(table, times, expected):
@@ -196,7 +204,9 @@ def test_wave_angle_runs_on_through_turns():
 
 
 def test_temperature_moves_frequency_damping_and_splits():
-    device = {"temperature": {"reference_degc": 20.0, "frequency_per_degc": [1e-4], "damping_rate_per_degc": 0.1, "frequency_split_per_degc": 0.2}}
+    device = {
+        "temperature": {"reference_degc": 20.0, "frequency_per_degc": [1e-4], "damping_rate_per_degc": 0.1, "frequency_split_per_degc": 0.2}
+    }
     record = run(config(2.0, device=device, environment={"temperature_degc": 25.0}))
     assert np.polyfit(record.truth_time_s, record.truth_phase_rad, 1)[0] == pytest.approx(2 * np.pi * 2000 * 5e-4, abs=0.7)
     size = np.log(record.truth_main_amplitude**2 + record.truth_quadrature_amplitude**2) / 2

@@ -28,7 +28,7 @@ def changed(**tables):
         ({"device": {"frequency_hz": "5 kHz"}}, r"device.frequency_hz = '5 kHz': input should be a valid number"),
         ({"device": {"frequency_hz": -1.0}}, r"device.frequency_hz = '-1.0': input should be greater than 0"),
         ({"device": {"frequency_hz": float("nan")}}, r"device.frequency_hz"),
-        ({"device": {"quality_factor": 1e4}}, r"one of quality_factor, time_constant_s, damping_rate_1_s was expected, not quality_factor and time_constant_s"),
+        ({"device": {"quality_factor": 1e4}}, r"one of .*damping_rate_1_s was expected, not quality_factor and time_constant_s"),
         ({"device": {"damping_split": 0.1, "damping_split_1_s": 0.1}}, r"damping_split and damping_split_1_s say the same; give one"),
         ({"device": {"damping_split_1_s": 0.5}}, r"one axis would gain energy"),
         ({"device": {"mode_number": 2.0}}, r"device.mode_number"),
