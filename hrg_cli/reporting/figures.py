@@ -192,10 +192,19 @@ def legend(ax: Axes, *, above: bool = False, **more: Any) -> None:
         ax.legend(**(options | more))
 
 
+def _settle(figure: Figure) -> None:
+    """Lay the panels out once, not again at every save."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
 def svg(plot: Plot, prefix: str) -> str:
     """The figure as one <svg> element: no date, ids that start with `prefix`, colours as CSS variables, role img with its words."""
     buffer = io.StringIO()
-    with mpl.rc_context(STYLE):
+    with style():
+        _settle(plot.figure)
         plot.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, dpi=130)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
@@ -215,6 +224,7 @@ def svg(plot: Plot, prefix: str) -> str:
 def png(plot: Plot, path: Path) -> None:
     """The figure as PNG on white, without a date."""
     with style():
+        _settle(plot.figure)
         plot.figure.savefig(path, format="png", dpi=150, facecolor="white", metadata={"Software": None})
 
 

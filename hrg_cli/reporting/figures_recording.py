@@ -42,10 +42,10 @@ def plots(record: Recording, truth: bool) -> list[Plot]:
 
 def _looks(record: Recording) -> list[Look]:
     n = len(record)
-    size = min(n, LOOK_SAMPLES)
-    if size < 16:
+    if n < 16:
         return []
-    count = min(LOOKS, max(1, n // size))
+    size = min(LOOK_SAMPLES, n if n < 256 else n // 3)
+    count = min(LOOKS, n // size)
     found = []
     for start in np.unique(np.linspace(0, n - size, count).astype(int)):
         start = int(start)

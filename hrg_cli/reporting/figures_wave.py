@@ -30,15 +30,15 @@ class Rates:
     quadrature_1_s: Array
 
 
-def plots(record: Wave, truth: Recording | None) -> list[Plot]:
-    """Every figure of a wave; `truth` is the simulated recording of the same run where it may be shown."""
+def plots(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[Plot]:
+    """Every figure of a wave; `truth` is the simulated recording of its run where it may be shown, `spectrum` asks for the residual's."""
     if not len(record):
         return []
     found = [_course(record, truth)]
     rates = increments(record)
     if rates is not None:
         found.append(_rates(record, rates))
-    if record.spectrum_frequency_hz is not None and record.spectrum_density is not None and len(record.spectrum_frequency_hz):
+    if spectrum and record.spectrum_frequency_hz is not None and record.spectrum_density is not None and len(record.spectrum_frequency_hz):
         found.append(residual_spectrum(record))
     return found
 
@@ -186,8 +186,9 @@ def _rates(record: Wave, rates: Rates) -> Plot:
             axes[i, 0].set_title(taken, fontsize=8, fontweight="normal", color=SERIES[i])
     for j, (label, _) in enumerate(against):
         axes[-1, j].set_xlabel(label)
+    scatter = float(np.std(left)) / DEGREE_PER_HOUR
     words = (
-        f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by {number(float(np.std(left)) / DEGREE_PER_HOUR)} °/h rms; "
+        f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by {number(scatter)} °/h rms; "
         f"the decay rate is {number(rates.decay_1_s.mean())} 1/s and scatters by {number(float(np.std(decay)))} 1/s; "
         f"the quadrature ratio moves by {number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
     )

@@ -29,7 +29,8 @@ from .tables import facts
 FOLDER = Path(__file__).parent
 PAGE_BYTES = 2_600_000
 """Figures beyond this are left out of the page, least important first, and the page says so."""
-DRAWN_OF_A_KIND = 8
+DRAWN_OF_A_KIND = 4
+"""Files of one kind whose figures are drawn; the others are in the tables."""
 ROWS_HELD = 200_000
 """Rows of a series held in memory for its figures; of longer ones every k-th is taken."""
 RESULTS_FIRST = ("diagnosis", "calibration", "resonator", "compensated", "wave", "recording", "periods")
@@ -73,6 +74,14 @@ class Entry:
         }
 
 
+@dataclass(frozen=True)
+class Beside:
+    """What the other files on the page say about a file: truth by run, and the runs whose periods are shown."""
+
+    truths: dict[str, Recording]
+    demodulated: frozenset[str]
+
+
 def build_report(paths: Sequence[Path], *, truth: bool = False) -> str:
     """The page of these files as HTML.
 
@@ -80,7 +89,7 @@ def build_report(paths: Sequence[Path], *, truth: bool = False) -> str:
     HrgError: no file, a file is missing, damaged or not an hrg file.
     """
     entries = [_entry(path, index) for index, path in enumerate(_unique(paths))]
-    truths = _truths(paths, entries) if truth else {}
+    beside = _beside(paths, entries, truth)
     order = sorted(range(len(entries)), key=lambda i: RESULTS_FIRST.index(entries[i].record.kind))
     drawn: dict[str, int] = {}
     room = PAGE_BYTES
@@ -91,7 +100,7 @@ def build_report(paths: Sequence[Path], *, truth: bool = False) -> str:
         if drawn[kind] > DRAWN_OF_A_KIND:
             entry.left_out = -1
             continue
-        for plot in _plots(_unique(paths)[index], truths):
+        for plot in _plots(_unique(paths)[index], beside):
             anchor = f"f{index}-{plot.key}"
             picture = Picture(anchor, plain(plot.title), plain(plot.words), Markup(svg(plot, anchor)))
             if len(picture.svg) > room:
@@ -107,7 +116,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths written. HrgError: as `build_report`."""
     folder = Path(folder)
     entries = [_entry(path, index) for index, path in enumerate(_unique(paths))]
-    truths = _truths(paths, entries) if truth else {}
+    beside = _beside(paths, entries, truth)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -115,7 +124,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     written: list[Path] = []
     used: set[str] = set()
     for path in _unique(paths):
-        for plot in _plots(path, truths):
+        for plot in _plots(path, beside):
             name = re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{plot.key}").lstrip(".")[:120]
             while name in used:
                 name += "_"
@@ -178,29 +187,28 @@ def _thinned(record: Record) -> Record:
     return replace(record, **joined)
 
 
-def _truths(paths: Sequence[Path], entries: list[Entry]) -> dict[str, Recording]:
-    """run_id -> the simulated recording of that run, its truth in memory."""
-    found = {}
+def _beside(paths: Sequence[Path], entries: list[Entry], truth: bool) -> Beside:
+    truths = {}
     for path, entry in zip(_unique(paths), entries):
-        if isinstance(entry.record, Recording):
+        if truth and isinstance(entry.record, Recording):
             with store.open_record(path, Recording) as record:
                 if record.truth_time_s is not None and len(record.truth_time_s):
-                    found[record.run_id] = replace(record, c=np.empty(0), s=np.empty(0), time_s=None)
-    return found
+                    truths[record.run_id] = replace(record, c=np.empty(0), s=np.empty(0), time_s=None)
+    return Beside(truths, frozenset(entry.record.run_id for entry in entries if isinstance(entry.record, Periods)))
 
 
-def _plots(path: Path, truths: dict[str, Recording]) -> Iterator[Plot]:
+def _plots(path: Path, beside: Beside) -> Iterator[Plot]:
     """The figures of a file, drawn one after another."""
     with store.open_record(path, store.kind_of(path)) as record, style():
         record = _thinned(record)
         draw = _DRAW[type(record)]
-        yield from draw(record, truths)
+        yield from draw(record, beside)
 
 
 _DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
-    Recording: lambda r, truths: figures_recording.plots(r, bool(truths)),
+    Recording: lambda r, beside: figures_recording.plots(r, bool(beside.truths)),
     Periods: lambda r, _: figures_recording.period_plots(r),
-    Wave: lambda r, truths: figures_wave.plots(r, truths.get(r.run_id)),
+    Wave: lambda r, beside: figures_wave.plots(r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated),
     Resonator: lambda r, _: figures_result.resonator_plots(r),
     Calibration: lambda r, _: figures_calibration.calibration_plots(r),
     Compensated: lambda r, _: figures_result.compensated_plots(r),

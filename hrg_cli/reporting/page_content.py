@@ -268,10 +268,9 @@ def headline(record: Record) -> list[tuple[str, str]]:
             found.append(("held-out gain", f"{cell(gain.get('ratio'))} ± {cell(gain.get('std'))}"))
         return found
     if isinstance(record, Compensated) and record.residual_before_rad_s is not None and record.residual_after_rad_s is not None:
-        before, after = (
-            float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR for y in (record.residual_before_rad_s, record.residual_after_rad_s)
-        )
-        return [("rate error, rms", f"{number(before)} → {number(after)} °/h")]
+        series = (record.residual_before_rad_s, record.residual_after_rad_s)
+        errors = [float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR for y in series]
+        return [("rate error, rms", f"{number(errors[0])} → {number(errors[1])} °/h")]
     if isinstance(record, Wave) and len(record):
         good = record.good()
         return [("windows good", f"{int(good.sum())} of {len(good)}")]
