@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
-from ..physics import ellipse
 from ..physics.plant import Control, Environment, Plant, Readout, SlowState
 
 Array = np.ndarray
@@ -94,11 +93,22 @@ class Effect:
 
 
 def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Array]:
-    """(e^{jφ}, e_A, e_B, a_A) of envelopes u (..., 2), φ taken within ±π/2 of `phase_rad`; e_A = (cos mθ, sin mθ), e_B = (−sin mθ, cos mθ)."""
-    a_A, _, electrical, phase = ellipse.wave(u, 1)
-    turned = np.where(np.cos(phase - phase_rad) < 0, np.pi, 0.0)
-    cos, sin = np.cos(electrical + turned), np.sin(electrical + turned)
-    return np.exp(1j * (phase + turned)), np.stack([cos, sin], -1), np.stack([-sin, cos], -1), a_A
+    """(e^{jφ}, e_A, e_B, a_A) of envelopes u (..., 2), φ taken within ±π/2 of `phase_rad`.
+
+    e_A = (cos mθ, sin mθ), e_B = (−sin mθ, cos mθ), e_A·u = a_A e^{jφ}.
+    """
+    c, s = u[..., 0], u[..., 1]
+    electrical = np.arctan2(2 * (c.real * s.real + c.imag * s.imag), np.abs(c) ** 2 - np.abs(s) ** 2) / 2
+    cos, sin = np.cos(electrical), np.sin(electrical)
+    main = cos * c + sin * s
+    sign = np.where(main.real * np.cos(phase_rad) + main.imag * np.sin(phase_rad) < 0, -1.0, 1.0)
+    a_A = np.abs(main)
+    cos, sin, turn = cos * sign, sin * sign, main * (sign / np.where(a_A > 0, a_A, 1.0))
+    e_A, e_B = np.empty((*cos.shape, 2)), np.empty((*cos.shape, 2))
+    e_A[..., 0] = e_B[..., 1] = cos
+    e_A[..., 1] = sin
+    e_B[..., 0] = -sin
+    return turn, e_A, e_B, a_A
 
 
 def along(vector: Array, direction: Array) -> Array:

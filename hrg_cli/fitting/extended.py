@@ -172,11 +172,13 @@ class _Stage:
 
     def at(self, k: int) -> _Stage:
         """The instants of column k, (R,)."""
-        one = copy.copy(self)
-        one.state = copy.copy(self.state)
+        one = object.__new__(_Stage)
+        state = object.__new__(SlowState)
+        state.__dict__.update(self.state.__dict__)
         for name in _SLICED:
-            setattr(one.state, name, getattr(self.state, name)[:, k])
-        one.state.drive = self.state.drive[:, k]
+            state.__dict__[name] = getattr(self.state, name)[:, k]
+        state.drive = self.state.drive[:, k]
+        one.state, one.active, one.driven = state, self.active, self.driven
         one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]
         return one
 
@@ -224,7 +226,7 @@ def generators(series: Series, point: Point) -> Array:
 
 def times(L: Array, u: Array) -> Array:
     """L u over (..., 2, 2) and (..., 2)."""
-    return np.stack([L[..., 0, 0] * u[..., 0] + L[..., 0, 1] * u[..., 1], L[..., 1, 0] * u[..., 0] + L[..., 1, 1] * u[..., 1]], axis=-1)
+    return (L * u[..., None, :]).sum(-1)
 
 
 def predict(series: Series, point: Point) -> Prediction:
@@ -235,7 +237,7 @@ def predict(series: Series, point: Point) -> Prediction:
     L, M = generators(series, point), generators(centre, point)
     motion = np.empty(series.envelope.shape, complex)
     u = motion[:, 0] = point.start
-    idle = rows.idle
+    idle, ahead = rows.idle, None
     for k in range(h.shape[1]):
         step, before, mid, after = h[:, k], L[:, k], M[:, k], L[:, k + 1]
         if idle:
@@ -244,7 +246,8 @@ def predict(series: Series, point: Point) -> Prediction:
             k3 = times(mid, u + step / 2 * k2)
             k4 = times(after, u + step * k3)
         else:
-            a, b, c = rows.at(k), halves.at(k), rows.at(k + 1)
+            a, b, c = ahead or rows.at(k), halves.at(k), rows.at(k + 1)
+            ahead = c
             k1 = times(before, u) + a.beside(u)
             v = u + step / 2 * k1
             k2 = times(mid, v) + b.beside(v)

@@ -17,7 +17,7 @@ SIGNIFICANT = 1e-3
 """Chance of a false alarm a step of the selection, corrected for the number tried."""
 WORTH = 10.0
 """ΔBIC an effect must earn, and by which it must beat a rival to be told from it."""
-SHORTLIST = 4
+SHORTLIST = 3
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
 
@@ -136,7 +136,7 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
     _, p = evidence.significance(top.gain / noise_factor, top.rank)
     if not top.visible or evidence.corrected(p, tried) > SIGNIFICANT or evidence.criterion(top.gain / noise_factor, top.rank, len(fit.residual)) < WORTH:
         return None
-    close = [pair for pair in ranked if pair[0].visible and pair[0].gain > 0.3 * top.gain][:SHORTLIST]
+    close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
     trials = []
     for score, variant in close:
         trial = adopted(fit, score, variant)
