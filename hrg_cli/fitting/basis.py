@@ -76,7 +76,7 @@ def window_basis(
     tau = (np.arange(samples) - (samples - 1) / 2) / sample_rate_hz
     matrix = columns(tau, frequency_hz, nuisance_hz, moving, samples / sample_rate_hz / 2)
     norm = np.sqrt((matrix**2).sum(0))
-    if samples < matrix.shape[1] or not norm.all():
+    if samples < matrix.shape[1] or norm.min() < 1e-9:
         return None
     singular = np.linalg.svd(matrix / norm, compute_uv=False)
     if singular[-1] < 1e-10 * singular[0]:

@@ -170,13 +170,15 @@ class Demodulator:
         variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
         cos2 = turn.real**2
         for k in range(2):
-            own = variance * noisier**2 if self._colour is None else variance * (noisier**2 * self._colour[k])
+            sample2 = np.maximum(pooled_variance(residual2[k, keep], freedom), self.least_variance(k))[:, None]
+            own = variance * noisier**2
+            if self._colour is not None:
+                own = own * np.maximum(self._colour[k], self.least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0)
             p, q = own[:, 0::2], own[:, 1::2]
             part = cos2 * (p - q)
             first = 2 * k * tones
             out["signals"][rows, first : first + tones] = u[k].real
             np.negative(u[k].imag, out=out["signals"][rows, first + tones : first + 2 * tones])
-            sample2 = np.maximum(pooled_variance(residual2[k, keep], freedom), self.least_variance(k))[:, None]
             np.sqrt(sample2 * (q + part), out=out["signals_std"][rows, first : first + tones])
             np.sqrt(sample2 * (p - part), out=out["signals_std"][rows, first + tones : first + 2 * tones])
             np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])

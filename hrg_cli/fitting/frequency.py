@@ -68,11 +68,10 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
 
 
 def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[Array, Array]:
-    """Power against the oscillation's frequency of a carrier's two side bands: the geometric mean of both, so that a lone line does not count."""
-    reach = min(carrier_hz, float(frequency_hz[-1]) - carrier_hz)
+    """Power against the oscillation's frequency f of a carrier's side bands |f_c ∓ f|: the geometric mean of both, so that a lone line counts little."""
     step = frequency_hz[1] - frequency_hz[0]
-    grid = np.arange(1, int(reach / step)) * step
-    low, high = np.interp(carrier_hz - grid, frequency_hz, power), np.interp(carrier_hz + grid, frequency_hz, power)
+    grid = np.arange(1, int((float(frequency_hz[-1]) - carrier_hz) / step)) * step
+    low, high = np.interp(np.abs(carrier_hz - grid), frequency_hz, power), np.interp(carrier_hz + grid, frequency_hz, power)
     return grid, np.sqrt(low * high)
 
 

@@ -113,7 +113,7 @@ def colour(
 
     A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n − Σ|Q_j(f)|²) to the residual of the basis Q; so
     κ = ∫S|H|² / (variance · ∫S(n − Σ|Q_j|²)/freedom). Bins where the oscillation itself was taken out are filled from beside. κ within four of
-    its own standard deviations of 1, or within a tenth, is 1.
+    its own standard deviations of 1, or within a tenth, is 1; lines are no chance and add no doubt.
     """
     n = len(basis.orthonormal)
     filled = density.copy()
@@ -129,8 +129,9 @@ def colour(
     left = np.maximum(s @ (n - modes.sum(1)), 1e-300) / basis.freedom
     kappa = (s @ rows) / (basis.variance * left[:, None])
     weights = s[:, :, None] * rows
-    weights = weights / np.maximum(weights.max(1, keepdims=True), 1e-300)
-    spread = (weights**2).sum(1) / np.maximum(weights.sum(1), 1e-100) ** 2 * len(at) / max(1, len(frequency_hz))
+    scale = np.maximum(weights.sum(1, keepdims=True), 1e-300)
+    chance = np.stack([np.interp(at, frequency_hz, np.minimum(filled, 3 * below)[:, k]) for k in range(2)])[:, :, None] * rows / scale
+    spread = (chance**2).sum(1) * len(at) / max(1, len(frequency_hz))
     doubt = 4 * np.sqrt(spread * 2 / max(1, segments))
     silent = density.max(0) < 1e-28 * density.max()
     return np.where((np.abs(kappa - 1) > np.maximum(0.1, doubt)) & ~silent[:, None], kappa, 1.0)
