@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -72,6 +73,10 @@ class _Chain:
     say: Say
     steps: list[Step]
 
+    def line(self, name: str, inputs: Sequence[Path], output: Path) -> str:
+        """The line of `history`: the step as a command of its own, and the command that ran it."""
+        return f"hrg {name} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in: {self.command_line})"
+
     def to_wave(self, path: Path, stem: str) -> Path | None:
         """import (a foreign log), demodulate, estimate; None where one of them fails."""
         if path.exists() and not store.is_hdf5(path):
@@ -88,7 +93,13 @@ class _Chain:
         def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
             values = settings.checked(import_log, self.tables.get("import", {}))
             record = pipeline.write_first(
-                output, import_log(log, **values), values, "import", [log], force=self.force, command_line=self.command_line
+                output,
+                import_log(log, **values),
+                values,
+                "import",
+                [log],
+                force=self.force,
+                command_line=self.line("import", [log], output),
             )
             return record.status, record.status_reasons, {}
 
@@ -111,7 +122,9 @@ class _Chain:
         def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
             values = settings.checked(pipeline.STAGES[name].function(), self.tables.get(name, {}))
             with_it = {key: path for key, path in (beside or {}).items() if path is not None}
-            outcome = pipeline.run_stage(name, inputs, output, values, beside=with_it, force=self.force, command_line=self.command_line)
+            outcome = pipeline.run_stage(
+                name, inputs, output, values, beside=with_it, force=self.force, command_line=self.line(name, inputs, output)
+            )
             return outcome.record.status, outcome.record.status_reasons, outcome.json
 
         return self._step(name, inputs, output, work)
