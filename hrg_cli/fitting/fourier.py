@@ -11,18 +11,20 @@ import numpy as np
 Array = np.ndarray
 
 
-def harmonic_basis(wave_angle_rad: Array, harmonics: int, mode_number: int, travel_rad: Array | float = 0.0, order: int = 1) -> Array:
-    """Columns 1, cos 2mθ, sin 2mθ, …, sin 2mKθ (n, 1 + 2K); averaged over a stretch when `travel_rad` is given.
+def harmonic_basis(
+    wave_angle_rad: Array, harmonics: int, mode_number: int, travel_rad: Array | float = 0.0, block_travel_rad: Array | float = 0.0
+) -> Array:
+    """Columns 1, cos 2mθ, sin 2mθ, …, sin 2mKθ (n, 1 + 2K); averaged along `travel_rad` of wave angle about θ.
 
-    A harmonic nθ averaged along a stretch of length Δθ that is crossed evenly loses the factor sinc(nΔθ/2); the average of two
-    neighbouring stretches' difference (a triangle) loses it twice: `order` is that power.
+    A harmonic nθ averaged along a stretch Δθ that is crossed evenly loses the factor sinc(nΔθ/2). Between two averages over blocks
+    of windows it loses a second one, of the travel within a block: the weight is the convolution of both boxes.
     """
     angle = np.asarray(wave_angle_rad, float)
     columns = np.empty((angle.size, 1 + 2 * harmonics))
     columns[:, 0] = 1.0
     for k in range(1, harmonics + 1):
         n = 2 * mode_number * k
-        loss = np.sinc(n * np.asarray(travel_rad) / (2 * np.pi)) ** order
+        loss = np.sinc(n * np.asarray(travel_rad) / (2 * np.pi)) * np.sinc(n * np.asarray(block_travel_rad) / (2 * np.pi))
         columns[:, 2 * k - 1] = np.cos(n * angle) * loss
         columns[:, 2 * k] = np.sin(n * angle) * loss
     return columns

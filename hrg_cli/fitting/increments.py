@@ -11,7 +11,7 @@ a harmonic nθ is damped by exp(−n²s²/2m²).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,7 +77,15 @@ class Path:
 
     def angle_basis(self, harmonics: int) -> Array:
         """∫w·(1, cos 2mθ, …) dt / Δt of the increments (n, 1 + 2K)."""
-        return harmonic_basis(self.middle(self.angle_rad), harmonics, self.mode_number, np.diff(self.angle_rad), order=2)
+        travel = np.diff(self.angle_rad)
+        within = travel * np.minimum(self.middle(self.width_s) / self.interval_s, 1.0)
+        return harmonic_basis(self.middle(self.angle_rad), harmonics, self.mode_number, travel, within)
+
+    def without_jumps(self, half_turns: Array) -> Path:
+        """The path with (n,) half turns of mθ taken out of its increments."""
+        angle = self.angle_rad.copy()
+        angle[1:] -= np.cumsum(half_turns) * np.pi / self.mode_number
+        return replace(self, angle_rad=angle)
 
 
 def path_of(
@@ -234,10 +242,13 @@ def covariance_bands(path: Path, noise: Noise) -> Array:
 
 def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
     """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the result are independent, variance one."""
-    from scipy.linalg import cholesky_banded, solve_banded
+    from scipy.linalg.lapack import dpbtrf, dtbtrs
 
-    factor = cholesky_banded(bands, lower=True, check_finite=False)
-    return np.asarray(solve_banded((1, 0), factor, columns, check_finite=False)), 2 * float(np.log(factor[0]).sum())
+    factor, failed = dpbtrf(bands, lower=1)
+    if failed:
+        raise HrgError("the covariance of the increments is not positive; times or widths of the windows do not fit together")
+    white, _ = dtbtrs(factor, columns, uplo="L")
+    return np.asarray(white).reshape(columns.shape), 2 * float(np.log(factor[0]).sum())
 
 
 def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> Noise:

@@ -301,14 +301,15 @@ def _coarse(path: Path, noise: Noise, columns: Array, turn: Array) -> _Coarse:
     return _Coarse(np.diff(means, axis=0), noise.white / many, np.diff(time), many * float(np.median(path.width_s)))
 
 
-def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start: Fitted | None = None, sweeps: int = 3) -> Fitted:
+def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start: Fitted | None = None, sweeps: int = 2) -> Fitted:
     """Joint fit of a model (by default the full layout), alternating coefficients and each run's noise.
 
     White angle noise is each run's own; the angle random walk is the larger of the run's own and the one common to all runs.
     start: an earlier fit of the same runs, whose noise begins the sweeps.
     """
     model = Model("everything", np.eye(layout.size)) if model is None else model
-    turns = [p.turn.copy() for p in paths] if start is None else [t.copy() for t in start.turns]
+    paths = list(paths) if start is None else list(start.paths)
+    turns = [p.turn for p in paths]
     noises = [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths] if start is None else list(start.noises)
     previous: Array | None = None if start is None else start.solution.coefficients
     jumps = 0 if start is None else start.jumps
@@ -326,10 +327,11 @@ def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start
             if jump.any():
                 # (mθ, φ) and (mθ + π, φ + π) are the same wave: a gap may hide half a turn of mθ
                 jumps += int(np.count_nonzero(jump))
-                turns[r] = turns[r] - np.pi * jump
-                residual = residual - np.pi * jump
+                paths[r] = path.without_jumps(jump)
+                turns[r], designs[r] = paths[r].turn, design(paths[r], layout, previous)
+                residual = turns[r] - designs[r] @ solution.coefficients
             lost = float(np.trace(solution.covariance @ pieces.information[r].sum(axis=0)))
-            noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
+            noises[r] = estimate_noise(paths[r], residual, min(lost, len(residual) / 2))
         offsets = [np.zeros(len(t)) for t in turns] if model.start is None else [X @ model.start for X in designs]
         walk = common_walk(paths, noises, [X @ model.matrix for X in designs], [t - o for t, o in zip(turns, offsets)])
         noises = [Noise(n.white, max(n.walk, walk)) for n in noises]

@@ -118,7 +118,7 @@ def calibrate(
     rich = fitted
     if factors:
         # what the chosen model leaves is its noise; the variants and the ladder are compared under the noise of the richest model
-        fitted = fit(forced, layout, chosen, rich, sweeps=2)
+        fitted = fit(forced, layout, chosen, rich)
     A, b, square, rows = fitted.pieces.sum()
     solution = solve(A, b, chosen, penalty)
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)

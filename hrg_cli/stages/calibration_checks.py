@@ -28,7 +28,8 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
             angle = path.middle(path.angle_rad)
             if np.ptp(angle) < 2 * np.pi / layout.mode_number:
                 continue
-            loss = np.sinc(n * np.diff(path.angle_rad) / (2 * np.pi)) ** 2
+            travel = np.diff(path.angle_rad)
+            loss = np.sinc(n * travel / (2 * np.pi)) * np.sinc(n * travel * path.middle(path.width_s) / path.interval_s / (2 * np.pi))
             odd = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1) * loss[:, None]
             columns = np.concatenate([path.angle_basis(layout.drift_harmonics), odd], axis=1) * path.interval_s[:, None]
             residual = turn - design(path, layout, solution.coefficients) @ solution.coefficients

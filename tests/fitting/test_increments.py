@@ -1,0 +1,86 @@
+"""Increments of block averages: their noise, their equation, reading by pieces."""
+
+import numpy as np
+import pytest
+from forced_runs import Truth, forced_run, wave_of
+
+from hrg_cli.errors import HrgError
+from hrg_cli.fitting import increments
+from hrg_cli.fitting.increments import Noise, covariance_bands, estimate_noise, path_of, whiten
+
+
+def noisy(seed, white, walk, n=3000, dt=0.01):
+    draw = np.random.default_rng(seed)
+    angle = np.cumsum(draw.normal(size=n) * np.sqrt(walk * dt)) + draw.normal(size=n) * white
+    return wave_of(np.arange(n) * dt, angle / 2, np.full(n, 20.0), np.zeros(n), white / 2, "r")
+
+
+def test_covariance_of_increments_is_that_of_simulated_noise():
+    """White noise and random walk of mθ, averaged to blocks of 25 rows: variance and neighbours' covariance of the increments."""
+    white, walk = 2e-5, 1e-7
+    products = np.zeros(3)
+    for seed in range(40):
+        path = path_of(noisy(seed, white, walk), harmonics=1, per_block=25)
+        d = path.turn
+        products += [np.mean(d * d), np.mean(d[1:] * d[:-1]), np.mean(d[2:] * d[:-2])]
+    bands = covariance_bands(path, Noise(white**2 / 25, walk))
+    assert products[0] / 40 == pytest.approx(bands[0].mean(), rel=0.06)
+    assert products[1] / 40 == pytest.approx(bands[1, :-1].mean(), rel=0.2)
+    assert abs(products[2] / 40) < 0.03 * bands[0].mean()
+
+
+def test_whitening_whitens():
+    path = path_of(noisy(0, 1e-5, 1e-9), harmonics=1)
+    bands = covariance_bands(path, Noise(1e-10, 1e-9))
+    V = np.diag(bands[0]) + np.diag(bands[1, :-1], 1) + np.diag(bands[1, :-1], -1)
+    white, determinant = whiten(bands, np.eye(len(path)))
+    assert white @ V @ white.T == pytest.approx(np.eye(len(path)), abs=1e-8)
+    assert determinant == pytest.approx(np.linalg.slogdet(V)[1])
+
+
+def test_noise_levels_are_recovered():
+    found = [estimate_noise(p, p.turn) for p in (path_of(noisy(s, 3e-5, 1e-8), harmonics=1, per_block=5) for s in range(12))]
+    assert np.mean([f.white for f in found]) == pytest.approx((3e-5) ** 2 / 5, rel=0.15)
+    assert np.mean([f.walk for f in found]) == pytest.approx(1e-8, rel=0.15)
+
+
+def test_reading_by_pieces_changes_nothing(monkeypatch):
+    wave = forced_run(Truth(0), lambda t: 20 + t / 10, 0.4, 20, 0)
+    whole = path_of(wave, harmonics=2)
+    monkeypatch.setattr(increments, "ROWS_AT_ONCE", 64)
+    pieces = path_of(wave, harmonics=2)
+    for name in ("time_s", "angle_rad", "rate_integral_rad", "temperature_degc", "width_s"):
+        assert getattr(pieces, name) == pytest.approx(getattr(whole, name), abs=1e-12)
+
+
+def test_equation_between_blocks_holds_without_noise():
+    """Fast rotation, coarse blocks: the sinc² of the basis keeps the equation to 1e-3 of the drift."""
+    truth = Truth(3, curved=False)
+    wave = forced_run(truth, 20.0, 0.8, 20, 0, dt=0.005, noise=0.0)
+    path = path_of(wave, harmonics=2, per_block=40)
+    predicted = path.angle_basis(2) @ truth.d[0] * path.interval_s - path.angle_basis(2) @ truth.k[0] * path.rotation
+    constant = -truth.k[0, 0] * path.rotation
+    assert np.abs(path.turn - predicted).max() < 5e-3 * np.abs(path.turn - constant).max()
+
+
+def test_flagged_rows_are_left_out_and_gaps_bridged():
+    wave = forced_run(Truth(0), 20.0, 0.4, 20, 0)
+    bad = np.zeros(len(wave), "u1")
+    bad[300:420] = 2
+    angle = wave.wave_angle_rad.copy()
+    angle[300:420] = np.nan
+    path = path_of(wave.replace(flags=bad, wave_angle_rad=angle), harmonics=2, per_block=10)
+    assert np.isfinite(path.turn).all()
+    whole = path_of(wave, harmonics=2, per_block=10)
+    assert path.rotation.sum() == pytest.approx(whole.rotation.sum())
+    assert path.interval_s.max() > 10 * np.median(path.interval_s)
+
+
+def test_unusable_runs_are_named():
+    wave = forced_run(Truth(0), 20.0, 0.4, 4, 0, run_id="night-3")
+    with pytest.raises(HrgError, match="night-3.*no rate log"):
+        path_of(wave.replace(rate_rad_s=None), harmonics=1)
+    with pytest.raises(HrgError, match="night-3.*goes back"):
+        path_of(wave.replace(time_s=wave.time_s[::-1].copy()), harmonics=1)
+    with pytest.raises(HrgError, match="night-3.*fewer than two good"):
+        path_of(wave.replace(flags=np.ones(len(wave), "u1")), harmonics=1)

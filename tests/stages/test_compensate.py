@@ -1,0 +1,92 @@
+"""Rate and angle of another run with the tables, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+from forced_runs import Truth, forced_run, programme
+
+from hrg_cli.errors import HrgError
+from hrg_cli.records import Provenance, collect
+from hrg_cli.stages import compensate as stage
+from hrg_cli.stages.calibrate import calibrate
+from hrg_cli.stages.compensate import compensate, summary
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return Truth(21)
+
+
+@pytest.fixture(scope="module")
+def tables(truth):
+    return calibrate(programme(truth, (-10, 15, 40), (-0.5, 0.05, 0.5), duration=40), harmonics=2, scale_factor_harmonics=2, bootstrap=0)
+
+
+@pytest.fixture(scope="module")
+def run(truth):
+    return forced_run(truth, lambda t: -5 + t, lambda t: 0.3 * np.sin(0.4 * t), 40, 99, run_id="flight", noise=1e-6)
+
+
+def test_angle_and_rate_of_an_unseen_run(tables, run):
+    done = collect(compensate(run, tables))
+    true_angle = np.interp(done.time_s, run.time_s, 0.3 / 0.4 * (1 - np.cos(0.4 * run.time_s)))
+    constant = np.cumsum(np.append(0, -2 * np.diff(run.wave_angle_rad))) / 0.55
+    assert np.abs(done.angle_estimate_rad - true_angle).max() < 2e-5
+    assert np.abs(np.interp(done.time_s, run.time_s, constant) - true_angle).max() > 20 * np.abs(done.angle_estimate_rad - true_angle).max()
+    figures = summary(done)["angle_cell_rms_rad_s"]
+    assert figures["after"] < 0.1 * figures["before"]
+    assert done.status == "valid"
+
+
+def test_a_stream_of_pieces_equals_the_whole(tables, run, monkeypatch):
+    bad = np.zeros(len(run), "u1")
+    bad[190:215] = 2
+    run = run.replace(flags=bad)
+    whole = collect(compensate(run, tables, windows_per_increment=3))
+    monkeypatch.setattr(stage, "ROWS_AT_ONCE", 200)
+    pieces = list(compensate(run, tables, windows_per_increment=3))
+    assert len(pieces) > 5
+    joined = collect(pieces)
+    assert joined.rate_estimate_rad_s.sum() == pytest.approx(whole.rate_estimate_rad_s.sum(), rel=1e-6)
+    assert joined.angle_estimate_rad[-1] == pytest.approx(whole.angle_estimate_rad[-1], abs=1e-9)
+
+
+def test_without_a_rate_log_there_are_no_residuals(tables, run):
+    done = collect(compensate(run.replace(rate_rad_s=None), tables))
+    assert done.residual_after_rad_s is None and done.status == "valid"
+    assert done.rate_estimate_rad_s == pytest.approx(collect(compensate(run, tables)).rate_estimate_rad_s)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gyro_id": "g2"}, "is of gyro g2, the tables are of gyro g1"),
+        ({"mode_number": 3}, "mode_number 3"),
+        ({"provenance": Provenance(history=("2026 hrg 0.1 compensate wave.h5",))}, "compensated already"),
+        ({"temperature_degc": np.full(2000, 80.0)}, "80 to 80 °C, the tables hold from -10 to 40"),
+        ({"temperature_degc": None}, "temperature is missing"),
+        ({"flags": np.ones(2000, "u1")}, "no good windows"),
+    ],
+)
+def test_guards(tables, run, change, words):
+    with pytest.raises(HrgError, match=words):
+        collect(compensate(run.replace(**change), tables))
+
+
+def test_sign_and_order_are_guarded(tables, run, truth):
+    turning = forced_run(truth, 10.0, 0.4, 10, 1)
+    with pytest.raises(HrgError, match="sign"):
+        collect(compensate(turning.replace(rate_rad_s=-turning.rate_rad_s), tables))
+    with pytest.raises(HrgError, match="correction"):
+        compensate(run, tables.replace(correction="divide first"))
+    with pytest.raises(HrgError, match="refused"):
+        compensate(run, tables.replace(status="refused", status_reasons=("one rate only",)))
+
+
+def test_rates_outside_are_doubted(tables, truth):
+    fast = forced_run(truth, 10.0, 1.5, 8, 1)
+    done = collect(compensate(fast, tables))
+    assert done.status == "suspect" and "beyond those calibrated" in done.status_reasons[-1]
+    assert collect(compensate(fast.replace(rate_rad_s=None), tables)).status == "suspect"
+    json.dumps(summary(done), allow_nan=False)
