@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from .figures import (
     panels,
     spread,
 )
-from .json_text import as_float, entries, json_object
+from .json_text import entries, figure_of_merit, json_object
 
 
 def calibration_plots(record: Calibration) -> list[Plot]:
@@ -59,23 +60,28 @@ def _map(record: Calibration, values: Array, deviation: Array, symbol: str, labe
         ax.plot(angle, values[i], color=colour, label=f"{number(float(node[i]), 6)} {'°C' if record.axis == 'temperature' else 'Hz'}")
         ax.fill_between(angle, values[i] - deviation[i], values[i] + deviation[i], color=colour, alpha=0.2, lw=0)
     labels(ax, x="wave angle θ, °", y=label, title=f"{symbol} against θ with ±σ")
-    ax.margins(y=0.12)
-    legend(ax, fontsize=7.5)
+    low_end, high_end = ax.get_ylim()
+    ax.set_ylim(low_end, high_end + 0.3 * (high_end - low_end))
+    legend(ax, loc="upper center", ncols=3, fontsize=7.5)
     if several:
         shade = axes[0, 1]
         shade.grid(False)
         order = np.argsort(node)
+        rows = np.linspace(node.min(), node.max(), 81)
+        columns = np.linspace(angle.min(), angle.max(), 121)
+        smooth = np.stack([np.interp(columns, angle, row) for row in values[order]])
+        smooth = np.stack([np.interp(rows, node[order], column) for column in smooth.T], 1)
         centre = float(np.nanmedian(values))
         span = float(np.nanmax(np.abs(values - centre))) or 1.0
-        mesh = shade.pcolormesh(
-            angle,
-            node[order],
-            values[order],
+        mesh = shade.imshow(
+            smooth,
             cmap="RdBu_r",
             vmin=centre - span,
             vmax=centre + span,
-            shading="gouraud" if len(angle) > 1 else "nearest",
-            rasterized=True,
+            origin="lower",
+            aspect="auto",
+            interpolation="bilinear",
+            extent=(columns[0], columns[-1], rows[0], rows[-1]),
         )
         shade.plot(np.full(len(node), angle[0]), node, "_", color=MUTED, ms=6, clip_on=False)
         figure.colorbar(mesh, ax=shade, label=label)
@@ -93,12 +99,14 @@ def _map(record: Calibration, values: Array, deviation: Array, symbol: str, labe
 def _harmonics(record: Calibration, mean: float) -> Plot:
     figure, axes = panels(2, 1, height=2.3)
     said = []
+    scale = record.scale_factor_harmonics - mean * (np.arange(record.scale_factor_harmonics.shape[1]) == 0)
     parts = (
         (record.drift_harmonics / DEGREE_PER_HOUR, record.drift_harmonics_std / DEGREE_PER_HOUR, "D, °/h", 0),
-        (record.scale_factor_harmonics[:, 1:] / mean * 1e6, record.scale_factor_harmonics_std[:, 1:] / abs(mean) * 1e6, "K, ppm", 1),
+        (scale / mean * 1e6, record.scale_factor_harmonics_std / abs(mean) * 1e6, "K, ppm", 1),
     )
     for ax, (values, deviation, label, first) in zip(axes[:, 0], parts):
-        names = _harmonic_names(values.shape[1] + first, record.mode_number)[first:]
+        names = _harmonic_names(values.shape[1], record.mode_number)
+        names[0] = f"constant − {number(mean, 6)}" if first else names[0]
         nodes = np.unique(np.linspace(0, len(values) - 1, min(5, len(values))).round().astype(int))
         for k, i in enumerate(nodes):
             at = np.arange(len(names)) + (k - (len(nodes) - 1) / 2) * 0.13
@@ -129,33 +137,32 @@ def _harmonic_names(count: int, mode: int) -> list[str]:
 
 
 def _ladder(steps: list[dict[str, Any]]) -> Plot:
-    names = [str(step.get("stage", i + 1)) for i, step in enumerate(steps)]
+    names = [fill(str(step.get("stage", i + 1)), 30) for i, step in enumerate(steps)]
     figure, axes = panels(1, 2, height=0.9 + 0.3 * len(steps), width=8.2, sharey=True)
     columns = (
-        ("drift_rms_rad_s", "drift left, °/h rms", 1 / DEGREE_PER_HOUR),
-        ("scale_factor_rms_ppm", "scale factor left, ppm rms", 1.0),
+        ("drift_rms_rad_s", "drift", "drift left, °/h rms", 1 / DEGREE_PER_HOUR),
+        ("scale_factor_rms_ppm", "scale", "scale factor left, ppm rms", 1.0),
     )
     said = []
-    for ax, (key, label, factor), colour in zip(axes[0], columns, SERIES):
-        values = np.array([as_float(step.get(key)) for step in steps]) * factor
+    for ax, (key, short, label, factor), colour in zip(axes[0], columns, SERIES):
+        parts = np.array([figure_of_merit(step.get(key, step.get(short))) for step in steps]) * factor
+        values, low, high = parts.T
         shown = np.nan_to_num(values)
-        ax.barh(range(len(steps)), shown, color=colour, height=0.6)
         finite = shown[shown > 0]
-        if len(finite) and finite.max() > 20 * finite.min():
+        wide = len(finite) > 0 and finite.max() > 20 * finite.min()
+        if wide:
             ax.set_xscale("log")
-            ax.set_xlim(finite.min() / 3, finite.max() * 6)
             log_axis(ax.xaxis)
+            ax.set_xlim(finite.min() / 3, finite.max() * 6)
         else:
-            ax.set_xlim(0, (finite.max() if len(finite) else 1) * 1.25)
+            ax.set_xlim(0, (finite.max() if len(finite) else 1) * 1.3)
+        ax.barh(range(len(steps)), shown, color=colour, height=0.6)
+        reach = np.nan_to_num(np.stack([values - low, high - values])).clip(0)
+        ax.errorbar(shown, range(len(steps)), xerr=reach, fmt="none", ecolor=INK, elinewidth=1.0)
+        start = ax.get_xlim()[0]
         for i, value in enumerate(values):
-            ax.annotate(
-                number(float(value), 3),
-                (shown[i] if shown[i] > 0 else ax.get_xlim()[0], i),
-                xytext=(4, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=8,
-            )
+            end = np.nanmax([shown[i], high[i], start])
+            ax.annotate(number(float(value), 3), (end, i), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8)
         labels(ax, x=label)
         said.append(f"{label}: " + ", ".join(f"{n} {number(float(v), 3)}" for n, v in zip(names, values)))
     axes[0, 0].set_yticks(range(len(steps)), names)

@@ -114,12 +114,13 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
     said = []
     reach = 1e-300
     for ax, look, i in zip(axes[0], (looks[0], looks[len(looks) // 2], looks[-1]), range(3)):
-        periods = max(8, round(4 * look.rate_hz / frequency)) if frequency > 0 else 64
+        a_period = look.rate_hz / frequency if frequency > 0 else 16.0
+        samples = max(240, round(4 * a_period))
         middle = len(look.time_s) // 2
-        part = look.signal[:, max(0, middle - periods // 2) : middle + periods // 2 + 1]
-        dots(ax, part[0], part[1], i, size=2.4, alpha=0.8)
-        closed = part if part.shape[1] <= 600 else part[:, :600]
-        ax.plot(closed[0], closed[1], color=SERIES[i], lw=0.5, alpha=0.5)
+        part = look.signal[:, max(0, middle - samples // 2) : middle + samples // 2 + 1]
+        dots(ax, part[0], part[1], i, size=2.2, alpha=0.7)
+        if a_period > 12:
+            ax.plot(*part[:, :600], color=SERIES[i], lw=0.5, alpha=0.5)
         centred = part - part.mean(1, keepdims=True)
         values, vectors = np.linalg.eigh(centred @ centred.T / part.shape[1])
         angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180 / record.mode_number
@@ -138,7 +139,7 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
     axes[0, 0].set_xlim(-reach, reach)
     axes[0, 0].set_ylim(-reach, reach)
     axes[0, 0].set_ylabel(f"S, {_unit(record.s_units)}")
-    return Plot("orbit", "Orbit: S against C", "Four periods of the orbit: " + "; ".join(said) + ".", figure)
+    return Plot("orbit", "Orbit: S against C", "A few periods of the orbit: " + "; ".join(said) + ".", figure)
 
 
 def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:

@@ -11,6 +11,7 @@ from .figures import (
     INK,
     SERIES,
     Plot,
+    binned,
     labels,
     legend,
     line,
@@ -119,9 +120,11 @@ def _compensated(record: Compensated) -> Plot:
         ax = axes[2, 0]
         for y, name, k in ((record.residual_before_rad_s, "before", 1), (record.residual_after_rad_s, "after", 0)):
             if y is not None:
-                line(ax, time, np.asarray(y) / DEGREE_PER_HOUR, k, f"{name} the tables")
+                error = np.asarray(y) / DEGREE_PER_HOUR
+                line(ax, time, error, k, alpha=0.25, lw=0.6, points=700)
+                ax.plot(*binned(time, error, 120)[:2], color=SERIES[k], lw=1.4, label=f"{name} the tables")
                 words += f"; residual {name} {number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
-        labels(ax, y="°/h", title="Rate error")
+        labels(ax, y="°/h", title="Rate error and its running mean")
         legend(ax, above=True)
     axes[-1, 0].set_xlabel(f"time, {unit}")
     return Plot("compensated", "Rate after the tables", words + ".", figure)

@@ -13,7 +13,7 @@ import numpy as np
 from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
 from ..units import DEGREE_PER_HOUR
 from .figures import number
-from .json_text import child, entries, json_list, json_object
+from .json_text import calibration_rms, child, entries, figure_of_merit, json_list, json_object
 
 STEPS = (
     ("recording", ("import", "simulate"), "record, import or simulate"),
@@ -134,21 +134,22 @@ def _resonator(record: Resonator) -> list[Table]:
 
 
 def _calibration(record: Calibration) -> list[Table]:
-    content = json_object(record.details)
+    drift, scale = calibration_rms(record.details)
     found = []
-    drift, scale = child(content, "drift_rms_rad_s"), child(content, "scale_factor_rms_ppm")
     if drift or scale:
         rows = [
-            (key.replace("_", " "), _scaled(drift.get(key), 1 / DEGREE_PER_HOUR), _scaled(scale.get(key), 1.0))
+            (key.replace("_", " "), _range(drift.get(key), 1 / DEGREE_PER_HOUR), _range(scale.get(key), 1.0))
             for key in ("before", "after", "held_out")
         ]
         found.append(Table("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
-    left = {k: v for k, v in content.items() if k not in ("drift_rms_rad_s", "scale_factor_rms_ppm", "ladder", "harmonics")}
+    shown = ("drift_rms_rad_s", "scale_factor_rms_ppm", "figures", "ladder", "harmonics")
+    left = {k: v for k, v in json_object(record.details).items() if k not in shown}
     return found + _figures("Details", left)
 
 
-def _scaled(value: Any, factor: float) -> str:
-    return number(float(value) * factor) if isinstance(value, int | float) else "–"
+def _range(value: Any, factor: float) -> str:
+    middle, low, high = (number(part * factor) for part in figure_of_merit(value))
+    return middle if low == "–" else f"{middle} ({low} … {high})"
 
 
 def _diagnosis(record: Diagnosis) -> list[Table]:
@@ -181,6 +182,9 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
         found.append(Table("Causes found", ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"), rows))
     if child(report, "remainder"):
         found.append(Table("What is left unexplained", ("", ""), [(plain(k), cell(v)) for k, v in child(report, "remainder").items()]))
+    if entries(report, "not_separable"):
+        rows = [tuple(cell(v) for v in e.values()) for e in entries(report, "not_separable")]
+        found.append(Table("What these runs cannot tell apart", [plain(k) for k in entries(report, "not_separable")[0]], rows))
     tested = entries(report, "tested")
     if tested:
         rows = [tuple(map(plain, (e.get("name"), cell(e.get("z")), cell(e.get("upper_limit")), e.get("units", "")))) for e in tested]
@@ -188,27 +192,35 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
     return found
 
 
-def _figures(caption: str, content: Any) -> list[Table]:
-    """Tables of a JSON object: its numbers and sentences in one, each object of objects (a comparison) in its own."""
+def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
+    """Tables of a JSON object: its numbers and sentences in one, each comparison (objects of one shape) in its own."""
     if not isinstance(content, Mapping):
         return []
     single, found = [], []
     for key, value in content.items():
         title = plain(key).replace("_", " ")
-        if isinstance(value, Mapping) and value and all(isinstance(v, Mapping) for v in value.values()):
+        if value is None or value == [] or value == {}:
+            continue
+        if isinstance(value, Mapping) and all(isinstance(v, Mapping) for v in value.values()):
             head = list(dict.fromkeys(k for v in value.values() for k in v))[:10]
             rows = [(plain(name), *(_short(v.get(k)) for k in head)) for name, v in value.items()]
             found.append(Table(title, ("", *(plain(h).replace("_", " ") for h in head)), rows[:60]))
-        elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
+        elif isinstance(value, list) and all(isinstance(v, Mapping) for v in value):
             head = list(dict.fromkeys(k for v in value for k in v))[:10]
             found.append(
                 Table(title, [plain(h).replace("_", " ") for h in head], [tuple(_short(v.get(k)) for k in head) for v in value][:60])
             )
+        elif isinstance(value, Mapping) and depth < 2 and any(isinstance(v, Mapping) or _objects(v) for v in value.values()):
+            found += _figures(title, value, depth + 1)
         elif isinstance(value, Mapping):
-            single += [(f"{title}: {plain(k).replace('_', ' ')}", _short(v)) for k, v in value.items()]
+            single += [(f"{title}: {plain(k).replace('_', ' ')}", _short(v)) for k, v in value.items() if v is not None]
         else:
             single.append((title, _short(value)))
     return ([Table(caption, ("figure", "value"), single[:80])] if single else []) + found
+
+
+def _objects(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
 
 
 def _short(value: Any) -> str:
@@ -247,14 +259,11 @@ def headline(record: Record) -> list[tuple[str, str]]:
                 found.append((label, text.strip()))
         return found
     if isinstance(record, Calibration):
-        content = json_object(record.details)
         found = []
-        for key, label, factor, unit in (
-            ("drift_rms_rad_s", "drift left", 1 / DEGREE_PER_HOUR, "°/h"),
-            ("scale_factor_rms_ppm", "scale factor left", 1.0, "ppm"),
+        for rms, label, factor, unit in zip(
+            calibration_rms(record.details), ("drift left", "scale factor left"), (1 / DEGREE_PER_HOUR, 1.0), ("°/h", "ppm")
         ):
-            rms = child(content, key)
-            before, after, held_out = (_scaled(rms.get(name), factor) for name in ("before", "after", "held_out"))
+            before, after, held_out = (number(figure_of_merit(rms.get(key))[0] * factor) for key in ("before", "after", "held_out"))
             if rms:
                 found.append((label, f"{before} → {after} {unit} (held out {held_out})"))
         return found
