@@ -62,7 +62,8 @@ def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None 
     """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431: deviations from the straight line).
 
     Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the angle averages out (runs that turn less
-    are left out); with `calibration` each run is compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean, lines through the rates of each sign.
+    are left out); with `calibration` each run is compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean, slopes of both signs with a common bias
+    (NaN where too few rates tell it from the bias).
     Nonlinearity: largest residual from the line over the largest rate.
     """
     from ..fitting.increments import path_of
@@ -98,14 +99,16 @@ def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None 
     std = spread / np.sqrt(np.sum((rate - rate.mean()) ** 2))
     largest = np.abs(rate).max()
     asymmetry = asymmetry_std = float("nan")
-    plus, minus = rate > 0.05 * largest, rate < -0.05 * largest
-    if plus.any() and minus.any():
-        up = float(np.sum((output - offset)[plus] * rate[plus]) / np.sum(rate[plus] ** 2))
-        down = float(np.sum((output - offset)[minus] * rate[minus]) / np.sum(rate[minus] ** 2))
-        asymmetry = 2 * (up - down) / (up + down) * 1e6
-        asymmetry_std = float(spread * np.hypot(np.sum(rate[plus] ** 2) ** -0.5, np.sum(rate[minus] ** 2) ** -0.5) / gain * 1e6)
-    reference = 1.0 if calibration is not None else gain
+    halves = np.stack([np.maximum(rate, 0), np.minimum(rate, 0), np.ones_like(rate)], axis=1)
+    if calibration is not None:
+        halves = halves[:, :2]  # the tables took the bias away
+    if np.linalg.matrix_rank(halves / np.abs(halves).max(axis=0, initial=1e-300), tol=1e-3) == halves.shape[1]:
+        found = np.linalg.lstsq(halves, output, rcond=None)[0]
+        asymmetry = float(2 * (found[0] - found[1]) / (found[0] + found[1]) * 1e6)
+        contrast = np.array([1.0, -1.0, 0.0])[: halves.shape[1]]
+        asymmetry_std = float(spread * np.sqrt(contrast @ np.linalg.inv(halves.T @ halves) @ contrast) / gain * 1e6)
     ppm = residual / (gain * largest) * 1e6
+    reference = 1.0 if calibration is not None else gain
     return ScaleFactorFigures(
         float(gain), float(std), float(offset / gain), float((gain / reference - 1) * 1e6), asymmetry, asymmetry_std,
         float(np.abs(ppm).max()), rate.tolist(), ppm.tolist(),

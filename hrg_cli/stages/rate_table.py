@@ -18,7 +18,6 @@ from ..fitting.fourier import coefficients_at, node_weights
 from ..records import Calibration
 
 Array = np.ndarray
-CLUSTERS = 50
 FOLDS = 5
 
 
@@ -39,8 +38,8 @@ def rate_table(
 ) -> Calibration:
     """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used, spikes rejected and counted.
 
-    table: columns by name (a DataFrame serves). Held-out: contiguous fifths of the rows. Standard deviations are robust against
-    correlated neighbours (clusters of rows). HrgError: a missing column, too few finite rows, one rate only.
+    table: columns by name (a DataFrame serves). Held-out: contiguous fifths of the rows. Standard deviations are inflated
+    by the correlation of neighbouring rows. HrgError: a missing column, too few finite rows, one rate only.
     """
     y = _column(table, output)
     omega = np.zeros(len(y)) if rate is None else _column(table, rate)
@@ -66,7 +65,7 @@ def rate_table(
         if (now == keep).all():
             break
         keep = now
-    covariance = _clustered(X[keep], y[keep] - X[keep] @ fits)
+    covariance = _covariance(X[keep], y[keep] - X[keep] @ fits)
     count = len(nodes)
     drift = -fits[:count]
     gain = fits[count : 2 * count] if turning else np.ones(count)
@@ -173,14 +172,16 @@ def held_out_rms(y: Array, X: Array) -> float:
     return float(np.sqrt(np.mean(residual**2)))
 
 
-def _clustered(X: Array, residual: Array) -> Array:
-    """Covariance (XᵀX)⁻¹ Σ_g s_g s_gᵀ (XᵀX)⁻¹, s_g the score of a cluster of neighbouring rows: right for correlated neighbours too."""
-    bread = np.linalg.pinv(X.T @ X)
-    cluster = np.arange(len(X)) * min(CLUSTERS, len(X)) // len(X)
-    scores = np.zeros((cluster.max() + 1, X.shape[1]))
-    np.add.at(scores, cluster, X * residual[:, None])
-    groups = len(scores)
-    return np.asarray(groups / max(groups - 1, 1) * bread @ (scores.T @ scores) @ bread)
+def _covariance(X: Array, residual: Array) -> Array:
+    """s²(XᵀX)⁻¹ times the inflation 1 + 2Σ(1 − k/K)ρ_k that neighbouring rows' correlation asks for, never less than one."""
+    variance = float(residual @ residual) / max(len(X) - X.shape[1], 1)
+    lags = np.arange(1, max(2, min(len(X) // 10, 200)))
+    power = float(residual @ residual)
+    correlations = np.array([residual[k:] @ residual[:-k] for k in lags]) / power if power > 0 else np.zeros(len(lags))
+    # sum up to the first lag without correlation: beyond it there is only noise to add
+    stop = int(np.argmax(correlations < 2 / np.sqrt(len(X)))) if (correlations < 2 / np.sqrt(len(X))).any() else len(lags)
+    inflation = max(1.0, 1 + 2 * float(((1 - lags[:stop] / len(X)) * correlations[:stop]).sum()))
+    return np.asarray(inflation * variance * np.linalg.pinv(X.T @ X))
 
 
 def _details(

@@ -1,0 +1,94 @@
+"""Calibration from tables of dwells: simulated gyros, and the measured fibre-optic and cold MEMS gyros."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hrg_cli.errors import HrgError
+from hrg_cli.stages.rate_table import rate_of, rate_table, summary
+
+
+def dwells(seed, rows=600, noise=2e-5):
+    draw = np.random.default_rng(seed)
+    rate, degc = draw.uniform(-2, 2, rows), np.linspace(20, 50, rows)
+    gain, bias = 1e5 * (1 + 4e-4 * (degc - 35)), -1e3 * (1e-4 + 1e-5 * (degc - 35)) * 1e5 / 1e3
+    output = gain * rate - bias + 1e5 * (-3e-4 * rate**3 + noise * draw.normal(size=rows))
+    return {"rate": rate, "out": output, "degc": degc}, gain / 1e5, bias / 1e5
+
+
+def test_gain_bias_and_cubic_are_recovered_with_honest_errors():
+    square, cubes = [], []
+    for seed in range(20):
+        table, _, _ = dwells(seed)
+        record = rate_table(table, output="out", rate="rate", temperature="degc", nominal_scale=1e5, largest_power=3)
+        truth_gain = 1 + 4e-4 * (record.node - 35)
+        truth_drift = -(1e-4 + 1e-5 * (record.node - 35))
+        square.append(((record.scale_factor[:, 0] - truth_gain) / record.scale_factor_std[:, 0]) ** 2)
+        square.append(((record.drift_rad_s[:, 0] - truth_drift) / record.drift_rad_s_std[:, 0]) ** 2)
+        cubes.append(summary(record)["power_coefficients"][1])
+    assert 0.75 < np.mean(square) < 1.4
+    assert np.mean(cubes) == pytest.approx(-3e-4, rel=0.01)
+
+
+def test_rates_come_back_through_the_nonlinearity():
+    table, _, _ = dwells(1)
+    record = rate_table(table, output="out", rate="rate", temperature="degc")
+    error = rate_of(record, table["out"], table["degc"]) - table["rate"]
+    assert np.sqrt(np.mean(error**2)) < 1.2 * 2e-5
+    assert summary(record)["scale_factor_coefficient_ppm_per_degc"] == pytest.approx(400, rel=0.02)
+    with pytest.raises(HrgError, match="leave the table"):
+        rate_of(record, np.zeros(1), 90.0)
+
+
+def test_spikes_are_rejected_and_said():
+    table, _, _ = dwells(2)
+    table["out"][[5, 100, 400]] += 3e3
+    record = rate_table(table, output="out", rate="rate", temperature="degc")
+    assert summary(record)["rejected"] == 3 and "3 of 600 rows are spikes" in record.status_reasons[0]
+
+
+def test_unusable_tables():
+    table, _, _ = dwells(0)
+    with pytest.raises(HrgError, match="no column 'speed'; it has rate, out, degc"):
+        rate_table(table, output="out", rate="speed")
+    with pytest.raises(HrgError, match="one rate only"):
+        rate_table(table | {"rate": np.ones(600)}, output="out", rate="rate")
+    with pytest.raises(HrgError, match="finite rows"):
+        rate_table(table | {"out": np.full(600, np.nan)}, output="out", rate="rate")
+
+
+def measured(*parts):
+    folder = os.environ.get("HRG_MEASURED_DATA")
+    if not folder or not (Path(folder) / Path(*parts)).exists():
+        pytest.skip("the measured data are not here (HRG_MEASURED_DATA)")
+    import pandas as pd
+
+    return pd.read_csv(Path(folder) / Path(*parts))
+
+
+def test_fibre_optic_gyro():
+    """A cubic in rate with rate × T leaves 4.3e-4 rad/s on the rows it was fitted to; we ask less of rows not used."""
+    table = measured("fog_rate_temperature", "fog_rate_temp_773pts.csv")
+    record = rate_table(table, output="gyro_raw_counts", rate="rig_rate_rad_s", temperature="gyro_temp_C", gyro_id="fog")
+    figures = summary(record)["residual_rms_rad_s"]
+    assert figures["held_out"] < 4.2e-4 and figures["after"] < 3.2e-4 < figures["before"]
+    assert -500 < summary(record)["scale_factor_coefficient_ppm_per_degc"] < -400
+    assert (np.diff(record.scale_factor[:, 0]) < 0).all()
+    assert 1e4 < summary(record)["nonlinearity_ppm"] < 5e4
+
+
+def test_cold_mems_gyro():
+    table = measured("mems_gyro_cold", "TVCtest3_7_20.csv").rename(columns=str.strip)
+    word = table["temp"].to_numpy().astype(np.uint16).view(np.int16)
+    columns = {name: table[name].to_numpy() for name in table} | {"word": word}
+    records = {
+        axis: rate_table(columns, output=f"gyro{axis} rad/s", temperature="word", temperature_scale=1 / 256, temperature_offset_degc=25.0)
+        for axis in "xyz"
+    }
+    assert any("spikes" in reason for reason in records["x"].status_reasons)
+    for axis, change in (("x", 0.0085), ("y", 0.004)):
+        assert abs(np.ptp(records[axis].drift_rad_s)) == pytest.approx(change, rel=0.15)
+        assert summary(records[axis])["residual_rms_rad_s"]["held_out"] < 0.5 * summary(records[axis])["residual_rms_rad_s"]["before"]
+    assert all("bias only" in record.status_reasons[-1] for record in records.values())

@@ -1,0 +1,49 @@
+"""Figures held against limits."""
+
+import pytest
+from forced_runs import Truth, programme
+
+from hrg_cli.errors import HrgError
+from hrg_cli.limits import check
+from hrg_cli.settings import load_toml
+from hrg_cli.stages.calibrate import calibrate
+
+
+@pytest.fixture(scope="module")
+def record():
+    return calibrate(programme(Truth(3), (0, 40), (-0.5, 0.5), duration=12), harmonics=1, scale_factor_harmonics=1, bootstrap=0)
+
+
+def test_within_and_outside(record):
+    rows = check(record, {"calibration": {"scale_factor": {"minimum": 0.5, "maximum": 0.6}, "drift_rms_rad_s.held_out": 1e-12}})
+    assert [row.passed for row in rows] == [True, True, False]
+    assert "drift_rms_rad_s.held_out is" in rows[2].sentence() and "at most 1e-12" in rows[2].sentence()
+
+
+def test_what_is_not_in_the_file_does_not_pass(record):
+    row = check(record, {"calibration": {"quality": 1.0}})[-1]
+    assert not row.passed and row.sentence() == "quality is not in the file"
+
+
+def test_status_is_judged(record):
+    suspect = record.judged(["because"])
+    assert not check(suspect, {"harmonics": 4})[0].passed
+    assert check(suspect, {"status": "suspect", "harmonics": 4})[0].passed
+    with pytest.raises(HrgError, match="status"):
+        check(suspect, {"status": "good"})
+
+
+@pytest.mark.parametrize("limit", ["big", True, {"max": 1.0}, {"minimum": "a"}, float("nan"), {}])
+def test_wrong_limits_are_named(record, limit):
+    with pytest.raises(HrgError, match=r"limit harmonics|hold nothing"):
+        check(record, {"calibration": {"harmonics": limit}})
+
+
+def test_limits_for_another_kind_only(record):
+    with pytest.raises(HrgError, match=r"\[calibration\]"):
+        check(record, {"resonator": {"scale_factor": 1.0}})
+
+
+def test_the_example_file(record):
+    rows = check(record, load_toml("configs/limits.toml"))
+    assert len(rows) == 5 and all(row.value is not None for row in rows)
