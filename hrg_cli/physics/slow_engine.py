@@ -8,7 +8,7 @@ around it (Lawson); samples between the steps come from the cubic through values
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -54,15 +54,17 @@ class _Clock:
         self._angle = np.concatenate([[0.0], np.cumsum(steps * (self._rate[1:] + self._rate[:-1]) / 2)])
         self._plant = plant
 
-    def state(self, t: Array, force: Array, forced: Array, phase: Array) -> SlowState:
-        """Everything an effect's slow term may look at, at times t."""
+    def state(self, t: Array) -> SlowState:
+        """What of the environment an effect's slow term may look at, at times t."""
         rate = np.interp(t, self._t, self._rate)
         cell = np.clip(np.searchsorted(self._t, t, side="right") - 1, 0, len(self._slope) - 1)
         angle = self._angle[cell] + (t - self._t[cell]) * (self._rate[cell] + rate) / 2
         omega_r = self._plant.mechanics.omega_rad_s
         temperature = np.interp(t, self._t, self._T)
+        nothing = np.zeros(len(t))
         return SlowState(
-            self._plant.mechanics, t, temperature, self._slope[cell], self._branch[cell], rate, angle, force, forced, phase, omega_r
+            self._plant.mechanics, t, temperature, self._slope[cell], self._branch[cell], rate, angle,
+            np.zeros((len(t), 2), complex), nothing, nothing, omega_r,
         )  # fmt: skip
 
 
@@ -82,10 +84,11 @@ def run(
         nodes, corrections = motion.generators(t)
         halves = motion.propagator(t[:-1], h / 2), motion.propagator(t[:-1] + h / 2, h / 2)
         middle = motion.generators(t[:-1] + h / 2)[1]
+        at_nodes, at_middles = motion.state(t), motion.state(t[:-1] + h / 2)
         path, slope = np.empty((steps + 1, 2), complex), np.empty((steps + 1, 2), complex)
         force, command, phase = np.zeros((steps + 1, 2), complex), np.zeros((steps + 1, 2)), np.zeros(steps + 1)
         for k in range(steps + 1):
-            du, action, phase[k] = motion.look(t[k], u, memory, corrections[k])
+            du, action, phase[k] = motion.look(_row(at_nodes, k), u, memory, corrections[k])
             path[k], slope[k] = u, nodes[k] @ u + du
             if action is not None:
                 force[k], command[k] = action.force, action.command
@@ -95,7 +98,8 @@ def run(
             if len(inside):
                 u = motion.across(t[k], t[k + 1], inside, u, memory)
             elif motion.lively:
-                u = motion.step(t[k], h, halves[0][k], halves[1][k], (corrections[k], middle[k], corrections[k + 1]), u, memory)
+                moments = _row(at_nodes, k), _row(at_middles, k), _row(at_nodes, k + 1)
+                u = motion.step(h, moments, (halves[0][k], halves[1][k]), (corrections[k], middle[k], corrections[k + 1]), u, memory)
             else:
                 u = halves[1][k] @ (halves[0][k] @ u)
         times = (first + np.arange(n)) * step_s
@@ -104,7 +108,7 @@ def run(
         values = _hermite(path, slope * h, cell, x)
         drives = force[cell] * (1 - x) + force[cell + 1] * x
         commands = command[cell] * (1 - x) + command[cell + 1] * x
-        state = motion.state(times, drives, np.any(commands != 0, axis=1).astype(float), phase[cell])
+        state = replace(motion.state(times), drive=drives, forced=np.any(commands != 0, axis=1).astype(float), phase_rad=phase[cell])
         seen = values
         for term in terms.readout:
             seen = term(seen, state)
@@ -133,9 +137,9 @@ class _Motion:
         self.lively = control.forced or len(terms.motion) > 0
         self.switches = np.unique(control.on_off) if control.forced else np.zeros(0)
 
-    def state(self, t: Array, force: Array, forced: Array, phase: Array) -> SlowState:
-        """What the effects see at times t, the environment made true by theirs."""
-        state = self._clock.state(t, force, forced, phase)
+    def state(self, t: Array) -> SlowState:
+        """What the effects see at times t, the environment made true by theirs; nothing of the wave or the drive yet."""
+        state = self._clock.state(t)
         for change in self._terms.environment:
             state = change(state)
         return state
@@ -146,11 +150,10 @@ class _Motion:
         With frequency and damping that move, L² + 2ΓL gains L' − (KΩ)'J = −N' + jW'/2ω. A force enters as
         (2jω_r + 2Γ + L)⁻¹(2jωf − f'), f' ≈ KΩJ f + j(ω − ω_r) f: f turns with the wave.
         """
-        empty = np.zeros(len(t))
         omega_r = self.plant.mechanics.omega_rad_s
         matrices = []
         for moment in (t, t - _DERIVATIVE_S, t + _DERIVATIVE_S):
-            state = self.state(moment, np.zeros((len(t), 2)), empty, empty)
+            state = self.state(moment)
             there = self._plant_at(Environment(moment, state.temperature_degc, state.rate_rad_s, state.temperature_degc, state.rate_rad_s))
             matrices.append((there.damping, there.stiffness, (there.scale_factor * state.rate_rad_s)[:, None, None] * J))
         (N, W, turning), before, after = matrices
@@ -166,36 +169,42 @@ class _Motion:
         L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
         return exponential((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
 
-    def _beside(self, t: float, u: Array, integral: Array, near: Array, correction: Array) -> tuple[Array, Array, Drive | None]:
+    def _beside(
+        self, on: bool, moment: SlowState, correction: Array, u: Array, integral: Array, near: Array
+    ) -> tuple[Array, Array, Drive | None]:
         """du/dt beside L u, the integrals' change, and the drive."""
-        on = is_on(self._control, t)
         action = drive(self._control, self._feed, u, integral, near) if on else None
         du = action.du + correction @ action.du if action else np.zeros(2, complex)
         if self._terms.motion:
-            turn = principal(u, near)[4] if np.any(u) else 1.0 + 0j
             force = action.force if action else np.zeros(2, complex)
-            state = self.state(np.array([t]), force[None], np.array([float(on)]), np.array([np.angle(turn)]))
+            phase = np.angle(near @ u)
+            state = replace(moment, drive=force[None], forced=np.array([float(on)]), phase_rad=np.array([phase]))
             for term in self._terms.motion:
                 du = du + term(u[None], state)[0]
         return du, action.integral_rate if action else np.zeros(2), action
 
-    def look(self, t: float, u: Array, memory: _Memory, correction: Array) -> tuple[Array, Drive | None, float]:
+    def look(self, moment: SlowState, u: Array, memory: _Memory, correction: Array) -> tuple[Array, Drive | None, float]:
         """du/dt beside L u, the drive and the wave's phase at a node."""
-        if not self.lively or not np.any(u):
-            return np.zeros(2, complex), None, 0.0
         _, _, memory.near, _, turn = principal(u, memory.near)
-        du, _, action = self._beside(t, u, memory.integral, memory.near, correction)
+        if not self.lively:
+            return np.zeros(2, complex), None, float(np.angle(turn))
+        on = is_on(self._control, float(moment.time_s[0]))
+        du, _, action = self._beside(on, moment, correction, u, memory.integral, memory.near)
         return du, action, float(np.angle(turn))
 
-    def step(self, t: float, h: float, E1: Array, E2: Array, corrections: Sequence[Array] | Array, u: Array, memory: _Memory) -> Array:
-        """u after h by the fourth-order Runge–Kutta rule around the two half exponentials; the loops' integrals move along."""
+    def step(
+        self, h: float, moments: Sequence[SlowState], halves: Sequence[Array], corrections: Sequence[Array], u: Array, memory: _Memory
+    ) -> Array:
+        """u after h, the drive on or off throughout: the fourth-order Runge–Kutta rule around two half exponentials, integrals too."""
         I, near = memory.integral, memory.near
-        first, middle, last = corrections
-        k1, i1, _ = self._beside(t, u, I, near, first)
+        begin, middle, end = zip(moments, corrections)
+        on = is_on(self._control, float(moments[1].time_s[0]))
+        E1, E2 = halves
+        k1, i1, _ = self._beside(on, *begin, u, I, near)
         base = E1 @ u
-        k2, i2, _ = self._beside(t + h / 2, base + h / 2 * (E1 @ k1), I + h / 2 * i1, near, middle)
-        k3, i3, _ = self._beside(t + h / 2, base + h / 2 * k2, I + h / 2 * i2, near, middle)
-        k4, i4, _ = self._beside(t + h * (1 - 1e-12), E2 @ (base + h * k3), I + h * i3, near, last)
+        k2, i2, _ = self._beside(on, *middle, base + h / 2 * (E1 @ k1), I + h / 2 * i1, near)
+        k3, i3, _ = self._beside(on, *middle, base + h / 2 * k2, I + h / 2 * i2, near)
+        k4, i4, _ = self._beside(on, *end, E2 @ (base + h * k3), I + h * i3, near)
         memory.integral = I + h / 6 * (i1 + 2 * i2 + 2 * i3 + i4)
         return E2 @ (base + h / 6 * (E1 @ k1) + h / 3 * (k2 + k3)) + h / 6 * k4
 
@@ -204,10 +213,30 @@ class _Motion:
         edges = np.concatenate([[start], switches, [stop]])
         for a, b in pairwise(edges):
             h = b - a
-            _, corrections = self.generators(a + h * np.array([0.0, 0.5, 1.0]))
-            E = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)
-            u = self.step(a, h, E[0], E[1], corrections, u, memory)
+            t = a + h * np.array([0.0, 0.5, 1.0])
+            _, corrections = self.generators(t)
+            states = self.state(t)
+            halves = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)
+            u = self.step(h, [_row(states, k) for k in range(3)], list(halves), list(corrections), u, memory)
         return u
+
+
+def _row(state: SlowState, k: int) -> SlowState:
+    """One time's state, every column of length 1."""
+    at = slice(k, k + 1)
+    return SlowState(
+        state.mechanics,
+        state.time_s[at],
+        state.temperature_degc[at],
+        state.temperature_rate_degc_s[at],
+        state.branch[at],
+        state.rate_rad_s[at],
+        state.table_angle_rad[at],
+        state.drive[at],
+        state.forced[at],
+        state.phase_rad[at],
+        state.omega_r_rad_s,
+    )
 
 
 def _hermite(path: Array, step: Array, cell: Array, x: Array) -> Array:

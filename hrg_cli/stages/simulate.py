@@ -91,7 +91,14 @@ def _fast(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
 
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
     mechanics, courses, pickoff = mechanics_of(settings), _courses(settings), _readout(settings)
-    world = _environment(settings, bool(active))
+    world, logged = _environment(settings, bool(active)), _environment(settings, bool(active))
+    for effect, p in active:
+        _call(effect, "environment", p, logged)
+        if getattr(effect, "slow_environment", same_state) is same_state and getattr(effect, "slow", no_term) is no_term:
+            _call(effect, "environment", p, world)
+    # slow terms tell what is true from what is logged, so they start from the log
+    world.temperature_degc = world.temperature_degc + logged.logged_temperature_degc - world.logged_temperature_degc
+    world.rate_rad_s = world.rate_rad_s + logged.logged_rate_rad_s - world.logged_rate_rad_s
     terms = slow_engine.SlowTerms(
         [partial(effect.slow_environment, p) for effect, p in active if getattr(effect, "slow_environment", same_state) is not same_state],
         [partial(effect.slow, p) for effect, p in active if getattr(effect, "slow", no_term) is not no_term],
@@ -99,7 +106,7 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
     )
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
     plant_at = partial(linear_plant, mechanics, courses)
-    return slow_engine.run(world, plant_at, _control(settings), terms, _start(settings), step, _count(settings)), pickoff, world
+    return slow_engine.run(world, plant_at, _control(settings), terms, _start(settings), step, _count(settings)), pickoff, logged
 
 
 def _call(effect: Any, place: str, *arguments: Any) -> None:

@@ -265,6 +265,18 @@ class SimulationFile(Table):
     effects: dict[str, dict[str, float | str | bool]] = {}
     run_id: Annotated[str, Field(pattern=r"^[^/\\\s]+$")] = "run"
 
+    @model_validator(mode="after")
+    def _fast_enough(self) -> Self:
+        highest = self.device.frequency_hz + (self.readout.carrier_hz or 0.0)
+        if self.recording.sample_rate_hz <= 2 * highest:
+            raise ValueError(
+                f"recording.sample_rate_hz = {self.recording.sample_rate_hz:g} must exceed {2 * highest:g}, "
+                "twice the highest frequency; raise it"
+            )
+        if self.readout.carrier_hz is not None and self.readout.carrier_hz <= self.device.frequency_hz:
+            raise ValueError(f"readout.carrier_hz = {self.readout.carrier_hz:g} must exceed the device's {self.device.frequency_hz:g} Hz")
+        return self
+
 
 def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[SimulationFile]:
     """The runs of a simulation file, each whole and checked. HrgError: what is wrong, where, and what was meant."""

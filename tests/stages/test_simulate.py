@@ -224,6 +224,29 @@ def test_effects_act_and_neutral_ones_do_not():
         simulate(config(0.3, effects={"gain_mismach": {}}))
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "forced"),
+    [
+        ("coherent_offset", {"in_phase_c": 1e-3, "quadrature_s": 1e-3}, False),
+        ("rate_bias", {"rate_rad_s": 0.01}, False),
+        ("thermal_lag", {"time_constant_s": 0.5}, False),
+        ("drive_gain_mismatch", {"gain": 0.02}, True),
+    ],
+)
+def test_effects_act_alike_in_both_models(name, values, forced):
+    """Samples and logs alike: what an effect changes of the truth, of the log, of the drive and of the read-out."""
+    warming = {"temperature": {"kind": "cycle", "low_degc": 20.0, "high_degc": 22.0, "period_s": 2.0, "shape": "sine"}, "rate_rad_s": 1.0}
+    device = {"temperature": {"frequency_per_degc": 2e-5}}
+    c = config(1.0, device=device, environment=warming, effects={name: values}, **({"control": {"mode": "forced"}} if forced else {}))
+    plain = run(c | {"effects": {}})
+    fast, slow = run(c), run(c, model="slow")
+    change = max(np.abs(fast.c - plain.c).max(), np.abs(fast.temperature_degc - plain.temperature_degc).max())
+    assert change > 1e-4
+    assert np.abs(fast.c - slow.c).max() < 5e-5
+    np.testing.assert_allclose(fast.temperature_degc, slow.temperature_degc)
+    np.testing.assert_allclose(fast.rate_rad_s, slow.rate_rad_s)
+
+
 def test_an_effect_of_the_users_own():
     class Bump:
         name = "bump"

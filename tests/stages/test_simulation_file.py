@@ -46,6 +46,9 @@ def changed(**tables):
         ({"environment": {"earth_latitude_rad": 46.0}}, r"environment.earth_latitude_rad"),
         ({"environment": {"earth_latitude_rad": 0.5, "earth_rate_rad_s": 1e-5}}, r"say the same; give one"),
         ({"recording": {"duration_s": 0.0}}, r"recording.duration_s"),
+        ({"recording": {"sample_rate_hz": 9000.0}}, r"sample_rate_hz = 9000 must exceed 10000, twice the highest frequency"),
+        ({"readout": {"kind": "carrier", "carrier_hz": 19e3}}, r"sample_rate_hz = 40000 must exceed 48000"),
+        ({"readout": {"kind": "carrier", "carrier_hz": 3e3}}, r"carrier_hz = 3000 must exceed the device's 5000 Hz"),
         ({"run": {"run_id": "a"}}, r"run is not an array of tables; write each run under \[\[run\]\]"),
         ({"run": [{"start": {"angle": 1.0}}]}, r"run 1 \(run1\): unknown key start.angle"),
         ({"run": [{"run_id": "a"}, {"run_id": "a"}]}, r"run_id a stands twice"),
@@ -65,7 +68,7 @@ def test_a_missing_table_is_named():
 def test_runs_override_parts_and_programmes_replace_each_other():
     tree = changed(
         environment={"temperature_degc": 10.0, "rate": {"kind": "sine", "amplitude_rad_s": 1.0, "frequency_hz": 2.0}},
-        readout={"kind": "carrier", "carrier_hz": 5e4, "noise": 1e-3},
+        readout={"kind": "carrier", "carrier_hz": 1e4, "noise": 1e-3},
         run=[
             {"environment": {"rate": {"kind": "steps", "levels_rad_s": [1.0], "dwell_s": 1.0}}},
             {"environment": {"rate": {"amplitude_rad_s": 3.0}}, "readout": {"noise": 2e-3}},
