@@ -125,7 +125,8 @@ def validate(model: Any, values: Mapping[str, Any], where: str, prefix: str = ""
                 problems.append(f"{key} is missing")
             else:
                 says = e["msg"].removeprefix("Value error, ")
-                problems.append(f"{key} = {str(e['input'])[:60]!r}: {says[:1].lower()}{says[1:]}")
+                found = "" if isinstance(e["input"], Mapping) else f" = {str(e['input'])[:60]!r}"
+                problems.append(": ".join(part for part in (key.removesuffix(".") + found, says[:1].lower() + says[1:]) if part))
         kind = UsageError if usage else HrgError
         raise kind(f"{where}: {'; '.join(problems)}") from error
 
