@@ -519,7 +519,7 @@ def _attach_scales(file: h5py.File, record: Record) -> None:
             if scale is None:
                 length = dataset.shape[axis]
                 scale = group.create_dataset(
-                    dim, data=np.zeros(length, "i1"), track_times=False, compression="gzip" if length > 4096 else None
+                    dim, shape=(length,), dtype="i1", track_times=False, compression="gzip" if length > 4096 else None
                 )
                 scale.make_scale(_SCALE_ONLY % length)
             if scale.id != dataset.id:
