@@ -131,13 +131,17 @@ def measured_details(name: str, layout: Layout, coefficients: Array, covariance:
         return {
             "kind": "quadrature",
             "coefficients": coefficients[place].tolist(),
-            "std": np.sqrt(np.diag(covariance[place, place])).tolist(),
+            "std": _std(covariance, place),
         }
     if name == "phase":
         place = layout.factor("mean_frequency")
         return {
             "kind": "phase",
             "mean_frequency_hz": coefficients[place].tolist(),
-            "mean_frequency_hz_std": np.sqrt(np.diag(covariance[place, place])).tolist(),
+            "mean_frequency_hz_std": _std(covariance, place),
         }
     return None
+
+
+def _std(covariance: Array, place: slice) -> list[float]:
+    return [float(v) for v in np.sqrt(np.maximum(np.diag(covariance)[place], 0))]

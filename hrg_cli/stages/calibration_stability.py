@@ -10,7 +10,7 @@ import numpy as np
 
 from ..fitting.fourier import coefficients_at
 from ..fitting.increments import Path
-from ..fitting.joint import PIECES, Fitted, Layout, Model, accumulate, piece_of, solve
+from ..fitting.joint import PIECES, Fitted, Layout, Model, fit, piece_of, solve
 from .calibration_ladder import solve_columns
 
 Array = np.ndarray
@@ -157,10 +157,11 @@ def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[st
         factors={**layout.factors, "lag": lag, "hysteresis": hysteresis},
         factor_columns={**layout.factor_columns, "lag": 1, "hysteresis": 1},
     )
-    pieces = accumulate(fitted.paths, fitted.noises, wide, fitted.turns, coefficients)
-    A, b, _, _ = pieces.sum()
     grown = np.concatenate([model.matrix, np.zeros((2, model.matrix.shape[1]))])
     extra = wide.of_factors("lag", "hysteresis")
+    # what memory the tables leave must not count as noise
+    refitted = fit(fitted.paths, wide, Model("memory", np.concatenate([grown, extra], axis=1)), fitted)
+    A, b, _, _ = refitted.pieces.sum()
     own = np.diag(extra.T @ A @ extra)
     rest = extra.T @ A @ extra - extra.T @ A @ solve_columns(A, grown, A @ extra)
     left = np.sqrt(np.maximum(np.diag(rest), 0) / np.where(own > 0, own, 1))
@@ -170,7 +171,7 @@ def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[st
         alone = Model(name, np.concatenate([grown, wide.of_factors(name)], axis=1))
         solution = solve(A, b, alone)
         place = wide.factor(name).start
-        std = float(np.sqrt(solution.covariance[place, place] * fitted.chi2_per_dof))
+        std = float(np.sqrt(solution.covariance[place, place] * refitted.chi2_per_dof))
         out[name] = {"value": float(solution.coefficients[place]), "std": std, "units": unit, "assuming": "the other is zero"}
     if abs(correlation) > INSEPARABLE or left.min() < 0.02:
         out["separable"] = False
@@ -181,7 +182,7 @@ def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[st
     both = solve(A, b, Model("both", np.concatenate([grown, extra], axis=1)))
     for name in ("lag", "hysteresis"):
         place = wide.factor(name).start
-        std = float(np.sqrt(both.covariance[place, place] * fitted.chi2_per_dof))
+        std = float(np.sqrt(both.covariance[place, place] * refitted.chi2_per_dof))
         out[name] |= {"value": float(both.coefficients[place]), "std": std, "assuming": "nothing of the other"}
     out["separable"] = True
     return out
