@@ -19,7 +19,7 @@ MAX_BLOCKS = 4000
 MAX_PHASE_ORDER = 9
 PHASE_GAIN = 30.0
 """Δχ² for which two further orders of a run's phase are taken in."""
-WIDTH = {"damping": 10.0, "split": 30.0, "scale_factor": 3.0}
+WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
 """Standard deviations of the priors that keep a direction without information finite, in natural scales."""
 
 
@@ -114,19 +114,17 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
 
 
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
-    p, offsets, _, _ = start(runs, known)
-    if not np.all(np.isfinite(p)):
+    p, offsets, _, space = start(runs, known)
+    result = _from_start(runs, known, blocks, p, offsets)
+    if result is None or not result.converged:
+        plain, offsets = propagator.rough(runs)
+        plain[5] = known.scale_factor if known.scale_factor is not None else plain[5]
+        again = _from_start(runs, known, blocks, plain, offsets)
+        if again is not None and (result is None or again.chi2 < result.chi2):
+            result = again
+    if result is None:
         return None
-    span = max(r.duration_s for r in runs)
-    space = freedom(known, p, runs[0].mode_number, span)
-    p[6] = 1.0
-    for attempt in (1, 2):
-        data = batch(propagator.thinned(runs, p, offsets, blocks_needed(p, runs, blocks)))
-        z = np.linalg.pinv(space.directions) @ (p - space.origin)
-        result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
-        if attempt == 2 or not _rate_varies(data):
-            break
-        p, offsets = result.p.copy(), result.response.state.offsets_rad_s(data.span_s)  # blocks again along the better motion
+    space, data = result.freedom, result.response.batch
     if abs(result.p[6] - 0.5) > SECOND_ORDER_REACH:  # a misfit pulls at it: it is no nuisance any more
         space = without_second_order(space)
         result = solve(data, space, result.z[:-1], result.response.state.start, result.response.state.phase)
@@ -135,6 +133,27 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
         phase = np.concatenate([state.phase, np.zeros((len(runs), 2))], axis=1)
         result = fit(data, space, result.z, state.start, phase)
     return result
+
+
+def _from_start(runs: Sequence[EnvelopeRun], known: Known, blocks: int, p: Array, offsets: Array) -> Fit | None:
+    """Blocks along a first motion and Gauss–Newton from it; None where it leads nowhere."""
+    if not (np.all(np.isfinite(p)) and np.all(np.isfinite(offsets))):
+        return None
+    space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
+    p = p.copy()
+    p[6] = 1.0
+    result = None
+    for attempt in (1, 2):
+        data = batch(propagator.thinned(runs, p, offsets, blocks_needed(p, runs, blocks)))
+        z = np.linalg.pinv(space.directions) @ (p - space.origin)
+        try:
+            result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
+        except np.linalg.LinAlgError:
+            return None
+        if attempt == 2 or not result.converged or not _rate_varies(data):
+            break
+        p, offsets = result.p.copy(), result.response.state.offsets_rad_s(data.span_s)  # blocks again along the better motion
+    return result if result is not None and np.isfinite(result.chi2) else None
 
 
 def _rate_varies(data: Batch) -> bool:

@@ -86,8 +86,12 @@ def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
 
 def covariance_z(fit: Fit, factor: float) -> Array:
     """Covariance of z with the data's information divided by `factor`, priors kept."""
-    information = fit.root.T @ fit.root - (1 - 1 / factor) * fit.data_root.T @ fit.data_root
-    return np.linalg.pinv(information, hermitian=True)
+    prior = np.where(np.isfinite(fit.freedom.prior_std), fit.freedom.prior_std, np.inf) ** -2.0
+    root = np.concatenate([fit.data_root / np.sqrt(factor), np.diag(np.sqrt(prior))])
+    scale = np.linalg.norm(root, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = np.linalg.pinv(root / scale, rcond=1e-12) / scale[:, None]
+    return inverse @ inverse.T
 
 
 def parameter_covariance(fit: Fit, factor: float, mode_number: int) -> tuple[Array, Array]:
@@ -100,7 +104,7 @@ def parameter_covariance(fit: Fit, factor: float, mode_number: int) -> tuple[Arr
     covariance = slopes @ cov_p @ slopes.T
     uniform = np.pi / mode_number / np.sqrt(12)
     for axis in (2, 4):
-        std = np.sqrt(covariance[axis, axis])
+        std = np.sqrt(max(0.0, covariance[axis, axis]))
         if not std < uniform:
             covariance[axis] *= uniform / std if np.isfinite(std) and std > 0 else 0.0
             covariance[:, axis] *= uniform / std if np.isfinite(std) and std > 0 else 0.0

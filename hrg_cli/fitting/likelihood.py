@@ -233,7 +233,9 @@ class Fit:
 
     def covariance_z(self) -> Array:
         """Covariance of z at the nominal noise."""
-        inverse_root = np.linalg.pinv(self.root)
+        scale = np.linalg.norm(self.root, axis=0)
+        scale[scale == 0] = 1.0
+        inverse_root = np.linalg.pinv(self.root / scale, rcond=1e-12) / scale[:, None]
         return inverse_root @ inverse_root.T
 
 

@@ -17,9 +17,11 @@ from .envelope_runs import EnvelopeRun, averaged
 from .likelihood import Freedom, applied
 
 Array = np.ndarray
-START_BLOCKS = 2000
-LAG_FRACTIONS = (1 / 64, 1 / 16, 1 / 4, 1 / 2)
+START_BLOCKS = 1000
+LAG_FRACTIONS = (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1 / 2)
 STEPS_A_LAG = 3
+PAIRS_A_LAG = 8
+"""Pairs of rows whose first row lies within one lag: closer ones tell little more."""
 LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
 
@@ -78,12 +80,20 @@ def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Array]:
 def regress(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array, lag_s: float) -> tuple[Array, Array, Array, float]:
     """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets, covariance of z, and the misfit before the step.
 
-    All pairs of rows about `lag_s` apart within a run; pairs across a gap carry their true time.
+    Pairs of rows about `lag_s` apart within a run, eight a lag; pairs across a gap carry their true time.
     """
-    designs, targets = [], []
+    k = len(freedom.names)
+    information, gradient = np.zeros((k + len(runs),) * 2), np.zeros(k + len(runs))
+    misfit, rows = 0.0, 0
+    here = np.linalg.pinv(freedom.directions) @ (p - freedom.origin)
+    for i, std in enumerate(freedom.prior_std):
+        if np.isfinite(std):  # a direction without information stays at its prior
+            information[i, i] += std**-2.0
+            gradient[i] += (freedom.prior_mean[i] - here[i]) * std**-2.0
     for number, run in enumerate(runs):
         end = np.searchsorted(run.time_s, run.time_s + lag_s * (1 - 1e-9))
         begin = np.flatnonzero(end < len(run))
+        begin = begin[:: max(1, int(np.median(end[begin] - begin)) // PAIRS_A_LAG)]
         end = end[begin]
         dt, turn = run.time_s[end] - run.time_s[begin], run.turn_rad[end] - run.turn_rad[begin]
         flow = carry(p, offsets[number])(dt, turn)
@@ -99,22 +109,23 @@ def regress(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Ar
         columns = np.stack([change(b) for b in BASIS] + [change(rate * J), np.zeros_like(u)])
         shared = np.tensordot(freedom.directions.T, columns, 1)
         weight = 1 / np.hypot(run.std[begin], run.std[end])[:, None]
-        own = np.zeros((len(runs), *u.shape), complex)
-        own[number] = 1j * dt[:, None] * applied(flow, u)
-        block = (np.concatenate([shared, own]) * weight).reshape(len(shared) + len(runs), -1)
-        error = ((v - applied(flow, u)) * weight).ravel()
-        designs.append(np.concatenate([block.real, block.imag], axis=1).T)
-        targets.append(np.concatenate([error.real, error.imag]))
-    design, target = np.concatenate(designs), np.concatenate(targets)
-    scale = np.linalg.norm(design, axis=0)
+        own = 1j * dt[:, None] * applied(flow, u)
+        error = v - applied(flow, u)
+        block = (np.concatenate([shared, own[None], error[None]]) * weight).reshape(k + 2, -1)
+        gram = np.real(block.conj() @ block.T)
+        place = [*range(k), k + number]
+        information[np.ix_(place, place)] += gram[:-1, :-1]
+        gradient[place] += gram[:-1, -1]
+        misfit += float(gram[-1, -1])
+        rows += 4 * len(u)
+    scale = np.sqrt(np.diag(information))
     scale[scale == 0] = 1.0
-    U, size, Vt = np.linalg.svd(design / scale, full_matrices=False)
-    keep = size > 1e-4 * size[0]
-    step = (Vt[keep].T @ ((U.T @ target)[keep] / size[keep])) / scale
-    spread = np.sum((target - design @ step) ** 2) / max(1, len(target) - len(step))
-    covariance = spread * (Vt[keep].T / size[keep] ** 2) @ Vt[keep] / np.outer(scale, scale)
-    k = len(freedom.names)
-    return p + freedom.directions @ step[:k], offsets + step[k:], covariance[:k, :k], float(np.mean(target**2))
+    size, vector = np.linalg.eigh(information / np.outer(scale, scale))
+    keep = size > 1e-8 * size[-1]
+    inverse = (vector[:, keep] / size[keep]) @ vector[:, keep].T / np.outer(scale, scale)
+    step = inverse @ gradient
+    spread = (misfit - float(gradient @ step)) / max(1, rows - len(step))
+    return p + freedom.directions @ step[:k], offsets + step[k:], spread * inverse[:k, :k], misfit / rows
 
 
 def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array]:

@@ -2,7 +2,7 @@
 
 All are linear in the coordinates of `coordinates.py`. The published forms are corrected where PHYSICS §4 shows an error: 1/π and a full
 turn in the rotation integrals, the true rate in fixed axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an
-option), e^{+jωt} throughout. Standard deviations come from sums of the residuals over short blocks, so that correlated derivative noise counts.
+option), e^{+jωt} throughout. Standard deviations come from sums of the residuals over blocks, so that the anticorrelated noise of derivatives counts as it cancels.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .envelope_runs import EnvelopeRun
 from .likelihood import Freedom
 
 Array = np.ndarray
-ROWS_A_BLOCK = 8
+ROWS_A_BLOCK = 30
 CIRCULAR = 0.9
 """|a_B/a_A| above which the axes of the ellipse are too ill-defined for a method that uses them."""
 

@@ -1,6 +1,6 @@
 """Monitoring a driven gyro: the frequency split from the quadrature equation, the damping split from the phase equation.
 
-Quadrature, seed A (9), (16) with one electrode:   ȧ_B + λ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
+Quadrature, seed A (15) with one electrode:   ȧ_B + λ a_B − νδμ cos χ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
 λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy out of the quadrature (PHYSICS M3p): λ is fitted.
 Phase, seed A (7) solved exactly:   φ̇ = ω̄ + [(1 + r²) δω cos ζ − 2r νδμ sin χ]/(1 − r²).
 The second is weak: νδμ enters with 2r, and ω̄ is the *mean* frequency, so every drift of it is read as damping split (PHYSICS §4 (12)).
@@ -39,7 +39,7 @@ def monitor(runs: Sequence[EnvelopeRun]) -> Monitor:
     ratios = np.concatenate([_ratio(r) for r in runs])
     rms = float(np.sqrt(np.mean(ratios**2)))
     value, covariance = np.zeros(5), np.zeros((5, 5))
-    value[:3], covariance[:3, :3] = first[0], first[1]
+    value[:3], covariance[:3, :3] = first[0][:3], first[1][:3, :3]
     value[3:], covariance[3:, 3:] = second[0][2:4], second[1][2:4, 2:4]
     return Monitor(value, covariance, rms, 2 * np.pi * 1e-3 / max(2 * rms, 1e-300))
 
@@ -50,10 +50,11 @@ def _ratio(run: EnvelopeRun) -> Array:
 
 
 def _quadrature_rows(run: EnvelopeRun) -> tuple[Array, Array]:
-    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ."""
+    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and, for the damping split, a_B cos, a_B sin."""
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     angle, _ = ellipse.unwrap(angle, phase, 1)
-    columns = np.stack([-b, a * np.sin(2 * angle), -a * np.cos(2 * angle)], axis=-1)
+    c, s = np.cos(2 * angle), np.sin(2 * angle)
+    columns = np.stack([-b, a * s, -a * c, b * c, b * s], axis=-1)
     return _increments(columns, b, run)
 
 
@@ -94,11 +95,11 @@ def _regression(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     return value / scale, covariance / np.outer(scale, scale)
 
 
-def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int) -> list[tuple[float, float]]:
+def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int, quadrature_damping_1_s: float = np.inf) -> list[tuple[float, float]]:
     """(axis [rad], its standard deviation) at every sign change of a_B as the wave passes it slowly; + to − and − to + alike.
 
-    With the quadrature following quasi-statically a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2). Neighbouring crossings are
-    told apart only by their sense: rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω in [0, π/m).
+    The quadrature follows a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2) with a lag 1/λ, which turns the crossing by θ'/λ: given
+    λ, it is taken off. Rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω in [0, π/m).
     """
     out = []
     for run in runs:
@@ -106,6 +107,7 @@ def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int) -> list[tuple[
         angle, _ = ellipse.unwrap(angle, phase, 1)
         ratio = b / a
         width = max(3, len(ratio) // 40)
+        speed = derivative(angle, run.time_s)
         half = width // 2
         for i in np.flatnonzero(np.diff(np.sign(np.convolve(ratio, np.ones(width) / width, "valid"))) != 0) + half:
             rows = slice(max(0, i - 2 * width), i + 2 * width)
@@ -116,7 +118,8 @@ def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int) -> list[tuple[
             noise = float((run.std[rows] / a[rows]).mean())
             if abs(fit[0]) < 5 * noise * np.sqrt(covariance[0, 0]):
                 continue
-            axis = (angle[i] - fit[1] / fit[0]) / mode_number
+            lag = float(speed[rows].mean()) / quadrature_damping_1_s
+            axis = (angle[i] - fit[1] / fit[0] - lag) / mode_number
             axis -= 0.0 if fit[0] > 0 else np.pi / (2 * mode_number)
             std = noise * np.sqrt(covariance[1, 1]) / abs(fit[0]) / mode_number
             out.append((float(np.mod(axis, np.pi / mode_number)), float(std)))

@@ -179,7 +179,7 @@ def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
         "quadrature_damping_1_s": {"value": float(found.value[0]), "std": float(np.sqrt(found.covariance[0, 0]))},
         "quadrature_rms": found.quadrature_rms,
         "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
-        "stiffness_axes": [{"value": a, "std": s} for a, s in working_mode.stiffness_axes(thin, mode)],
+        "stiffness_axes": [{"value": a, "std": s} for a, s in working_mode.stiffness_axes(thin, mode, float(found.value[0]))],
     }
     verdict.flat = [
         f"the damping split enters the phase with 2·a_B/a_A = {2 * found.quadrature_rms:.2g} only: "

@@ -1,0 +1,162 @@
+"""The likelihood's propagation against direct exponentials and integration, its Jacobian against differences, and its statistics."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from synthetic_waves import GYRO, programme, run_down
+
+from hrg_cli.fitting import coordinates, envelope_runs, propagator
+from hrg_cli.fitting.base_fit import Known, base_fit, start
+from hrg_cli.fitting.likelihood import State, batch, chain, respond
+from hrg_cli.physics import resonator
+from hrg_cli.physics.resonator import Mechanics
+
+
+def runs_of(waves):
+    return [envelope_runs.from_wave(w) for w in waves]
+
+
+def test_coordinates_are_the_generator_of_the_resonator():
+    p = coordinates.from_mechanics(GYRO)
+    for rate in (0.0, 3.0, -7.0):
+        want = resonator.generator(GYRO, rate)
+        assert np.allclose(coordinates.generator(p, np.array(rate), GYRO.omega_rad_s), want, atol=3e-9)
+        plain = resonator.generator(GYRO, rate, second_order=0.0)
+        assert np.allclose(coordinates.generator(np.append(p[:6], 0.0), np.array(rate), GYRO.omega_rad_s), plain, atol=1e-12)
+    values, slopes = coordinates.physical(p, 2)
+    assert np.allclose(values, [0.31, 0.012, 0.35, 0.11, 0.9, 0.55])
+    for k in range(6):
+        q = p.copy()
+        q[k] += 1e-7
+        assert np.allclose((coordinates.physical(q, 2)[0] - values) / 1e-7, slopes[:, k], atol=1e-4)
+
+
+def test_chain_is_the_running_product():
+    rng = np.random.default_rng(0)
+    steps = rng.standard_normal((3, 17, 2, 2)) + 1j * rng.standard_normal((3, 17, 2, 2))
+    got = chain(steps)
+    for run in range(3):
+        product = np.eye(2)
+        for k in range(17):
+            assert np.allclose(got[run, k], product, rtol=1e-10)
+            product = steps[run, k] @ product
+
+
+@pytest.mark.parametrize("rate", [0.0, 2.0, lambda t: 6 * np.sin(3 * t) + 1])
+def test_model_against_integration(rate):
+    """An independent integrator of u' = L(t) u, uneven rows and two runs of different lengths in one batch."""
+    rng = np.random.default_rng(2)
+    wave = run_down(0.3, rate, std=1e-12, seconds=2.0)
+    keep = np.sort(rng.choice(len(wave), 600, replace=False))
+    runs = [runs_of([wave])[0].rows(keep), runs_of([run_down(0.7, rate, std=1e-12, seconds=1.0)])[0]]
+    data = batch(runs)
+    response = respond(data, State(coordinates.from_mechanics(GYRO), data.envelope[:, 0], np.array([[0.3], [-0.2]])))
+
+    def L(t):
+        return resonator.generator(GYRO, rate(t) if callable(rate) else rate)
+
+    for number, run in enumerate(runs):
+        t0 = run.time_s[0]
+        answer = solve_ivp(lambda t, u: L(t) @ u, (t0, run.time_s[-1]), run.envelope[0], t_eval=run.time_s, rtol=1e-10, atol=1e-12, method="DOP853").y.T
+        x = (run.time_s - t0) / (run.time_s[-1] - t0)
+        want = answer * np.exp(1j * (0.3 if number == 0 else -0.2) * x)[:, None]
+        assert np.allclose(response.model[number, : len(run)], want, atol=3e-5 if callable(rate) else 2e-6)  # the rate between rows is interpolated
+    if rate == 0.0:
+        step = runs[0].time_s[100] - runs[0].time_s[0]
+        assert np.allclose(response.model[0, 100], np.exp(0.3j * step / runs[0].duration_s) * expm(L(0) * step) @ runs[0].envelope[0], atol=1e-10)
+
+
+def test_jacobian_against_differences():
+    data = batch(propagator.thinned(runs_of([run_down(0.3, lambda t: 2 * np.sin(3 * t) + 1), run_down(0.7, 0.0, seconds=2.0)]), np.zeros(7), np.zeros(2), 150))
+    p = coordinates.from_mechanics(GYRO)
+    state = State(p, data.envelope[:, 0], np.array([[0.1, 0.2], [0.3, 0.0]]))
+    response = respond(data, state)
+    got = response.coordinate_sensitivities()
+    for k in range(7):
+        size = 1e-4 if k < 6 else 1.0
+        up, down = (respond(data, State(p + s * size * np.eye(7)[k], state.start, state.phase)).model for s in (1, -1))
+        want = (up - down) / (2 * size)
+        assert np.abs(got[k] - want).max() < 2e-3 * np.abs(want).max() + 1e-9, coordinates.COORDINATES[k]
+    own = response.run_sensitivities()
+    moved = state.phase.copy()
+    moved[:, 1] += 1e-6
+    assert np.allclose((respond(data, State(p, state.start, moved)).model - response.model) / 1e-6, own[5], atol=1e-5)
+
+
+def test_additive_force_and_sensitivity_agree():
+    data = batch(propagator.thinned(runs_of([run_down(0.3, 1.0)]), np.zeros(7), np.zeros(1), 400))
+    response = respond(data, State(coordinates.from_mechanics(GYRO), data.envelope[:, 0], np.zeros((1, 1))))
+    term = np.array([[0.1, 0.3j], [0.2, -0.1]])
+    everywhere = np.broadcast_to(term, response.half.shape)
+    force = (response.model[..., None, :] * term).sum(-1)
+    assert np.allclose(response.sensitivity(everywhere, everywhere, everywhere), response.forced(force), atol=2e-4)
+
+
+def test_averaging_along_the_motion_keeps_the_model_and_the_noise():
+    run = runs_of([run_down(0.3, 3.0, std=1e-9, window=5e-4, second_order=0.0)])[0]
+    p = coordinates.from_mechanics(GYRO)
+    thin = envelope_runs.averaged(run, 60, propagator.carry(p, 0.0))
+    L = resonator.generator(GYRO, 3.0, second_order=0.0)
+    want = resonator.exponential(L, thin.time_s - run.time_s[0]) @ run.envelope[0]
+    assert len(thin) <= 60 and np.allclose(thin.envelope, want, atol=2e-5)
+    noisy = runs_of([run_down(0.3, 3.0, std=1e-2, window=5e-4, seed=5, second_order=0.0)])[0]
+    averaged = envelope_runs.averaged(noisy, 60, propagator.carry(p, 0.0))
+    clean = resonator.exponential(L, averaged.time_s - run.time_s[0]) @ run.envelope[0]
+    phase = np.vdot(clean, averaged.envelope) / np.vdot(clean, clean)
+    chi2 = np.mean(np.abs((averaged.envelope - clean * phase) / averaged.std[:, None]) ** 2) / 2
+    assert chi2 == pytest.approx(1.0, abs=4 * np.sqrt(2 / 240))
+
+
+def test_gaps_and_flagged_windows_change_nothing_but_the_errors():
+    waves = programme(std=1e-4)
+    rng = np.random.default_rng(3)
+    holed = []
+    for wave in waves:
+        flags = np.zeros(len(wave), "u1")
+        flags[500:900] = 2
+        flags[rng.choice(len(wave), 200)] = 1
+        broken = wave.main_amplitude.copy()
+        broken[flags > 0] = np.nan
+        holed.append(wave.replace(flags=flags, main_amplitude=broken))
+    whole, cut = base_fit(runs_of(waves)), base_fit(runs_of(holed))
+    std = np.sqrt(np.diag(cut.covariance_z()))
+    assert cut.converged and cut.chi2 / cut.dof == pytest.approx(1, abs=0.1)
+    assert np.all(np.abs(cut.z - whole.z) < 4 * std)
+
+
+@pytest.mark.parametrize("second_order", [0.0, 1.0])
+def test_second_order_nuisance_serves_both_kinds_of_data(second_order):
+    fit = base_fit(runs_of(programme(std=5e-5, second_order=second_order)))
+    true = coordinates.from_mechanics(GYRO)
+    std = np.sqrt(np.diag(fit.covariance_z()))
+    assert np.all(np.abs(fit.p - np.append(true[:6], second_order))[:6] < 4.5 * std[:6])
+    assert fit.chi2 / fit.dof == pytest.approx(1, abs=0.08)
+
+
+def test_known_axes_leave_the_sizes_free():
+    fit = base_fit(runs_of(programme(std=1e-3)), Known(damping_axis_rad=0.35, stiffness_axis_rad=0.9))
+    values, _ = coordinates.physical(fit.p, 2)
+    assert values[2] == pytest.approx(0.35) and values[4] == pytest.approx(0.9)
+    assert fit.freedom.names == ("damping", "damping_cos", "split_cos", "scale_factor", "second_order")
+    assert abs(values[1] - 0.012) < 5 * np.sqrt(fit.covariance_z()[1, 1])
+
+
+def test_frequency_drift_is_followed():
+    waves = []
+    for wave in programme(std=1e-4):
+        x = wave.time_s / 4
+        waves.append(wave.replace(phase_rad=wave.phase_rad + 3 * x**2 - 1.5 * x**3))
+    fit = base_fit(runs_of(waves))
+    assert fit.response.state.phase.shape[1] >= 3 and fit.chi2 / fit.dof < 1.1
+    std = np.sqrt(np.diag(fit.covariance_z()))
+    assert np.all(np.abs(fit.p - coordinates.from_mechanics(GYRO))[:6] < 4.5 * std[:6])
+
+
+def test_propagator_alone_is_close_and_needs_no_start():
+    gyro = Mechanics(1000.0, 0.05, 0.004, 0.3, 4.0, 1.0, 0.277)
+    runs = runs_of(programme(gyro, std=1e-3, seconds=8.0, window=4e-3))
+    p, offsets, _, _ = start(runs, Known())
+    assert np.allclose(p[[0, 5]], [0.05, 0.277], rtol=0.02)
+    assert np.hypot(p[3], p[4]) == pytest.approx(4.0, rel=0.01)
+    assert np.all(np.abs(offsets) < 0.01)

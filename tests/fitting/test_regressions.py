@@ -1,0 +1,162 @@
+"""Seed A's methods: each recovers the resonator within its errors and its known bias; the errata show as they should."""
+
+import numpy as np
+import pytest
+from synthetic_waves import GYRO, programme, run_down
+
+from hrg_cli.fitting import coordinates, envelope_runs, free_windows, propagator, regressions, rotation_integrals, two_modes, working_mode
+from hrg_cli.fitting.base_fit import Known, start
+from hrg_cli.physics import ellipse, resonator
+from hrg_cli.physics.resonator import Mechanics
+
+TRUE = coordinates.from_mechanics(GYRO)
+
+
+def thin(waves, blocks=300):
+    runs = [envelope_runs.from_wave(w) for w in waves]
+    p, offsets, _, space = start(runs, Known())
+    return [envelope_runs.retuned(r, o) for r, o in zip(propagator.thinned(runs, p, offsets, blocks), offsets)], space
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return thin(programme(std=1e-7, ratio=0.1))
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return thin(programme(std=1e-3, ratio=0.05, seed=3))
+
+
+@pytest.mark.parametrize("method", [m for m in regressions.METHODS if m != "moving-axes-small-quadrature"])
+def test_without_noise_only_the_differencing_is_left(method, clean):
+    answer = regressions.solve(*clean, method)
+    tolerance = 2e-6 if method in ("increments", "stokes") else 1e-4
+    assert np.allclose(answer.p[:6], TRUE[:6], atol=tolerance)
+
+
+@pytest.mark.parametrize("method", [m for m in regressions.METHODS if m != "moving-axes-small-quadrature"])
+def test_with_noise_within_its_own_errors(method, noisy):
+    answer = regressions.solve(*noisy, method)
+    std = np.sqrt(np.diag(answer.covariance))[:6]
+    assert np.all(np.abs(answer.p[:6] - TRUE[:6]) < 5 * std)
+
+
+def test_derivatives_cost_against_increments(noisy):
+    by_derivatives = regressions.solve(*noisy, "moving-axes")
+    by_increments = regressions.solve(*noisy, "increments")
+    assert np.median(np.sqrt(np.diag(by_derivatives.covariance)[:6] / np.diag(by_increments.covariance)[:6])) > 3
+
+
+def test_eliminating_the_rate_halves_the_damping_split():
+    """Without a frequency split, at rest: seed A (17) with KΩ := −mθ' gives δμ/2 with the right axis."""
+    gyro = Mechanics(5000.0, 0.3, 0.03, 0.35, 0.0, 0.0, 0.55)
+    runs, space = thin([run_down(a, mechanics=gyro, std=1e-7, ratio=0.0, seed=i) for i, a in enumerate(np.arange(4) * np.pi / 8)])
+    wrong = regressions.solve(runs, space, "fixed-axes", eliminate_rate=True)
+    right = regressions.solve(runs, space, "fixed-axes")
+    for answer, size in ((right, 0.03), (wrong, 0.015)):
+        assert np.hypot(*answer.p[1:3]) == pytest.approx(size, rel=1e-2)
+        assert np.arctan2(answer.p[2], answer.p[1]) / 4 == pytest.approx(0.35, abs=1e-3)
+    assert any("halved" in w for w in wrong.warnings)
+
+
+def test_small_quadrature_is_biased_and_says_so():
+    runs, space = thin(programme(std=1e-5, ratio=0.3))
+    answer = regressions.solve(runs, space, "moving-axes-small-quadrature")
+    assert np.abs(answer.p[0] - TRUE[0]) > 0.005 * TRUE[0]
+    assert any("biased" in w for w in answer.warnings)
+
+
+def test_circular_orbits_leave_only_the_methods_without_axes():
+    runs, space = thin(programme(std=1e-4, ratio=0.97))
+    assert "elongated" in regressions.solve(runs, space, "moving-axes").refused
+    answer = regressions.solve(runs, space, "stokes")
+    assert np.all(np.abs(answer.p[:6] - TRUE[:6]) < 5 * np.sqrt(np.diag(answer.covariance))[:6])
+
+
+def test_rotation_integrals_need_a_full_turn_and_then_recover():
+    gyro = Mechanics(5000.0, 0.3, 0.03, 0.35, 0.11, 0.9, 0.55)
+    refused = rotation_integrals.solve(thin([run_down(0.1, 0.2, mechanics=gyro, std=1e-4)])[0])
+    assert "full period" in refused.refused
+    runs, _ = thin([run_down(0.1, rate, mechanics=gyro, std=1e-4, seconds=8.0, seed=i) for i, rate in enumerate((3.0, -3.0))])
+    answer = rotation_integrals.solve(runs)
+    true = coordinates.from_mechanics(gyro)
+    assert np.all(np.abs(answer.p[:6] - true[:6]) < 5 * np.sqrt(np.diag(answer.covariance))[:6] + 5e-5)
+
+
+def forced(kind, rate=0.1, seconds=300.0, std=1e-5, seed=0):
+    """Envelopes of a slowly turning wave whose main amplitude is held by a force or by a ring electrode's pump (exact steps)."""
+    gyro = Mechanics(5000.0, 0.3, 0.02, 0.35, 0.06, 0.9, 0.55)
+    rng = np.random.default_rng(seed)
+    n, dt = 6000, seconds / 6000
+    step = resonator.exponential(resonator.generator(gyro, rate, second_order=0.0), dt / 2)
+    u, out = ellipse.envelopes(1.0, 0.0, 0.1, 0.0).astype(complex), np.empty((n, 2), complex)
+    for k in range(n):
+        u = step @ u
+        a, b, theta, phi = (float(x) for x in ellipse.wave(u))
+        target = 1.0
+        b = b * a / target if kind == "parametric" else b  # a pump damps B as it feeds A; a force leaves it
+        u = step @ ellipse.envelopes(target, b, theta, phi)
+        out[k] = u
+    times = (np.arange(n) + 1) * dt
+    noise = std * (rng.standard_normal((n, 2)) + 1j * rng.standard_normal((n, 2)))
+    turn = rate * times
+    return gyro, envelope_runs.EnvelopeRun("f", times, out + noise, np.full(n, std), turn, None, 5000.0, 2, dt)
+
+
+@pytest.mark.parametrize(("kind", "factor"), [("force", 1.0), ("parametric", 2.0)])
+def test_working_mode_finds_the_frequency_split_and_the_kind_of_drive(kind, factor):
+    gyro, run = forced(kind)
+    found = working_mode.monitor([run])
+    true = coordinates.from_mechanics(gyro)
+    assert found.value[0] == pytest.approx(factor * 0.3, rel=0.06)
+    assert np.allclose(found.value[1:3], true[3:5], atol=5 * np.sqrt(np.diag(found.covariance))[1:3].max() + 0.02 * 0.06)
+    assert found.trap_1_s_per_mhz == pytest.approx(2 * np.pi * 1e-3 / (2 * found.quadrature_rms))
+    axes = working_mode.stiffness_axes([run], 2, found.value[0])
+    assert len(axes) > 3 and all(min(abs(a - 0.9), abs(abs(a - 0.9) - np.pi / 2)) < 0.03 for a, _ in axes)
+
+
+def test_phase_equation_gives_the_damping_split_where_quadrature_is_large():
+    gyro, run = forced("force", std=1e-6)
+    found = working_mode.monitor([run])
+    error = found.value[3:] - coordinates.from_mechanics(gyro)[1:3]
+    assert np.all(np.abs(error) < 5 * np.sqrt(np.diag(found.covariance))[3:] + 0.1 * 0.02)
+
+
+def test_free_windows_from_the_drive_and_from_the_decay_itself():
+    wave = run_down(0.3, std=1e-4, seconds=20.0, window=5e-3, mechanics=Mechanics(5000.0, 0.31, 0.012, 0.35, 0.11, 0.9, 0.55))
+    n = len(wave)
+    drive = np.ones(n)
+    drive[1000:2000] = drive[2600:3400] = 0.0
+    windows = free_windows.cut(wave.replace(mode="forced", drive_main=drive))
+    assert [(w.time_s[0], w.time_s[-1]) for w in windows] == [
+        (wave.time_s[a], wave.time_s[b]) for a, b in ((1001, 1998), (2601, 3398))
+    ]
+    held = np.ones(n)
+    held[1000:2000] = np.exp(-0.31 * (wave.time_s[1000:2000] - wave.time_s[1000]))
+    held += 1e-4 * np.random.default_rng(0).standard_normal(n)
+    (window,) = free_windows.cut(wave.replace(mode="forced", main_amplitude=held))
+    assert 1000 <= np.searchsorted(wave.time_s, window.time_s[0]) < 1100
+    assert 1900 < np.searchsorted(wave.time_s, window.time_s[-1]) <= 2000
+    assert len(free_windows.cut(wave)) == 1
+
+
+def test_most_different_windows():
+    runs = [envelope_runs.from_wave(run_down(a, w, std=1e-4, seconds=1.0, seed=i)) for i, (a, w) in enumerate([(0.1, 0), (0.11, 0), (0.5, 0), (0.12, 0), (0.1, 2.0)])]
+    chosen = free_windows.most_different(runs, 3)
+    assert 2 in chosen and 4 in chosen and len(chosen) == 3
+
+
+def test_two_modes_in_one_channel():
+    rng = np.random.default_rng(4)
+    t = np.arange(1000) * 5e-3
+    signal = np.exp((-0.5 + 9j) * t) + 0.4 * np.exp((-0.8 - 8j) * t + 1j)
+    noise = 1e-3 * (rng.standard_normal((1000, 2)) + 1j * rng.standard_normal((1000, 2)))
+    run = envelope_runs.EnvelopeRun("one", t, signal[:, None] * np.array([1.0, -0.3]) + noise, np.full(1000, 1e-3), 0 * t, None, 1000.0, 2, 5e-3)
+    u, one = two_modes.channels(run)
+    assert one
+    modes, single = two_modes.identify(run, u, 2), two_modes.identify(run, u, 1)
+    assert two_modes.resolved(modes, single)
+    assert np.all(np.abs(modes.exponent - np.array([-0.5 + 9j, -0.8 - 8j])) < 5 * modes.std)
+    assert modes.chi2_per_dof == pytest.approx(1, abs=0.15)
+    assert not two_modes.channels(envelope_runs.from_wave(run_down(0.3, std=1e-4)))[1]
