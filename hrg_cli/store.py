@@ -32,6 +32,8 @@ from .units import canonical
 FORMAT, FORMAT_VERSION = "hrg", "1.0"
 LARGEST_COLUMN_BYTES = 8 << 30
 """No column read into memory at once may claim more."""
+LARGEST_GAP_BYTES = 64 << 20
+"""So much of a dataset may be left unwritten (it reads as zeros) before its size is not believed."""
 ROW_CHUNK = {"recording": 1 << 18}
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)
@@ -203,8 +205,7 @@ def _read_dataset(dataset: Any, path: Path, place: str, spec: Column, sizes: dic
         known, where = sizes.setdefault(dim, (size, place))
         if known != size:
             raise HrgError(f"{path}: {place} has {size} values where {where} has {known}; lengths must be equal")
-    if dataset.size and dataset.chunks is not None and dataset.id.get_storage_size() == 0:
-        raise HrgError(f"{path}: dataset {place} claims {dataset.size} values but stores none; copy or record it again")
+    _need_stored(dataset, path, place)
     if lazy:
         return dataset
     if dataset.size * max(dataset.dtype.itemsize, 1) > LARGEST_COLUMN_BYTES:
@@ -212,6 +213,21 @@ def _read_dataset(dataset: Any, path: Path, place: str, spec: Column, sizes: dic
     if is_text:
         return np.array([_text(v) for v in dataset[()].ravel()], dtype=object).reshape(dataset.shape)
     return dataset[()] if spec.dtype == "raw" else np.asarray(dataset[()], dtype=spec.dtype)
+
+
+def _need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
+    """Refuse a dataset whose values are not in this very file: a header may claim any size, and may point anywhere on the disk."""
+    layout = dataset.id.get_create_plist()
+    if dataset.is_virtual or layout.get_external_count() or Path(dataset.file.filename) != path:
+        raise HrgError(f"{path}: dataset {place} keeps its values in another file; copy them into this one")
+    claimed = dataset.size * dataset.dtype.itemsize
+    if dataset.chunks is not None:
+        stored = dataset.id.get_num_chunks() * int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
+    else:
+        stored = claimed if layout.get_layout() == h5py.h5d.COMPACT else dataset.id.get_storage_size()
+    if claimed and (stored == 0 or claimed - stored > LARGEST_GAP_BYTES):
+        has = "none" if stored == 0 else f"{stored // dataset.dtype.itemsize} at most"
+        raise HrgError(f"{path}: dataset {place} claims {dataset.size} values but stores {has}; copy or record it again")
 
 
 def _json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
