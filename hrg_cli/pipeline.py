@@ -96,6 +96,7 @@ def run_stage(
         if stage.many:
             records: list[Record] = [store.read(path, kind) for path in inputs]
             result = stage.function()(records, **arguments)
+            result = result.judged(_doubts(inputs, records))
             parents = [*records, *records_beside.values()]
         else:
             record = open_files.enter_context(store.open_record(inputs[0], kind))
@@ -137,6 +138,22 @@ def report(record: Record, output: Path | None, started: float, extra: Mapping[s
         "elapsed_s": round(time.monotonic() - started, 3),
         **extra,
     }
+
+
+DOUBTS_NAMED = 6
+"""Suspect inputs that are named one by one; the rest are counted."""
+
+
+def _doubts(inputs: Sequence[Path], records: Sequence[Record]) -> list[str]:
+    """What is suspect or refused among the inputs: a result is not surer than what it was made of."""
+    doubted = [(path, record) for path, record in zip(inputs, records, strict=True) if record.status != "valid"]
+    reasons = [
+        f"{path.name} is {record.status}: {record.status_reasons[-1] if record.status_reasons else 'no reason is given'}"
+        for path, record in doubted[:DOUBTS_NAMED]
+    ]
+    if len(doubted) > DOUBTS_NAMED:
+        reasons.append(f"{len(doubted) - DOUBTS_NAMED} more inputs are suspect or refused")
+    return reasons
 
 
 @contextmanager
@@ -199,6 +216,11 @@ class Sources:
         for path, before in zip(self._paths, self._before):
             if not path.exists() or self._stamp(path) != before:
                 raise HrgError(f"{path}: changed while it was read; run the command again when it is whole")
+        first: dict[str, Path] = {}
+        for path, digest in zip(self._paths, hashes):
+            if digest in first:
+                raise HrgError(f"{path}: is the same data as {first[digest]}; name each run once, or its errors come out too small")
+            first[digest] = path
         return tuple(Source(path.name, _kind_name(path), digest) for path, digest in zip(self._paths, hashes))
 
 
