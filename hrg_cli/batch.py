@@ -60,13 +60,12 @@ def run_lot(
     _claim(folder, force)
     with _only_writer(folder):
         open_executor = open_executor or executor_for()
-        epoch = _epoch(lot, [file for _, file in recordings])
-        first, failed = _recording_tasks(lot, recordings, folder, epoch)
+        first, failed = _recording_tasks(lot, recordings, folder)
         gyros = {task.folder for task in first}
         total = len(first) + len(gyros)
         waves = run_tasks(work_recording, first, open_executor, lambda count: progress(count / total))
         done = [result or _killed(task) for task, result in zip(first, waves)]
-        second = _gyro_tasks(lot, first, done, epoch)
+        second = _gyro_tasks(lot, first, done)
         results = run_tasks(work_gyro, second, open_executor, lambda count: progress((len(first) + count) / total))
         found = [
             result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED} for task, result in zip(second, results)
@@ -119,12 +118,12 @@ def _only_writer(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _epoch(lot: LotSettings, files: list[Path]) -> int:
-    """The time every file of the lot bears, seconds since 1970."""
+def _epoch(lot: LotSettings, file: Path) -> int:
+    """The time a recording's files bear, seconds since 1970: that of the lot, SOURCE_DATE_EPOCH, or the recording's own."""
     if lot.created:
         return int(datetime.fromisoformat(lot.created.replace("Z", "+00:00")).timestamp())
     fixed = os.environ.get("SOURCE_DATE_EPOCH")
-    return int(float(fixed)) if fixed else max(int(file.stat().st_mtime) for file in files)
+    return int(float(fixed)) if fixed else int(file.stat().st_mtime)
 
 
 def safe_name(text: str) -> str:
@@ -134,7 +133,7 @@ def safe_name(text: str) -> str:
 
 
 def _recording_tasks(
-    lot: LotSettings, recordings: list[tuple[str | None, Path]], folder: Path, epoch: int
+    lot: LotSettings, recordings: list[tuple[str | None, Path]], folder: Path
 ) -> tuple[list[RecordingTask], list[dict[str, Any]]]:
     """The tasks, and the results of recordings that cannot even be opened."""
     tasks: list[RecordingTask] = []
@@ -158,7 +157,7 @@ def _recording_tasks(
         stages = (*(["import"] if foreign else []), *PER_RECORDING)
         values = {stage: lot.values(stage, file.name) for stage in stages}
         target = folder.absolute() / safe_name(gyro)
-        tasks.append(RecordingTask(str(file), str(target), name, gyro, epoch, values, foreign, lot.lot_id))
+        tasks.append(RecordingTask(str(file), str(target), name, gyro, _epoch(lot, file), values, foreign, lot.lot_id))
     return tasks, failed
 
 
@@ -181,17 +180,19 @@ def _gyro_of(file: Path) -> str:
         return recording.gyro_id
 
 
-def _gyro_tasks(lot: LotSettings, tasks: list[RecordingTask], done: list[dict[str, Any]], epoch: int) -> list[GyroTask]:
+def _gyro_tasks(lot: LotSettings, tasks: list[RecordingTask], done: list[dict[str, Any]]) -> list[GyroTask]:
     """One task a gyro, in the order of the gyros' names."""
     waves: dict[tuple[str, str], dict[str, list[str]]] = {}
+    newest: dict[str, int] = {}
     for task, result in zip(tasks, done):
         by_mode = waves.setdefault((task.gyro_id, task.folder), {"free": [], "forced": []})
+        newest[task.folder] = max(task.epoch, newest.get(task.folder, 0))
         if result["status"] != "failed":
             by_mode[result["mode"]].append(result["wave"])
     stages: tuple[str, ...] = tuple(stage for stage in ("identify", "calibrate", "diagnose") if stage in lot.stages)
     values = {stage: lot.values(stage) for stage in stages}
     return [
-        GyroTask(gyro, folder, tuple(sorted(m["free"])), tuple(sorted(m["forced"])), epoch, stages, values, lot.limits)
+        GyroTask(gyro, folder, tuple(sorted(m["free"])), tuple(sorted(m["forced"])), newest[folder], stages, values, lot.limits)
         for (gyro, folder), m in sorted(waves.items())
     ]
 

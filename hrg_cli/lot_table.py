@@ -46,6 +46,8 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
     for name in ("drift_rms_rad_s", "scale_factor_rms_ppm"):
         for when, value in (calibrated.get(name) or {}).items():
             figures[f"{name}_{when}"] = (_number(value), math.nan)
+    if "scale_factor" in calibrated:
+        figures["calibrated_scale_factor"] = (_number(calibrated["scale_factor"]), math.nan)
     failed = [r for r in recordings if r["status"] == "failed"]
     broken = [c for c in gyro.get("checks", []) if not c["passed"]]
     why = [gyro.get("error") or ""]

@@ -11,7 +11,8 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from .errors import HrgError
 from .records import Record
 
 COMMAND = "hrg batch"
+_ONE_AT_A_TIME = threading.Lock()
+"""The time stands in the environment, which all threads of a Dask worker share."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
         recording = Path(task.source)
         if not recording.is_file():
             raise HrgError(f"{recording}: vanished; the lot's file names it")
-        key = _key({"settings": task.settings, "gyro": task.gyro_id, "lot": task.lot_id}, [recording])
+        key = _key([task.epoch, task.settings, task.gyro_id, task.lot_id], [recording])
         done = _remembered(folder / f"{task.name}.json", key, folder)
         if done is not None:
             return told | done
@@ -83,46 +86,46 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
 def work_gyro(task: GyroTask) -> dict[str, Any]:
     """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage: JSON}, checks, error}."""
     folder = Path(task.folder)
-    told: dict[str, Any] = {"gyro_id": task.gyro_id}
-    waves = [Path(p) for p in (*task.free, *task.forced)]
-    with _stamped(task.epoch), _reporting(told) as result:
-        content = {"settings": task.settings, "stages": task.stages, "limits": task.limits, "free": len(task.free)}
-        key = _key(content, waves)
-        done = _remembered(folder / "gyro.json", key, folder)
-        if done is not None:
-            return told | done
-        results: dict[str, Any] = {}
-        errors: list[str] = []
-        checks: list[dict[str, Any]] = []
-        outputs: list[Path] = []
+    results: dict[str, Any] = {}
+    errors: list[str] = []
+    checks: list[dict[str, Any]] = []
+    with _stamped(task.epoch):
         for stage in task.stages:
             inputs = {"identify": task.free, "calibrate": task.forced, "diagnose": (*task.free, *task.forced)}[stage]
             if not inputs:
                 continue
-            output = folder / f"{pipeline.STAGES[stage].gives}.h5"
-            beside = (
-                {} if stage == "identify" or (folder / "resonator.h5") not in outputs else {"resonator": folder / "resonator.h5"}
-            )
-            beside = {k: v for k, v in beside.items() if k in pipeline.STAGES[stage].beside}
-            try:
-                outcome = pipeline.run_stage(
-                    stage,
-                    [Path(p) for p in inputs],
-                    output,
-                    task.settings[stage],
-                    beside=beside,
-                    force=True,
-                    command_line=COMMAND,
-                )
-            except HrgError as error:
-                errors.append(f"{stage}: {error}")
+            takes = "identify" in results and "resonator" in pipeline.STAGES[stage].beside
+            beside = {"resonator": folder / "resonator.h5"} if takes else {}
+            done = _stage(task, stage, [Path(p) for p in inputs], beside)
+            if done.get("error"):
+                errors.append(f"{stage}: {done['error']}")
                 continue
-            outputs.append(output)
-            results[stage] = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
-            checks += _checked(outcome.record, task.limits)
-        result |= {"results": results, "checks": checks, "error": "; ".join(errors), "status": _worst(results, errors)}
-        if not errors:
-            _remember(folder / "gyro.json", key, {k: v for k, v in result.items() if k not in told}, outputs)
+            results[stage] = done["json"]
+            checks += done["checks"]
+    return {
+        "gyro_id": task.gyro_id,
+        "results": results,
+        "checks": checks,
+        "error": "; ".join(errors),
+        "status": _worst(results, errors),
+    }
+
+
+def _stage(task: GyroTask, stage: str, inputs: list[Path], beside: Mapping[str, Path]) -> dict[str, Any]:
+    """One stage of a gyro, unless it was done before: {json, checks} or {error}."""
+    folder = Path(task.folder)
+    output = folder / f"{pipeline.STAGES[stage].gives}.h5"
+    note = output.with_suffix(".json")
+    with _reporting({}) as result:
+        content = [task.epoch, stage, task.settings[stage], task.limits]
+        key = _key(content, [*inputs, *beside.values()])
+        done = _remembered(note, key, folder)
+        if done is not None:
+            return done
+        outcome = pipeline.run_stage(stage, inputs, output, task.settings[stage], beside=beside, force=True, command_line=COMMAND)
+        result["json"] = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
+        result["checks"] = _checked(outcome.record, task.limits)
+        _remember(note, key, result, [output])
     return result
 
 
@@ -152,16 +155,17 @@ def _worst(results: Mapping[str, Any], errors: list[str]) -> str:
 
 @contextlib.contextmanager
 def _stamped(epoch: int) -> Iterator[None]:
-    """Every file of a lot bears one time, so that its bytes do not depend on when and where it was made."""
-    before = os.environ.get("SOURCE_DATE_EPOCH")
-    os.environ["SOURCE_DATE_EPOCH"] = str(epoch)
-    try:
-        yield
-    finally:
-        if before is None:
-            os.environ.pop("SOURCE_DATE_EPOCH", None)
-        else:
-            os.environ["SOURCE_DATE_EPOCH"] = before
+    """A lot's files bear a time that does not depend on when and where they were made; one task at a time in a process."""
+    with _ONE_AT_A_TIME:
+        before = os.environ.get("SOURCE_DATE_EPOCH")
+        os.environ["SOURCE_DATE_EPOCH"] = str(epoch)
+        try:
+            yield
+        finally:
+            if before is None:
+                os.environ.pop("SOURCE_DATE_EPOCH", None)
+            else:
+                os.environ["SOURCE_DATE_EPOCH"] = before
 
 
 @contextlib.contextmanager
@@ -176,8 +180,8 @@ def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         result |= {"status": "failed", "error": f"internal error: {type(error).__name__}: {str(error)[:200]}"}
 
 
-def _key(content: Mapping[str, Any], inputs: list[Path]) -> str:
-    """SHA-256 over version, settings and the content of the inputs."""
+def _key(content: Sequence[Any], inputs: Sequence[Path]) -> str:
+    """SHA-256 over version, settings, the time the files bear and the content of the inputs."""
     text = json.dumps([__version__, content, [[p.name, store.sha256(p)] for p in inputs]], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
