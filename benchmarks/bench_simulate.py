@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from hrg_cli.physics import fast_engine
+from hrg_cli.physics.coefficients import Coefficients, state_of
 from hrg_cli.physics.ellipse import envelopes
 from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant
 from hrg_cli.physics.resonator import J, Mechanics
@@ -40,8 +41,8 @@ def against_general_integrator() -> None:
     count = round(COMPARED_S * SAMPLE_RATE_HZ)
     damping = 2 * (plant.damping[0] - MECHANICS.scale_factor * RATE_RAD_S * J)
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-plant.stiffness[0], -damping]])
-    table = fast_engine.Coefficients(environment, plant)
-    z0, w0 = fast_engine.state_of(table, np.zeros(1), u0[None], MECHANICS.omega_rad_s)
+    table = Coefficients(environment, plant)
+    z0, w0 = state_of(table, np.zeros(1), u0[None], MECHANICS.omega_rad_s)
     v0 = MECHANICS.omega_rad_s * w0[0] - plant.damping[0] @ z0[0] + MECHANICS.scale_factor * RATE_RAD_S * J @ z0[0]
     state = np.concatenate([z0[0], v0])
     t = np.arange(count) / SAMPLE_RATE_HZ

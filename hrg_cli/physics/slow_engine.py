@@ -13,8 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from .coefficients import Coefficients
 from .control import Drive, drive, is_on, principal
-from .fast_engine import CHUNK, Coefficients
+from .fast_engine import CHUNK
 from .plant import Block, Control, Environment, Plant, Samples, SlowState
 from .resonator import J, exponential, solvent
 
@@ -69,14 +70,21 @@ class _Clock:
 
 
 def run(
-    environment: Environment, plant_at: PlantAt, control: Control, terms: SlowTerms, start: Array, step_s: float, count: int
+    environment: Environment,
+    plant_at: PlantAt,
+    control: Control,
+    terms: SlowTerms,
+    start: Array,
+    step_s: float,
+    count: int,
+    start_angle_rad: float = 0.0,
 ) -> Iterator[Block]:
     """As `fast_engine.run`, from the envelopes. plant_at: the linear plant in any environment, as the effects may change it."""
     motion = _Motion(environment, plant_at, control, terms)
     omega_r = motion.plant.mechanics.omega_rad_s
     stride = _stride(environment, motion.plant, control, step_s)
     h = stride * step_s
-    u, memory = np.asarray(start, complex), _Memory(np.zeros(2), np.array([1.0, 0.0]))
+    u, memory = np.asarray(start, complex), _Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
     for first in range(0, count, CHUNK):
         n = min(CHUNK, count - first)
         steps = -(-n // stride)

@@ -86,7 +86,8 @@ def _fast(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         _call(effect, "control", p, control)
         _call(effect, "readout", p, pickoff)
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
-    return fast_engine.run(world, plant, control, _start(settings), step, _count(settings)), pickoff, world
+    start, angle = _start(settings)
+    return fast_engine.run(world, plant, control, start, step, _count(settings), angle), pickoff, world
 
 
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
@@ -106,7 +107,8 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
     )
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
     plant_at = partial(linear_plant, mechanics, courses)
-    return slow_engine.run(world, plant_at, _control(settings), terms, _start(settings), step, _count(settings)), pickoff, logged
+    start, angle = _start(settings)
+    return slow_engine.run(world, plant_at, _control(settings), terms, start, step, _count(settings), angle), pickoff, logged
 
 
 def _call(effect: Any, place: str, *arguments: Any) -> None:
@@ -199,10 +201,12 @@ def _count(settings: SimulationFile) -> int:
     return max(1, round(settings.recording.duration_s * settings.recording.sample_rate_hz))
 
 
-def _start(settings: SimulationFile) -> Array:
+def _start(settings: SimulationFile) -> tuple[Array, float]:
+    """Envelopes and electrical angle mθ at t = 0."""
     start = settings.start
     a_A, a_B, angle, phase = np.array([start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad])
-    return ellipse.envelopes(a_A, a_B, angle, phase, settings.device.mode_number)
+    mode_number = settings.device.mode_number
+    return ellipse.envelopes(a_A, a_B, angle, phase, mode_number), mode_number * start.wave_angle_rad
 
 
 def mechanics_of(settings: SimulationFile) -> Mechanics:

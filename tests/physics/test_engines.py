@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from hrg_cli.physics import ellipse, fast_engine, slow_engine
+from hrg_cli.physics import ellipse, fast_engine, fast_loop, slow_engine
+from hrg_cli.physics.coefficients import Coefficients, state_of
 from hrg_cli.physics.plant import Control, Environment, Plant, ThermalCourses, linear_plant
 from hrg_cli.physics.resonator import J, Mechanics, reflection
 
@@ -232,8 +233,8 @@ def test_fast_engine_against_a_general_integrator(seed):
 
     _, z, _ = fast(mechanics, environment, u0, 3500.0, 0.15, courses=courses)
     t, n0 = np.arange(z.shape[1]) / 3500.0, plant.damping[0]
-    table = fast_engine.Coefficients(environment, plant)
-    z0, w0 = fast_engine.state_of(table, np.zeros(1), u0[None], mechanics.omega_rad_s)
+    table = Coefficients(environment, plant)
+    z0, w0 = state_of(table, np.zeros(1), u0[None], mechanics.omega_rad_s)
     v0 = table.omega(np.zeros(1))[0] * w0[0] - n0 @ z0[0] + turn[0] * J @ z0[0]
     exact = solve_ivp(equation, (0, t[-1]), np.concatenate([z0[0], v0]), "DOP853", t, rtol=1e-10, atol=1e-10)
     assert np.abs(exact.y[:2] - z).max() < 1e-6
@@ -289,9 +290,9 @@ def test_plain_python_is_the_same_function(monkeypatch):
     mechanics, control = Mechanics(3000.0, 1.0, 0.1, 0.2, 0.3, 0.4), Control(forced=True, quadrature_loop="finite", quadrature_gain_1_s=5.0)
     compiled = fast(mechanics, world(1.0), start(quadrature=0.1), 13_000.0, 0.1, control)[1]
     monkeypatch.setitem(sys.modules, "numba", None)
-    fast_engine._compiled.cache_clear()
+    fast_loop.compiled.cache_clear()
     plain = fast(mechanics, world(1.0), start(quadrature=0.1), 13_000.0, 0.1, control)[1]
-    fast_engine._compiled.cache_clear()
+    fast_loop.compiled.cache_clear()
     np.testing.assert_allclose(plain, compiled, atol=1e-12)
 
 

@@ -247,6 +247,23 @@ def test_effects_act_alike_in_both_models(name, values, forced):
     np.testing.assert_allclose(fast.rate_rad_s, slow.rate_rad_s)
 
 
+@pytest.mark.parametrize("model", ["fast", "slow"])
+@pytest.mark.parametrize("angle", [0.1, 0.9, 1.6, 3.0])
+def test_a_parasitic_force_keeps_to_the_phase(angle, model):
+    """2θ̇ = Re(f·e_B)/a with e_B of the file's own wave angle (PHYSICS C11): θ and θ + π/2 are driven oppositely."""
+    still = {"damping_split_1_s": 0.0, "frequency_split_rad_s": 0.0}
+    c = config(
+        1.0,
+        device=still,
+        control={"mode": "forced"},
+        start={"wave_angle_rad": angle},
+        effects={"parasitic_force": {"in_phase_c_1_s": 1e-3}},
+    )
+    record = run(c, model=model)
+    slope = np.polyfit(record.truth_time_s, record.truth_wave_angle_rad, 1)[0]
+    assert 2 * slope == pytest.approx(-1e-3 * np.sin(2 * angle), abs=2e-5)
+
+
 def test_an_effect_of_the_users_own():
     class Bump:
         name = "bump"

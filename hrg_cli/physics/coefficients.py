@@ -1,0 +1,136 @@
+"""A plant in its environment as functions of time: coefficients, exact propagators of the linear motion, envelopes of a state.
+
+State of the fast engine: displacement z and momentum p = z' − KΩJz, for which the Euler term is gone (`fast_engine`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .plant import Environment, Plant
+from .resonator import IDENTITY, J, solvent
+
+Array = np.ndarray
+_CHORD_ERROR_1_S = 1e-9
+_LONGEST_STRIDE = 1024
+
+
+class Coefficients:
+    """N, W, K, Ω and temperature of a plant in its environment, at any times; linear between the grid's rows."""
+
+    def __init__(self, environment: Environment, plant: Plant) -> None:
+        self._t = np.asarray(environment.time_s, float)
+        k = len(self._t)
+        self._n = np.broadcast_to(plant.damping, (k, 2, 2)).reshape(k, 4)
+        self._w = np.broadcast_to(plant.stiffness, (k, 2, 2)).reshape(k, 4)
+        self._k = np.broadcast_to(plant.scale_factor, (k,))
+        self._rate = np.broadcast_to(environment.rate_rad_s, (k,))
+        self._temperature = np.broadcast_to(environment.temperature_degc, (k,))
+        mean_omega = np.sqrt((self._w[:, 0] + self._w[:, 3]) / 2)
+        rates = np.column_stack([self._n, self._w / (2 * mean_omega[:, None]), self._k * self._rate])
+        steps = np.diff(self._t)
+        slopes = np.diff(rates, axis=0) / np.where(steps > 0, steps, np.inf)[:, None]
+        self._slope = float(np.abs(slopes).max()) if slopes.size else 0.0
+        self.corner = float(np.abs(np.diff(slopes, axis=0)).max()) if len(slopes) > 1 else 0.0
+        """Largest bend of any coefficient between two rows of the grid, 1/s²."""
+        self.moving = bool(np.ptp(rates, axis=0).any()) if k else False
+
+    def damping(self, t: Array) -> Array:
+        """N (n, 2, 2)."""
+        return self._matrix(t, self._n)
+
+    def stiffness(self, t: Array) -> Array:
+        """W (n, 2, 2)."""
+        return self._matrix(t, self._w)
+
+    def turning(self, t: Array) -> Array:
+        """KΩ (n,)."""
+        return self._row(t, self._k) * self.rate(t)
+
+    def rate(self, t: Array) -> Array:
+        """Ω (n,)."""
+        return self._row(t, self._rate)
+
+    def temperature(self, t: Array) -> Array:
+        """True temperature (n,)."""
+        return self._row(t, self._temperature)
+
+    def omega(self, t: Array) -> Array:
+        """Mean frequency √(tr W/2) (n,)."""
+        w = self.stiffness(t)
+        return np.sqrt((w[:, 0, 0] + w[:, 1, 1]) / 2)
+
+    def _row(self, t: Array, values: Array) -> Array:
+        if len(values) == 0 or not np.any(values != values[0]):
+            return np.full(len(t), values[0])
+        return np.interp(t, self._t, values)
+
+    def _matrix(self, t: Array, values: Array) -> Array:
+        return np.stack([self._row(t, values[:, i]) for i in range(4)], -1).reshape(-1, 2, 2)
+
+    def knot_stride(self, h: float) -> int:
+        """Steps between knots, so that the chord of the exponential errs by less than `_CHORD_ERROR_1_S` a second."""
+        if not self.moving:
+            return _LONGEST_STRIDE
+        return int(np.clip(math.sqrt(8 * _CHORD_ERROR_1_S / h**3) / max(self._slope, 1e-300), 1, _LONGEST_STRIDE))
+
+    def knots(self, first: int, steps: int, h: float, stride: int) -> Array:
+        """Step numbers at which exponentials are made: multiples of `stride` and both sides of each corner of the environment."""
+        if not self.moving:
+            return np.array([first])
+        start, stop = first // stride, (first + steps) // stride + 1
+        regular = np.arange(start, stop + 1) * stride
+        inside = self._t[(self._t >= (regular[0] - 1) * h) & (self._t <= (regular[-1] + 1) * h)]
+        corner = np.floor(inside / h - 0.5).astype(int)
+        everything = np.unique(np.concatenate([regular, corner, corner + 1]))
+        return everything[(everything >= regular[0]) & (everything <= regular[-1])]
+
+    def propagators(self, knots: Array, h: float, scale: float) -> tuple[Array, Array]:
+        """exp(hA) (m, 4, 4) of the state (z, p/scale) at the middle of the step of each knot; ω, N and KΩ there (m, 6)."""
+        t = (knots + 0.5) * h
+        N, W, k = self.damping(t), self.stiffness(t), self.turning(t)[:, None, None]
+        A = np.empty((len(t), 4, 4))
+        A[:, :2, :2] = k * J
+        A[:, :2, 2:] = scale * IDENTITY
+        A[:, 2:, :2] = -(W + k**2 * IDENTITY + 2 * k * N @ J) / scale
+        A[:, 2:, 2:] = -2 * N + k * J
+        local = np.column_stack([np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2), N.reshape(-1, 4), k[:, 0, 0]])
+        return _exponential(A * h), local
+
+
+def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) -> Array:
+    """u e^{jω_r t} (n, 2) of displacement z (n, 2) and `v_over_omega` w (n, 2): exact for the linear resonator.
+
+    z = Re q, p = Re[(jω_r + L − kJ) q] with L the solvent; solved for q.
+    """
+    G = _momentum_matrix(table, t, omega_r)
+    p = table.omega(t)[:, None] * w - np.einsum("nij,nj->ni", table.damping(t), z)
+    imaginary = np.linalg.solve(G.imag, (p - np.einsum("nij,nj->ni", G.real, z))[..., None])[..., 0]
+    return z - 1j * imaginary
+
+
+def state_of(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[Array, Array]:
+    """Displacement and `v_over_omega` (n, 2) of the analytic signal q = u e^{jω_r t} (n, 2): the inverse of `analytic`."""
+    p = np.einsum("nij,nj->ni", _momentum_matrix(table, t, omega_r), q).real
+    return q.real, (p + np.einsum("nij,nj->ni", table.damping(t), q.real)) / table.omega(t)[:, None]
+
+
+def _momentum_matrix(table: Coefficients, t: Array, omega_r: float) -> Array:
+    turning = table.turning(t)[:, None, None] * J
+    return 1j * omega_r * IDENTITY + solvent(table.damping(t) - turning, table.stiffness(t), omega_r) - turning
+
+
+def _exponential(A: Array) -> Array:
+    """exp(A) (m, n, n) by a Taylor series of order 14 after halving; exact to rounding."""
+    norm = float(np.abs(A).sum(-1).max())
+    halvings = max(0, math.ceil(math.log2(norm / 0.5))) if norm > 0.5 else 0
+    A = A / 2**halvings
+    unit = np.eye(A.shape[-1])
+    P = unit + A / 14
+    for order in range(13, 0, -1):
+        P = unit + A @ P / order
+    for _ in range(halvings):
+        P = P @ P
+    return P
