@@ -21,16 +21,22 @@ from ..fitting.base_fit import nominal_scale_factor
 from ..fitting.extended import Point, Series
 from ..fitting.extended_fit import Fit, Freedom
 from ..records import Diagnosis, Resonator, Wave
-from . import diagnosis_gain, diagnosis_remainder, diagnosis_report, diagnosis_search
+from . import diagnosis_gain, diagnosis_remainder, diagnosis_report, diagnosis_search, diagnosis_tones, diagnosis_waveform
 from .diagnosis_data import prepare
 from .diagnosis_model import simulation_file
 from .diagnosis_remainder import Remainder
 from .diagnosis_search import Search
+from .diagnosis_tones import Tone
 
 Array = np.ndarray
 INADEQUATE = 1e-4
 """Chance at which a clean model would be called inadequate by the residual's smooth part."""
 OPEN_TERMS = 3
+MOST_TONES = 4
+IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
+"""Effects named by the waveform view alone."""
+CLEARLY = 16.0
+"""ΔBIC by which an open description must beat catalogued causes that leave nothing over."""
 
 
 def diagnose(
@@ -47,19 +53,33 @@ def diagnose(
     waves: runs of one gyro, free and forced together; resonator: the values the user believes. HrgError: no usable run.
     """
     waves = [_with_clipped(w) for w in waves]
-    series, point, _ = prepare(waves, scale_factor, blocks)
+    steps = diagnosis_waveform.phase_steps(waves)
+    pieces, origin = diagnosis_waveform.split_at(waves, steps)
+    series, point, _ = prepare(pieces, scale_factor, blocks)
     freedom = _freedom(series, point, scale_factor)
     base = extended_fit.fit(series, point, freedom)
-    candidates = diagnosis_search.variants([*EFFECTS, *extra_effects], base)
+    tones: list[Tone] = []
+    while len(tones) < MOST_TONES and (tone := diagnosis_tones.strongest(base, pieces)) is not None:
+        tones.append(tone)
+        pieces = diagnosis_tones.without(pieces, tone)
+        series, point, _ = prepare(pieces, scale_factor, blocks)
+        base = extended_fit.fit(series, point, freedom)
+    candidates = diagnosis_search.variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
     search, remainder, noise_factor = _explain(base, candidates, most_effects)
     level = _noise_level(search.final, remainder)
     if level is not None:
         base = extended_fit.fit(replace(series, weight=series.weight / level), base.point, freedom)
         search, remainder, noise_factor = _explain(base, candidates, most_effects)
     verdict, search, remainder = _verdict(search, remainder, noise_factor)
+    frequency = series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)
+    shown, lines = diagnosis_waveform.causes(waves, steps, tones, frequency, [f.variant.effect.name for f in search.found])
+    if shown and verdict in ("adequate", "unexplained"):
+        verdict = "explained" if verdict == "adequate" else "partly explained"
     kind, gain = diagnosis_gain.held_out(search.base, search.final)
     report = diagnosis_report.report(verdict, search, remainder, kind, gain, noise_factor, resonator, candidates)
-    return _record(search, waves, verdict, report)
+    report["effects"] = shown + report["effects"]
+    report["lines"] = lines
+    return _record(search, waves, pieces, origin, verdict, report)
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -126,30 +146,29 @@ def _rest(fit: Fit, noise_factor: float) -> Remainder | None:
 
 
 def _verdict(search: Search, remainder: Remainder | None, noise_factor: float) -> tuple[str, Search, Remainder | None]:
-    """The word for it; catalogued causes that an open term outdoes are dropped and not blamed."""
+    """The word for it; catalogued causes that open terms outdo are dropped and not blamed."""
     if not search.found:
         return ("unexplained" if remainder is not None else "adequate"), search, remainder
-    if remainder is not None or len(search.found) > 1:
-        spent = search.final.basis.shape[1] - search.base.basis.shape[1]
-        alone = diagnosis_remainder.describe(search.base, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
-        rows = np.log(len(search.base.residual))
-        catalogued = search.final.chi2 + (spent + (remainder.rank if remainder else 0)) * rows
-        if remainder is not None:
-            catalogued = min(catalogued, remainder.chi2 + (spent + remainder.rank) * rows)
-        described = alone.chi2 + alone.rank * rows
-        few = len(alone.terms) <= len(search.found) - (remainder is None)
-        if alone.terms and few and described < catalogued - diagnosis_search.WORTH * noise_factor and not _is_catalogued(alone, search):
+    alone = diagnosis_remainder.describe(search.base, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
+    if alone.terms and not _is_catalogued(alone, search):
+        price = float(np.log(len(search.base.residual)))
+        spent = (search.final.basis.shape[1] - search.base.basis.shape[1] + (remainder.rank if remainder else 0)) * price
+        catalogued = (search.final.chi2 if remainder is None else remainder.chi2) + spent
+        described = alone.chi2 + alone.rank * price
+        # what the catalogue explains in full is given up only for something clearly better; what it explains in part must earn its place
+        margin = CLEARLY if remainder is None else -0.5 * diagnosis_search.WORTH
+        if described < catalogued - margin * noise_factor:
             return "unexplained", replace(search, final=search.base, found=(), last=search.first), alone
     return ("explained" if remainder is None else "partly explained"), search, remainder
 
 
 def _is_catalogued(remainder: Remainder, search: Search) -> bool:
-    """Whether the open terms are only another spelling of catalogued effects."""
+    """Whether one of the open terms is only another spelling of a catalogued effect."""
     visible = [s for s in search.first if s.visible]
-    return all(any(evidence.alike(t.score, s) > 0.99 and s.rank <= t.score.rank for s in visible) for t in remainder.terms[:1])
+    return any(evidence.alike(t.score, s) > 0.995 and s.rank <= t.score.rank for t in remainder.terms for s in visible)
 
 
-def _record(search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any]) -> Diagnosis:
+def _record(search: Search, waves: Sequence[Wave], pieces: Sequence[Wave], origin: list[int], verdict: str, report: dict[str, Any]) -> Diagnosis:
     series = search.base.series
     good = series.weight > 0
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]
@@ -175,5 +194,5 @@ def _record(search: Search, waves: Sequence[Wave], verdict: str, report: dict[st
         gyro_id=waves[0].gyro_id,
         verdict=verdict,
         report=json.dumps(report, ensure_ascii=False),
-        extended_model=simulation_file(search.final, waves),
+        extended_model=simulation_file(search.final, waves, pieces, origin, report["effects"]),
     )

@@ -19,8 +19,11 @@ Array = np.ndarray
 SAMPLES_A_PERIOD = 8
 
 
-def simulation_file(fit: Fit, waves: Sequence[Wave]) -> str:
-    """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start, rate, temperature and length."""
+def simulation_file(fit: Fit, waves: Sequence[Wave], pieces: Sequence[Wave], origin: Sequence[int], effects_named: Sequence[dict[str, Any]]) -> str:
+    """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start, rate, temperature and length.
+
+    The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces become the run's own effect.
+    """
     values, _ = physical(fit.point.p, fit.series.mode_number)
     frequency = _frequencies(fit)
     device = {
@@ -38,11 +41,27 @@ def simulation_file(fit: Fit, waves: Sequence[Wave]) -> str:
     table: dict[str, Any] = {"device": device, "recording": {"sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())), "duration_s": 1.0}}
     if waves[0].gyro_id:
         table["recording"]["gyro_id"] = waves[0].gyro_id
+    lost = {str(e["run"]): {k: v["value"] for k, v in e["parameters"].items()} for e in reversed(effects_named) if e["name"] == "dropped_samples"}
+    tone = [{k: v["value"] for k, v in e["parameters"].items()} for e in effects_named if e["name"] == "mains_tone"][:1]
     effects = {effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active}
+    if tone:
+        effects["mains_tone"] = tone[0]
+    for e in effects_named:
+        if e.get("view") == "waveform" and e["name"] in ("pickoff_nonlinearity", "saturation"):
+            effects[e["name"]] = {k: v["value"] for k, v in e["parameters"].items()}
     if effects:
         table["effects"] = effects
     names: set[str] = set()
-    table["run"] = [_run(fit, waves[k], k, float(frequency[k]), table["recording"]["sample_rate_hz"], names) for k in range(len(waves))]
+    table["run"] = []
+    for number, wave in enumerate(waves):
+        own = [k for k, o in enumerate(origin) if o == number]
+        if not own:
+            continue
+        run = _run(fit, pieces[own[0]], own[0], float(frequency[own[0]]), table["recording"]["sample_rate_hz"], names)
+        run["recording"]["duration_s"] = float(wave.time_s[-1] + wave.window_s / 2)
+        if wave.run_id in lost:
+            run["effects"] = {"dropped_samples": lost[wave.run_id]}
+        table["run"].append(run)
     return to_toml(table)
 
 

@@ -6,7 +6,7 @@ a harmonic of the wave angle, a step in time or a tone in time. What is left ove
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,8 @@ Array = np.ndarray
 STEPS, TONES = 31, 48
 HARMONICS = (1, 2, 3, 4, 6, 8)
 SMOOTH = 6
+KEPT = 200
+"""Terms kept for the second and later steps."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,15 @@ class Covariate:
     formula: str
     values: Array
     harmonic: int = 0
-    everywhere: bool = True
-    """False: only at places a step or tone is looked for."""
+    instant: float | None = None
+    """Where a step is, as a share of the longest run."""
+    cycles: float | None = None
+    """Cycles of a tone in the longest run."""
+
+    @property
+    def everywhere(self) -> bool:
+        """Steps and tones are looked for at the simple places only."""
+        return self.instant is None and self.cycles is None
 
 
 @dataclass(frozen=True)
@@ -131,9 +140,23 @@ def covariates(series: Series, u: Array) -> Iterator[Covariate]:
         if n in (2, 4):
             yield Covariate("wave angle and amplitude", f"harmonic {n}mθ × (a/a₀)²", _pair(n * angle) * x**2, harmonic=n)
     for tau in np.linspace(0, 1, STEPS + 2)[1:-1]:
-        yield Covariate("time", f"step at t = {tau * span:.4g} s", (t > tau)[None].astype(float), everywhere=False)
-    for k in range(1, TONES + 1):
-        yield Covariate("time", f"tone of {k / 2 / span:.4g} Hz", _pair(np.pi * k * t), everywhere=False)
+        yield step_at(series, tau)
+    for k in range(2, TONES + 2):
+        yield tone_of(series, k / 2)
+
+
+def step_at(series: Series, share: float) -> Covariate:
+    """0 before and 1 after an instant, the same in every run; within a row its share of it."""
+    span = float(series.time_s[series.weight > 0].max())
+    width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
+    rise = np.clip((series.time_s - share * span) / width + 0.5, 0, 1)
+    return Covariate("time", f"step at t = {share * span:.5g} s", rise[None], instant=share)
+
+
+def tone_of(series: Series, cycles: float) -> Covariate:
+    """Cosine and sine of so many cycles over the longest run."""
+    span = float(series.time_s[series.weight > 0].max())
+    return Covariate("time", f"tone of {cycles / span:.5g} Hz", _pair(2 * np.pi * cycles * series.time_s / span), cycles=cycles)
 
 
 def _pair(phase: Array) -> Array:
@@ -143,37 +166,60 @@ def _pair(phase: Array) -> Array:
 def terms(fit: Fit) -> list[Term]:
     """Every term with its score beside the fit, best first; those that coincide with the base model are left out."""
     flow = fit.flow
-    series, u = fit.series, flow.prediction.motion
-    rows, out = len(fit.residual), []
-    centre = {(c.name, c.formula): c for c in covariates(flow.centre, flow.middle)}
-    span_given = {c.formula: c for c in covariates(series, u)}
-    for covariate in span_given.values():
+    pairs = []
+    for covariate, middle in zip(covariates(fit.series, flow.prediction.motion), covariates(flow.centre, flow.middle), strict=True):
         for place in PLACES:
-            if not covariate.everywhere and place.name not in ("damping", "frequency", "turning", "gain", "angle"):
-                continue
-            if covariate.formula == "1" and not place.readout:
-                continue
-            mid = centre.get((covariate.name, covariate.formula)) or _halfway(covariate)
-            columns = _columns(flow, place, covariate, mid)
-            score = evidence.score(f"{place.name} × {covariate.formula}", fit.residual, columns, fit.basis)
-            if score.visible:
-                out.append(Term(place, covariate, score, columns))
+            simple = place.name in ("damping", "frequency", "turning", "gain", "angle")
+            if (covariate.everywhere or simple) and (covariate.formula != "1" or place.readout):
+                pairs.append((place, covariate, middle))
+    rows = len(fit.residual)
+    out = [term for term in judged(fit, pairs, fit.residual, fit.basis) if term.score.visible]
     return sorted(out, key=lambda t: -evidence.criterion(t.score.gain, t.score.rank, rows))
 
 
-def _halfway(covariate: Covariate) -> Covariate:
-    v = covariate.values
-    return Covariate(covariate.name, covariate.formula, (v[..., 1:] + v[..., :-1]) / 2, covariate.harmonic, covariate.everywhere)
+def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate, Covariate]], residual: Array, Q: Array) -> list[Term]:
+    """Terms with their scores: (place, covariate at the rows, at the middles); the motion of all is carried in one sweep."""
+    flow = fit.flow
+    moving = [pair for pair in pairs if not pair[0].readout]
+    columns: dict[tuple[str, str], Array] = {}
+    if moving:
+        at_rows = [_at(place, covariate, flow.prediction.motion) for place, covariate, _ in moving]
+        at_middle = [_at(place, middle, flow.middle) for place, _, middle in moving]
+        seen = flat(fit.series, flow.seen(flow.carried(np.concatenate(at_rows, -1), np.concatenate(at_middle, -1))))
+        ends = np.cumsum([a.shape[-1] for a in at_rows])[:-1]
+        for (place, covariate, _), part in zip(moving, np.split(seen, ends, axis=1), strict=True):
+            columns[place.name, covariate.formula] = part
+    out = []
+    for place, covariate, _ in pairs:
+        if place.readout:
+            direct = _at(place, covariate, flow.prediction.seen) * fit.series.weight[..., None, None]
+            columns[place.name, covariate.formula] = flat(fit.series, direct)
+        part = columns[place.name, covariate.formula]
+        out.append(Term(place, covariate, evidence.score(f"{place.name} × {covariate.formula}", residual, part, Q), part))
+    return out
 
 
-def _columns(flow: Propagation, place: Place, covariate: Covariate, middle: Covariate) -> Array:
-    series = flow.prediction.series
-    u = flow.prediction.seen if place.readout else flow.prediction.motion
-    at_rows = np.stack([real(g[..., None] * m) for g in covariate.values for m in matrices(place, u)], -1)
-    if place.readout:
-        return flat(series, at_rows * series.weight[..., None, None])
-    at_middle = np.stack([real(g[..., None] * m) for g in middle.values for m in matrices(place, flow.middle)], -1)
-    return flat(series, flow.seen(flow.carried(at_rows, at_middle)))
+def _at(place: Place, covariate: Covariate, u: Array) -> Array:
+    return np.stack([real(g[..., None] * m) for g in covariate.values for m in matrices(place, u)], -1)
+
+
+def refined(fit: Fit, term: Term, residual: Array, Q: Array) -> Term:
+    """A step's instant or a tone's frequency to a fiftieth of the first grid."""
+    make, value = (step_at, term.covariate.instant) if term.covariate.instant is not None else (tone_of, term.covariate.cycles)
+    if value is None:
+        return term
+    width = 1 / (STEPS + 1) if make is step_at else 0.5
+    for _ in range(2):
+        trials = [make(fit.series, v) for v in value + width * np.linspace(-1, 1, 11)]
+        middles = [make(fit.flow.centre, v) for v in value + width * np.linspace(-1, 1, 11)]
+        found = judged(fit, [(term.place, c, m) for c, m in zip(trials, middles, strict=True)], residual, Q)
+        best = max(found, key=lambda t: t.score.gain)
+        if best.score.gain > term.score.gain:
+            term = best
+            value = best.covariate.instant if make is step_at else best.covariate.cycles
+            assert value is not None
+        width /= 5
+    return term
 
 
 @dataclass(frozen=True)
@@ -198,12 +244,21 @@ def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Re
     chosen: list[Term] = []
     for _ in range(most):
         best: Term | None = None
-        for term in all_terms:
+        for term in all_terms[: KEPT if chosen else 1]:
             s = evidence.score(term.score.name, residual, term.columns, Q) if chosen else term.score
             if s.visible and (best is None or evidence.criterion(s.gain, s.rank, rows) > evidence.criterion(best.score.gain, best.score.rank, rows)):
                 best = Term(term.place, term.covariate, s, term.columns)
         if best is None:
             break
+        level = evidence.criterion(best.score.gain, best.score.rank, rows)
+        if best.place.readout:
+            # an error of the motion that is fast looks like one of the read-out; the motion comes first where both serve
+            for term in all_terms[:KEPT]:
+                s = evidence.score(term.score.name, residual, term.columns, Q) if chosen else term.score
+                if not term.place.readout and s.visible and evidence.criterion(s.gain, s.rank, rows) > level - max(10.0, 0.03 * best.score.gain):
+                    best = Term(term.place, term.covariate, s, term.columns)
+                    break
+        best = refined(fit, best, residual, Q)
         _, p = evidence.significance(best.score.gain / noise_factor, best.score.rank)
         if evidence.corrected(p, len(all_terms)) > significant or evidence.criterion(best.score.gain / noise_factor, best.score.rank, rows) < 10:
             break

@@ -1,0 +1,221 @@
+"""Diagnosis, the waveform: what the samples show before any dynamics: lines of the residual, clipped windows, samples lost.
+
+A tone stands still in frequency; an odd multiple of the oscillation, folded at half the sampling rate, is the pick-off's own nonlinearity.
+Lost samples are a step of the phase between two windows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects import find
+from ..records import Wave
+from .diagnosis_tones import Tone
+
+Array = np.ndarray
+STEP_SIGMA = 8.0
+NEIGHBOURS = 12
+FEWEST_ROWS = 40
+LINE_RATIO = 8.0
+"""Power of a line over the floor from which it counts, in a good part of the runs."""
+
+
+@dataclass(frozen=True)
+class PhaseStep:
+    """A step of the phase of one run: last row before and first row after it, instant, size in (−π, π], its σ."""
+
+    run: int
+    before: int
+    after: int
+    time_s: float
+    step_rad: float
+    std_rad: float
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the residual spectrum: frequency, amplitudes of C and S, power over the floor, runs that show it."""
+
+    frequency_hz: float
+    amplitude: Array
+    ratio: float
+    runs: int
+
+
+def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
+    """Steps of the phase that stand out of the neighbouring increments, at most a few a run."""
+    out = []
+    for number, wave in enumerate(waves):
+        rows = np.flatnonzero(wave.good() & np.isfinite(wave.phase_rad))
+        if len(rows) < 4 * NEIGHBOURS:
+            continue
+        t, phase = wave.time_s[rows], wave.phase_rad[rows]
+        rate = np.diff(phase) / np.diff(t)
+        off = (rate - _running_median(rate)) * np.diff(t)
+        noise = np.median(wave.signal_std[rows] / wave.main_amplitude[rows])
+        scale = max(1.4826 * float(np.median(np.abs(off))), 1.2 * float(noise))
+        big = np.flatnonzero(np.abs(off) > max(STEP_SIGMA, 0.02 / scale) * scale)
+        groups = np.split(big, np.flatnonzero(np.diff(big) > 2) + 1) if len(big) else []
+        if len(groups) > 5:
+            continue
+        for group in groups:
+            first, last = group[0], group[-1] + 1
+            left, right = rows[max(0, first - NEIGHBOURS) : first + 1], rows[last : last + NEIGHBOURS + 1]
+            if len(left) < 4 or len(right) < 4 or len(group) > 3:
+                continue
+            middle = (wave.time_s[left[-1]] + wave.time_s[right[0]]) / 2
+            jump, std = _jump(wave, left, right, middle)
+            if abs(jump) > STEP_SIGMA * std:
+                out.append(PhaseStep(number, int(left[-1]), int(right[0]), float(middle), jump, std))
+    return out
+
+
+def _running_median(values: Array) -> Array:
+    width = 2 * NEIGHBOURS + 1
+    padded = np.pad(values, NEIGHBOURS, mode="reflect")
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+
+
+def _jump(wave: Wave, left: Array, right: Array, middle: float) -> tuple[float, float]:
+    """Phase on the right less on the left at the middle, from straight lines of one slope, wrapped; and its σ."""
+    rows = np.concatenate([left, right])
+    x = wave.time_s[rows] - middle
+    y = np.unwrap(wave.phase_rad[left]).tolist() + np.unwrap(wave.phase_rad[right]).tolist()
+    design = np.column_stack([x, np.ones(len(x)), x > 0])
+    solution, residual, *_ = np.linalg.lstsq(design, np.array(y), rcond=None)
+    spread = float(np.sqrt(residual[0] / max(1, len(x) - 3))) if len(residual) else 0.0
+    sigma = max(spread, float(np.median(wave.signal_std[rows] / wave.main_amplitude[rows])))
+    covariance = np.linalg.pinv(design.T @ design)
+    return float(np.angle(np.exp(1j * solution[2]))), sigma * float(np.sqrt(covariance[2, 2]))
+
+
+def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wave], list[int]]:
+    """The waves cut at every step, each piece a run of its own, and the wave each piece comes from; pieces too short to use are left out."""
+    pieces, origin = [], []
+    for number, wave in enumerate(waves):
+        cuts = sorted((s.before + 1, s.after) for s in steps if s.run == number)
+        begin = 0
+        for stop, start in [*cuts, (len(wave), len(wave))]:
+            piece = wave.rows(begin, stop)
+            if not cuts or int(np.count_nonzero(piece.good())) >= FEWEST_ROWS:
+                pieces.append(piece)
+                origin.append(number)
+            begin = start
+    return pieces, origin
+
+
+def lines(waves: Sequence[Wave]) -> list[Line]:
+    """Lines that a third of the runs at least show, strongest first."""
+    pool = []
+    for number, wave in enumerate(waves):
+        if wave.spectrum_line_frequency_hz is None or wave.spectrum_line_ratio is None or wave.spectrum_line_amplitude is None:
+            continue
+        for f, a, ratio in zip(wave.spectrum_line_frequency_hz, wave.spectrum_line_amplitude, wave.spectrum_line_ratio, strict=True):
+            if ratio > LINE_RATIO:
+                pool.append((float(f), np.asarray(a, float), float(ratio), number))
+    out = []
+    while pool:
+        f, _, _, _ = max(pool, key=lambda p: p[2])
+        near = [p for p in pool if abs(p[0] - f) < 2.0 + 1e-4 * f]
+        pool = [p for p in pool if abs(p[0] - f) >= 2.0 + 1e-4 * f]
+        runs = len({p[3] for p in near})
+        if 3 * runs >= len(waves):
+            weight = np.array([p[2] for p in near])
+            frequency = float(np.average([p[0] for p in near], weights=weight))
+            out.append(Line(frequency, np.sqrt(np.mean([p[1] ** 2 for p in near], axis=0)), float(weight.max()), runs))
+    return out
+
+
+def harmonic_of(line: Line, frequency_hz: float, sampling_hz: float | None, tolerance: float = 2e-4) -> int:
+    """Which multiple of the oscillation (2 … 25) a line is, folded at half the sampling rate where that is known; 0: none."""
+    for n in range(2, 26):
+        f = n * frequency_hz
+        if sampling_hz:
+            f = abs((f + sampling_hz / 2) % sampling_hz - sampling_hz / 2)
+        if abs(line.frequency_hz - f) < 2.0 + tolerance * n * frequency_hz:
+            return n
+    return 0
+
+
+def causes(
+    waves: Sequence[Wave], steps: Sequence[PhaseStep], tones: Sequence[Tone], frequency_hz: float, found: Sequence[str]
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """(effects the waveform shows, as the report's entries; every line with its meaning). `found`: effects named by the dynamics."""
+    out = [_lost(step, waves, frequency_hz) for step in steps] + [_beating(tone) for tone in tones]
+    listed = []
+    harmonics: dict[int, Line] = {}
+    density = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)]
+    sampling = 2 * float(density[0][-1]) if density else None
+    direct = all(w.readout == "direct" for w in waves)
+    for line in lines(waves):
+        multiple = harmonic_of(line, frequency_hz, sampling)
+        listed.append(
+            {"frequency_hz": line.frequency_hz, "amplitude": [float(a) for a in line.amplitude], "power_over_floor": line.ratio, "multiple": multiple or None}
+        )
+        if multiple:
+            harmonics.setdefault(multiple, line)
+        elif direct and not any(abs(line.frequency_hz - t.frequency_hz) < 2 for t in tones):
+            out.append(_tone(line))
+    odd = [n for n in harmonics if n % 2]
+    if odd and direct and not {"pickoff_nonlinearity", "saturation"} & set(found):
+        out.append(_nonlinear(waves, harmonics[min(odd)], min(odd), len(odd)))
+    return out, listed
+
+
+def _entry(name: str, z: float, parameters: dict[str, tuple[float, float, str]], gain: float) -> dict[str, Any]:
+    return {
+        "name": name,
+        "z": z,
+        "p_value": float(np.exp(-0.5 * min(z**2, 1400))),
+        "delta_bic": gain,
+        "parameters": {k: {"value": v, "std": s, "units": u} for k, (v, s, u) in parameters.items()},
+        "indistinguishable_from": [],
+        "next_experiment": find(name).next_experiment,
+        "view": "waveform",
+    }
+
+
+def _lost(step: PhaseStep, waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
+    omega = 2 * np.pi * frequency_hz
+    lost, std = float(np.mod(step.step_rad, 2 * np.pi)) / omega, step.std_rad / omega
+    z = abs(step.step_rad) / step.std_rad
+    parameters = {"lost_s": (lost, std, "s"), "time_s": (step.time_s, float(waves[step.run].window_s) / 2, "s")}
+    return _entry("dropped_samples", z, parameters, z**2) | {"run": waves[step.run].run_id, "ambiguity_s": 1 / frequency_hz}
+
+
+def _beating(tone: Tone) -> dict[str, Any]:
+    weight = 1 / tone.std**2
+    mean = np.sum(tone.vector * weight[:, None], axis=0) / weight.sum()
+    scatter = np.sum(np.abs(tone.vector - mean) ** 2 * weight[:, None])
+    common = scatter < 0.2 * tone.gain
+    vector, std = (mean, weight.sum() ** -0.5) if common else (tone.vector[0], tone.std[0])
+    parameters = {
+        "c_cos": (float(vector[0].real), float(std), "amplitude"),
+        "c_sin": (float(-vector[0].imag), float(std), "amplitude"),
+        "s_cos": (float(vector[1].real), float(std), "amplitude"),
+        "s_sin": (float(-vector[1].imag), float(std), "amplitude"),
+        "frequency_hz": (tone.frequency_hz, 0.0, "Hz"),
+    }
+    return _entry("mains_tone", float(np.sqrt(tone.gain)), parameters, tone.gain) | {"same_phase_in_all_runs": bool(common)}
+
+
+def _tone(line: Line) -> dict[str, Any]:
+    spread = 1 / np.sqrt(2 * line.ratio)
+    parameters = {f"{channel}_cos": (float(a), float(a * spread), "amplitude") for channel, a in zip("cs", line.amplitude, strict=True)}
+    parameters |= {"c_sin": (0.0, 0.0, "amplitude"), "s_sin": (0.0, 0.0, "amplitude"), "frequency_hz": (line.frequency_hz, 0.0, "Hz")}
+    return _entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio) | {"phase": "not measured: a line of the averaged spectrum"}
+
+
+def _nonlinear(waves: Sequence[Wave], line: Line, multiple: int, count: int) -> dict[str, Any]:
+    """The cubic from the third harmonic γ|C|³/4 of the larger channel, or clipping where more odd harmonics or clipped windows are seen."""
+    size = float(np.median([np.median(w.main_amplitude[w.good()]) for w in waves]))
+    if count > 2 or any(np.any(w.flags & 1) for w in waves):
+        largest = float(max(np.max(w.main_amplitude[w.good()]) for w in waves))
+        return _entry("saturation", float(np.sqrt(2 * line.ratio)), {"inverse_level": (1 / largest, 0.1 / largest, "amplitude-1")}, 2 * line.ratio)
+    cubic = 4 * float(np.max(line.amplitude)) / size**3 if multiple == 3 else float("nan")
+    value = cubic if np.isfinite(cubic) else 0.0
+    return _entry("pickoff_nonlinearity", float(np.sqrt(2 * line.ratio)), {"cubic": (value, 0.5 * abs(value), "amplitude-2")}, 2 * line.ratio)
