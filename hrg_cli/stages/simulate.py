@@ -76,8 +76,8 @@ def _active(settings: SimulationFile, extra_effects: Sequence[Any]) -> Active:
 
 
 def _fast(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
-    mechanics, courses, control, pickoff = mechanics_of(settings), _courses(settings), _control(settings), _readout(settings)
-    world = _environment(settings, bool(active))
+    mechanics, courses, control, pickoff = mechanics_of(settings), courses_of(settings), control_of(settings), _readout(settings)
+    world = environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, world)
     plant = linear_plant(mechanics, courses, world)
@@ -86,13 +86,13 @@ def _fast(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         _call(effect, "control", p, control)
         _call(effect, "readout", p, pickoff)
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
-    start, angle = _start(settings)
+    start, angle = start_of(settings)
     return fast_engine.run(world, plant, control, start, step, _count(settings), angle), pickoff, world
 
 
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
-    mechanics, courses, pickoff = mechanics_of(settings), _courses(settings), _readout(settings)
-    world, logged = _environment(settings, bool(active)), _environment(settings, bool(active))
+    mechanics, courses, pickoff = mechanics_of(settings), courses_of(settings), _readout(settings)
+    world, logged = environment_of(settings, bool(active)), environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, logged)
         if getattr(effect, "slow_environment", same_state) is same_state and getattr(effect, "slow", no_term) is no_term:
@@ -107,8 +107,8 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
     )
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
     plant_at = partial(linear_plant, mechanics, courses)
-    start, angle = _start(settings)
-    return slow_engine.run(world, plant_at, _control(settings), terms, start, step, _count(settings), angle), pickoff, logged
+    start, angle = start_of(settings)
+    return slow_engine.run(world, plant_at, control_of(settings), terms, start, step, _count(settings), angle), pickoff, logged
 
 
 def _call(effect: Any, place: str, *arguments: Any) -> None:
@@ -201,7 +201,7 @@ def _count(settings: SimulationFile) -> int:
     return max(1, round(settings.recording.duration_s * settings.recording.sample_rate_hz))
 
 
-def _start(settings: SimulationFile) -> tuple[Array, float]:
+def start_of(settings: SimulationFile) -> tuple[Array, float]:
     """Envelopes and electrical angle mθ at t = 0."""
     start = settings.start
     a_A, a_B, angle, phase = np.array([start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad])
@@ -216,7 +216,7 @@ def mechanics_of(settings: SimulationFile) -> Mechanics:
     )  # fmt: skip
 
 
-def _courses(settings: SimulationFile) -> ThermalCourses:
+def courses_of(settings: SimulationFile) -> ThermalCourses:
     t = settings.device.temperature
 
     def course(given: Course) -> tuple[float, ...]:
@@ -232,7 +232,7 @@ def _courses(settings: SimulationFile) -> ThermalCourses:
     )
 
 
-def _control(settings: SimulationFile) -> Control:
+def control_of(settings: SimulationFile) -> Control:
     c = settings.control
     if c.mode == "free":
         return Control()
@@ -269,7 +269,7 @@ def _readout(settings: SimulationFile) -> Readout:
     )
 
 
-def _environment(settings: SimulationFile, fine: bool) -> Environment:
+def environment_of(settings: SimulationFile, fine: bool = False) -> Environment:
     """The run's world; `fine`: on a grid that effects may bend."""
     e, duration = settings.environment, settings.recording.duration_s
     rates = [_rate_programme(e.rate, duration)] if e.rate else []
