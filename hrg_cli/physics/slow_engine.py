@@ -26,6 +26,7 @@ PlantAt = Callable[[Environment], Plant]
 _STEP_ANGLE = 0.05
 """|largest rate| × step."""
 _LONGEST_STEP_S = 0.02
+_LONGEST_STEP_PERIODS = 10.0
 _SWITCHED_STEP_S = 0.001
 _CORNER_ERROR = 1e-6
 """Angle by which a step may miss a corner of the environment."""
@@ -261,7 +262,8 @@ def _stride(environment: Environment, plant: Plant, control: Control, step_s: fl
     fastest = float(np.abs(L).sum(-1).max())
     if control.forced:
         fastest = max(fastest, control.amplitude_gain_1_s, control.quadrature_gain_1_s)
-    longest = min(_LONGEST_STEP_S, _STEP_ANGLE / max(fastest, 1e-9), np.sqrt(8 * _CORNER_ERROR / max(table.corner, 1e-9)))
+    longest = max(_LONGEST_STEP_S, _LONGEST_STEP_PERIODS / plant.mechanics.frequency_hz)
+    longest = min(longest, _STEP_ANGLE / max(fastest, 1e-9), np.sqrt(8 * _CORNER_ERROR / max(table.corner, 1e-9)))
     if len(control.on_off):
         longest = min(longest, _SWITCHED_STEP_S)
     return int(2 ** np.clip(np.floor(np.log2(max(longest / step_s, 1.0))), 0, np.log2(CHUNK)))
