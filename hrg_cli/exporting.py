@@ -320,7 +320,8 @@ def _c_text(
     return _C.format(
         gyro=calibration.gyro_id.replace("*/", ""), model=calibration.model, status=calibration.status, mode=int(calibration.mode_number),
         correction=calibration.correction, axis_words="temperature, degC" if calibration.axis == "temperature" else "frequency, Hz",
-        low=low, high=high, rate_low=calibration.rate_min_rad_s, rate_high=calibration.rate_max_rad_s, e=errors, nodes=len(nodes), angles=angles,
+        low=low, high=high, rate_low=calibration.rate_min_rad_s, rate_high=calibration.rate_max_rad_s, e=errors,
+        nodes=len(nodes), angles=angles,
         first=float(nodes[0]), step=float(nodes[1] - nodes[0]) if len(nodes) > 1 else 1.0, period=np.pi / calibration.mode_number,
         drift_worst=errors["drift_rad_s_interpolation"] + errors["drift_rad_s_rounding"],
         scale_worst=errors["scale_factor_interpolation"] + errors["scale_factor_rounding"],

@@ -33,7 +33,9 @@ def test_csv_holds_the_tables(tables):
 def test_json_is_enough_to_apply_the_tables(tables):
     tree = json.loads(export(tables, ".json").text)
     x, theta = np.linspace(-10, 40, 11), np.linspace(0, 3, 11)
-    found = evaluate(x, theta, np.array(tree["temperature_degc"]), np.array(tree["drift_harmonics"]), tree["mode_number"], tree["interpolation"])
+    found = evaluate(
+        x, theta, np.array(tree["temperature_degc"]), np.array(tree["drift_harmonics"]), tree["mode_number"], tree["interpolation"]
+    )
     assert found == pytest.approx(values(tables, x, theta)[0])
     assert tree["correction"] == tables.correction and tree["node_range"] == [-10.0, 40.0]
 
@@ -71,7 +73,7 @@ def test_one_node_and_refusals(tables):
     assert "#define HRG_NODES 1" in export(single, ".h", fixed_point_bits=16).text
     with pytest.raises(HrgError, match=r"\.xml"):
         export(tables, ".xml")
-    with pytest.raises(HrgError, match="0 .float., 16 or 32"):
+    with pytest.raises(HrgError, match=r"0 .float., 16 or 32"):
         export(tables, ".h", fixed_point_bits=8)
     with pytest.raises(HrgError, match="refused"):
         export(tables.replace(status="refused"), ".csv")

@@ -23,7 +23,13 @@ Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6
 """Phase of the highest harmonic that may pass within a block; the loss by averaging is corrected by sinc² (exact at even speed)."""
 FEWEST_BLOCKS, MOST_BLOCKS = 600, 40_000
-ROWS_AT_ONCE = 1 << 17
+ROWS_AT_ONCE = 1 << 16
+SPEED_COLUMNS = ("time_s", "wave_angle_rad", "rate_rad_s")
+BLOCK_COLUMNS = (
+    *SPEED_COLUMNS, "wave_angle_rad_std", "main_amplitude", "quadrature_amplitude", "frequency_hz", "temperature_degc", "drive_main",
+    "drive_quadrature", "flags", "iterations",
+)  # fmt: skip
+"""The columns of a wave that are read, so that nothing else of a long file is."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ def path_of(
     last: tuple[float, float] | None = None
     turned = 0.0
     step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
-    for block in wave.blocks(step):
+    for block in _only(wave, BLOCK_COLUMNS).blocks(step):
         time = np.asarray(block.time_s, float)
         if len(time) == 0:
             continue
@@ -131,7 +137,7 @@ def path_of(
     if not joined or len(joined["time_s"]) < 2:
         raise HrgError(f"run {wave.run_id or '?'}: fewer than two good blocks of its {rows} windows; a longer or a cleaner run is needed")
     shortest = np.median(np.diff(joined["time_s"])) / per_block
-    drives = {key: joined.pop(key) if key in joined else None for key in ("drive_main", "drive_quadrature")}
+    drive_main, drive_quadrature = joined.pop("drive_main", None), joined.pop("drive_quadrature", None)
     return Path(
         run_id=wave.run_id,
         forced=wave.mode == "forced",
@@ -140,9 +146,16 @@ def path_of(
         width_s=joined.pop("count") * shortest,
         phase_rate_rad_s=2 * np.pi * (joined["frequency_hz"] - wave.reference_frequency_hz),
         rows=rows,
+        drive_main=drive_main,
+        drive_quadrature=drive_quadrature,
         **joined,
-        **drives,
     )
+
+
+def _only(wave: Wave, columns: tuple[str, ...]) -> Wave:
+    """The wave without its other rows."""
+    others = [name for name, spec in wave.columns().items() if spec.dims and spec.dims[0] == "row" and name not in columns]
+    return wave.replace(**dict.fromkeys(others))
 
 
 def _rate(block: Wave, constant: float | None) -> Array:
@@ -161,7 +174,7 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
     """As many windows a block as the highest harmonic allows, from a coarse look at the run's speed."""
     coarse, largest_rate = max(1, rows // 400), 0.0
     angles, times, turns = [], [], []
-    for block in wave.blocks(max(coarse, ROWS_AT_ONCE // coarse * coarse)):
+    for block in _only(wave, SPEED_COLUMNS).blocks(max(coarse, ROWS_AT_ONCE // coarse * coarse)):
         angle, time = np.asarray(block.wave_angle_rad, float), np.asarray(block.time_s, float)
         rate = _rate(block, constant_rate)
         largest_rate = max(largest_rate, float(np.abs(rate).max(initial=0.0)))

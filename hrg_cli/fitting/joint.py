@@ -243,7 +243,32 @@ def held_out_chi_square(pieces: Pieces, folds: Array, model: Model, penalty: Arr
 COARSE_BLOCKS = 64
 
 
-def common_walk(paths: Sequence[Path], noises: Sequence[Noise], designs: Sequence[Array], turns: Sequence[Array]) -> float:
+@dataclass(frozen=True)
+class Coarse:
+    """A run's columns (design, turn) between averages of many blocks."""
+
+    columns: Array
+    white: float
+    interval_s: Array
+    width_s: float
+
+    def bands(self, q: float) -> Array:
+        bands = np.zeros((2, len(self.interval_s)))
+        bands[0] = 2 * self.white + q * (self.interval_s - self.width_s / 3)
+        bands[1, :-1] = -self.white + q * self.width_s / 6
+        return bands
+
+
+def coarsened(path: Path, noise: Noise, columns: Array, turn: Array) -> Coarse:
+    many = max(1, (len(path) + 1) // COARSE_BLOCKS)
+    count = (len(path) + 1) // many
+    summed = np.concatenate([np.zeros((1, columns.shape[1] + 1)), np.cumsum(np.column_stack([columns, turn]), axis=0)])
+    means = summed[: count * many].reshape(count, many, -1).mean(axis=1)
+    time = path.time_s[: count * many].reshape(count, many).mean(axis=1)
+    return Coarse(np.diff(means, axis=0), noise.white / many, np.diff(time), many * float(np.median(path.width_s)))
+
+
+def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
     """Angle random walk q common to all runs, rad²/s of mθ, by restricted likelihood at the runs' white noise.
 
     A slow random walk hides in what the tables absorb, so a run's own residuals understate it: minimised is
@@ -251,13 +276,12 @@ def common_walk(paths: Sequence[Path], noises: Sequence[Noise], designs: Sequenc
     """
     from scipy.optimize import minimize_scalar
 
-    coarse = [_coarse(*run) for run in zip(paths, noises, designs, turns)]
-    time = float(np.median([p.time_s[-1] - p.time_s[0] for p in paths]))
-    unit = float(np.median([c.white for c in coarse])) / time
+    unit = float(np.median([c.white for c in coarse])) / length_s
+    size = coarse[0].columns.shape[1] - 1
 
     def cost(q: float) -> float:
         total = 0.0
-        A, b = np.zeros((designs[0].shape[1],) * 2), np.zeros(designs[0].shape[1])
+        A, b = np.zeros((size, size)), np.zeros(size)
         for run in coarse:
             rows, determinant = whiten(run.bands(q), run.columns)
             A += rows[:, :-1].T @ rows[:, :-1]
@@ -276,31 +300,6 @@ def common_walk(paths: Sequence[Path], noises: Sequence[Noise], designs: Sequenc
     return 0.0 if cost(0.0) <= float(found.fun) else float(unit * 10.0**found.x)
 
 
-@dataclass(frozen=True)
-class _Coarse:
-    """A run's columns (design, turn) between averages of many blocks."""
-
-    columns: Array
-    white: float
-    interval_s: Array
-    width_s: float
-
-    def bands(self, q: float) -> Array:
-        bands = np.zeros((2, len(self.interval_s)))
-        bands[0] = 2 * self.white + q * (self.interval_s - self.width_s / 3)
-        bands[1, :-1] = -self.white + q * self.width_s / 6
-        return bands
-
-
-def _coarse(path: Path, noise: Noise, columns: Array, turn: Array) -> _Coarse:
-    many = max(1, (len(path) + 1) // COARSE_BLOCKS)
-    count = (len(path) + 1) // many
-    summed = np.concatenate([np.zeros((1, columns.shape[1] + 1)), np.cumsum(np.column_stack([columns, turn]), axis=0)])
-    means = summed[: count * many].reshape(count, many, -1).mean(axis=1)
-    time = path.time_s[: count * many].reshape(count, many).mean(axis=1)
-    return _Coarse(np.diff(means, axis=0), noise.white / many, np.diff(time), many * float(np.median(path.width_s)))
-
-
 def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start: Fitted | None = None, sweeps: int = 2) -> Fitted:
     """Joint fit of a model (by default the full layout), alternating coefficients and each run's noise.
 
@@ -317,23 +316,25 @@ def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start
         pieces = accumulate(paths, noises, layout, turns, previous)
         A, b, square, rows = pieces.sum()
         solution = solve(A, b, model)
-        designs = [design(p, layout, previous) for p in paths]
-        previous = solution.coefficients
+        linearised, previous = previous, solution.coefficients
         if sweep == sweeps:
             break
+        coarse = []
         for r, path in enumerate(paths):
-            residual = turns[r] - designs[r] @ solution.coefficients
+            X = design(path, layout, linearised)
+            residual = turns[r] - X @ solution.coefficients
             jump = np.round(residual / np.pi)
             if jump.any():
                 # (mθ, φ) and (mθ + π, φ + π) are the same wave: a gap may hide half a turn of mθ
                 jumps += int(np.count_nonzero(jump))
-                paths[r] = path.without_jumps(jump)
-                turns[r], designs[r] = paths[r].turn, design(paths[r], layout, previous)
-                residual = turns[r] - designs[r] @ solution.coefficients
+                path = paths[r] = path.without_jumps(jump)
+                turns[r], X = path.turn, design(path, layout, linearised)
+                residual = turns[r] - X @ solution.coefficients
             lost = float(np.trace(solution.covariance @ pieces.information[r].sum(axis=0)))
-            noises[r] = estimate_noise(paths[r], residual, min(lost, len(residual) / 2))
-        offsets = [np.zeros(len(t)) for t in turns] if model.start is None else [X @ model.start for X in designs]
-        walk = common_walk(paths, noises, [X @ model.matrix for X in designs], [t - o for t, o in zip(turns, offsets)])
+            noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
+            offset = 0.0 if model.start is None else X @ model.start
+            coarse.append(coarsened(path, noises[r], X @ model.matrix, turns[r] - offset))
+        walk = common_walk(coarse, float(np.median([p.time_s[-1] - p.time_s[0] for p in paths])))
         noises = [Noise(n.white, max(n.walk, walk)) for n in noises]
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)

@@ -35,7 +35,7 @@ def calibrate(
     model: Annotated[
         Literal["table", "parametric", "quadrature", "phase", "physical", "all"],
         Field(
-            description="drift model of seed A: table; parametric (10); quadrature (11); phase (12); physical; all: table, the others compared"
+            description="seed A's drift model: table, parametric (10), quadrature (11), phase (12), physical; all: table, others compared"
         ),
     ] = "table",
     axis: Annotated[Literal["temperature", "frequency"], Field(description="what the nodes are of")] = "temperature",

@@ -1,4 +1,4 @@
-"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics), and doubt from interpolating between nodes."""
+"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics), doubt from interpolation."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
                 "amplitude_rad_s": amplitude,
                 "p_value": probability,
                 "significant": probability < STRAY_PROBABILITY,
-                "sentence": f"a stray harmonic {n}θ of {amplitude:.2e} rad/s is in the residual; it is not in the tables: look in the electronics "
-                f"for drive feed-through, an offset at the resonance or a parasitic force",
+                "sentence": f"a stray harmonic {n}θ of {amplitude:.2e} rad/s is in the residual; it is not in the tables: "
+                f"look in the electronics for drive feed-through, an offset at the resonance or a parasitic force",
             }
         )
     return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -128,8 +128,8 @@ def _with_free_runs(
     solution = solve(A, b, final)
     models = [final, *(Model(name, _without(final.matrix, joint.layout, columns, kind)) for name, (columns, kind) in groups.items())]
     whole, held = predictions(joint, models, folds)
-    unseen = tuple(of_runs(c, len(forced.paths)) for c in cells(joint, whole, held, folds))
-    rows = figure_rows([m.name for m in models], *unseen, settings.scale_factor, settings.draws, settings.seed)
+    used, unseen = (of_runs(c, len(forced.paths)) for c in cells(joint, whole, held, folds))
+    rows = figure_rows([m.name for m in models], used, unseen, settings.scale_factor, settings.draws, settings.seed)
     table, significant = [], []
     reference = held_out_chi_square(joint.pieces, folds, final)
     for row, model in zip(rows[1:], models[1:]):
@@ -172,15 +172,16 @@ def _logged(paths: Sequence[Path], name: str) -> bool:
 def _groups(joint: Fitted, settings: Settings, factors: Sequence[str]) -> dict[str, tuple[Array, str]]:
     """Name of each group of coefficients -> (its columns as variations, kind)."""
     layout, groups = joint.layout, {}
-    for kind, limit in (("drift", settings.drift_limit), ("scale", settings.scale_limit)):
+    limits: tuple[tuple[Literal["drift", "scale"], int], ...] = (("drift", settings.drift_limit), ("scale", settings.scale_limit))
+    for kind, limit in limits:
         word = "drift" if kind == "drift" else "scale factor"
         if limit:
-            groups[f"{word} over angle"] = (layout.part(kind, limit, lowest=1), kind + " angle")  # type: ignore[arg-type]
+            groups[f"{word} over angle"] = (layout.part(kind, limit, lowest=1), kind + " angle")
         if len(layout.nodes) > 1:
             groups[f"{word} over temperature"] = (
                 _along_nodes(layout.part(kind, limit), layout.part(kind, limit, one_node=True)),
                 kind + " nodes",
-            )  # type: ignore[arg-type]
+            )
     for name in factors:
         groups[MEANING.get(name, name)] = (layout.of_factors(name), name)
     return groups
@@ -233,7 +234,10 @@ def _correlated(joint: Fitted, groups: dict[str, tuple[Array, str]]) -> list[lis
 
 
 def _readout(joint: Fitted, coefficients: Array, covariance: Array) -> dict[str, float] | None:
-    """Gain mismatch g and non-orthogonality ε of the pick-offs from K₁(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ) (PHYSICS R1, R2; gauge theorem)."""
+    """Gain mismatch g and non-orthogonality ε of the pick-offs (PHYSICS R1, R2).
+
+    K₁(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ): static angle errors turn with the wave.
+    """
     layout = joint.layout
     if layout.scale_harmonics < 1:
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def abscissa_blocks(path: Path, axis: str) -> Array:
 
 
 def choose_nodes(paths: Sequence[Path], axis: str, given: Sequence[float] | None) -> tuple[Array, float, float, list[str]]:
-    """(nodes, lowest and highest value the table may be used at, remarks). Dwells become nodes at their means; a sweep gets evenly laid nodes."""
+    """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at their means, a sweep gets even nodes."""
     x = np.concatenate([abscissa_blocks(p, axis) for p in paths])
     finite = np.isfinite(x)
     unit = "°C" if axis == "temperature" else "Hz"
@@ -57,8 +58,8 @@ def choose_nodes(paths: Sequence[Path], axis: str, given: Sequence[float] | None
         centres = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     if len(centres) == 1:
         remark = (
-            f"all runs are near {centres[0]:.6g} {unit}: one node, the tables hold from {low - margin:.6g} to {high + margin:.6g} {unit} only; "
-            f"add runs at another {name}"
+            f"all runs are near {centres[0]:.6g} {unit}: one node, the tables hold from {low - margin:.6g} to "
+            f"{high + margin:.6g} {unit} only; add runs at another {name}"
         )
         return centres, low - margin, high + margin, [remark]
     return centres, low, high, []
@@ -73,7 +74,7 @@ def _dwells(paths: Sequence[Path], axis: str) -> Array | None:
     total = float(np.ptp(means))
     gap = max(smallest, 0.04 * total)
     groups: list[list[int]] = [[int(order[0])]]
-    for a, b in zip(order[:-1], order[1:]):
+    for a, b in pairwise(order):
         if means[b] - means[a] > gap:
             groups.append([])
         groups[-1].append(int(b))
@@ -122,7 +123,8 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
             if abs(mean) < 1e-3 * fastest or fastest == 0:
                 findings.append(
                     Finding(
-                        f"{at}no run turns (run {names}): the scale factor K cannot be told; add a run at a rate well above the drift, best two of both signs",
+                        f"{at}no run turns (run {names}): the scale factor K cannot be told; "
+                        f"add a run at a rate well above the drift, best two of both signs",
                         True,
                     )
                 )
@@ -154,7 +156,8 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
             if length > period / (2 * harmonics + 1):
                 findings.append(
                     Finding(
-                        f"{at}{what} (run {names}) cover {100 * (1 - length / period):.0f} % of the wave angle's period of {np.degrees(period):.0f}°: "
+                        f"{at}{what} (run {names}) cover {100 * (1 - length / period):.0f} % of the wave angle's period of "
+                        f"{np.degrees(period):.0f}°: "
                         f"{np.degrees(start):.0f}° to {np.degrees(start + length):.0f}° is missing; "
                         f"add a run that starts or turns through there, or turn for longer",
                         True,

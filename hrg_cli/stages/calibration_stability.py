@@ -77,7 +77,7 @@ def repeats(
         names.append(name)
     if len(names) < 2:
         return None
-    table = []
+    table: list[dict[str, Any]] = []
     groups = [("drift", k) for k in range(drift_limit + 1)] + [("scale", k) for k in range(scale_limit + 1)]
     place = 0
     for kind, k in groups:
@@ -176,7 +176,8 @@ def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[st
     if abs(correlation) > INSEPARABLE or left.min() < 0.02:
         out["separable"] = False
         out["sentence"] = (
-            "thermal lag and hysteresis cannot be told apart by this programme; add a sweep at another speed (a half or a third), or steps with soaks"
+            "thermal lag and hysteresis cannot be told apart by this programme; "
+            "add a sweep at another speed (a half or a third), or steps with soaks"
         )
         return out
     both = solve(A, b, Model("both", np.concatenate([grown, extra], axis=1)))

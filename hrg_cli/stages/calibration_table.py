@@ -70,7 +70,7 @@ def bump(x: Array, nodes: Array) -> Array:
 
 
 def measured_drift(calibration: Calibration, path: Path) -> Array:
-    """The part of the drift (n,) that seed A (11) or (12) computes from what is observed in operation: a_B/a_A and dφ/dt; zeros otherwise."""
+    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise."""
     part: dict[str, Any] | None = json.loads(calibration.details).get("measured")
     if not part:
         return np.zeros(len(path))

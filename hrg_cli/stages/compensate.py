@@ -97,7 +97,7 @@ def _stream(wave: Wave, calibration: Calibration, windows: int, earth_rate: floa
         middle = angle + np.cumsum(rate * time) - rate * time / 2
         angle += float((rate * time).sum())
         before, after = (-path.turn / time / scale_factor - path.rate_rad_s, rate - path.rate_rad_s) if known else (None, None)
-        if known:
+        if before is not None and after is not None:
             totals.add(path, before, after)
         record = Compensated(
             time_s=path.middle(path.time_s), rate_estimate_rad_s=rate, angle_estimate_rad=middle,

@@ -1,4 +1,4 @@
-"""Figures of the trade with the words of the standards (IEEE Std 1431, 952): scale factor, bias over angle and temperature, Allan deviation.
+"""Figures of the trade in the standards' words (IEEE Std 1431, 952): scale factor, bias over angle and temperature, Allan deviation.
 
 SI units and ppm; °/h and °/√h are for the screen. Rate figures are of input rate: drift divided by the scale factor.
 """
@@ -62,8 +62,8 @@ def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None 
     """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431: deviations from the straight line).
 
     Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the angle averages out (runs that turn less
-    are left out); with `calibration` each run is compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean, slopes of both signs with a common bias
-    (NaN where too few rates tell it from the bias).
+    are left out); with `calibration` each run is compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean,
+    slopes of both signs with a common bias (NaN where too few rates tell it from the bias).
     Nonlinearity: largest residual from the line over the largest rate.
     """
     from ..fitting.increments import path_of
@@ -90,7 +90,8 @@ def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None 
     rate, output = np.array(rates), np.array(outputs)
     if len(np.unique(np.round(rate / max(np.abs(rate).max(initial=0.0), 1e-300), 3))) < 2:
         raise HrgError(
-            "the runs that turn through a period of the wave angle have one rate only: a scale factor needs at least two; add a run at another rate"
+            "the runs that turn through a period of the wave angle have one rate only: "
+            "a scale factor needs at least two; add a run at another rate"
         )
     line = np.stack([rate, np.ones_like(rate)], axis=1)
     (gain, offset), *_ = np.linalg.lstsq(line, output, rcond=None)

@@ -1,7 +1,8 @@
 """Calibration of any rate gyro from a table of dwells: output against rate and temperature, or against temperature alone (bias).
 
 output/S₀ = K(T)·Ω − D(T) + Σ_p c_p Ω^p,   p = 2, 3, …;   rate = (output/S₀ + D(T) − Σ c_p Ω^p)/K(T)
-S₀ is the nominal scale (output a rad/s) that makes K ≈ 1; the record is a `Calibration` without wave angle, −output/S₀ in the place of m·dθ/dt.
+S₀ is the nominal scale (output a rad/s) that makes K ≈ 1; the record is a `Calibration` without wave angle, −output/S₀ in the place
+of m·dθ/dt.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ def rate_table(
     node_spacing_degc: Annotated[float, Field(gt=0, description="distance of the temperature nodes at most")] = 5.0,
     interpolation: Annotated[Literal["linear", "cubic"], Field(description="between nodes")] = "cubic",
     largest_power: Annotated[int, Field(ge=1, le=9, description="highest power of the rate that cross-validation tries")] = 7,
-    spike_sigma: Annotated[float, Field(gt=0, description="rows further than this from the fit, in robust standard deviations, are spikes")] = 6.0,
+    spike_sigma: Annotated[
+        float, Field(gt=0, description="rows further than this from the fit, in robust standard deviations, are spikes")
+    ] = 6.0,
     gyro_id: Annotated[str, Field(description="the gyro")] = "",
 ) -> Calibration:
     """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used, spikes rejected and counted.
@@ -46,15 +49,20 @@ def rate_table(
     degc = np.zeros(len(y)) if temperature is None else _column(table, temperature) * temperature_scale + temperature_offset_degc
     good = np.isfinite(y) & np.isfinite(omega) & np.isfinite(degc)
     if good.sum() < 10:
-        raise HrgError(f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected; check the columns' names and units")
+        raise HrgError(
+            f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected; check the columns' names and units"
+        )
     y, omega, degc = y[good], omega[good], degc[good]
     turning = bool(np.ptp(omega) > 0)
     if rate is not None and not turning:
-        raise HrgError(f"column {rate}: one rate only, {omega[0]:.6g} rad/s: K and D cannot be told apart; add dwells at another rate, best of both signs")
+        raise HrgError(
+            f"column {rate}: one rate only, {omega[0]:.6g} rad/s: K and D cannot be told apart; "
+            "add dwells at another rate, best of both signs"
+        )
     scale = nominal_scale or (float(np.polyfit(omega, y, 1)[0]) if turning else 1.0)
     nodes = _nodes(degc, node_spacing_degc) if temperature is not None else np.zeros(1)
     y = y / scale
-    keep, powers, fits = np.ones(len(y), bool), [], np.zeros(0)
+    keep = np.ones(len(y), bool)
     for _ in range(20):
         powers, scores = _choose_powers(y[keep], omega[keep], degc[keep], nodes, interpolation, turning, largest_power)
         X = _design(omega, degc, nodes, interpolation, turning, powers)
@@ -99,7 +107,9 @@ def rate_table(
     )
     remarks = []
     if (~keep).any():
-        remarks.append(f"{int((~keep).sum())} of {len(keep)} rows are spikes (beyond {spike_sigma:g} robust standard deviations) and were left out")
+        remarks.append(
+            f"{int((~keep).sum())} of {len(keep)} rows are spikes (beyond {spike_sigma:g} robust standard deviations) and were left out"
+        )
     if not turning:
         remarks.append("the gyro did not turn: the table holds its bias only, the scale factor is the nominal one")
     return record.judged(remarks) if (~keep).mean() > 0.05 else record.replace(status_reasons=tuple(remarks))
@@ -112,10 +122,13 @@ def rate_of(record: Calibration, output: Array, temperature_degc: Array | float 
     slack = 0.02 * (record.node_max - record.node_min)
     if np.isfinite(record.node_min) and ((degc < record.node_min - slack) | (degc > record.node_max + slack)).any():
         raise HrgError(
-            f"temperatures from {degc.min():.6g} to {degc.max():.6g} °C leave the table's {record.node_min:.6g} to {record.node_max:.6g} °C; "
-            f"calibrate over the wider range"
+            f"temperatures from {degc.min():.6g} to {degc.max():.6g} °C leave the table's {record.node_min:.6g} to "
+            f"{record.node_max:.6g} °C; calibrate over the wider range"
         )
-    at = [coefficients_at(degc.ravel(), record.node, np.asarray(t), record.interpolation)[:, 0].reshape(degc.shape) for t in (record.drift_rad_s, record.scale_factor)]
+    at = [
+        coefficients_at(degc.ravel(), record.node, np.asarray(t), record.interpolation)[:, 0].reshape(degc.shape)
+        for t in (record.drift_rad_s, record.scale_factor)
+    ]
     linear = np.asarray(output, float) / details["nominal_scale"] + at[0]
     rate = linear / at[1]
     for _ in range(20):

@@ -22,9 +22,7 @@ def test_average_along_a_stretch_is_the_integral(mode_number):
 def test_triangle_average_is_the_average_of_averages():
     """The difference of two neighbouring block averages weighs the speed with a triangle: sinc squared."""
     start, width, n = 0.3, 0.25, 8
-    inner = [
-        quad(lambda y, x=x: np.cos(n * (x + y)), 0, width)[0] / width for x in start + (np.arange(2000) + 0.5) / 2000 * width
-    ]
+    inner = [quad(lambda y, x=x: np.cos(n * (x + y)), 0, width)[0] / width for x in start + (np.arange(2000) + 0.5) / 2000 * width]
     basis = harmonic_basis(np.array([start + width]), 2, 2, width, width)[0]
     assert basis[3] == pytest.approx(np.mean(inner), abs=1e-6)
 

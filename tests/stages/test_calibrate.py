@@ -17,7 +17,9 @@ FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "bootstrap": 0}
 def normalised_errors(seed, temperatures=(-20, 0, 20, 40, 60), points=300, settings=None, **more):
     """Error / stated standard deviation of D and K at points the runs never stood at."""
     truth = Truth(100 + seed)
-    record = calibrate(programme(truth, temperatures, seed=seed, rates=(-0.5, 0.0, 0.5), **more), **(FIXED if settings is None else settings))
+    record = calibrate(
+        programme(truth, temperatures, seed=seed, rates=(-0.5, 0.0, 0.5), **more), **(FIXED if settings is None else settings)
+    )
     assert record.status == "valid", record.status_reasons
     draw = np.random.default_rng(seed)
     x, theta = draw.uniform(temperatures[0], temperatures[-1], points), draw.uniform(0, np.pi, points)

@@ -18,9 +18,7 @@ DEVICE = {
 
 
 def waves(device, temperatures, rates, duration=8.0):
-    runs = [
-        {"run_id": f"T{T:g}R{R:g}", "environment": {"temperature_degc": T, "rate_rad_s": R}} for T in temperatures for R in rates
-    ]
+    runs = [{"run_id": f"T{T:g}R{R:g}", "environment": {"temperature_degc": T, "rate_rad_s": R}} for T in temperatures for R in rates]
     config = {
         "device": device, "control": {"mode": "forced", "amplitude": 1.0, "quadrature_loop": "finite", "quadrature_gain_1_s": 20.0},
         "readout": {"noise": 1e-4}, "recording": {"sample_rate_hz": 20000.0, "duration_s": duration, "gyro_id": "S"}, "run": runs,

@@ -56,7 +56,8 @@ def test_phase_variant_needs_no_stiffness_axes_but_the_mean_frequency(free_runs)
 def test_all_variants_in_one_table(free_runs):
     names = ("damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
     resonator = Resonator(
-        name=np.array(names), value=np.array([8e-4, 0.4, 4e-3, 0.15, 0.55]), std=np.full(5, 1e-7), units=np.array(["s-1", "rad", "rad s-1", "rad", "1"]),
+        name=np.array(names), value=np.array([8e-4, 0.4, 4e-3, 0.15, 0.55]), std=np.full(5, 1e-7),
+        units=np.array(["s-1", "rad", "rad s-1", "rad", "1"]),
         covariance=np.eye(5) * 1e-14,
     )  # fmt: skip
     record = calibrate(free_runs, resonator, model="all", bootstrap=0)
@@ -142,7 +143,16 @@ def sweeps(lag=0.0, hysteresis=0.0, speeds=(1.0, -1.0), seed=0):
     for i, (speed, rate) in enumerate([(s, r) for s in speeds for r in (-0.5, 0.5)]):
         length = 60 / abs(speed)
         first = -10.0 if speed > 0 else 50.0
-        true = forced_run(truth, lambda t, s=speed, f=first: f + s * t + lag * s + hysteresis * np.sign(s), rate, length, seed + i, dt=0.04, noise=1e-6, run_id=str(i))
+        true = forced_run(
+            truth,
+            lambda t, s=speed, f=first: f + s * t + lag * s + hysteresis * np.sign(s),
+            rate,
+            length,
+            seed + i,
+            dt=0.04,
+            noise=1e-6,
+            run_id=str(i),
+        )
         waves.append(true.replace(temperature_degc=first + speed * true.time_s))
     return waves
 
