@@ -26,6 +26,7 @@ import numpy as np
 
 from . import __version__
 from .errors import DiskFullError, HrgError
+from .heaps import check_heaps
 from .records import GROWING, KINDS, Column, Provenance, Record, Recording, Source
 from .units import canonical
 
@@ -84,6 +85,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         raise HrgError(f"{path}: no right to read it; ask for read access")
     if path.stat().st_size == 0:
         raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
+    check_heaps(path)
     try:
         file = h5py.File(path, "r")
     except BlockingIOError as error:

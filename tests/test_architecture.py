@@ -17,10 +17,11 @@ MAY_IMPORT = {
     "effects": {"units", "errors", "physics"},
     "fitting": {"units", "errors", "records", "physics", "effects"},
     "records": {"units", "errors"},
-    "store": {"units", "errors", "records"},
+    "store": {"units", "errors", "records", "heaps"},
+    "heaps": {"errors"},
     "settings": {"errors"},
     "stages": {"units", "errors", "physics", "effects", "fitting", "records", "settings"},
-    "formats": {"units", "errors", "records", "settings"},
+    "formats": {"units", "errors", "records", "settings", "heaps"},
     "studies": {"units", "errors", "physics", "effects", "fitting", "records", "stages"},
 }
 NUMPY_ONLY = {"physics", "effects"}

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from ..errors import HrgError
+from ..heaps import check_heaps
 from .log import BLOCK_ROWS, ONE_DEMODULATOR, Array, Blocks, Channel, Log, Reader
 from .scalars import rate_of
 
@@ -86,6 +87,7 @@ def open_hdf5(path: Path) -> Log:
 
 @contextlib.contextmanager
 def _file(path: Path) -> Iterator[Any]:
+    check_heaps(path)
     try:
         file = h5py.File(path, "r")
     except (OSError, RuntimeError, ValueError) as error:
