@@ -41,7 +41,9 @@ def simulation_file(fit: Fit, waves: Sequence[Wave], pieces: Sequence[Wave], ori
     table: dict[str, Any] = {"device": device, "recording": {"sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())), "duration_s": 1.0}}
     if waves[0].gyro_id:
         table["recording"]["gyro_id"] = waves[0].gyro_id
-    lost = {str(e["run"]): {k: v["value"] for k, v in e["parameters"].items()} for e in reversed(effects_named) if e["name"] == "dropped_samples"}
+    lost = {
+        run: {k: v["value"] for k, v in e["parameters"].items()} for e in reversed(effects_named) if e["name"] == "dropped_samples" for run in e["runs"]
+    }
     tone = [{k: v["value"] for k, v in e["parameters"].items()} for e in effects_named if e["name"] == "mains_tone"][:1]
     effects = {effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active}
     if tone:

@@ -20,6 +20,8 @@ Array = np.ndarray
 STEP_SIGMA = 8.0
 NEIGHBOURS = 12
 FEWEST_ROWS = 40
+TOUCHED = 6
+"""Windows on either side of a step whose demodulation used the other side's slope."""
 LINE_RATIO = 8.0
 """Power of a line over the floor from which it counts, in a good part of the runs."""
 
@@ -64,13 +66,15 @@ def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
             continue
         for group in groups:
             first, last = group[0], group[-1] + 1
-            left, right = rows[max(0, first - NEIGHBOURS) : first + 1], rows[last : last + NEIGHBOURS + 1]
+            left = rows[max(0, first + 1 - TOUCHED - 2 * NEIGHBOURS) : max(0, first + 1 - TOUCHED)]
+            right = rows[last + TOUCHED : last + TOUCHED + 2 * NEIGHBOURS]
             if len(left) < 4 or len(right) < 4 or len(group) > 3:
                 continue
-            middle = (wave.time_s[left[-1]] + wave.time_s[right[0]]) / 2
+            before, after = int(rows[first]), int(rows[last])
+            middle = float(wave.time_s[before] + wave.time_s[after]) / 2
             jump, std = _jump(wave, left, right, middle)
             if abs(jump) > STEP_SIGMA * std:
-                out.append(PhaseStep(number, int(left[-1]), int(right[0]), float(middle), jump, std))
+                out.append(PhaseStep(number, before, after, middle, jump, std))
     return out
 
 
@@ -97,10 +101,13 @@ def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wa
     """The waves cut at every step, each piece a run of its own, and the wave each piece comes from; pieces too short to use are left out."""
     pieces, origin = [], []
     for number, wave in enumerate(waves):
-        cuts = sorted((s.before + 1, s.after) for s in steps if s.run == number)
+        cuts = sorted((max(0, s.before + 1 - TOUCHED), min(len(wave), s.after + TOUCHED)) for s in steps if s.run == number)
         begin = 0
         for stop, start in [*cuts, (len(wave), len(wave))]:
             piece = wave.rows(begin, stop)
+            if cuts:
+                # the window over the step has spoilt the noise estimate of those it was pooled with
+                piece = piece.replace(signal_std=np.full(len(piece), np.median(wave.signal_std)))
             if not cuts or int(np.count_nonzero(piece.good())) >= FEWEST_ROWS:
                 pieces.append(piece)
                 origin.append(number)
@@ -145,7 +152,7 @@ def causes(
     waves: Sequence[Wave], steps: Sequence[PhaseStep], tones: Sequence[Tone], frequency_hz: float, found: Sequence[str]
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`: effects named by the dynamics."""
-    out = [_lost(step, waves, frequency_hz) for step in steps] + [_beating(tone) for tone in tones]
+    out = [_lost(group, waves, frequency_hz) for group in _together(steps, waves)] + [_beating(tone) for tone in tones]
     listed = []
     harmonics: dict[int, Line] = {}
     density = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)]
@@ -179,12 +186,32 @@ def _entry(name: str, z: float, parameters: dict[str, tuple[float, float, str]],
     }
 
 
-def _lost(step: PhaseStep, waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
-    omega = 2 * np.pi * frequency_hz
-    lost, std = float(np.mod(step.step_rad, 2 * np.pi)) / omega, step.std_rad / omega
-    z = abs(step.step_rad) / step.std_rad
-    parameters = {"lost_s": (lost, std, "s"), "time_s": (step.time_s, float(waves[step.run].window_s) / 2, "s")}
-    return _entry("dropped_samples", z, parameters, z**2) | {"run": waves[step.run].run_id, "ambiguity_s": 1 / frequency_hz}
+def _together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[PhaseStep]]:
+    """Steps at the same instant and of the same size in several runs are one cause."""
+    groups: list[list[PhaseStep]] = []
+    for step in steps:
+        for group in groups:
+            first = group[0]
+            same_size = abs(np.angle(np.exp(1j * (first.step_rad - step.step_rad)))) < 8 * np.hypot(first.std_rad, step.std_rad)
+            if abs(first.time_s - step.time_s) < waves[step.run].window_s and same_size and first.run != step.run:
+                group.append(step)
+                break
+        else:
+            groups.append([step])
+    return groups
+
+
+def _lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
+    omega, first = 2 * np.pi * frequency_hz, group[0]
+    weight = np.array([s.std_rad**-2 for s in group])
+    mean = first.step_rad + float(np.sum(weight * [np.angle(np.exp(1j * (s.step_rad - first.step_rad))) for s in group]) / weight.sum())
+    std = float(weight.sum() ** -0.5)
+    parameters = {
+        "lost_s": (float(np.mod(mean, 2 * np.pi)) / omega, std / omega, "s"),
+        "time_s": (first.time_s, float(waves[first.run].window_s) / 2, "s"),
+    }
+    runs = [waves[s.run].run_id for s in group]
+    return _entry("dropped_samples", abs(mean) / std, parameters, (mean / std) ** 2) | {"runs": runs, "ambiguity_s": 1 / frequency_hz}
 
 
 def _beating(tone: Tone) -> dict[str, Any]:
