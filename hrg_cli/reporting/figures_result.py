@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..fitting.allan import allan_deviation
 from ..records import Array, Compensated, Resonator
 from ..units import DEGREE_PER_HOUR
-from .allan import allan_deviation
 from .figures import (
     INK,
     SERIES,

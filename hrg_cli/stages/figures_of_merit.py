@@ -135,7 +135,7 @@ def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
     """
     from scipy.optimize import nnls
 
-    from ..reporting.allan import allan_deviation
+    from ..fitting.allan import allan_deviation
 
     rate = np.asarray(rate_rad_s, float)
     if len(rate) < 30 or not np.isfinite(rate).all():
