@@ -62,6 +62,19 @@ def pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
     return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), -1)
 
 
+def rotations(time_s: Array, frequency_hz: Array) -> Array:
+    """e^{2πjft} (frequencies, times) on an even grid of frequencies, by doubling: one product a value instead of a sine and a cosine."""
+    out = np.empty((len(frequency_hz), len(time_s)), complex)
+    out[0] = np.exp(2j * np.pi * frequency_hz[0] * time_s)
+    if len(frequency_hz) > 1:
+        jump, filled = np.exp(2j * np.pi * (frequency_hz[1] - frequency_hz[0]) * time_s), 1
+        while filled < len(out):
+            more = min(filled, len(out) - filled)
+            np.multiply(out[:more], jump, out=out[filled : filled + more])
+            filled, jump = filled + more, jump * jump
+    return out
+
+
 def pull(coefficients: Array, left: Array) -> Pull:
     """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and `left` into the residual; U = p − jq, M = p1 − jq1."""
     m00, m01 = coefficients[..., 0::2, 0::2], coefficients[..., 0::2, 1::2]

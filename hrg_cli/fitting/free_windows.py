@@ -40,7 +40,11 @@ def cut(wave: Wave) -> list[Wave]:
             f"{wave.run_id or 'the run'}: is driven throughout (mode {wave.mode}), free windows were expected; "
             "record a run-down or switch the drive off for a while, or use --method working-mode"
         )
-    return [w.replace(run_id=f"{wave.run_id}[{i}]", mode="free") for i, w in enumerate(windows)] if len(windows) > 1 else [windows[0].replace(mode="free")]
+    return (
+        [w.replace(run_id=f"{wave.run_id}[{i}]", mode="free") for i, w in enumerate(windows)]
+        if len(windows) > 1
+        else [windows[0].replace(mode="free")]
+    )
 
 
 def stretches(on: Array) -> list[tuple[int, int]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .basis import columns
+from .basis import columns, rotations
 from .spectrum import chi_square_excess
 
 Array = np.ndarray
@@ -45,16 +45,10 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
     n = len(time_s)
     centred = time_s - time_s.mean()
     y = y - y.mean(-1, keepdims=True)
-    step = np.exp(2j * np.pi * (frequency_hz[1] - frequency_hz[0]) * centred) if len(frequency_hz) > 1 else np.ones(n, complex)
     power = np.empty(len(frequency_hz))
-    rows = 1 << max(0, min(8, int(np.log2((1 << 18) / n)) if n < 1 << 18 else 0))
+    rows = max(1, (1 << 15) // n)
     for start in range(0, len(frequency_hz), rows):
-        turn = np.empty((rows, n), complex)
-        turn[0] = np.exp(2j * np.pi * frequency_hz[start] * centred)
-        filled, jump = 1, step
-        while filled < rows:
-            np.multiply(turn[:filled], jump, out=turn[filled : 2 * filled])
-            filled, jump = 2 * filled, jump * jump
+        turn = rotations(centred, frequency_hz[start : start + rows])
         total, square = turn.sum(1), np.einsum("kn,kn->k", turn, turn)
         right = turn @ y.T
         cc = (n + square.real) / 2 - total.real**2 / n
@@ -63,7 +57,7 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
         cc, ss = cc + 1e-9 * n, ss + 1e-9 * n
         yc, ys = right.real, right.imag
         explained = ((yc**2).sum(1) * ss + (ys**2).sum(1) * cc - 2 * (yc * ys).sum(1) * cs) / np.maximum(cc * ss - cs**2, 1e-18 * n * n)
-        power[start : start + rows] = explained[: len(power) - start]
+        power[start : start + rows] = explained
     return power
 
 

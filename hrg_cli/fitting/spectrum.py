@@ -6,22 +6,60 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .basis import WindowBasis, columns, pairs
+from .basis import WindowBasis, columns, pairs, rotations
 
 Array = np.ndarray
 
-ENVELOPE_ORDER = 3
-"""Powers of time by which a look's envelope may move, so that its own decay and turning are not seen as noise."""
+MOTIONS = ((3, 1), (8, 1), (16, 1), (32, 1), (32, 4), (32, 16))
+"""Degree in time by which the envelope may move, in so many pieces of a look, so that its own decay and turning are not seen as noise."""
+
+MOTION_GAIN = 6
+"""A freer motion is taken where it lowers the residual by more than so many times what its columns take from white noise."""
+
+MOTION_PEAK = 25
+"""Power of a bin beside the oscillation over the median's at which it may be motion; noise passes it once in 10⁷ bins."""
+
+LEAST_RESIDUAL = 1e-7
+"""A residual of this part of the signal is rounding."""
 
 
-def look_residual(time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = ()) -> Array:
-    """y (channels, n) less its oscillation: pairs at the frequencies with envelopes cubic in time, and a constant."""
+def look_residual(time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = ()) -> tuple[Array, float]:
+    """y (channels, n) less its oscillation, whose envelope moves as freely as it must (`MOTIONS`), and how far from it in Hz that reaches.
+
+    A wave that turns by many radians within a look, or two modes that beat, would else fill the spectrum beside the oscillation.
+    """
+    n, span = len(time_s), max(float(time_s[-1] - time_s[0]), 1e-300)
+    pairs_of = 2 * len(frequency_hz)
+    order = min(MOTIONS[0][0], max(0, (n - 6) // (2 * pairs_of)))
+    residual, reach = _less_oscillation(time_s, y, frequency_hz, nuisance_hz, order), order / span
+    taken = pairs_of * (order + 1)
+    for order, pieces in MOTIONS[1:]:
+        takes = pairs_of * (order + 1) * pieces
+        if 8 * takes > n or not _stands_out(residual, frequency_hz[0] * span, y):
+            break
+        parts = zip(np.array_split(time_s, pieces), np.array_split(y, pieces, axis=-1), strict=True)
+        freer = np.concatenate([_less_oscillation(t, part, frequency_hz, nuisance_hz, order) for t, part in parts], -1)
+        if ((residual**2).sum(-1) > (1 + MOTION_GAIN * (takes - taken) / n) * (freer**2).sum(-1)).any():
+            residual, taken, reach = freer, takes, order * pieces / span
+    return residual, reach
+
+
+def _stands_out(residual: Array, turns: float, y: Array) -> bool:
+    """Whether the residual holds more beside an oscillation of so many turns than elsewhere, and more than rounding."""
+    if (residual.std(-1) < LEAST_RESIDUAL * y.std(-1)).all():
+        return False
+    power = np.abs(np.fft.rfft(residual * np.hanning(residual.shape[-1]))) ** 2
+    reach = min(MOTIONS[-1][0] * MOTIONS[-1][1], power.shape[-1] // 8)
+    near = power[:, max(0, int(turns) - reach) : int(turns) + reach]
+    return bool(near.size and (near.max(-1) > MOTION_PEAK * np.median(power, axis=-1)).any())
+
+
+def _less_oscillation(time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...], order: int) -> Array:
+    """y (channels, n) less pairs at the frequencies, their envelopes polynomials of time, and a constant."""
     tau = time_s - (time_s[0] + time_s[-1]) / 2
-    scaled = tau / max(float(np.abs(tau).max()), 1e-300)
-    wanted = pairs(tau, frequency_hz)
-    order = min(ENVELOPE_ORDER, max(0, (len(tau) - 6) // (4 * wanted.shape[1])))
-    parts = [columns(tau, frequency_hz, nuisance_hz), *[scaled[:, None] ** power * wanted for power in range(1, order + 1)]]
-    basis = np.concatenate(parts, -1)
+    moving = np.polynomial.legendre.legvander(tau / max(float(np.abs(tau).max()), 1e-300), order)[:, 1:]
+    wanted = (moving[:, :, None] * pairs(tau, frequency_hz)[:, None, :]).reshape(len(tau), -1)
+    basis = np.concatenate([columns(tau, frequency_hz, nuisance_hz), wanted], -1)
     gram = basis.T @ basis
     gram += 1e-12 * np.trace(gram) * np.eye(len(gram))
     residual = y - (np.linalg.solve(gram, basis.T @ y.T)).T @ basis.T
@@ -48,8 +86,7 @@ class AveragedSpectrum:
             norm = 2 * step / (window**2).sum()
         else:
             step = float(np.median(np.diff(time_s)))
-            phase = 2 * np.pi * np.multiply.outer(time_s - time_s[0], self.frequency_hz)
-            spectrum = (residual * window) @ np.exp(-1j * phase)
+            spectrum = (residual * window) @ rotations(time_s - time_s[0], self.frequency_hz).T
             norm = 2 * step / (window**2).sum()
         self.density += (np.abs(spectrum) ** 2 * norm).T
         self.segments += 1
@@ -106,6 +143,10 @@ def lines(
     return where[real], amplitude[real], ratio[chosen][real]
 
 
+BESIDE = 33
+"""Bins on either side from which the spectrum is filled where the oscillation was taken out."""
+
+
 def colour(
     frequency_hz: Array, density: Array, segments: int, basis: WindowBasis, sample_rate_hz: float, blind_hz: tuple[tuple[float, float], ...]
 ) -> Array:
@@ -119,8 +160,11 @@ def colour(
     filled = density.copy()
     below = floor(density)
     for low, high in blind_hz:
-        inside = (frequency_hz >= low) & (frequency_hz <= high)
-        filled[inside] = below[inside]
+        first, last = np.searchsorted(frequency_hz, low), np.searchsorted(frequency_hz, high, side="right")
+        beside = [density[max(0, first - BESIDE) : first], density[last : last + BESIDE]]
+        levels = [np.median(part, axis=0) for part in beside if len(part)]
+        if levels:
+            filled[first:last] = below[first:last] = np.mean(levels, axis=0)
     size = 1 << int(np.ceil(np.log2(max(8 * n, 2 * len(frequency_hz)))))
     at = np.fft.rfftfreq(size, 1 / sample_rate_hz)
     s = np.stack([np.interp(at, frequency_hz, filled[:, k]) for k in range(2)])

@@ -19,6 +19,9 @@ LOOKS, LOOK_SAMPLES = 16, 1 << 14
 UNEVEN_LOOKS, UNEVEN_SAMPLES = 24, 1024
 """The same for uneven sampling, whose transforms are direct sums."""
 
+LONGEST_SPAN = 20.0
+"""Times that span so many times what the samples fill at their usual step are a clock that jumps, not a run with gaps."""
+
 LINE_LEAST = 1e-8
 """Lines below this part of the oscillation are the arithmetic's rounding."""
 
@@ -82,6 +85,13 @@ def survey(recording: Recording, name: str) -> Survey:
         raise HrgError(
             f"{name}: its times do not increase; strictly increasing time_s was expected: sort the samples or drop the repeated ones"
         )
+    if not even:
+        begin, end = (float(recording.times(k, k + 1)[0]) for k in (0, len(recording.c) - 1))
+        if end - begin > LONGEST_SPAN * len(recording.c) * step:
+            raise HrgError(
+                f"{name}: its times span {end - begin:.6g} s, but {len(recording.c)} samples at the usual step fill "
+                f"{len(recording.c) * step:.6g} s; the clock jumps or a gap is huge: correct time_s or split the run"
+            )
     rails = (_rail(recording.c, [look.raw[0] for look in looks]), _rail(recording.s, [look.raw[1] for look in looks]))
     spectra = [finding.even_power(look.y, 1 / step) for look in looks] if even else []
     found, ratio, limit, warned = _search(looks, spectra, step, carrier, recording.nominal_frequency_hz, name)
@@ -90,7 +100,7 @@ def survey(recording: Recording, name: str) -> Survey:
         refused += (
             f"no oscillation stands out of the noise: the highest peak, at {found:.6g} Hz, has {ratio:.3g} times the power around it where {limit:.3g} was expected",
         )
-    track_s, track_hz = _track(looks, spectra, found, carrier)
+    track_s, track_hz = _track(looks, spectra, step, found, carrier)
     width = (
         min(len(looks[0].time_s), LOOK_SAMPLES // 4 if len(looks) < 8 else LOOK_SAMPLES)
         if even
@@ -101,9 +111,11 @@ def survey(recording: Recording, name: str) -> Survey:
     grid = np.fft.rfftfreq(width, step)
     spectrum = AveragedSpectrum(grid)
     variance, strength = [], []
+    blind = 4 / (width * step)
     for look, local in zip(looks, np.interp([look.time_s.mean() for look in looks], track_s, track_hz), strict=True):
         f = finding.bands(float(local), carrier)
-        residual = look_residual(look.time_s, look.y, f, finding.nuisances(carrier))
+        residual, reach = look_residual(look.time_s, look.y, f, finding.nuisances(carrier))
+        blind = max(blind, reach)
         variance.append((residual**2).mean(-1))
         strength.append(look.y.var(-1) - variance[-1])
         for start in range(0, residual.shape[-1] - width + 1, max(1, width // 2)):
@@ -111,7 +123,6 @@ def survey(recording: Recording, name: str) -> Survey:
             if even or np.diff(look.time_s[piece]).max() < 3 * step:
                 spectrum.add(look.time_s[piece], residual[:, piece], even)
     reference = float(np.round(np.median(track_hz), 6))
-    blind = 4 / (width * step)
     skip = tuple((f - blind, f + blind) for f in (*finding.bands(reference, carrier), 0.0))
     strength2 = float(np.max(strength))
     line_hz, line_amplitude, line_ratio = lines(
@@ -195,10 +206,10 @@ def _search(
     if spectra:
         grid, power = spectra[0][0], np.sum([p for _, p in spectra], 0)
     else:
-        some = looks[:: max(1, len(looks) // 5)]
-        span = min(float(look.time_s[-1] - look.time_s[0]) for look in some)
+        some = sorted(looks, key=_span)[:3]
+        span = min(_span(some[0]), 4 * len(some[0].time_s) * step_s)
         band = (0.9 * nominal_hz, 1.1 * nominal_hz) if nominal_hz is not None and carrier_hz is None else (0.5 / span, nyquist)
-        grid = np.arange(max(0.5, band[0] * span), band[1] * span, 0.25) / span
+        grid = np.arange(max(0.5, band[0] * span), band[1] * span, 0.5) / span
         power = np.sum([finding.least_squares_power(look.time_s, look.y, grid) for look in some], 0)
     if carrier_hz is not None:
         grid, power = finding.fold_carrier(grid, power, carrier_hz)
@@ -227,18 +238,22 @@ def _search(
     return found, ratio, limit, ()
 
 
-def _track(looks: list[Look], spectra: Spectra, found: float, carrier_hz: float | None) -> tuple[Array, Array]:
+def _span(look: Look) -> float:
+    return float(look.time_s[-1] - look.time_s[0])
+
+
+def _track(looks: list[Look], spectra: Spectra, step_s: float, found: float, carrier_hz: float | None) -> tuple[Array, Array]:
     """Times and frequencies of the looks in which the line is clear."""
     times, frequencies = [], []
     for number, look in enumerate(looks):
-        span = float(look.time_s[-1] - look.time_s[0])
+        span = min(_span(look), 4 * len(look.time_s) * step_s)
         reach = 0.01 * found + 2 / span
         if spectra:
             grid, power = spectra[number]
             if carrier_hz is not None:
                 grid, power = finding.fold_carrier(grid, power, carrier_hz)
         else:
-            grid = np.arange(max(0.5 / span, found - 4 * reach), found + 4 * reach, 0.25 / span)
+            grid = np.arange(max(0.5 / span, found - 4 * reach), found + 4 * reach, 0.5 / span)
             power = finding.least_squares_power(look.time_s, look.y, grid)
         local, ratio = finding.peak(grid, power, found - reach, found + reach)
         if not np.isfinite(local):

@@ -17,23 +17,19 @@ Array = np.ndarray
 GAP_STEPS = 2.5
 """A stretch without samples longer than so many usual steps is a gap."""
 
-LONGEST_SPAN = 20.0
-"""Times that span so many times what the samples fill at their usual step are a clock that jumps, not a run with gaps."""
-
 
 def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     """Blocks of rows. HrgError: times that do not increase or jump; too short for one window."""
     recording, n, step = run.recording, len(run.recording.c), run.survey.step_s
     begin, end = (float(recording.times(a, a + 1)[0]) for a in (0, n - 1))
     span = end - begin + step
-    if span > LONGEST_SPAN * n * step:
-        raise HrgError(
-            f"{run.name}: its times span {span:.6g} s, but {n} samples at the usual step fill {n * step:.6g} s; "
-            "the clock jumps or a gap is huge: correct time_s or split the run"
-        )
+    if run.periods_asked / run.reference_hz > span:
+        raise run.too_short()
     width = _window_width(run, step)
     run.window_s = width
     total = int(span / width + 1e-9)
+    if total < 1:
+        raise run.too_short()
     pool = pool_rows(width / step - run.columns())
     chunk = run.chunk_windows(width / step, pool)
     _learn(run, width, step)
