@@ -87,7 +87,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
     check_heaps(path)
     try:
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", rdcc_nbytes=1 << 20)  # one chunk; HDF5 2 would keep 8 MB a dataset
     except BlockingIOError as error:
         raise HrgError(f"{path}: is being written by another program; wait until it is closed") from error
     except (OSError, RuntimeError, KeyError, ValueError) as error:
