@@ -73,12 +73,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         calibrate_gyro(folder, 0, 2_000)
-        rows = [calibrate_gyro(folder, gyro, windows) for gyro in range(2)]
+        rows = [calibrate_gyro(folder, gyro, windows) for gyro in range(10)]
         total = sum(taken for taken, _ in rows)
         gain = np.mean([figures["before"] / figures["held out"] for _, figures in rows])
-        print(
-            f"ten gyros x {len(TEMPERATURES)} temperatures x {len(RATES)} rates, {windows} windows a run: {total:.1f} s, held-out drift falls {gain:.1f} times"
-        )
+        runs = len(TEMPERATURES) * len(RATES)
+        print(f"ten gyros x {runs} runs of {windows} windows: {total:.1f} s, held-out drift falls {gain:.1f} times")
         for factor in (1, 4, 16):
             taken, _ = calibrate_gyro(folder, 0, factor * windows)
             print(f"  {factor * windows:>9} windows a run: {taken:.2f} s a gyro, peak memory so far {memory_mb():.0f} MB")

@@ -22,7 +22,7 @@ from .fourier import harmonic_basis
 Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6
 """Phase of the highest harmonic that may pass within a block; the loss by averaging is corrected by sinc² (exact at even speed)."""
-FEWEST_BLOCKS, MOST_BLOCKS = 600, 40_000
+FEWEST_BLOCKS, MOST_BLOCKS = 600, 20_000
 ROWS_AT_ONCE = 1 << 16
 SPEED_COLUMNS = ("time_s", "wave_angle_rad", "rate_rad_s")
 BLOCK_COLUMNS = (

@@ -30,7 +30,7 @@ def test_covariance_of_increments_is_that_of_simulated_noise():
 
 
 def test_whitening_whitens():
-    path = path_of(noisy(0, 1e-5, 1e-9), harmonics=1)
+    path = path_of(noisy(0, 1e-5, 1e-9), harmonics=1, per_block=30)
     bands = covariance_bands(path, Noise(1e-10, 1e-9))
     V = np.diag(bands[0]) + np.diag(bands[1, :-1], 1) + np.diag(bands[1, :-1], -1)
     white, determinant = whiten(bands, np.eye(len(path)))
