@@ -246,6 +246,36 @@ def diagnose(
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 
+@command(app, "plan", "hrg plan resonator.h5 --menu configs/menu.toml -o next.toml --runs 3")
+def plan(
+    run: Common,
+    files: Files = None,
+    menu: Annotated[Path | None, typer.Option(help="TOML file with the runs that are feasible.", show_default=False)] = None,
+    runs: Annotated[int | None, typer.Option(help="Runs to choose (default 3).", show_default=False)] = None,
+    criterion: Annotated[str | None, typer.Option(help="auto, separate or variance.", show_default=False)] = None,
+    causes: Annotated[str | None, typer.Option(help="Causes to separate, joined by commas.", show_default=False)] = None,
+) -> None:
+    """The next experiment: the runs of a menu that separate open causes or shrink the worst variances, as a simulation file.
+
+    FILE: a resonator or diagnosis file, then the wave files measured already.
+    """
+    from .commands.planning import plan_files
+    from .reporting import console
+
+    named = None if causes is None else [name.strip() for name in causes.split(",") if name.strip()]
+    report = plan_files(files or [], menu, run, {"runs": runs, "criterion": criterion, "causes": named})
+
+    def show() -> None:
+        console.print_table("", ("run", "why"), [(r["run_id"], r["reason"]) for r in report["runs"]])
+        rows = [(" / ".join(row["causes"]), row["before_sigma"], row["after_sigma"]) for row in report["separations"]]
+        rows += [(name, std, report["after"][name]) for name, std in report["before"].items()]
+        console.print_table("", ("separation in σ, or standard deviation", "before", "expected after"), rows)
+        for sentence in report["impossible"]:
+            print(sentence)
+
+    run.finish(report, show)
+
+
 @command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5")
 def compensate(
     run: Common,
