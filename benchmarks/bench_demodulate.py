@@ -81,7 +81,7 @@ def main(millions: float) -> None:
             for periods in (1.0, 50.0):
                 taken = best(lambda path=path, periods=periods: run(path, periods), 2)
                 print(
-                    f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} times reading, {taken / size * 1e9:.1f} ns a sample pair"
+                    f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} x reading, {taken / size * 1e9:.1f} ns a pair"
                 )
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"peak memory {after:.0f} MB (before demodulating {before:.0f} MB)")

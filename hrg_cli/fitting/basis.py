@@ -26,7 +26,7 @@ class Pull:
 
 @dataclass(frozen=True)
 class WindowBasis:
-    """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k), envelope coefficients p, q = q @ `triangle` (k, 2F).
+    """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k), coefficients p, q = q @ `triangle` (k, 2F).
 
     `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise; `slope` and `curvature`: their pulls.
     `condition`: of the basis with its columns scaled to one.
@@ -76,7 +76,7 @@ def rotations(time_s: Array, frequency_hz: Array) -> Array:
 
 
 def pull(coefficients: Array, left: Array) -> Pull:
-    """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and `left` into the residual; U = p − jq, M = p1 − jq1."""
+    """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and `left` into the residual."""
     m00, m01 = coefficients[..., 0::2, 0::2], coefficients[..., 0::2, 1::2]
     m10, m11 = coefficients[..., 1::2, 0::2], coefficients[..., 1::2, 1::2]
     return Pull((m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2, left)

@@ -57,7 +57,7 @@ class Demodulator:
         self._colour: Array | None = None
 
     def chunk_windows(self, window_samples: float, pool: int) -> int:
-        """Windows that share one basis: a multiple of `pool`, enough samples, few enough that the frequency's drift turns none by `DRIFT_RAD`."""
+        """Windows that share one basis: a multiple of `pool`, so few that the frequency's drift turns none by `DRIFT_RAD`."""
         windows = max(1, int(min(max(CHUNK_SAMPLES[0], CHUNK_WINDOWS * window_samples), CHUNK_SAMPLES[1]) / window_samples))
         track_s, track_hz = self.survey.track_s, self.survey.track_hz
         if len(track_s) > 1:
@@ -126,7 +126,8 @@ class Demodulator:
             self._colour = kappa
             worst = np.sqrt(kappa.mean(1))
             self.notes.append(
-                f"the residual is not white; standard deviations follow its spectrum ({worst[0]:.2g} and {worst[1]:.2g} times those of white noise, C and S)"
+                "the residual is not white; standard deviations follow its spectrum "
+                f"({worst[0]:.2g} and {worst[1]:.2g} times those of white noise, C and S)"
             )
 
     def turns(self, start_s: float, rows: int) -> Array:

@@ -37,7 +37,7 @@ def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
 
 
 def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
-    """Power explained by cos, sin and a constant, summed over the channels y (channels, n) at any times, on an even grid of frequencies (k,).
+    """Power explained by cos, sin and a constant, summed over the channels y (channels, n), on an even grid of frequencies (k,).
 
     Lomb's periodogram with a floating mean: true least squares, for uneven times and few periods alike. All sums follow from
     E = e^{jωt}: Σcos² and Σcos·sin from ΣE², the mean from ΣE, the right side from ΣyE.
@@ -62,7 +62,7 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
 
 
 def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[Array, Array]:
-    """Power against the oscillation's frequency f of a carrier's side bands |f_c ∓ f|: the geometric mean of both, so that a lone line counts little."""
+    """Power against the oscillation's frequency f of the side bands |f_c ∓ f|: their geometric mean, so that a lone line counts little."""
     step = frequency_hz[1] - frequency_hz[0]
     grid = np.arange(1, int((float(frequency_hz[-1]) - carrier_hz) / step)) * step
     low, high = np.interp(np.abs(carrier_hz - grid), frequency_hz, power), np.interp(carrier_hz + grid, frequency_hz, power)
@@ -70,7 +70,7 @@ def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[
 
 
 def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tuple[float, float]:
-    """Frequency of the highest local maximum of a spectrum in [low, high], by a parabola through its logarithm, and its power over the floor.
+    """Frequency of the highest local maximum of a spectrum in [low, high], by a parabola through its logarithm; its power over the floor.
 
     The floor is the median within a factor two of the peak's frequency, so that a noise that falls with frequency does not pass for a line.
     """

@@ -78,7 +78,7 @@ class AveragedSpectrum:
         self.density = np.zeros((len(self.frequency_hz), 2))
 
     def add(self, time_s: Array, residual: Array, even: bool) -> None:
-        """One segment (channels, n) more; at uneven times the transform is summed directly, each sample weighted by its share of the time."""
+        """One segment (channels, n) more; at uneven times the transform is summed directly."""
         window = np.hanning(residual.shape[-1] + 2)[1:-1]
         if even:
             step = (time_s[-1] - time_s[0]) / (len(time_s) - 1)
@@ -100,7 +100,7 @@ def floor(density: Array, bins: int = 65) -> Array:
     """Running median over frequency (frequencies, channels), of blocks of bins, joined linearly."""
     n = len(density)
     starts = np.arange(0, max(1, n - bins // 2), bins)
-    centres = np.array([(a + min(a + bins, n) - 1) / 2 for a in starts])
+    centres = np.array([(a + min(a + bins, n) - 1) / 2 for a in starts.tolist()])
     medians = np.array([np.median(density[a : a + bins], axis=0) for a in starts])
     return np.stack([np.interp(np.arange(n), centres, medians[:, k]) for k in range(density.shape[1])], -1)
 
@@ -152,9 +152,9 @@ def colour(
 ) -> Array:
     """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it were white.
 
-    A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n − Σ|Q_j(f)|²) to the residual of the basis Q; so
-    κ = ∫S|H|² / (variance · ∫S(n − Σ|Q_j|²)/freedom). Bins where the oscillation itself was taken out are filled from beside. κ within four of
-    its own standard deviations of 1, or within a tenth, is 1; lines are no chance and add no doubt.
+    A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n − Σ|Q_j(f)|²) to the residual of the basis Q;
+    so κ = ∫S|H|² / (variance · ∫S(n − Σ|Q_j|²)/freedom). Bins where the oscillation itself was taken out are filled from beside. κ within
+    four of its own standard deviations of 1, or within a tenth, is 1; lines are no chance and add no doubt.
     """
     n = len(basis.orthonormal)
     filled = density.copy()

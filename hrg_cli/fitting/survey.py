@@ -45,8 +45,8 @@ class Survey:
     """What the looks show.
 
     `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples
-    are stuck; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`: where the
-    oscillation itself was taken out of the spectrum; reasons to suspect or refuse.
+    are stuck; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`:
+    where the oscillation itself was taken out of the spectrum; reasons to suspect or refuse.
     """
 
     reference_hz: float
@@ -98,7 +98,8 @@ def survey(recording: Recording, name: str) -> Survey:
     suspect += warned
     if not ratio > limit:
         refused += (
-            f"no oscillation stands out of the noise: the highest peak, at {found:.6g} Hz, has {ratio:.3g} times the power around it where {limit:.3g} was expected",
+            f"no oscillation stands out of the noise: the highest peak, at {found:.6g} Hz, has {ratio:.3g} times the power around it "
+            f"where {limit:.3g} was expected",
         )
     track_s, track_hz = _track(looks, spectra, step, found, carrier)
     width = (
@@ -172,7 +173,7 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     looks = looks or patched
     if not looks:
         raise HrgError(
-            f"{name}: has hardly any finite sample (NaN or infinite values); finite samples of both channels were expected: check the recording"
+            f"{name}: has hardly any finite sample (NaN or infinite values); finite values of both channels were expected: check it"
         )
     return looks
 
@@ -195,7 +196,7 @@ def _search(
     top = nyquist if carrier_hz is None else nyquist - carrier_hz
     if carrier_hz is not None and not 0 < carrier_hz < nyquist:
         raise HrgError(
-            f"{name}: its carrier of {carrier_hz:g} Hz is above half the sampling rate ({nyquist:g} Hz); sample faster or correct carrier_hz"
+            f"{name}: its carrier of {carrier_hz:g} Hz is above half the sampling rate ({nyquist:g} Hz); sample faster or correct it"
         )
     if nominal_hz is not None and not 0 < nominal_hz < top:
         what = "its nominal frequency" if carrier_hz is None else "the sum of its carrier and its nominal frequency"
@@ -233,7 +234,7 @@ def _search(
         found, ratio = finding.peak(grid, power, 0.5 * resolution, top)
     if not np.isfinite(found):
         raise HrgError(
-            f"{name}: no oscillation between 0 and {top:g} Hz in either channel; a recording of several periods was expected: check it or record longer"
+            f"{name}: no oscillation between 0 and {top:g} Hz in either channel; several periods were expected: check it or record longer"
         )
     return found, ratio, limit, ()
 

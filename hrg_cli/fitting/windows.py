@@ -68,7 +68,8 @@ def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
 def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
     """Slope of the envelopes u (channel, rows, F) in the local frame, from rows ± `NEIGHBOURS`; None with fewer than three rows.
 
-    U1 = (u_{k+h} e^{−jΔhT} − u_{k−h} e^{jΔhT})/2hT, Δ = ω_local − ω_r, in reference phase. Rows at the ends continue their neighbours'; 0 where unknown.
+    U1 = (u_{k+h} e^{−jΔhT} − u_{k−h} e^{jΔhT})/2hT, Δ = ω_local − ω_r, in reference phase.
+    Rows at the ends continue their neighbours'; 0 where unknown.
     """
     h = min(NEIGHBOURS, (u.shape[1] - 1) // 2)
     if h < 1:
@@ -78,7 +79,7 @@ def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Arra
 
 
 def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
-    """Curvature of the envelopes in the local frame from rows ± h, h = `BEND`: (u_{k+h} e^{−jΔhT} − 2u_k + u_{k−h} e^{jΔhT})/(hT)²; else as `slopes`."""
+    """Curvature of the envelopes in the local frame from rows ± `BEND`: (u_{k+h} e^{−jΔhT} − 2u_k + u_{k−h} e^{jΔhT})/(hT)²."""
     h = min(BEND, (u.shape[1] - 1) // 2)
     if h < 1:
         return None
@@ -88,7 +89,7 @@ def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> 
 
 
 def _spread(inner: Array, h: int, turn: Array) -> Array:
-    """`inner` rows with h rows more at either end, continued linearly in the local frame, which turns by `turn` a row; what is not finite is 0."""
+    """`inner` rows with h rows more at either end, continued linearly in the local frame (`turn` a row); what is not finite is 0."""
     out = np.empty((inner.shape[0], inner.shape[1] + 2 * h, inner.shape[2]), complex)
     out[:, h:-h] = inner
     for i in range(1, h + 1):
@@ -155,14 +156,14 @@ def pooled_variance(residual2: Array, freedom: Array) -> Array:
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
     sums, weight = np.where(finite, residual2, 0.0), np.where(finite, freedom, 0.0)
-    excess = np.zeros(len(residual2), bool)
-    for _ in range(8):
-        total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(np.add.reduceat(np.where(excess, 0.0, weight), starts), 1)
-        spread = np.repeat(total, counts)
-        more = finite & (sums > (4 * freedom + 40) * spread)
-        if (more == excess).all():
-            break
-        excess = more
+    own = np.full(len(starts) * int(counts.max()), np.nan)
+    place = np.repeat(np.arange(len(starts)) * int(counts.max()) - starts, counts) + np.arange(len(residual2))
+    own[place] = np.where(finite, residual2 / np.maximum(freedom, 1), np.inf)
+    own = np.sort(own.reshape(len(starts), -1), axis=1)
+    middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
+    excess = finite & (sums > (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts))
+    total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(np.add.reduceat(np.where(excess, 0.0, weight), starts), 1)
+    spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
 
 

@@ -40,7 +40,7 @@ def test_refined_frequency_of_a_carriers_side_bands() -> None:
 def test_least_squares_power_is_what_lstsq_explains() -> None:
     rng = np.random.default_rng(3)
     time = np.sort(rng.uniform(5, 9, 300))
-    y = rng.normal(size=(2, 300)) + [[3.0], [-2.0]]
+    y = rng.normal(size=(2, 300)) + np.array([[3.0], [-2.0]])
     grid = np.arange(0.4, 30, 0.1)
     power = finding.least_squares_power(time, y, grid)
     for k in (0, 7, 150, 295):

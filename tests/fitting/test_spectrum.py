@@ -52,7 +52,21 @@ def test_an_oscillation_that_decays_and_turns_leaves_no_residual() -> None:
     time = np.arange(16_384) / 64_000
     u = np.exp((-0.35 + 1.6j) * time + 2j * np.pi * 5003.3 * time)
     y = np.stack([u.real + 0.2, 0.3 * u.imag - 4])
-    assert np.abs(look_residual(time, y, (5003.3,))).max() < 1e-3
+    residual, reach = look_residual(time, y, (5003.3,))
+    assert np.abs(residual).max() < 1e-3 and reach < 100
+
+
+def test_a_wave_that_turns_fast_leaves_white_noise() -> None:
+    """Turning by forty radians within a look is no noise beside the oscillation, and the noise that is there stays."""
+    rng = np.random.default_rng(8)
+    time = np.arange(16_384) / 2_000
+    for turning in (0.4, 5.0, 60.0):
+        phase = 2 * np.pi * 871.3 * time
+        y = np.stack([np.cos(turning * time), np.sin(turning * time)]) * np.cos(phase)
+        noise = 1e-3 * rng.normal(size=y.shape)
+        residual, reach = look_residual(time, y + noise, (871.3,))
+        assert residual.std() == pytest.approx(1e-3, rel=0.08), turning
+        assert turning / (2 * np.pi) < 4 / time[-1] + reach
 
 
 def test_colour_is_the_ratio_a_trial_shows() -> None:

@@ -127,7 +127,9 @@ def test_carrier_signals_are_those_of_seed_b(carrier: float, periods: float) -> 
     time = np.arange(n) / rate
     eight = seed_b(main, quadrature, theta, np.array(phi), psi)
     low, high = 2 * np.pi * (carrier - frequency) * time, 2 * np.pi * (carrier + frequency) * time
-    z = np.stack([eight[k] * np.cos(low) + eight[k + 1] * np.cos(high) + eight[k + 2] * np.sin(low) + eight[k + 3] * np.sin(high) for k in (0, 4)])
+    z = np.stack(
+        [eight[k] * np.cos(low) + eight[k + 1] * np.cos(high) + eight[k + 2] * np.sin(low) + eight[k + 3] * np.sin(high) for k in (0, 4)]
+    )
     leak = 0.02 * np.cos(2 * np.pi * carrier * time + 2)
     z = z + leak + noise * rng.normal(size=(2, n)) + 0.1
     made = collect(demodulate(recording(z[0], z[1], rate, readout="carrier", carrier_hz=carrier), periods_per_window=periods))
@@ -248,7 +250,9 @@ def test_lost_samples_show_in_the_residual() -> None:
     assert np.argmax(made.residual_rms[:, 0]) == 50_003 // 8
     assert made.residual_rms[:, 0].max() > 50 * np.median(made.residual_rms[:, 0])
     row = 50_003 // 8
-    assert made.signals_std[row, 0] > 30 * np.median(made.signals_std[:, 0]) and made.signals_std[row - 2, 0] < 2 * np.median(made.signals_std[:, 0])
+    assert made.signals_std[row, 0] > 30 * np.median(made.signals_std[:, 0]) and made.signals_std[row - 2, 0] < 2 * np.median(
+        made.signals_std[:, 0]
+    )
 
 
 def test_harmonics_and_mains_are_kept_as_lines_and_do_not_spoil_the_standard_deviations() -> None:
@@ -260,7 +264,8 @@ def test_harmonics_and_mains_are_kept_as_lines_and_do_not_spoil_the_standard_dev
     lines = dict(zip(made.spectrum_line_frequency_hz.round(), made.spectrum_line_amplitude[:, 0], strict=True))
     assert lines[10_001.0] == pytest.approx(0.2, rel=0.02) and lines[50.0] == pytest.approx(0.05, rel=0.02)
     error = (made.signals - truth(made, 5000.3, np.array([1, -0.5j]), -0.1)) / made.signals_std
-    assert (0.8 < (error**2).mean(0)).all() and ((error**2).mean(0) < 1.25).all()
+    ratios = (error**2).mean(0)
+    assert (ratios > 0.8).all() and (ratios < 1.25).all()
     held = summary(made)
     assert held["windows"] == 25_000 and held["residual_lines"][0]["power_ratio"] > 100 and held["flagged"]["clipped"] == 0
 
@@ -297,7 +302,9 @@ def test_few_samples_a_period_take_longer_windows_and_say_so() -> None:
     rng = np.random.default_rng(8)
     time = np.arange(50_000) / 40_000
     for frequency in (16_000.0, 19_500.0):
-        z = np.stack([np.cos(2 * np.pi * frequency * time), 0.4 * np.sin(2 * np.pi * frequency * time)]) + 1e-3 * rng.normal(size=(2, len(time)))
+        z = np.stack([np.cos(2 * np.pi * frequency * time), 0.4 * np.sin(2 * np.pi * frequency * time)]) + 1e-3 * rng.normal(
+            size=(2, len(time))
+        )
         made = collect(demodulate(recording(z[0], z[1], 40_000.0)))
         assert made.periods_per_window > 1.5 and "too few" in " ".join(made.status_reasons) and made.status == "valid"
         error = (made.signals - truth(made, frequency, np.array([1, -0.4j]))) / made.signals_std
@@ -320,7 +327,9 @@ def test_scale_and_offset_only_change_the_unit() -> None:
     c, s = oscillation(20_000)
     raw = recording(np.rint(8000 * c), np.rint(8000 * s), 40_000.0)
     one = collect(demodulate(raw))
-    other = collect(demodulate(dataclasses.replace(raw, c_scale_factor=2e-3, s_scale_factor=-2e-3, c_add_offset=5.0, c_units="V", s_units="V")))
+    other = collect(
+        demodulate(dataclasses.replace(raw, c_scale_factor=2e-3, s_scale_factor=-2e-3, c_add_offset=5.0, c_units="V", s_units="V"))
+    )
     np.testing.assert_allclose(other.signals[:, :2], 2e-3 * one.signals[:, :2], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(other.signals[:, 2:], -2e-3 * one.signals[:, 2:], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(other.signals_std[:, 2:], 2e-3 * one.signals_std[:, 2:], rtol=1e-6)

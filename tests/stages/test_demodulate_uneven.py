@@ -59,7 +59,9 @@ def test_gaps_are_flagged_and_no_row_is_dropped() -> None:
     made = collect(demodulate(dataclasses.replace(whole, c=whole.c[kept], s=whole.s[kept], time_s=time[kept])))
     gap = made.flags & FLAG_GAP != 0
     width = made.window_s
-    touched = ((made.time_s + width / 2 > 300) & (made.time_s - width / 2 < 317)) | ((made.time_s + width / 2 > 900) & (made.time_s - width / 2 < 977))
+    touched = ((made.time_s + width / 2 > 300) & (made.time_s - width / 2 < 317)) | (
+        (made.time_s + width / 2 > 900) & (made.time_s - width / 2 < 977)
+    )
     np.testing.assert_array_equal(gap, touched)
     np.testing.assert_allclose(np.diff(made.time_s), width)
     empty = (made.time_s - width / 2 > 901) & (made.time_s + width / 2 < 976)
@@ -149,11 +151,15 @@ def measured() -> Path:
 
 
 def test_the_recorded_pendulum(measured: Path) -> None:
-    """Published 8.94 s a period; two gaps near the start; the pieces of a slow decay fit each other."""
+    """Published 8.94 s a period; two gaps near the start; neighbouring windows scatter as their standard deviations say."""
     rows = [line.split(",") for line in (measured / "foucault_yverdon/oscillation4.csv").read_text().splitlines() if line.strip()]
     time = np.array([sum(float(part) * unit for part, unit in zip(row[2].split(":"), (3600, 60, 1), strict=True)) for row in rows])
     made_from = Recording(
-        c=np.array([float(row[0]) for row in rows]), s=np.array([float(row[1]) for row in rows]), time_s=time - time[0], mode="free", mode_number=1
+        c=np.array([float(row[0]) for row in rows]),
+        s=np.array([float(row[1]) for row in rows]),
+        time_s=time - time[0],
+        mode="free",
+        mode_number=1,
     )
     made = collect(demodulate(made_from))
     assert 1 / made.reference_frequency_hz == pytest.approx(8.942, abs=0.003)
@@ -161,9 +167,8 @@ def test_the_recorded_pendulum(measured: Path) -> None:
     assert len(made) == pytest.approx((time[-1] - time[0]) / 8.942, abs=2)
     good = made.flags == 0
     size = np.hypot(*made.signals[good, :2].T)
-    smooth = np.polyval(np.polyfit(made.time_s[good], np.log(size), 6), made.time_s[good])
-    scatter = np.std(np.log(size) - smooth) * np.median(size)
-    assert scatter < 4 * np.median(made.signals_std[good, 0])
+    scatter = np.median(np.abs(np.diff(size, 2))) / 0.6745 / np.sqrt(6)
+    assert 0.5 < scatter / np.median(made.signals_std[good, 0]) < 2
     assert made.spectrum_line_frequency_hz is not None
     harmonics = made.spectrum_line_frequency_hz / made.reference_frequency_hz
     assert any(abs(h - 2) < 0.02 for h in harmonics)
