@@ -8,6 +8,7 @@ that helps.
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
@@ -139,7 +140,7 @@ def summary(made: Plan) -> dict[str, Any]:
 def _mechanics(known: Resonator | Diagnosis) -> Mechanics:
     if isinstance(known, Diagnosis):
         given = {row["name"]: float(row["value"]) for row in json.loads(known.report)["values"]}
-        mode_number = int(json.loads(known.report).get("mode_number", 2))
+        mode_number = int(tomllib.loads(known.extended_model)["device"]["mode_number"]) if known.extended_model else 2
     else:
         given = {name: value for name, (value, _, _) in known.parameters().items()}
         mode_number = known.mode_number
