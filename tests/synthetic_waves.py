@@ -8,7 +8,15 @@ from hrg_cli.records import Wave
 
 GYRO = Mechanics(4987.3, 0.31, 0.012, 0.35, 0.11, 0.9, 0.55)
 PROGRAMME = ((0.0, 0.0), (0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.1, 2.0), (0.5, -2.0))
-NAMES = ("frequency_hz", "damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
+NAMES = (
+    "frequency_hz",
+    "damping_rate_1_s",
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+    "scale_factor",
+)
 
 
 def envelope(mechanics, theta, rate, times, ratio=0.02, phase=0.0, second_order=1.0, amplitude=1.0):
@@ -17,7 +25,9 @@ def envelope(mechanics, theta, rate, times, ratio=0.02, phase=0.0, second_order=
     if not callable(rate):
         return resonator.exponential(resonator.generator(mechanics, rate, second_order=second_order), times) @ u0
     fine = np.concatenate([[0.0], times])
-    steps = resonator.exponential(resonator.generator(mechanics, rate((fine[1:] + fine[:-1]) / 2), second_order=second_order), np.diff(fine))
+    steps = resonator.exponential(
+        resonator.generator(mechanics, rate((fine[1:] + fine[:-1]) / 2), second_order=second_order), np.diff(fine)
+    )
     out, u = np.empty((len(times), 2), complex), u0
     for k, step in enumerate(steps):
         u = step @ u
@@ -84,6 +94,6 @@ def errors(resonator_record, mechanics=GYRO, names=NAMES):
         if name.endswith("axis_rad"):
             period = np.pi / mechanics.mode_number
             difference = (difference + period / 2) % period - period / 2
-        if name in names:
+        if name in names and std > 0:  # a held axis has none
             out[name] = difference / std
     return out

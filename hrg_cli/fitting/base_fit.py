@@ -109,7 +109,10 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
     except np.linalg.LinAlgError:
         best = None
     if best is None or not (np.all(np.isfinite(best.p)) and np.isfinite(best.chi2)):
-        raise HrgError(f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of a resonator can be fitted; look at the envelopes")
+        raise HrgError(
+            f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of a resonator "
+            "can be fitted; look at the envelopes"
+        )
     return best
 
 

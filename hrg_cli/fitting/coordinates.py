@@ -49,7 +49,8 @@ def product(a: Array, b: Array) -> Array:
 def to_mechanics(p: Array, frequency_hz: float, mode_number: int) -> Mechanics:
     """The resonator these coordinates describe; axes in [0, π/m)."""
     values, _ = physical(p, mode_number)
-    return Mechanics(frequency_hz, *values[:6], mode_number=mode_number)
+    nu, split, damping_axis, detuning, stiffness_axis, factor = (float(v) for v in values)
+    return Mechanics(frequency_hz, nu, split, damping_axis, detuning, stiffness_axis, factor, mode_number)
 
 
 def from_mechanics(mechanics: Mechanics, second_order: float = 1.0) -> Array:

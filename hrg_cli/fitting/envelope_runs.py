@@ -50,7 +50,9 @@ class EnvelopeRun:
 def retuned(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
     """The same run against a reference shifted by an angular frequency."""
     turn = np.exp(-1j * offset_rad_s * run.time_s)[:, None]
-    return dataclasses.replace(run, envelope=run.envelope * turn, reference_frequency_hz=run.reference_frequency_hz + offset_rad_s / (2 * np.pi))
+    return dataclasses.replace(
+        run, envelope=run.envelope * turn, reference_frequency_hz=run.reference_frequency_hz + offset_rad_s / (2 * np.pi)
+    )
 
 
 def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
@@ -62,7 +64,9 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     good = wave.good() & np.isfinite(wave.time_s) & np.isfinite(wave.main_amplitude) & np.isfinite(wave.phase_rad)
     good &= np.isfinite(wave.quadrature_amplitude)
     if good.sum() < MIN_ROWS:
-        raise HrgError(f"{name}: {good.sum()} windows without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner record")
+        raise HrgError(
+            f"{name}: {good.sum()} windows without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner record"
+        )
     time = np.asarray(wave.time_s, float)
     if np.any(np.diff(time[good]) <= 0):
         raise HrgError(f"{name}: the windows' times do not increase; sort the record or remove repeated rows")

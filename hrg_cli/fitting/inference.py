@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import coordinates
-from .likelihood import Fit, real
+from .likelihood import Fit, real, triangle
 
 Array = np.ndarray
 FLAT_FRACTION = 0.3
@@ -25,7 +25,8 @@ class Flat:
 
 
 def inflation(fit: Fit) -> tuple[float, float]:
-    """(variance factor over the nominal noise, its part due to colour): residuals summed over ever longer blocks, as white noise would be 1.
+    """(variance factor over the nominal noise, its part due to colour): residuals summed over ever longer blocks, as white noise
+    would be 1.
 
     The factor at the longest scale with enough blocks counts when it exceeds the white one by 4 of its errors; else χ²/dof does.
     """
@@ -60,7 +61,9 @@ def natural_scales(fit: Fit) -> Array:
 
 
 def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
-    """Condition number of the scaled Fisher information (unit diagonal) of the judged directions, and the flat ones; the rest is nuisance."""
+    """Condition number of the scaled Fisher information (unit diagonal) of the judged directions, and the flat ones; the rest is
+    nuisance.
+    """
     scales = natural_scales(fit)
     judged = scales > 0
     order = np.concatenate([np.flatnonzero(~judged), np.flatnonzero(judged)])
@@ -68,9 +71,9 @@ def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
     root = fit.data_root[:, order]
     if nuisance:
         kept = fit.root[:, order]  # a nuisance keeps its prior
-        root = np.linalg.qr(kept, mode="r")[nuisance:, nuisance:]
+        root = triangle(kept)[nuisance:, nuisance:]
     norms = np.linalg.norm(root, axis=0)
-    unit = root / np.where(norms > 0, norms, 1.0)
+    unit = np.asarray(root / np.where(norms > 0, norms, 1.0))
     size = np.linalg.svd(unit, compute_uv=False)
     condition = float((size[0] / size[-1]) ** 2) if size[-1] > 0 else float("inf")
     _, strength, Vt = np.linalg.svd(root * scales[judged])
@@ -123,7 +126,7 @@ def run_shifts(fit: Fit, factor: float) -> Array:
         return out
     for i, (information, gradient) in enumerate(parts):
         rest = total - information
-        value, vector = np.linalg.eigh(rest / np.sqrt(np.outer(np.diag(rest), np.diag(rest)) + 1e-300))
+        value = np.linalg.eigvalsh(rest / np.sqrt(np.outer(np.diag(rest), np.diag(rest)) + 1e-300))
         if value[0] < 1e-9:
             continue
         shift = np.linalg.solve(rest, -gradient)

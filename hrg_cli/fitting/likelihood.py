@@ -19,6 +19,8 @@ from .coordinates import BASIS, COUNT, product
 from .envelope_runs import EnvelopeRun
 
 Array = np.ndarray
+CONVERGED = 1e-3
+"""Predicted fall of χ², in units of χ²/dof, of a step after which the rest, smaller by another order, is left."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,10 @@ def inverse(phi: Array) -> Array:
 def applied(matrix: Array, vector: Array) -> Array:
     """matrix·vector over (..., 2, 2) and (..., 2)."""
     x, y = vector[..., 0], vector[..., 1]
-    return np.stack([matrix[..., 0, 0] * x + matrix[..., 0, 1] * y, matrix[..., 1, 0] * x + matrix[..., 1, 1] * y], axis=-1)
+    out = np.empty(np.broadcast_shapes(matrix.shape[:-1], vector.shape), np.result_type(matrix, vector))
+    out[..., 0] = matrix[..., 0, 0] * x + matrix[..., 0, 1] * y
+    out[..., 1] = matrix[..., 1, 0] * x + matrix[..., 1, 1] * y
+    return out
 
 
 def pulled(phi: Array, term: Array, start: Array) -> Array:
@@ -245,8 +250,15 @@ def real(columns: Array, weight: Array) -> Array:
     return np.concatenate([flat.real, flat.imag], axis=1).T
 
 
+def triangle(matrix: Array) -> Array:
+    """The triangular factor R of matrix = QR."""
+    return np.asarray(np.linalg.qr(matrix, mode="r"))
+
+
 def reduced(response: Response, freedom: Freedom) -> tuple[Array, Array, list[Array]]:
-    """Each run's design with its own nuisances eliminated by QR: rows of [∂/∂z | residual] stacked, and what gives the nuisance steps back."""
+    """Each run's design with its own nuisances eliminated by QR: rows of [∂/∂z | residual] stacked, and what gives the nuisance
+    steps back.
+    """
     shared = np.tensordot(freedom.directions.T, response.coordinate_sensitivities(), 1)
     own = response.run_sensitivities()
     residual = response.residual()
@@ -257,7 +269,7 @@ def reduced(response: Response, freedom: Freedom) -> tuple[Array, Array, list[Ar
         weight = response.batch.weight[run, :n]
         r = residual[run, :n].ravel()
         design = np.column_stack([real(own[:, run, :n], weight), real(shared[:, run, :n], weight), np.concatenate([r.real, r.imag])])
-        R = np.linalg.qr(design, mode="r")
+        R = triangle(design)
         back.append(R[:k])
         rows.append(R[k:, k:])
     stacked = np.concatenate(rows)
@@ -265,7 +277,7 @@ def reduced(response: Response, freedom: Freedom) -> tuple[Array, Array, list[Ar
 
 
 def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max_iterations: int = 30) -> Fit:
-    """Gauss–Newton with step halving from z, start states (R, 2) and phases (R, k); stops when the step is below 1e-3 of the errors."""
+    """Gauss–Newton with step halving from z, start states (R, 2) and phases (R, k); stops with a step below 3 % of the errors."""
     prior = np.isfinite(freedom.prior_std)
     prior_rows = np.diag(np.where(prior, 1 / np.where(prior, freedom.prior_std, 1.0), 0.0))[prior]
 
@@ -277,7 +289,8 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
 
     response = at(z, start, phase)
     current, converged, iteration = cost(response, z), False, 0
-    for iteration in range(1, max_iterations + 1):
+    while iteration < max_iterations:
+        iteration += 1
         design, residual, back = reduced(response, freedom)
         full = np.concatenate([design, prior_rows])
         target = np.concatenate([residual, prior_rows @ (freedom.prior_mean - z)])
@@ -285,9 +298,7 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
         scale[scale == 0] = 1.0
         step = np.linalg.lstsq(full / scale, target, rcond=1e-13)[0] / scale
         own = np.stack([np.linalg.lstsq(R[:, : len(R)], R[:, -1] - R[:, len(R) : -1] @ step, rcond=1e-14)[0] for R in back])
-        predicted = float(np.sum((full @ step) ** 2)) + float(
-            sum(np.sum((R[:, -1]) ** 2) for R in back)
-        )
+        predicted = float(np.sum((full @ step) ** 2)) + float(sum(np.sum((R[:, -1]) ** 2) for R in back))
         size = 1.0
         while True:
             trial_z = z + size * step
@@ -303,7 +314,7 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
         if not np.isfinite(value) or value > current * (1 + 1e-6) + 1e-3:
             break
         z, response, current = trial_z, trial, value
-        if predicted < 1e-6 * max(1.0, current / max(1, _dof(data, freedom, phase))):
+        if predicted < CONVERGED * max(1.0, current / max(1, _dof(data, freedom, phase))):
             converged = True
             break
     design, _, _ = reduced(response, freedom)
@@ -312,8 +323,8 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
         freedom=freedom,
         response=response,
         z=z,
-        root=np.linalg.qr(np.concatenate([design, prior_rows]), mode="r"),
-        data_root=np.linalg.qr(design, mode="r"),
+        root=triangle(np.concatenate([design, prior_rows])),
+        data_root=triangle(design),
         chi2=response.chi2,
         dof=_dof(data, freedom, phase),
         converged=converged,

@@ -7,6 +7,7 @@ starts from the one before. L is shared by the runs and linear in the coordinate
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from .likelihood import Freedom, applied
 Array = np.ndarray
 START_BLOCKS = 1000
 LAG_FRACTIONS = (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1 / 2)
-STEPS_A_LAG = 3
-PAIRS_A_LAG = 8
+STEPS_A_LAG = 2
+PAIRS_A_LAG = 4
 """Pairs of rows whose first row lies within one lag: closer ones tell little more."""
 LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
@@ -77,54 +78,76 @@ def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Array]:
     return propagator
 
 
-def regress(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array, lag_s: float) -> tuple[Array, Array, Array, float]:
-    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets, covariance of z, and the misfit before the step.
+@dataclass(frozen=True)
+class Pairs:
+    """Rows one lag apart, all runs one after the other: u(t), u(t + h), h, table turn, 1/σ of the difference, first pair of each run."""
 
-    Pairs of rows about `lag_s` apart within a run, eight a lag; pairs across a gap carry their true time.
-    """
-    k = len(freedom.names)
-    information, gradient = np.zeros((k + len(runs),) * 2), np.zeros(k + len(runs))
-    misfit, rows = 0.0, 0
-    here = np.linalg.pinv(freedom.directions) @ (p - freedom.origin)
-    for i, std in enumerate(freedom.prior_std):
-        if np.isfinite(std):  # a direction without information stays at its prior
-            information[i, i] += std**-2.0
-            gradient[i] += (freedom.prior_mean[i] - here[i]) * std**-2.0
+    before: Array
+    after: Array
+    dt: Array
+    turn: Array
+    weight: Array
+    first: Array
+    run: Array
+
+
+def pairs(runs: Sequence[EnvelopeRun], lag_s: float) -> Pairs:
+    """Pairs of rows about `lag_s` apart within a run, four a lag; pairs across a gap carry their true time."""
+    parts = []
     for number, run in enumerate(runs):
         end = np.searchsorted(run.time_s, run.time_s + lag_s * (1 - 1e-9))
         begin = np.flatnonzero(end < len(run))
         begin = begin[:: max(1, int(np.median(end[begin] - begin)) // PAIRS_A_LAG)]
         end = end[begin]
         dt, turn = run.time_s[end] - run.time_s[begin], run.turn_rad[end] - run.turn_rad[begin]
-        flow = carry(p, offsets[number])(dt, turn)
-        u, v = run.envelope[begin], run.envelope[end]
-        half = carry(p, offsets[number])(dt / 2, turn / 2)
-        middle = applied(half, u)
+        weight = 1 / np.hypot(run.std[begin], run.std[end])
+        parts.append((run.envelope[begin], run.envelope[end], dt, turn, weight, np.full(len(begin), number)))
+    before, after, dt, turn, weight, which = (np.concatenate(column) for column in zip(*parts))
+    return Pairs(before, after, dt, turn, weight, np.flatnonzero(np.diff(which, prepend=-1)), which)
 
-        def change(term: Array, u: Array = u, flow: Array = flow, half: Array = half, middle: Array = middle, dt: Array = dt) -> Array:
-            ends = applied(flow, applied(term, u)) + applied(term, applied(flow, u))
-            return (ends + 4 * applied(half, applied(term, middle))) * (dt / 6)[:, None]
 
-        rate = (turn / dt)[:, None, None]
-        columns = np.stack([change(b) for b in BASIS] + [change(rate * J), np.zeros_like(u)])
-        shared = np.tensordot(freedom.directions.T, columns, 1)
-        weight = 1 / np.hypot(run.std[begin], run.std[end])[:, None]
-        own = 1j * dt[:, None] * applied(flow, u)
-        error = v - applied(flow, u)
-        block = (np.concatenate([shared, own[None], error[None]]) * weight).reshape(k + 2, -1)
-        gram = np.real(block.conj() @ block.T)
-        place = [*range(k), k + number]
-        information[np.ix_(place, place)] += gram[:-1, :-1]
-        gradient[place] += gram[:-1, -1]
-        misfit += float(gram[-1, -1])
-        rows += 4 * len(u)
+def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array, float]:
+    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets, covariance of z, misfit before it."""
+    k = len(freedom.names)
+    dt = data.dt
+    constant = coordinates.generator(np.concatenate([p[:5], [0.0, 0.0]]), np.zeros(()), 1.0)
+    half = exponential(constant * (dt / 2)[:, None, None] + p[5] * (data.turn / 2)[:, None, None] * J, 1.0)
+    half = half * np.exp(0.5j * offsets[data.run] * dt)[:, None, None]
+    middle = applied(half, data.before)
+    flow = applied(half, middle)
+    terms = np.concatenate([np.broadcast_to(BASIS[:, None], (5, len(dt), 2, 2)), ((data.turn / dt)[:, None, None] * J)[None]])
+    inner = applied(half, applied(terms, data.before))
+    columns = applied(half, inner + 4 * applied(terms, middle)) + applied(terms, flow)
+    columns = columns * (dt / 6 * data.weight)[:, None]
+    shared = np.tensordot(freedom.directions[:6].T, columns, 1)
+    own = 1j * (dt * data.weight)[:, None] * flow
+    error = (data.after - flow) * data.weight[:, None]
+
+    information, gradient = np.zeros((k + len(offsets),) * 2), np.zeros(k + len(offsets))
+    flat, target = shared.reshape(k, -1), error.ravel()
+    information[:k, :k], gradient[:k] = np.real(flat.conj() @ flat.T), np.real(flat.conj() @ target)
+    present = k + data.run[data.first]
+
+    def by_run(values: Array) -> Array:
+        return np.add.reduceat(np.real(values).sum(axis=-1), data.first, axis=-1)
+
+    information[present, present] = by_run(np.abs(own) ** 2)
+    information[:k, present] = by_run(np.conj(shared) * own)
+    information[present, :k] = information[:k, present].T
+    gradient[present] = by_run(np.conj(own) * error)
+    misfit, rows = float(np.sum(np.abs(error) ** 2)), 4 * len(dt)
+    here = np.linalg.pinv(freedom.directions) @ (p - freedom.origin)
+    for i, std in enumerate(freedom.prior_std):
+        if np.isfinite(std):  # a direction without information stays at its prior
+            information[i, i] += std**-2.0
+            gradient[i] += (freedom.prior_mean[i] - here[i]) * std**-2.0
     scale = np.sqrt(np.diag(information))
     scale[scale == 0] = 1.0
     size, vector = np.linalg.eigh(information / np.outer(scale, scale))
     keep = size > 1e-8 * size[-1]
     inverse = (vector[:, keep] / size[keep]) @ vector[:, keep].T / np.outer(scale, scale)
     step = inverse @ gradient
-    spread = (misfit - float(gradient @ step)) / max(1, rows - len(step))
+    spread = max(0.0, misfit - float(gradient @ step)) / max(1, rows - len(step))
     return p + freedom.directions @ step[:k], offsets + step[k:], spread * inverse[:k, :k], misfit / rows
 
 
@@ -136,10 +159,10 @@ def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: A
         lag = max(fraction * span, 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs))
         if lag > 0.9 * span:
             break
-        misfit = np.inf
+        misfit, data = np.inf, pairs(runs, lag)
         kept = (p, offsets, covariance)
         for _ in range(STEPS_A_LAG + 1):
-            next_p, next_offsets, next_covariance, here = regress(runs, freedom, p, offsets, lag)
+            next_p, next_offsets, next_covariance, here = regress(data, freedom, p, offsets)
             if not here < misfit * (1 + 1e-9):
                 p, offsets, covariance = kept  # the last step made it worse
                 break

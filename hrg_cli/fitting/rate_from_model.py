@@ -1,6 +1,7 @@
 """The rate from a reference model (seed A's last task): Ω(t) fitted to a run's envelopes with the identified resonator held.
 
-Ω(t) is a cubic spline through its values at even nodes. The envelopes are fitted as a whole (likelihood.py), so the drift of the wave is taken out by the model
+Ω(t) is a cubic spline through its values at even nodes. The envelopes are fitted as a whole (likelihood.py), so the drift of the
+wave is taken out by the model
 itself, not by a table; the run keeps its own start state and frequency. Beside it stands −m·(dθ/dt)/K, which has the drift in it.
 """
 
@@ -50,7 +51,9 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int = 20) -> RateEs
         raise HrgError(f"{resonator.gyro_id or 'the resonator'}: has no scale_factor, which a rate needs; identify it with rotated runs")
     run = from_wave(wave, 0.0)
     if len(run) < ROWS_A_NODE * nodes:
-        raise HrgError(f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * nodes} were expected for {nodes} nodes; ask for fewer")
+        raise HrgError(
+            f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * nodes} were expected for {nodes} nodes; ask for fewer"
+        )
     mechanics = Mechanics(**{k: values.get(k, 0.0) for k in ("frequency_hz", *_SHARED)}, mode_number=run.mode_number)
     p = coordinates.from_mechanics(mechanics)
     angle, _ = ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)

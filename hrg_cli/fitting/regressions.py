@@ -2,7 +2,8 @@
 
 All are linear in the coordinates of `coordinates.py`. The published forms are corrected where PHYSICS §4 shows an error: 1/π and a full
 turn in the rotation integrals, the true rate in fixed axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an
-option), e^{+jωt} throughout. Standard deviations come from sums of the residuals over blocks, so that the anticorrelated noise of derivatives counts as it cancels.
+option), e^{+jωt} throughout. Standard deviations come from sums of the residuals over blocks, so that the anticorrelated noise of
+derivatives counts as it cancels.
 """
 
 from __future__ import annotations
@@ -83,7 +84,9 @@ def ellipse_of(run: EnvelopeRun) -> Ellipse:
     return Ellipse(run, a, b, angle, derivative(a, t), derivative(b, t), derivative(angle, t), table_rate(run), ~beside_gap(t))
 
 
-def _rows(run: EnvelopeRun, columns: list[Array], target: Array, keep: Array, scale: Array | float = 1.0, offset: Array | None = None) -> Equations:
+def _rows(
+    run: EnvelopeRun, columns: list[Array], target: Array, keep: Array, scale: Array | float = 1.0, offset: Array | None = None
+) -> Equations:
     step = float(np.median(np.diff(run.time_s)))
     weight = np.broadcast_to(step / run.std / scale, target.shape)
     block = np.arange(len(target)) // ROWS_A_BLOCK
@@ -160,7 +163,9 @@ def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equat
     a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ + KΩ·(−sin Δφ))(a_S² − a_C²) + Δν_s sin Δφ (a_C² + a_S²), Δφ = φ_C − φ_S.
     """
     cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
-    return _channel_products(run, cross.real, cross.imag, np.abs(run.envelope[:, 0]) ** 2, np.abs(run.envelope[:, 1]) ** 2, eliminate_rate, False)
+    return _channel_products(
+        run, cross.real, cross.imag, np.abs(run.envelope[:, 0]) ** 2, np.abs(run.envelope[:, 1]) ** 2, eliminate_rate, False
+    )
 
 
 def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
@@ -186,14 +191,20 @@ def _channel_products(run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array
     ]
     total, difference = c2 + s2, s2 - c2
     if whole:
-        in_phase = _rows(run, [-2 * x, zero, -total, -2 * y, zero, rate * difference, zero], derivative(x, t) - known * difference, keep, size)
+        in_phase = _rows(
+            run, [-2 * x, zero, -total, -2 * y, zero, rate * difference, zero], derivative(x, t) - known * difference, keep, size
+        )
         quadrature = _rows(run, [-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t), keep, size)
         return _joined([*amplitude, in_phase, quadrature])
     product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
     sin, cos = y / product, x / product
     left = cos * derivative(y, t) - sin * derivative(x, t)
     phase = _rows(
-        run, [zero, zero, sin * total, 2 * product, cos * difference, -rate * sin * difference, zero], left + known * sin * difference, keep, size
+        run,
+        [zero, zero, sin * total, 2 * product, cos * difference, -rate * sin * difference, zero],
+        left + known * sin * difference,
+        keep,
+        size,
     )
     return _joined([*amplitude, phase])
 
@@ -235,7 +246,9 @@ def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
 
 
 def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), over increments; no axes, so circular orbits too; noise power taken off S₀."""
+    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), over increments; no axes, so circular orbits too; noise power taken
+    off S₀.
+    """
     s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
     s0 = s0 - 4 * run.std**2
     rate, zero = table_rate(run), np.zeros_like(s0)
@@ -329,9 +342,15 @@ def warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool) -> 
     out = []
     r = roundness(runs)
     if method == "moving-axes-small-quadrature" and r > 0.03:
-        out.append(f"moving-axes-small-quadrature drops terms in a_B/a_A, which reaches {r:.2g}: ν and the damping split are biased (seed A 14, 16)")
+        out.append(
+            f"moving-axes-small-quadrature drops terms in a_B/a_A, which reaches {r:.2g}: ν and the damping split "
+            "are biased (seed A 14, 16)"
+        )
     if eliminate_rate and method in ("fixed-axes", "fixed-axes-weighted", "products"):
-        out.append("the published elimination KΩ := −mθ̇ deletes the drift it seeks: the damping split comes out halved (PHYSICS §4); use the true rate")
+        out.append(
+            "the published elimination KΩ := −mθ̇ deletes the drift it seeks: the damping split comes out halved "
+            "(PHYSICS §4); use the true rate"
+        )
     if method in USES_AXES and quadrature_significance(runs) < 3:
         out.append("the quadrature is lost in the noise: the frequency split is skipped")
     return out

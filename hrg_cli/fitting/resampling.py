@@ -61,7 +61,10 @@ def profile(best: Fit, mode_number: int, std: dict[str, float], factor: float) -
             roots.append(float(np.sign(size) * np.sqrt(max(0.0, chi2 - best.chi2) / factor)))
         order = np.argsort(steps)
         x, y = np.array(steps)[order], np.maximum.accumulate(np.array(roots)[order])
-        reach = {share: [float(values[row] + std[name] * _cross(y, x, sign * level)) for sign in (-1, 1)] for share, level in (("68", 1.0), ("95", 1.96))}
+        reach = {
+            share: [float(values[row] + std[name] * _cross(y, x, sign * level)) for sign in (-1, 1)]
+            for share, level in (("68", 1.0), ("95", 1.96))
+        }
         out[name] = reach
     return out
 

@@ -1,7 +1,8 @@
 """Monitoring a driven gyro: the frequency split from the quadrature equation, the damping split from the phase equation.
 
 Quadrature, seed A (15) with one electrode:   ȧ_B + λ a_B − νδμ cos χ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
-λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy out of the quadrature (PHYSICS M3p): λ is fitted.
+λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy out of the quadrature (PHYSICS
+M3p): λ is fitted.
 Phase, seed A (7) solved exactly:   φ̇ = ω̄ + [(1 + r²) δω cos ζ − 2r νδμ sin χ]/(1 − r²).
 The second is weak: νδμ enters with 2r, and ω̄ is the *mean* frequency, so every drift of it is read as damping split (PHYSICS §4 (12)).
 """
@@ -24,7 +25,9 @@ NAMES = ("damping_rate_of_quadrature_1_s", "split_cos", "split_sin", "damping_co
 
 @dataclass(frozen=True)
 class Monitor:
-    """Quadrature damping λ, (δω cos, sin), (νδμ cos, sin): values (5,), covariance (5, 5); rms of r, and νδμ read per mHz of frequency drift."""
+    """Quadrature damping λ, (δω cos, sin), (νδμ cos, sin): values (5,), covariance (5, 5); rms of r, and νδμ read per mHz of
+    frequency drift.
+    """
 
     value: Array
     covariance: Array
@@ -50,7 +53,9 @@ def _ratio(run: EnvelopeRun) -> Array:
 
 
 def _quadrature_rows(run: EnvelopeRun) -> tuple[Array, Array]:
-    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and, for the damping split, a_B cos, a_B sin."""
+    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and, for the damping split, a_B cos,
+    a_B sin.
+    """
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     angle, _ = ellipse.unwrap(angle, phase, 1)
     c, s = np.cos(2 * angle), np.sin(2 * angle)

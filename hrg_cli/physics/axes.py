@@ -1,7 +1,8 @@
 """Seed A's models (1)–(7) of one resonator in resonance, instrument and moving axes, as right-hand sides for any integrator.
 
 Fast: (1), (2) in the resonance axes (p, q), (3) in axes turned by θ_x. Slow: (4) complex and (5) amplitude–phase in axes turned by θ_x,
-(6) complex and (7) amplitude–phase in the moving axes of the wave. All with e^{+jωt}, the convention for which (4)–(7) hold (PHYSICS §4), and
+(6) complex and (7) amplitude–phase in the moving axes of the wave. All with e^{+jωt}, the convention for which (4)–(7) hold
+(PHYSICS §4), and
 the Euler term of M14 in the fast ones. Fast states are (x, y, dx/dt, dy/dt); forces are accelerations (fast) or envelope rates (slow).
 """
 
@@ -18,7 +19,9 @@ def turned_mechanics(mechanics: Mechanics, axis_rad: float) -> Mechanics:
     """The same resonator described in axes turned by θ_x."""
     from dataclasses import replace
 
-    return replace(mechanics, damping_axis_rad=mechanics.damping_axis_rad - axis_rad, stiffness_axis_rad=mechanics.stiffness_axis_rad - axis_rad)
+    return replace(
+        mechanics, damping_axis_rad=mechanics.damping_axis_rad - axis_rad, stiffness_axis_rad=mechanics.stiffness_axis_rad - axis_rad
+    )
 
 
 def turn(vector: Array, axis_rad: float, mode_number: int = 2) -> Array:
@@ -43,7 +46,9 @@ def resonance_axes(state: Array, mechanics: Mechanics, rate_rad_s: float = 0.0, 
     return np.array([dp, dq, ddp, ddq])
 
 
-def turned_axes(state: Array, mechanics: Mechanics, axis_rad: float = 0.0, rate_rad_s: float = 0.0, acceleration_rad_s2: float = 0.0) -> Array:
+def turned_axes(
+    state: Array, mechanics: Mechanics, axis_rad: float = 0.0, rate_rad_s: float = 0.0, acceleration_rad_s2: float = 0.0
+) -> Array:
     """(3): the same in axes turned by θ_x from the electrodes (0: the instrument axes C, S).
 
     With Ψ = m(θ_x − θ_ω): X'' + 2ν_x X' + ω_x² X − 2KΩ Y' = Δω²_xy Y + 2Δν_xy Y' and its partner, Δω² = (ω_p² − ω_q²)/2.
@@ -57,8 +62,22 @@ def turned_axes(state: Array, mechanics: Mechanics, axis_rad: float = 0.0, rate_
     turning, euler = m.scale_factor * rate_rad_s, m.scale_factor * acceleration_rad_s2
     coupling = half * np.sin(psi)
     friction = dnu * np.sin(chi)
-    ddx = -2 * (nu + dnu * np.cos(chi)) * dx - (square + half * np.cos(psi)) * x + 2 * turning * dy + euler * y + coupling * y + 2 * friction * dy
-    ddy = -2 * (nu - dnu * np.cos(chi)) * dy - (square - half * np.cos(psi)) * y - 2 * turning * dx - euler * x + coupling * x + 2 * friction * dx
+    ddx = (
+        -2 * (nu + dnu * np.cos(chi)) * dx
+        - (square + half * np.cos(psi)) * x
+        + 2 * turning * dy
+        + euler * y
+        + coupling * y
+        + 2 * friction * dy
+    )
+    ddy = (
+        -2 * (nu - dnu * np.cos(chi)) * dy
+        - (square - half * np.cos(psi)) * y
+        - 2 * turning * dx
+        - euler * x
+        + coupling * x
+        + 2 * friction * dx
+    )
     return np.array([dx, dy, ddx, ddy])
 
 
@@ -70,14 +89,18 @@ def _slow(mechanics: Mechanics, axis_rad: float | Array) -> tuple[Array, Array, 
     return split * np.cos(psi), split * np.sin(psi), dnu * np.cos(chi), dnu * np.sin(chi)
 
 
-def slow_turned_axes(envelope: Array, mechanics: Mechanics, axis_rad: float = 0.0, rate_rad_s: float = 0.0, force: Array | None = None) -> Array:
+def slow_turned_axes(
+    envelope: Array, mechanics: Mechanics, axis_rad: float = 0.0, rate_rad_s: float = 0.0, force: Array | None = None
+) -> Array:
     """(4): X₀' + (ν_x − jδω_c)X₀ − KΩ Y₀ = F_x + (Δν_xy − jδω_s)Y₀; Y₀' + (ν_y + jδω_c)Y₀ + KΩ X₀ = F_y + (Δν_xy − jδω_s)X₀."""
     x, y = envelope
     wc, ws, dc, ds = _slow(mechanics, axis_rad)
     nu, turning = mechanics.damping_rate_1_s, mechanics.scale_factor * rate_rad_s
     push = np.zeros(2, complex) if force is None else force
     mixed = ds - 1j * ws
-    return np.array([-(nu + dc - 1j * wc) * x + turning * y + mixed * y + push[0], -(nu - dc + 1j * wc) * y - turning * x + mixed * x + push[1]])
+    return np.array(
+        [-(nu + dc - 1j * wc) * x + turning * y + mixed * y + push[0], -(nu - dc + 1j * wc) * y - turning * x + mixed * x + push[1]]
+    )
 
 
 def slow_turned_axes_polar(state: Array, mechanics: Mechanics, axis_rad: float = 0.0, rate_rad_s: float = 0.0) -> Array:

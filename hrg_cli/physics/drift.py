@@ -35,10 +35,16 @@ def drift(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadr
 def drift_small_quadrature(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadrature_force: Angle = 0.0) -> Array:
     """D [rad/s] to first order in r: νδμ sin χ − 2r δω cos ζ − f_B   (seed A (8))."""
     chi, zeta = _angles(mechanics, wave_angle_rad)
-    return np.asarray(mechanics.damping_split_1_s * np.sin(chi) - 2 * np.asarray(ratio) * mechanics.frequency_split_rad_s * np.cos(zeta) - quadrature_force)
+    return np.asarray(
+        mechanics.damping_split_1_s * np.sin(chi)
+        - 2 * np.asarray(ratio) * mechanics.frequency_split_rad_s * np.cos(zeta)
+        - quadrature_force
+    )
 
 
-def phase_rate(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadrature_force: Angle = 0.0, main_force: Angle = 0.0) -> Array:
+def phase_rate(
+    mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadrature_force: Angle = 0.0, main_force: Angle = 0.0
+) -> Array:
     """dφ/dt above the mean frequency, rad/s: [δω cos ζ (1 + r²) − 2r νδμ sin χ − f_A + r f_B]/(1 − r²)   (PHYSICS §4)."""
     chi, zeta = _angles(mechanics, wave_angle_rad)
     r = np.asarray(ratio, float)
@@ -46,7 +52,9 @@ def phase_rate(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, 
     return np.asarray((split - 2 * r * mechanics.damping_split_1_s * np.sin(chi) - main_force + r * quadrature_force) / (1 - r**2))
 
 
-def drift_from_phase(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle, phase_rate_rad_s: Angle, quadrature_force: Angle = 0.0) -> Array:
+def drift_from_phase(
+    mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle, phase_rate_rad_s: Angle, quadrature_force: Angle = 0.0
+) -> Array:
     """D [rad/s] with the stiffness axes replaced by the measured dφ/dt   (seed A (12), to first order in r): νδμ sin χ − 2r dφ/dt − f_B.
 
     dφ/dt must be against the *mean* frequency: an error δ of it, a millikelvin of temperature, costs 2rδ.
@@ -56,7 +64,8 @@ def drift_from_phase(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle, 
 
 
 def quadrature_quasi_static(mechanics: Mechanics, wave_angle_rad: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
-    """r once it follows the wave angle: δω sin ζ/λ   (seed A after (9)); λ = ν (force), 2ν (parametric: the pump damps B), plus the loop's gain.
+    """r once it follows the wave angle: δω sin ζ/λ   (seed A after (9)); λ = ν (force), 2ν (parametric: the pump damps B), plus
+    the loop's gain.
 
     For νt ≫ 1, δω ≪ ν and a wave that moves slowly against ν only.
     """
@@ -78,7 +87,8 @@ def _decay(mechanics: Mechanics, drive: str, gain: float) -> float:
 
 
 def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
-    """θ(t) [rad] at rest with damping split alone: tan m(θ − θ_μ) = tan m(θ₀ − θ_μ)·e^{2νδμ t}   (seed A, after (10); the constant is omitted there).
+    """θ(t) [rad] at rest with damping split alone: tan m(θ − θ_μ) = tan m(θ₀ − θ_μ)·e^{2νδμ t}   (seed A, after (10); the constant
+    is omitted there).
 
     The axis at θ_μ + π/2m, of least damping, attracts.
     """

@@ -1,4 +1,6 @@
-"""The ways identify can answer: likelihood, the regressions of seed A, monitoring in the working mode, an unknown rate; and their comparison."""
+"""The ways identify can answer: likelihood, the regressions of seed A, monitoring in the working mode, an unknown rate; and their
+comparison.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,17 @@ from .identification_verdict import ORDER, POOR_FIT, Verdict, from_fit, judged, 
 
 Array = np.ndarray
 REGRESSION_ROWS = 300
-ALL = ("propagator", "stokes", "products", "increments", "moving-axes", "moving-axes-small-quadrature", "fixed-axes", "fixed-axes-weighted", "rotation-integrals")
+ALL = (
+    "propagator",
+    "stokes",
+    "products",
+    "increments",
+    "moving-axes",
+    "moving-axes-small-quadrature",
+    "fixed-axes",
+    "fixed-axes-weighted",
+    "rotation-integrals",
+)
 
 
 def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
@@ -83,16 +95,32 @@ def _verdict(answer: Regression, thin: Sequence[EnvelopeRun], known: Known, meth
     held = Freedom(("second_order",), np.append(p[:6], 0.0), only, np.ones(1), np.ones(1))
     result = fit(data, held, np.ones(1), data.envelope[:, 0], np.zeros((len(thin), 1)))
     rows = np.array([len(r) for r in thin])
-    verdict = Verdict(values, std, list(ORDER), covariance, result.chi2 / result.dof, float("nan"), result.run_chi2 / np.maximum(1, 4 * rows - 5), np.array([float(np.sqrt(c / n / 4) * r.std.mean()) for c, n, r in zip(result.run_chi2, rows, thin)]), rows)
+    verdict = Verdict(
+        values,
+        std,
+        list(ORDER),
+        covariance,
+        result.chi2 / result.dof,
+        float("nan"),
+        result.run_chi2 / np.maximum(1, 4 * rows - 5),
+        np.array([float(np.sqrt(c / n / 4) * r.std.mean()) for c, n, r in zip(result.run_chi2, rows, thin)]),
+        rows,
+    )
     verdict.suspect = list(answer.warnings)
     frequency = np.array([r.reference_frequency_hz for r in thin]) + result.response.state.offsets_rad_s(data.span_s) / (2 * np.pi)
     values["frequency_hz"] = float(frequency.mean())
-    std["frequency_hz"] = float(max(frequency.std(ddof=1) if len(frequency) > 1 else 0.0, (thin[0].std / np.abs(thin[0].envelope).max()).mean() / thin[0].duration_s))
+    std["frequency_hz"] = float(
+        max(
+            frequency.std(ddof=1) if len(frequency) > 1 else 0.0, (thin[0].std / np.abs(thin[0].envelope).max()).mean() / thin[0].duration_s
+        )
+    )
     covariance[0, 0] = std["frequency_hz"] ** 2
     return verdict
 
 
-def _physical(answer: Regression, mode: int, method: str, thin: Sequence[EnvelopeRun], known: Known) -> tuple[dict[str, float], dict[str, float], Array]:
+def _physical(
+    answer: Regression, mode: int, method: str, thin: Sequence[EnvelopeRun], known: Known
+) -> tuple[dict[str, float], dict[str, float], Array]:
     """Parameters by name, standard deviations, covariance (7, 7) in ORDER; what the method does not give is left out."""
     numbers, slopes = coordinates.physical(np.nan_to_num(answer.p), mode)
     covariance = np.zeros((7, 7))
@@ -147,8 +175,10 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
     if one_rate(result) or not verdict.std["scale_factor"] < 0.3 * max(abs(result.p[5]), abs(result.p[0])):
         span = 2 * max(float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) for r in result.response.batch.runs)
         verdict.refused.append(
-            f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}): the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, "
-            "where a steady rate and a damping split turn it alike, and the residual's own structure decides between them; give the rate, or runs at several angles"
+            f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}): the wave passes "
+            f"{np.degrees(span):.0f}° of the 360° of 2mθ, "
+            "where a steady rate and a damping split turn it alike, and the residual's own structure decides "
+            "between them; give the rate, or runs at several angles"
         )
     rate, std = result.p[5] / factor, verdict.std["scale_factor"] / factor
     verdict.details["rate_rad_s"] = {"value": float(rate), "std": float(std), "scale_factor": factor}
@@ -174,7 +204,9 @@ def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
     values["frequency_hz"] = float(frequency.mean())
     std["frequency_hz"] = float(frequency.std() + 1e-12)
     nan = np.full(len(runs), np.nan)
-    verdict = Verdict(values, std, list(ORDER), full, float("nan"), float("nan"), nan, nan, np.array([len(r) for r in thin]), mode_number=mode)
+    verdict = Verdict(
+        values, std, list(ORDER), full, float("nan"), float("nan"), nan, nan, np.array([len(r) for r in thin]), mode_number=mode
+    )
     verdict.details = {
         "quadrature_damping_1_s": {"value": float(found.value[0]), "std": float(np.sqrt(found.covariance[0, 0]))},
         "quadrature_rms": found.quadrature_rms,
@@ -194,7 +226,9 @@ def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
 def profiles(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
     """Profile-likelihood intervals of the verdict's fit."""
     assert verdict.fit is not None
-    return resampling.profile(verdict.fit, runs[0].mode_number, {n: verdict.std[n] for n in verdict.values}, verdict.details["variance_factor"])
+    return resampling.profile(
+        verdict.fit, runs[0].mode_number, {n: verdict.std[n] for n in verdict.values}, verdict.details["variance_factor"]
+    )
 
 
 def resampled(verdict: Verdict, draws: int, seed: int) -> None:
@@ -213,5 +247,8 @@ def resampled(verdict: Verdict, draws: int, seed: int) -> None:
     for row, name in enumerate(ORDER[1:]):
         if name in verdict.values:
             verdict.std[name] = float(np.sqrt(covariance[row, row]))
-            intervals[name] = {"68": [float(v) for v in np.quantile(table[:, row], [0.16, 0.84])], "95": [float(v) for v in np.quantile(table[:, row], [0.025, 0.975])]}
+            intervals[name] = {
+                "68": [float(v) for v in np.quantile(table[:, row], [0.16, 0.84])],
+                "95": [float(v) for v in np.quantile(table[:, row], [0.025, 0.975])],
+            }
     verdict.details["bootstrap"] = {"draws": draws, "blocks_a_run": resampling.BLOCKS_A_RUN, "intervals": intervals}

@@ -49,12 +49,15 @@ def free_modes(runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: boo
     two, single = two_modes.identify(run, run.envelope, 2), two_modes.identify(run, run.envelope, 1)
     if not two_modes.resolved(two, single) or not two.chi2_per_dof * (0.5 if impossible else BETTER) < chi2_per_dof:
         return None
-    than = "a resonator before an orthogonal pair of channels, which would need an impossible damping split" if impossible else (
-        f"a resonator before an orthogonal pair of channels (χ²/dof {chi2_per_dof:.3g})"
+    than = (
+        "a resonator before an orthogonal pair of channels, which would need an impossible damping split"
+        if impossible
+        else (f"a resonator before an orthogonal pair of channels (χ²/dof {chi2_per_dof:.3g})")
     )
     return _verdict(
         [(run, two)],
-        f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}: the split and both decays are given, no axes",
+        f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}: the split "
+        "and both decays are given, no axes",
     )
 
 
@@ -64,7 +67,14 @@ def _verdict(found: Sequence[tuple[EnvelopeRun, two_modes.Modes]], reason: str) 
     for run, modes in found:
         high, low = modes.exponent
         reference = 2 * np.pi * run.reference_frequency_hz
-        rows.append([(reference + (high.imag + low.imag) / 2) / (2 * np.pi), -(high.real + low.real) / 2, (high.imag - low.imag) / 2, -(high.real - low.real) / 2])
+        rows.append(
+            [
+                (reference + (high.imag + low.imag) / 2) / (2 * np.pi),
+                -(high.real + low.real) / 2,
+                (high.imag - low.imag) / 2,
+                -(high.real - low.real) / 2,
+            ]
+        )
         half = float(np.hypot(*modes.std)) / 2
         stds.append([half / (2 * np.pi), half, half, half])
     table, errors = np.array(rows), np.array(stds)

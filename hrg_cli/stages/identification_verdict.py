@@ -105,7 +105,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     _, slopes = coordinates.physical(fit.p, mode)
     full[0, 1:] = full[1:, 0] = slopes @ fit.freedom.directions @ runs_hz.with_z.T @ weight
     order = list(ORDER)
-    std = dict(zip(order, np.sqrt(np.diag(full))))
+    std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
     named = dict(zip(order, [mean, *map(float, values)]))
     if known.scale_factor is not None:
         del named["scale_factor"]
@@ -127,6 +127,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
         mode_number=mode,
         fit=fit,
     )
+    _, bound = inference.parameter_covariance(fit, 1.0, mode)
     verdict.details = {
         "run_frequency_hz": [float(f) for f in frequency],
         "run_frequency_std_hz": [float(f) for f in frequency_std],
@@ -137,7 +138,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
         "variance_factor": factor,
         "colour": colour,
         "held": {k: v for k, v in dataclasses.asdict(known).items() if v is not None},
-        "cramer_rao_std": dict(zip(order[1:], map(float, np.sqrt(np.diag(inference.parameter_covariance(fit, 1.0, mode)[1]))))),
+        "cramer_rao_std": dict(zip(order[1:], map(float, np.sqrt(np.maximum(0.0, np.diag(bound)))))),
     }
     _reasons(verdict, fit, runs, colour)
     return verdict
@@ -151,10 +152,14 @@ def _second_order_std(fit: Fit) -> float:
 def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
     """Sentences that make the result suspect or refused."""
     if not fit.converged:
-        verdict.refused.append(f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs")
+        verdict.refused.append(
+            f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs"
+        )
     damping, error = verdict.values["damping_rate_1_s"], verdict.std["damping_rate_1_s"]
     if damping < -3 * error:
-        verdict.refused.append(f"damping_rate_1_s = {damping:.3g} ± {error:.1g}: the wave grows, so these are not free run-downs; use runs with the drive off")
+        verdict.refused.append(
+            f"damping_rate_1_s = {damping:.3g} ± {error:.1g}: the wave grows, so these are not free run-downs; use runs with the drive off"
+        )
     split = verdict.values["damping_split_1_s"]
     if split - 2 * verdict.std["damping_split_1_s"] > abs(damping):
         verdict.suspect.append(f"damping_split_1_s = {split:.3g} is above damping_rate_1_s = {damping:.3g}: no passive resonator does that")
@@ -162,15 +167,21 @@ def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: fl
         verdict.suspect.extend(verdict.flat)
     if verdict.chi2_per_dof > POOR_FIT:
         verdict.suspect.append(
-            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise; the errors are inflated, run diagnose to see why"
+            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise; the errors "
+            "are inflated, run diagnose to see why"
         )
     if colour > 1.5:
-        verdict.suspect.append(f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the same power; the errors are inflated by that")
+        verdict.suspect.append(
+            f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the same power; "
+            "the errors are inflated by that"
+        )
     shifts = inference.run_shifts(fit, verdict.details["variance_factor"])
     typical = np.median(verdict.run_chi2_per_dof)
     for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof):
         if shift > 6 or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT):
-            verdict.suspect.append(f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull {shift:.2g}); leave it out and compare")
+            verdict.suspect.append(
+                f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull {shift:.2g}); leave it out and compare"
+            )
 
 
 def _flat_in(fit: Fit, name: str) -> bool:
@@ -185,8 +196,7 @@ def _flat_in(fit: Fit, name: str) -> bool:
 
 def sentence(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
     """A flat direction in words: what is mixed, how badly it is known, and the run that would fix it."""
-    large = np.argsort(-np.abs(flat.direction))
-    large = [i for i in large if abs(flat.direction[i]) > 0.3]
+    large = [int(i) for i in np.argsort(-np.abs(flat.direction)) if abs(flat.direction[i]) > 0.3]
     mixed = " and ".join(WORDS[fit.freedom.names[i]] for i in large)
     still = max(float(np.ptp(r.turn_rad)) for r in runs) == 0
     size = "not at all" if not flat.std < 10 else f"to {flat.std:.1g} of its natural size only"

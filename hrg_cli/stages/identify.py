@@ -38,14 +38,18 @@ Method = Literal[
 def identify(
     waves: Sequence[Wave],
     *,
-    method: Annotated[Method, Field(description="method of identification; all: every one beside the likelihood, in one table")] = "likelihood",
+    method: Annotated[
+        Method, Field(description="method of identification; all: every one beside the likelihood, in one table")
+    ] = "likelihood",
     rate_rad_s: Annotated[float | None, Field(description="constant rate about the axis instead of the waves' own")] = None,
     fit_rate: Annotated[bool, Field(description="fit one unknown constant rate; needs scale_factor or takes its nominal value")] = False,
     scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
     damping_axis_rad: Annotated[float | None, Field(description="known damping axis, held")] = None,
     stiffness_axis_rad: Annotated[float | None, Field(description="known stiffness axis, held")] = None,
     eliminate_rate: Annotated[bool, Field(description="seed A's elimination of the rate in fixed axes; halves the damping split")] = False,
-    window: Annotated[Literal["auto", "none"], Field(description="auto: cut free windows out of records whose drive switches off")] = "auto",
+    window: Annotated[
+        Literal["auto", "none"], Field(description="auto: cut free windows out of records whose drive switches off")
+    ] = "auto",
     most_different: Annotated[int | None, Field(ge=1, description="use only so many windows, the most different ones")] = None,
     profile: Annotated[bool, Field(description="profile-likelihood intervals of every parameter")] = False,
     bootstrap: Annotated[int, Field(ge=0, description="block-bootstrap draws for the errors, 0: none")] = 0,

@@ -57,7 +57,9 @@ def identification_study(
             for name, cell in row["parameters"].items():
                 if name in PARAMETERS:
                     error = _error(cell["value"], device[name], name)
-                    errors.setdefault((row["method"], name), []).append((error / bound[name], error / cell["std"] if cell["std"] > 0 else np.inf))
+                    errors.setdefault((row["method"], name), []).append(
+                        (error / bound[name], error / cell["std"] if cell["std"] > 0 else np.inf)
+                    )
     rows = [_row(method, name, np.array(values), draws) for (method, name), values in errors.items()]
     return {"draws": draws, "seed": seed, "noise": noise, "quadrature": quadrature, "chi2_per_dof": float(np.mean(chi2)), "rows": rows}
 
@@ -75,7 +77,9 @@ def _device(rng: np.random.Generator, frequency_hz: float) -> dict[str, float]:
     }
 
 
-def programme(device: dict[str, float], rng: np.random.Generator, noise: float, quadrature: float, duration_s: float, seed: int) -> list[Wave]:
+def programme(
+    device: dict[str, float], rng: np.random.Generator, noise: float, quadrature: float, duration_s: float, seed: int
+) -> list[Wave]:
     """Waves of the six run-downs of one gyro, from simulated samples."""
     turn, sense = float(rng.uniform(0, np.pi / 2)), float(rng.choice([-1.0, 1.0]))
     table = {

@@ -58,17 +58,27 @@ def test_model_against_integration(rate):
 
     for number, run in enumerate(runs):
         t0 = run.time_s[0]
-        answer = solve_ivp(lambda t, u: L(t) @ u, (t0, run.time_s[-1]), run.envelope[0], t_eval=run.time_s, rtol=1e-10, atol=1e-12, method="DOP853").y.T
+        answer = solve_ivp(
+            lambda t, u: L(t) @ u, (t0, run.time_s[-1]), run.envelope[0], t_eval=run.time_s, rtol=1e-10, atol=1e-12, method="DOP853"
+        ).y.T
         x = (run.time_s - t0) / (run.time_s[-1] - t0)
         want = answer * np.exp(1j * (0.3 if number == 0 else -0.2) * x)[:, None]
-        assert np.allclose(response.model[number, : len(run)], want, atol=3e-5 if callable(rate) else 2e-6)  # the rate between rows is interpolated
+        assert np.allclose(
+            response.model[number, : len(run)], want, atol=3e-5 if callable(rate) else 2e-6
+        )  # the rate between rows is interpolated
     if rate == 0.0:
         step = runs[0].time_s[100] - runs[0].time_s[0]
-        assert np.allclose(response.model[0, 100], np.exp(0.3j * step / runs[0].duration_s) * expm(L(0) * step) @ runs[0].envelope[0], atol=1e-10)
+        assert np.allclose(
+            response.model[0, 100], np.exp(0.3j * step / runs[0].duration_s) * expm(L(0) * step) @ runs[0].envelope[0], atol=1e-10
+        )
 
 
 def test_jacobian_against_differences():
-    data = batch(propagator.thinned(runs_of([run_down(0.3, lambda t: 2 * np.sin(3 * t) + 1), run_down(0.7, 0.0, seconds=2.0)]), np.zeros(7), np.zeros(2), 150))
+    data = batch(
+        propagator.thinned(
+            runs_of([run_down(0.3, lambda t: 2 * np.sin(3 * t) + 1), run_down(0.7, 0.0, seconds=2.0)]), np.zeros(7), np.zeros(2), 150
+        )
+    )
     p = coordinates.from_mechanics(GYRO)
     state = State(p, data.envelope[:, 0], np.array([[0.1, 0.2], [0.3, 0.0]]))
     response = respond(data, state)

@@ -129,9 +129,7 @@ def test_free_windows_from_the_drive_and_from_the_decay_itself():
     drive = np.ones(n)
     drive[1000:2000] = drive[2600:3400] = 0.0
     windows = free_windows.cut(wave.replace(mode="forced", drive_main=drive))
-    assert [(w.time_s[0], w.time_s[-1]) for w in windows] == [
-        (wave.time_s[a], wave.time_s[b]) for a, b in ((1001, 1998), (2601, 3398))
-    ]
+    assert [(w.time_s[0], w.time_s[-1]) for w in windows] == [(wave.time_s[a], wave.time_s[b]) for a, b in ((1001, 1998), (2601, 3398))]
     held = np.ones(n)
     held[1000:2000] = np.exp(-0.31 * (wave.time_s[1000:2000] - wave.time_s[1000]))
     held += 1e-4 * np.random.default_rng(0).standard_normal(n)
@@ -142,7 +140,10 @@ def test_free_windows_from_the_drive_and_from_the_decay_itself():
 
 
 def test_most_different_windows():
-    runs = [envelope_runs.from_wave(run_down(a, w, std=1e-4, seconds=1.0, seed=i)) for i, (a, w) in enumerate([(0.1, 0), (0.11, 0), (0.5, 0), (0.12, 0), (0.1, 2.0)])]
+    runs = [
+        envelope_runs.from_wave(run_down(a, w, std=1e-4, seconds=1.0, seed=i))
+        for i, (a, w) in enumerate([(0.1, 0), (0.11, 0), (0.5, 0), (0.12, 0), (0.1, 2.0)])
+    ]
     chosen = free_windows.most_different(runs, 3)
     assert 2 in chosen and 4 in chosen and len(chosen) == 3
 
@@ -152,7 +153,9 @@ def test_two_modes_in_one_channel():
     t = np.arange(1000) * 5e-3
     signal = np.exp((-0.5 + 9j) * t) + 0.4 * np.exp((-0.8 - 8j) * t + 1j)
     noise = 1e-3 * (rng.standard_normal((1000, 2)) + 1j * rng.standard_normal((1000, 2)))
-    run = envelope_runs.EnvelopeRun("one", t, signal[:, None] * np.array([1.0, -0.3]) + noise, np.full(1000, 1e-3), 0 * t, None, 1000.0, 2, 5e-3)
+    run = envelope_runs.EnvelopeRun(
+        "one", t, signal[:, None] * np.array([1.0, -0.3]) + noise, np.full(1000, 1e-3), 0 * t, None, 1000.0, 2, 5e-3
+    )
     u, one = two_modes.channels(run)
     assert one
     modes, single = two_modes.identify(run, u, 2), two_modes.identify(run, u, 1)

@@ -23,10 +23,14 @@ def test_fast_models_agree_in_resonance_instrument_and_turned_axes(mode_number):
     start = rng.normal(size=4) * [1, 1, gyro.omega_rad_s, gyro.omega_rad_s]
     rate, slope = (lambda t: 2.0 + 3.0 * t), 3.0
     _, instrument = integrate(lambda t, z: axes.turned_axes(z, gyro, 0.0, rate(t), slope), start, 0.2)
-    _, resonance = integrate(lambda t, z: axes.resonance_axes(z, gyro, rate(t), slope), axes.turn(start, gyro.stiffness_axis_rad, mode_number), 0.2)
+    _, resonance = integrate(
+        lambda t, z: axes.resonance_axes(z, gyro, rate(t), slope), axes.turn(start, gyro.stiffness_axis_rad, mode_number), 0.2
+    )
     _, turned = integrate(lambda t, z: axes.turned_axes(z, gyro, 0.7, rate(t), slope), axes.turn(start, 0.7, mode_number), 0.2)
     scale = np.abs(instrument).max(axis=1)
-    assert np.allclose(axes.turn(instrument.T, gyro.stiffness_axis_rad, mode_number).T / scale[:, None], resonance / scale[:, None], atol=1e-7)
+    assert np.allclose(
+        axes.turn(instrument.T, gyro.stiffness_axis_rad, mode_number).T / scale[:, None], resonance / scale[:, None], atol=1e-7
+    )
     assert np.allclose(axes.turn(instrument.T, 0.7, mode_number).T / scale[:, None], turned / scale[:, None], atol=1e-7)
 
 

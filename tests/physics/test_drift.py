@@ -9,7 +9,14 @@ from hrg_cli.physics.resonator import Mechanics
 
 
 def gyro(mode_number=2, **change):
-    values = dict(frequency_hz=5000.0, damping_rate_1_s=0.3, damping_split_1_s=0.03, damping_axis_rad=0.35, frequency_split_rad_s=0.2, stiffness_axis_rad=0.9)
+    values = dict(
+        frequency_hz=5000.0,
+        damping_rate_1_s=0.3,
+        damping_split_1_s=0.03,
+        damping_axis_rad=0.35,
+        frequency_split_rad_s=0.2,
+        stiffness_axis_rad=0.9,
+    )
     return Mechanics(**{**values, **change}, mode_number=mode_number)
 
 
@@ -64,7 +71,7 @@ def test_quasi_static_quadrature_by_integration(drive):
 
     def rates(t, y):
         u = y[:2]
-        A, B = np.cos(m * angle) * u[0] + np.sin(m * angle) * u[1], -np.sin(m * angle) * u[0] + np.cos(m * angle) * u[1]
+        A = np.cos(m * angle) * u[0] + np.sin(m * angle) * u[1]
         push = g.damping_rate_1_s * (u if drive == "parametric" else A * np.array([np.cos(m * angle), np.sin(m * angle)]))
         if drive == "parametric":
             push = g.damping_rate_1_s * np.exp(2j * np.angle(A)) * np.conj(u)
