@@ -15,7 +15,9 @@ import json
 import os
 import re
 import shutil
+import sys
 import time
+import traceback
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -213,6 +215,7 @@ def _read_dataset(dataset: Any, path: Path, place: str, spec: Column, sizes: dic
     if dataset.size * max(dataset.dtype.itemsize, 1) > LARGEST_COLUMN_BYTES:
         raise HrgError(f"{path}: dataset {place} claims {dataset.size} values, more than can be held in memory; shorten the file")
     if is_text:
+        _need_short_texts(dataset, path, place)
         return np.array([_text(v) for v in dataset[()].ravel()], dtype=object).reshape(dataset.shape)
     return dataset[()] if spec.dtype == "raw" else np.asarray(dataset[()], dtype=spec.dtype)
 
@@ -230,6 +233,19 @@ def _need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
     if claimed and (stored == 0 or claimed - stored > LARGEST_GAP_BYTES):
         has = "none" if stored == 0 else f"{stored // dataset.dtype.itemsize} at most"
         raise HrgError(f"{path}: dataset {place} claims {dataset.size} values but stores {has}; copy or record it again")
+
+
+def _need_short_texts(dataset: h5py.Dataset, path: Path, place: str) -> None:
+    """Refuse texts whose claimed lengths the file cannot hold, before the library takes memory for them.
+
+    A text of variable length is kept as its length (4 bytes), heap address and index (HDF5 file format 3.0, IV.A.2.d).
+    """
+    offset = dataset.id.get_offset()
+    if offset is None or h5py.check_string_dtype(dataset.dtype) is None or dataset.id.get_type().get_size() != 16:
+        return
+    lengths = np.fromfile(path, "<u4", dataset.size * 4, offset=offset)[::4]
+    if len(lengths) < dataset.size or lengths.sum(dtype=np.uint64) > path.stat().st_size:
+        raise HrgError(f"{path}: dataset {place} claims texts longer than the file; copy or record it again")
 
 
 def _json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
@@ -330,6 +346,17 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
             temporary.unlink()
 
 
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """While a failed file is let go: h5py prints a traceback for each object it cannot flush, which says nothing new."""
+    hooks = sys.unraisablehook, sys.excepthook
+    sys.unraisablehook, sys.excepthook = (lambda _: None), (lambda *_: None)
+    try:
+        yield
+    finally:
+        sys.unraisablehook, sys.excepthook = hooks
+
+
 def _rename_to_new(temporary: Path, path: Path) -> None:
     """Rename unless another writer has made `path` meanwhile."""
     try:
@@ -356,6 +383,8 @@ def _glob_escape(name: str) -> str:
 def _write_error(error: OSError, path: Path) -> HrgError:
     if error.errno == errno.ENOSPC or "No space left" in str(error):
         return DiskFullError(f"{path}: the disk is full; free space or choose another --output")
+    if error.errno in (errno.EFBIG, errno.EDQUOT) or "File too large" in str(error):
+        return DiskFullError(f"{path}: may not grow so large (a quota or a limit of this process); choose another --output")
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return HrgError(f"{path}: no right to write it; choose another --output")
     if error.errno == errno.ENAMETOOLONG:
@@ -400,10 +429,15 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
                 last = finish(last)
             _finish(file, last)
             file.close()
-        except BaseException:
-            if file is not None:
-                with contextlib.suppress(Exception):
-                    file.close()
+        except BaseException as error:
+            with _quiet():
+                traceback.clear_frames(error.__traceback__)
+                if file is not None:
+                    with contextlib.suppress(Exception):
+                        file.close()
+                file = None
+            if isinstance(error, RuntimeError) and (number := re.search(r"errno = (\d+)", str(error))):
+                raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
             raise
     assert last is not None
     return last
@@ -449,6 +483,7 @@ def _create(file: h5py.File, record: Record) -> None:
         dataset = file.create_dataset(place, data=array, track_times=False, **options)
         dataset.attrs["units"] = _units(record, spec)
         dataset.attrs["long_name"] = spec.meaning
+        dataset.flush()  # a failure while a dataset is closed would be lost
 
 
 def _worth_compressing(array: Any) -> bool:
@@ -480,6 +515,7 @@ def _append(file: h5py.File, block: Record) -> None:
         start = dataset.shape[0]
         dataset.resize(start + len(array), axis=0)
         dataset[start:] = array
+        dataset.flush()
 
 
 def _finish(file: h5py.File, record: Record) -> None:
@@ -523,6 +559,7 @@ def _create_late(file: h5py.File, record: Record, place: str, spec: Column, valu
     dataset = file.create_dataset(place, data=_encoded(value, spec), track_times=False)
     dataset.attrs["units"] = _units(record, spec)
     dataset.attrs["long_name"] = spec.meaning
+    dataset.flush()
 
 
 def _attach_scales(file: h5py.File, record: Record) -> None:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ..pipeline import Progress
+from .text import plain
 
 
 def message(text: str) -> None:
@@ -55,7 +56,7 @@ def cell(value: Any) -> str:
         return "–"
     if isinstance(value, float):
         return f"{value:.6g}" if math.isfinite(value) else "–"
-    return str(value)
+    return plain(value)
 
 
 @contextmanager

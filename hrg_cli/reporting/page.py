@@ -23,8 +23,9 @@ from ..errors import HrgError
 from ..records import KINDS, Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
 from . import figures_calibration, figures_diagnosis, figures_recording, figures_result, figures_wave
 from .figures import Plot, png, style, svg
-from .page_content import STEPS, Step, Table, cell, headline, plain, steps, tables
+from .page_content import STEPS, Step, Table, cell, headline, steps, tables
 from .tables import facts
+from .text import plain
 
 FOLDER = Path(__file__).parent
 PAGE_BYTES = 2_600_000

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +13,7 @@ from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, St
 from ..units import DEGREE_PER_HOUR
 from .figures import number
 from .json_text import calibration_rms, child, entries, figure_of_merit, json_list, json_object
+from .text import plain
 
 STEPS = (
     ("recording", ("import", "simulate"), "record, import or simulate"),
@@ -25,10 +25,6 @@ STEPS = (
     ("compensated", ("compensate",), "compensate"),
 )
 """Kind of file, commands that make it, name of the step; in the order of the work."""
-
-UNREADABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ufffe\uffff\ud800-\udfff]")
-"""Control characters and those that turn the direction of text."""
-
 
 @dataclass(frozen=True)
 class Step:
@@ -46,11 +42,6 @@ class Table:
     caption: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
-
-
-def plain(value: Any) -> str:
-    """Text that is safe to show: unreadable characters become a replacement mark."""
-    return UNREADABLE.sub("\ufffd", str(value))
 
 
 def cell(value: Any) -> str:

@@ -14,6 +14,8 @@ import numpy as np
 
 HANG_S = 10.0
 HEADER = 4096
+FRESH_MB = 500.0
+"""A worker that once took so much is replaced, so that the next trial's peak is its own."""
 
 
 def damaged(good: bytes, rng: np.random.Generator) -> bytes:
@@ -104,7 +106,10 @@ class Trials:
             status = process.wait()
             self._process = None
             return Answer("crash", f"exit status {status}")
-        return Answer(answer["result"], answer.get("where", answer.get("says", "")), answer["peak_mb"] - self.start_mb)
+        peak_mb = answer["peak_mb"] - self.start_mb
+        if peak_mb > FRESH_MB:
+            self.close()
+        return Answer(answer["result"], answer.get("where", answer.get("says", "")), peak_mb)
 
     def close(self) -> None:
         """End the worker."""
