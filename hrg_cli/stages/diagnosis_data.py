@@ -19,6 +19,8 @@ Array = np.ndarray
 STEP_ANGLE = 0.05
 """Largest |L|·step of the rows: the Runge–Kutta rule's error stays below 1e-8 a row."""
 FEWEST, MOST = 120, 1500
+QUIET = 1e-3
+"""Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
 
 def prepare(waves: Sequence[Wave], scale_factor: float | None, blocks: int) -> tuple[Series, Point, list[EnvelopeRun]]:
@@ -141,8 +143,9 @@ def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
 
 
 def _smoothed(t: Array, values: Array, pieces: int = 40) -> Array:
-    """Temperature by straight lines through about `pieces` local means: its slope is not that of the thermometer's noise."""
-    if len(t) < 2 * pieces:
+    """Temperature by straight lines through about `pieces` local means where the thermometer is noisy: its slope is not that of the noise."""
+    rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
+    if len(t) < 2 * pieces or rough < QUIET * float(np.ptp(values)):
         return values
     parts = np.array_split(np.arange(len(t)), pieces)
     x = np.array([t[i].mean() for i in parts])

@@ -1,0 +1,148 @@
+"""Every effect: its fast and its slow terms, written separately, change the measured envelopes alike; neutral values change nothing."""
+
+import numpy as np
+import pytest
+
+from hrg_cli import effects
+from hrg_cli.effects import EFFECTS
+from hrg_cli.physics import ellipse
+from hrg_cli.records import collect
+from hrg_cli.stages.demodulate import demodulate
+from hrg_cli.stages.estimate import estimate
+from hrg_cli.stages.simulate import simulate
+
+# sizes that change half a second of a 2 kHz device by about a thousandth
+SIZES = {
+    "clock_error": {"relative": 3e-7},
+    "dropped_samples": {"lost_s": 3 / 17310, "time_s": 0.21},
+    "mains_tone": {"frequency_hz": 2003.0, "c_cos": 1e-3, "s_sin": 5e-4},
+    "thermal_frequency": {"relative_1_k": 1e-6, "reference_temperature_degc": 22.0},
+    "thermal_damping": {"relative_1_k": 2e-2, "reference_temperature_degc": 22.0},
+    "split_temperature": {"cos_rad_s_k": 1e-2, "sin_rad_s_k": -2e-2, "reference_temperature_degc": 22.0},
+    "thermal_gradient": {"frequency_s_k": 1e-7, "split_cos_rad_k": 2e-3, "split_sin_rad_k": -1e-3},
+    "thermal_hysteresis": {"relative": 3e-7},
+    "centrifugal_stiffness": {"coefficient": 20.0},
+    "damping_drift": {"slope_1_s2": 2e-2},
+    "ageing": {"frequency_1_s": 1e-6, "split_cos_1_s2": 1e-2, "split_sin_1_s2": -1e-2},
+    "saturation": {"inverse_level": 1.3},
+    "coherent_offset": {"in_phase_c": 1e-3, "quadrature_s": 5e-4},
+    "drive_feedthrough": {"displacement_c_s": 3e-3, "velocity_s_s": 2e-3},
+    "parasitic_force": {"in_phase_s_1_s": 3e-3, "quadrature_c_1_s": 2e-3},
+    "inertial_nonlinearity": {"inverse_length_squared": 1e-5},
+    "finite_quadrature_gain": {"gain_1_s": 2.0},
+}
+
+
+def wave(model, given, forced):
+    """The measured wave of one run by one engine; `given`: tables of effects."""
+    control = {"mode": "forced"} if forced else {}
+    if forced and "quadrature_drive_phase_error" in given:
+        control |= {"quadrature_loop": "finite", "quadrature_gain_1_s": 5.0}
+    config = {
+        "device": {
+            "frequency_hz": 2000.0, "damping_rate_1_s": 0.4, "damping_split_1_s": 0.02, "damping_axis_rad": 0.3,
+            "frequency_split_rad_s": 0.3, "stiffness_axis_rad": 1.1,
+        },
+        "start": {"wave_angle_rad": 0.25, "quadrature": 0.15, "phase_rad": 0.4},
+        "environment": {
+            "temperature": {"kind": "cycle", "low_degc": 22.0, "high_degc": 23.0, "period_s": 0.3, "shape": "sine"},
+            "rate": {"kind": "sine", "amplitude_rad_s": 2.0, "frequency_hz": 1.3},
+        },
+        "recording": {"sample_rate_hz": 17310.0, "duration_s": 0.5},
+        "control": control,
+        "effects": given,
+    }  # fmt: skip
+    return collect(estimate(collect(demodulate(collect(simulate(config, model=model)), periods_per_window=10.0))))
+
+
+def envelopes(*waves):
+    """The waves' envelopes against 2 kHz, at the windows all have."""
+    out = []
+    rows = min(map(len, waves))
+    for w in waves:
+        turn = 2 * np.pi * (w.reference_frequency_hz - 2000.0) * w.time_s
+        out.append(ellipse.envelopes(w.main_amplitude, w.quadrature_amplitude, w.wave_angle_rad, w.phase_rad + turn, 2)[:rows])
+    return out
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name != "thermal_lag"], ids=lambda e: e.name)
+def test_fast_and_slow_agree(effect):
+    forced = effect.family == "control" or effect.name == "drive_feedthrough"
+    given = {effect.name: SIZES.get(effect.name) or {p.name: p.typical for p in effect.parameters}}
+    without = {}
+    if effect.name == "quadrature_drive_phase_error":
+        without = {"quadrature_drive_phase_error": {"phase_rad": 0.0}}
+    if effect.name == "finite_quadrature_gain":
+        # the loop itself, for the slow engine, is the control's own; the effect's slow term is what diagnosis uses
+        from hrg_cli.physics.plant import Control
+
+        control = Control(forced=True)
+        effect.control(effect.values({"gain_1_s": 2.0}), control)
+        assert (control.quadrature_loop, control.quadrature_gain_1_s) == ("finite", 2.0)
+    fast, slow, plain_fast, plain_slow = envelopes(*(wave(model, table, forced) for table in (given, without) for model in ("fast", "slow")))
+    changed_fast, changed_slow = fast - plain_fast, slow - plain_slow
+    keep = np.ones(len(fast), bool)
+    if effect.name == "dropped_samples":
+        keep[abs(np.arange(len(fast)) - 42) < 8] = False  # windows that see both sides of the step
+    size = np.sqrt(np.mean(np.abs(changed_fast[keep]) ** 2))
+    floor = np.abs(plain_fast - plain_slow)[keep].max()
+    assert size > 1e-5, "the effect must be visible in this run"
+    assert np.sqrt(np.mean(np.abs(changed_fast - changed_slow)[keep] ** 2)) < (0.06 if effect.name == "thermal_hysteresis" else 0.03) * size + floor  # its branch jumps between grid rows
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+def test_neutral_values_do_nothing(effect):
+    from hrg_cli.physics.plant import SlowState
+    from hrg_cli.physics.resonator import Mechanics
+
+    random = np.random.default_rng(4)
+    u = random.standard_normal((5, 2)) + 1j * random.standard_normal((5, 2))
+    column = random.uniform(0.1, 1, 5)
+    state = SlowState(Mechanics(5000.0, 0.3), column, column, column, np.sign(column), column, column, u, column, column, 3e4)
+    p = effect.values()
+    assert np.allclose(effect.slow_readout(p, u, effect.slow_environment(p, state)), u, rtol=1e-15)
+    assert not np.any(effect.slow(p, u, state))
+
+
+def test_the_slow_lag_undoes_the_thermometers():
+    """Fast: the log is the true temperature through the lag. Slow: the true temperature from the log and its slope."""
+    import dataclasses
+
+    from hrg_cli.effects import find
+    from hrg_cli.physics.plant import Environment, SlowState
+    from hrg_cli.physics.resonator import Mechanics
+
+    effect, p = find("thermal_lag"), {"time_constant_s": 0.5}
+    t = np.linspace(0, 10, 4001)
+    true = 20 + np.sin(1.3 * t)
+    world = Environment(t, true, 0 * t, true.copy(), 0 * t)
+    effect.environment(p, world)
+    assert np.abs(world.logged_temperature_degc - true).max() > 0.3
+    state = SlowState(Mechanics(5000.0, 0.3), t, world.logged_temperature_degc, np.gradient(world.logged_temperature_degc, t), *[0 * t] * 6, 3e4)
+    assert dataclasses.asdict(effect.slow_environment(p, state))["temperature_degc"][5:-5] == pytest.approx(true[5:-5], abs=1e-3)
+
+
+def test_pages_name_what_a_physicist_looks_for():
+    for effect in EFFECTS:
+        page = " ".join(effects.page(effect.name).split())
+        for word in ("Physics:", "Equation:", "Size:", "Mistaken for:", "What separates it", "Next experiment:"):
+            assert word in page, f"{effect.name}: its page lacks {word}"
+
+
+def test_airy_precession_of_the_inertial_nonlinearity():
+    """PHYSICS §7: a spherical pendulum precesses by 3/8·ω·a_A·a_B/ℓ² and slows by ω(a_A² + a_B²)/16ℓ² (a_B small)."""
+    from hrg_cli.effects import find
+    from hrg_cli.physics.plant import SlowState
+    from hrg_cli.physics.resonator import Mechanics
+
+    effect, mechanics = find("inertial_nonlinearity"), Mechanics(1 / 9, 0.0, scale_factor=1.0, mode_number=1)
+    a, b, curvature = 1.0, 1e-3, 1 / 400
+    u = ellipse.envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.0), 1)
+    zero = np.zeros(())
+    du = effect.slow({"inverse_length_squared": curvature}, u, SlowState(mechanics, *[zero] * 6, u, zero, zero, mechanics.omega_rad_s))
+    e_A, e_B = np.array([np.cos(0.3), np.sin(0.3)]), np.array([-np.sin(0.3), np.cos(0.3)])
+    omega = mechanics.omega_rad_s
+    assert np.imag(e_A @ du) / a == pytest.approx(-omega * a**2 * curvature / 16, rel=1e-5)
+    # e_B·u' = a θ̇ − j(ȧ_B + a_B jφ̇…): the turning is its real part less what the phase rate gives to −j a_B
+    turning = (np.real(e_B @ du) - b * np.imag(e_A @ du) / a) / a
+    assert abs(turning) == pytest.approx(3 / 8 * omega * a * b * curvature, rel=1e-4)
