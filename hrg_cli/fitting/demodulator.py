@@ -12,7 +12,7 @@ from .basis import WindowBasis, columns, window_basis
 from .frequency import bands, nuisances
 from .spectrum import colour
 from .survey import Survey
-from .windows import Fits, curvatures, motion_counts, pooled_variance, pull_noise, slopes, unpulled, without_motion
+from .windows import Fits, curvatures, motion_counts, motion_residual, pooled_variance, pull_noise, slopes, unpulled
 
 Array = np.ndarray
 Rows = dict[str, Array]
@@ -147,7 +147,7 @@ class Demodulator:
         tones = len(self.reference)
         turn = self.turns(float(times[0]), len(times))
         u = fits.envelope * turn
-        residual2 = fits.residual2
+        residual2, known = fits.residual2, None
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
         bend = curvatures(u, offset, self.window_s) if self.periods_asked >= MOVING_PERIODS else None
@@ -159,11 +159,11 @@ class Demodulator:
                 again = slopes(u, offset, self.window_s)
                 slope = slope if again is None else again
                 u = unpulled(raw, slope, turn, fits.slope)
-                residual2 = without_motion(residual2, slope, turn, fits.slope)
+                known = motion_residual(slope, turn, fits.slope)
         if bend is not None:
             u = unpulled(u, bend, turn, fits.curvature)
             if motion_counts(residual2, bend, fits.curvature):
-                residual2 = without_motion(residual2, bend, turn, fits.curvature)
+                known = motion_residual(bend, turn, fits.curvature) + (0.0 if known is None else known)
         u, turn = u[:, keep], turn[keep]
         self.follow(u, float(times[0] + times[-1]) / 2)
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
@@ -171,7 +171,9 @@ class Demodulator:
         variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
         cos2 = turn.real**2
         for k in range(2):
-            sample2 = np.maximum(pooled_variance(residual2[k, keep], freedom), self.least_variance(k))[:, None]
+            sample2 = np.maximum(
+                pooled_variance(residual2[k, keep], freedom, None if known is None else known[k, keep]), self.least_variance(k)
+            )[:, None]
             own = variance * noisier**2
             if self._colour is not None:
                 own = own * np.maximum(self._colour[k], self.least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0)

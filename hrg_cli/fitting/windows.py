@@ -19,6 +19,9 @@ BEND = 2
 KNOWN = 1e-3
 """Part of itself to which the motion's share of a residual is known."""
 
+POOL_KNOWN = 64
+"""How many times more rows are pooled where a known motion is taken out of the residual."""
+
 CACHE_SAMPLES = 1 << 15
 """Samples turned to floats at once, so that they stay in the processor's cache."""
 
@@ -130,21 +133,22 @@ def motion_counts(residual2: Array, motion: Array, by: Pull) -> bool:
     return bool((expected > 1e-3 * np.nanmean(residual2, axis=1)).any())
 
 
-def without_motion(residual2: Array, motion: Array, turn: Array, by: Pull) -> Array:
-    """The residual's sums of squares (channel, rows) without what a known motion puts into them; that is known to `KNOWN` of itself."""
+def motion_residual(motion: Array, turn: Array, by: Pull) -> Array:
+    """What a known motion puts into the residual's sums of squares (channel, rows)."""
     own = motion * turn.conj()
     parts = np.empty((*own.shape[:2], 2 * own.shape[2]))
     parts[..., 0::2], parts[..., 1::2] = own.real, -own.imag
-    known = ((by.left[None] * parts[:, :, None, :]).sum(-1) * parts).sum(-1)
-    return np.maximum(residual2 - known, KNOWN * np.minimum(known, residual2))
+    return np.asarray(((by.left[None] * parts[:, :, None, :]).sum(-1) * parts).sum(-1))
 
 
-def pooled_variance(residual2: Array, freedom: Array) -> Array:
+def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None) -> Array:
     """Variance a sample (rows,) pooled over neighbouring rows until `POOL_FREEDOM` degrees of freedom; rows that are not finite stay so.
 
     A row far above its neighbours (a burst, a clipped top, lost samples) keeps its own variance and does not spoil theirs.
+    `known` (rows,) is the motion's share of the sums of squares, known to `KNOWN` of itself; it is taken out of the
+    pooled values, over `POOL_KNOWN` times as many rows, since motion times noise scatters more than noise alone.
     """
-    group = pool_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom)))
+    group = pool_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (1 if known is None else POOL_KNOWN)
     starts = np.arange(0, len(residual2), group)
     if len(starts) > 1 and len(residual2) - starts[-1] < group / 2:
         starts = starts[:-1]
@@ -152,6 +156,9 @@ def pooled_variance(residual2: Array, freedom: Array) -> Array:
     if np.ndim(freedom) == 0 and np.isfinite(residual2.sum()):
         level = np.add.reduceat(residual2, starts) / (counts * freedom)
         if not (np.maximum.reduceat(residual2, starts) > (4 * freedom + 40) * level).any():
+            if known is not None:
+                share = np.add.reduceat(known, starts) / (counts * freedom)
+                level = np.maximum(level - share, KNOWN * np.minimum(share, level))
             return np.repeat(level, counts)
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
@@ -163,6 +170,10 @@ def pooled_variance(residual2: Array, freedom: Array) -> Array:
     middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
     excess = finite & (sums > (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts))
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(np.add.reduceat(np.where(excess, 0.0, weight), starts), 1)
+    if known is not None:
+        share = np.where(finite & ~excess, known, 0.0)
+        share = np.add.reduceat(share, starts) / np.maximum(np.add.reduceat(np.where(excess, 0.0, weight), starts), 1)
+        total = np.maximum(total - share, KNOWN * np.minimum(share, total))
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
 
