@@ -202,7 +202,13 @@ def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
     values, std, full = _physical(Regression(vector, covariance), mode, "working-mode", thin, Known())
     frequency = np.array([r.reference_frequency_hz for r in thin])
     values["frequency_hz"] = float(frequency.mean())
-    std["frequency_hz"] = float(frequency.std() + 1e-12)
+    # the driven wave's frequency moves with its angle by the split itself
+    std["frequency_hz"] = float(np.hypot(frequency.std(), np.hypot(found.value[1], found.value[2]) / (2 * np.pi)))
+    full[0, 0] = std["frequency_hz"] ** 2
+    crossings = working_mode.stiffness_axes(thin, mode, float(found.value[0]))
+    period = np.pi / mode
+    offsets_of_axes = [float(np.mod(a - values["stiffness_axis_rad"] + period / 2, period) - period / 2) for a, _ in crossings]
+    scatter = float(np.sqrt(np.mean(np.square(offsets_of_axes)))) if crossings else 0.0
     nan = np.full(len(runs), np.nan)
     verdict = Verdict(
         values, std, list(ORDER), full, float("nan"), float("nan"), nan, nan, np.array([len(r) for r in thin]), mode_number=mode
@@ -211,7 +217,7 @@ def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
         "quadrature_damping_1_s": {"value": float(found.value[0]), "std": float(np.sqrt(found.covariance[0, 0]))},
         "quadrature_rms": found.quadrature_rms,
         "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
-        "stiffness_axes": [{"value": a, "std": s} for a, s in working_mode.stiffness_axes(thin, mode, float(found.value[0]))],
+        "stiffness_axes": [{"value": a, "std": max(s, scatter)} for a, s in crossings],
     }
     verdict.flat = [
         f"the damping split enters the phase with 2·a_B/a_A = {2 * found.quadrature_rms:.2g} only: "

@@ -121,9 +121,12 @@ def summary(resonator: Resonator) -> dict[str, Any]:
     """The contract's JSON keys of identify."""
     return {
         "parameters": {n: {"value": v, "std": s, "units": u} for n, (v, s, u) in resonator.parameters().items()},
-        "chi2_per_dof": resonator.chi2_per_dof,
+        "chi2_per_dof": resonator.chi2_per_dof if np.isfinite(resonator.chi2_per_dof) else None,
         "runs": [] if resonator.run is None else [str(r) for r in resonator.run],
-        "identifiability": {"condition": resonator.condition, "flat_directions": json.loads(resonator.flat_directions)},
+        "identifiability": {
+            "condition": resonator.condition if np.isfinite(resonator.condition) else None,
+            "flat_directions": json.loads(resonator.flat_directions),
+        },
         "method": resonator.method,
         "details": json.loads(resonator.details),
     }

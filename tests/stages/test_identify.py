@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
+from synthetic_waves import GYRO, NAMES, PROGRAMME, as_wave, envelope, errors, programme, run_down
 
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.rate_from_model import rate_from_model
@@ -138,6 +138,19 @@ def test_profile_and_bootstrap_agree_with_the_covariance_where_all_is_linear():
         assert (high - low) / 2 == pytest.approx(plain.parameters()[name][1], rel=0.15), name
     ratio = [record.parameters()[n][1] / plain.parameters()[n][1] for n in NAMES[1:]]
     assert all(0.6 < r < 1.6 for r in ratio)
+
+
+def test_one_channel_gives_split_and_decays_but_no_axes():
+    """A bowl before one microphone: the second channel is dead."""
+    gyro = Mechanics(4987.3, 0.31, 0.012, 0.35, 3.0, 0.9, 0.55)
+    rng = np.random.default_rng(1)
+    times = (np.arange(1500) + 0.5) * 4e-3
+    u = envelope(gyro, 0.3, 0.0, times)
+    u[:, 1] = 0.0
+    record = identify([as_wave(u, times, 1e-3, gyro, rng, rate=np.zeros(1500))])
+    assert set(record.parameters()) == {"frequency_hz", "damping_rate_1_s", "frequency_split_rad_s"}
+    assert all(abs(e) < 4.5 for e in errors(record, gyro).values()) and record.status == "suspect"
+    assert any("one signal" in s and "no axes" in s for s in record.status_reasons) and len(details(record)["modes"]) == 2
 
 
 def test_growing_and_driven_waves():
