@@ -155,7 +155,7 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     most, length = (LOOKS, min(n, LOOK_SAMPLES)) if even else (UNEVEN_LOOKS, min(n, UNEVEN_SAMPLES))
     if n < 6:
         raise HrgError(f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record longer")
-    looks, patched = [], []
+    looks, patched, stretches = [], [], []
     for a in np.unique(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)):
         raw = (np.asarray(recording.c[a : a + length]), np.asarray(recording.s[a : a + length]))
         y = np.stack(
@@ -166,16 +166,34 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
         bad = ~np.isfinite(y)
         if not bad.any():
             looks.append(Look(time, y, raw))
-        elif bad.mean() < 0.2:
-            for k in range(2):
-                y[k, bad[k]] = y[k, ~bad[k]].mean()
-            patched.append(Look(time, y, raw))
+        else:
+            whole = _longest(~np.asarray(bad).any(0))
+            stretches.append(Look(time[whole], y[:, whole], (raw[0][whole], raw[1][whole])))
+            if bad.mean() < 0.2:
+                for k in range(2):
+                    y[k, bad[k]] = y[k, ~bad[k]].mean()
+                patched.append(Look(time, y, raw))
+    shortest = max(64, length // 8)
+    stretches = [look for look in stretches if len(look.time_s) >= shortest]
+    if stretches and not looks:
+        common = min(len(look.time_s) for look in stretches)
+        cut = slice(0, common)
+        looks = [Look(look.time_s[cut], look.y[:, cut], (look.raw[0][cut], look.raw[1][cut])) for look in stretches]
     looks = looks or patched
     if not looks:
         raise HrgError(
             f"{name}: has hardly any finite sample (NaN or infinite values); finite values of both channels were expected: check it"
         )
     return looks
+
+
+def _longest(good: Array) -> slice:
+    """The longest run of true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    if not len(edges):
+        return slice(0, 0)
+    k = int(np.argmax(edges[1::2] - edges[::2]))
+    return slice(int(edges[2 * k]), int(edges[2 * k + 1]))
 
 
 def _dead(looks: list[Look], name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
