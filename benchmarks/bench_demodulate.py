@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -76,13 +77,11 @@ def main(millions: float) -> None:
             write_recording(path, size)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         for path, size in zip(paths, sizes, strict=True):
-            reading = best(lambda path=path: read_only(path))
+            reading = best(partial(read_only, path))
             print(f"{size / 1e6:g} million samples x 2 int16: reading {reading:.3f} s")
             for periods in (1.0, 50.0):
-                taken = best(lambda path=path, periods=periods: run(path, periods), 2)
-                print(
-                    f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} x reading, {taken / size * 1e9:.1f} ns a pair"
-                )
+                taken = best(partial(run, path, periods), 2)
+                print(f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} x reading, {taken / size * 1e9:.1f} ns a pair")
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"peak memory {after:.0f} MB (before demodulating {before:.0f} MB)")
 
