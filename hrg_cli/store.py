@@ -241,7 +241,8 @@ def _need_short_texts(dataset: h5py.Dataset, path: Path, place: str) -> None:
     A text of variable length is kept as its length (4 bytes), heap address and index (HDF5 file format 3.0, IV.A.2.d).
     """
     offset = dataset.id.get_offset()
-    if offset is None or h5py.check_string_dtype(dataset.dtype) is None or dataset.id.get_type().get_size() != 16:
+    kind = h5py.check_string_dtype(dataset.dtype)
+    if offset is None or kind is None or kind.length is not None:
         return
     lengths = np.fromfile(path, "<u4", dataset.size * 4, offset=offset)[::4]
     if len(lengths) < dataset.size or lengths.sum(dtype=np.uint64) > path.stat().st_size:
