@@ -128,14 +128,20 @@ def path_of(
         rate = _rate(block, rate_rad_s) + earth_rate_rad_s
         first_time, first_rate = last if last is not None else (time[0], rate[0])
         steps = np.diff(time, prepend=first_time)
-        if (steps < 0).any():
-            raise HrgError(f"run {wave.run_id or '?'}: time_s goes back at {time[int(np.argmin(steps))]:g} s; times must increase")
+        if (steps[1:] <= 0).any() or (last is not None and steps[0] <= 0):
+            raise HrgError(
+                f"run {wave.run_id or '?'}: time_s stands or goes back at {time[int(np.argmin(steps))]:g} s; times must increase"
+            )
         integral = turned + np.cumsum(steps * (rate + np.concatenate([[first_rate], rate[:-1]])) / 2)
         turned, last = float(integral[-1]), (float(time[-1]), float(rate[-1]))
         pieces.append(_block_means(block, time, integral, per_block))
     joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]} if pieces else {}
     if not joined or len(joined["time_s"]) < 2:
         raise HrgError(f"run {wave.run_id or '?'}: fewer than two good blocks of its {rows} windows; a longer or a cleaner run is needed")
+    degc = joined["temperature_degc"]
+    known = np.isfinite(degc)
+    if known.any() and not known.all():
+        joined["temperature_degc"] = np.interp(joined["time_s"], joined["time_s"][known], degc[known])
     shortest = np.median(np.diff(joined["time_s"])) / per_block
     drive_main, drive_quadrature = joined.pop("drive_main", None), joined.pop("drive_quadrature", None)
     return Path(

@@ -13,7 +13,7 @@ from ..errors import HrgError
 from ..fitting.increments import path_of
 from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
 from ..records import Calibration, Resonator, Wave
-from .calibration_checks import interpolation_doubt, stray_harmonics
+from .calibration_checks import interpolation_doubt, noisy_angles, stray_harmonics
 from .calibration_factors import build, measured_details, physical_covariance, variant
 from .calibration_figures import cells, figure_rows, predictions
 from .calibration_folds import choose_folds, choose_limits, choose_smoothness
@@ -98,6 +98,8 @@ def calibrate(
     wanted += ["phase", "mean_frequency"] if model in ("phase", "all") else []
     wanted += ["quadrature_drive", "main_drive"] if ladder else []
     factors, widths = build(forced, table_nodes, axis, interpolation, wanted)
+    if model == "phase" and "phase" not in factors:
+        raise HrgError("model phase needs frequency_hz in every run, it is missing or not finite; estimate the runs again")
     layout = Layout(table_nodes, axis, waves[0].mode_number, drift_most, scale_most, interpolation, factors, widths)
     fitted = fit(forced, layout)
     folds, held_out = choose_folds(fitted, needed)
@@ -130,6 +132,7 @@ def calibrate(
     ]
     found = cells(fitted, *predictions(fitted, stages, folds, penalty), folds)
     steps = figure_rows([m.name for m in stages], *found, scale_factor, bootstrap, seed)
+    remarks += noisy_angles(fitted, drift_limit)
     strays = stray_harmonics(fitted, solution)
     remarks += [s["sentence"] for s in strays if s["significant"]]
     details: dict[str, Any] = {
@@ -232,7 +235,7 @@ def compare(
 
     δD = 4πr·δf: `mean_frequency_needed_hz` is the error of the mean frequency that alone makes the drift figure of the table.
     """
-    models = [variant(n, fitted.layout, drift_limit, scale_limit, resonator) for n in VARIANTS if n != "physical" or resonator is not None]
+    models = [variant(n, fitted.layout, drift_limit, scale_limit, resonator) for n in VARIANTS if _possible(n, fitted.layout, resonator)]
     rows = figure_rows([m.name for m in models], *cells(fitted, *predictions(fitted, models, folds), folds), scale_factor, draws, seed)
     ratio = float(np.sqrt(np.mean(np.concatenate([p.ratio for p in fitted.paths]) ** 2)))
     for row, model in zip(rows, models):
@@ -242,6 +245,10 @@ def compare(
             target = rows[0]["drift"]["value"]
             row["mean_frequency_needed_hz"] = target / (4 * np.pi * ratio) if ratio > 0 and target is not None else None
     return rows
+
+
+def _possible(name: str, layout: Layout, resonator: Resonator | None) -> bool:
+    return (name != "physical" or resonator is not None) and (name != "phase" or "phase" in layout.factors)
 
 
 def _of_resonator(layout: Layout, solution: Solution, resonator: Resonator, chi2: float) -> Solution:

@@ -12,6 +12,7 @@ from ..fitting.joint import Fitted, Solution, design
 
 Array = np.ndarray
 STRAY_PROBABILITY = 1e-6
+LARGEST_DAMPING = 0.02
 
 
 def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
@@ -55,6 +56,20 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
                 f"look in the electronics for drive feed-through, an offset at the resonance or a parasitic force",
             }
         )
+    return out
+
+
+def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
+    """Runs whose angle noise damps the highest harmonic in the design: a basis at the measured angle nθ loses exp(−n²s²/2)."""
+    n = 2 * fitted.layout.mode_number * drift_limit
+    out = []
+    for path, noise in zip(fitted.paths, fitted.noises):
+        lost = 1 - np.exp(-noise.white * (n / path.mode_number) ** 2 / 2)
+        if lost > LARGEST_DAMPING:
+            out.append(
+                """Runs whose angle noise s damps the highest harmonic: a basis taken at the measured angle loses exp(−n²s²/2) of nθ."""
+                f"by {100 * lost:.1f} %; demodulate with longer windows"
+            )
     return out
 
 

@@ -60,12 +60,9 @@ def build(
     paths: Sequence[Path], nodes: Array, axis: str, interpolation: str, wanted: Sequence[str]
 ) -> tuple[dict[str, Factor], dict[str, int]]:
     """(factors, their widths) of the wanted names that these runs can carry."""
-    available: dict[str, tuple[Factor, int]] = {
-        "quadrature": (quadrature, 2),
-        "phase": (phase, 1),
-        "mean_frequency": (mean_frequency(nodes, axis, interpolation), len(nodes)),
-        "drive_matrix": (forced_only, 3),
-    }
+    available: dict[str, tuple[Factor, int]] = {"quadrature": (quadrature, 2), "drive_matrix": (forced_only, 3)}
+    if all(np.isfinite(p.frequency_hz).all() for p in paths):
+        available |= {"phase": (phase, 1), "mean_frequency": (mean_frequency(nodes, axis, interpolation), len(nodes))}
     if all(p.drive_quadrature is not None and np.any(p.drive_quadrature) for p in paths):
         available["quadrature_drive"] = (quadrature_drive, 1)
     if all(p.drive_main is not None and np.any(p.drive_main) for p in paths):

@@ -112,7 +112,7 @@ def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) 
     """`kind` "drift": rad/s over the low-rate cells; "scale": ppm over the high-rate cells."""
     chosen = found.low if kind == "drift" else found.high
     models = found.residual_rad_s.shape[1]
-    if not chosen.any():
+    if not chosen.any() or (kind == "scale" and scale_factor == 0):
         nothing = np.full(models, np.nan)
         return Figure(nothing, nothing, nothing, float("nan"))
     unit = np.ones(int(chosen.sum())) if kind == "drift" else 1e6 / (scale_factor * found.rate_rad_s[chosen])

@@ -246,6 +246,8 @@ def _readout(joint: Fitted, coefficients: Array, covariance: Array) -> dict[str,
     for h in range(3):
         mean[h, starts + h] = 1 / len(starts)
     k0, c, s = mean @ coefficients
+    if k0 == 0:
+        return None
     std = np.sqrt(np.diag(mean @ covariance @ mean.T)) / abs(k0)
     return {
         "gain_mismatch": float(-c / k0), "gain_mismatch_std": float(std[1]),

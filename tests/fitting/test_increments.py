@@ -80,7 +80,7 @@ def test_unusable_runs_are_named():
     wave = forced_run(Truth(0), 20.0, 0.4, 4, 0, run_id="night-3")
     with pytest.raises(HrgError, match=r"night-3.*no rate log"):
         path_of(wave.replace(rate_rad_s=None), harmonics=1)
-    with pytest.raises(HrgError, match=r"night-3.*goes back"):
+    with pytest.raises(HrgError, match=r"night-3.*stands or goes back"):
         path_of(wave.replace(time_s=wave.time_s[::-1].copy()), harmonics=1)
     with pytest.raises(HrgError, match=r"night-3.*fewer than two good"):
         path_of(wave.replace(flags=np.ones(len(wave), "u1")), harmonics=1)

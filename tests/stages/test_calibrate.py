@@ -39,7 +39,7 @@ def test_errors_at_unseen_points_are_as_stated(walk):
 @pytest.mark.slow
 @pytest.mark.parametrize(("walk", "settings"), [(0.0, FIXED), (1e-11, FIXED), (0.0, {"bootstrap": 0})])
 def test_coverage_over_many_gyros(walk, settings):
-    drift, scale = (np.concatenate(z) for z in zip(*(normalised_errors(s, duration=30.0, walk=walk, settings=settings) for s in range(60))))
+    drift, scale = (np.concatenate(z) for z in zip(*(normalised_errors(s, duration=30.0, walk=walk, settings=settings) for s in range(40))))
     for z in (drift, scale):
         assert np.sqrt(np.mean(z**2)) < 1.2
         assert 0.93 <= np.mean(np.abs(z) < 1.96) <= 0.97
@@ -204,3 +204,30 @@ def test_mode_number_one():
     truth = Truth(11, mode_number=1, drift=5e-4)
     record = calibrate(programme(truth, (20,), (-0.4, 0.4), duration=40), **FIXED)
     assert record.wave_angle_rad.max() < np.pi and record.drift_harmonics[0, 1:3] == pytest.approx(truth.d[0, 1:3], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "words"),
+    [
+        ({"wave_angle_rad": np.zeros(600)}, "refused", "cover"),
+        ({"rate_rad_s": np.zeros(600)}, "refused", "no run turns"),
+        ({"temperature_degc": np.full(600, np.nan)}, "suspect", "no temperature"),
+        ({"wave_angle_rad_std": np.zeros(600)}, "valid", None),
+        ({"flags": (np.arange(600) % 2).astype("u1")}, "valid", None),
+        ({"main_amplitude": np.zeros(600)}, "valid", None),
+        ({"temperature_degc": np.where(np.arange(600) < 50, np.nan, 20.0)}, "suspect", "one node"),
+    ],
+)
+def test_odd_columns(change, status, words):
+    waves = [w.replace(**change) for w in programme(Truth(1), (0, 40), (-0.5, 0.5), duration=12)]
+    record = calibrate(waves, model="all", ladder=True, bootstrap=5)
+    assert record.status == status and (words is None or any(words in reason for reason in record.status_reasons))
+    assert np.isfinite(record.drift_rad_s_std).all()
+    json.dumps(summary(record), allow_nan=False)
+
+
+def test_noise_that_damps_the_harmonics_is_said():
+    draw = np.random.default_rng(0)
+    waves = programme(Truth(1), (20,), (-0.5, 0.5), duration=12)
+    loud = [w.replace(wave_angle_rad=w.wave_angle_rad + 0.1 * draw.normal(size=len(w))) for w in waves]
+    assert any("damps the harmonic 8θ" in reason for reason in calibrate(loud, **FIXED).status_reasons)
