@@ -167,7 +167,7 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
         if not bad.any():
             looks.append(Look(time, y, raw))
         else:
-            whole = _longest(~np.asarray(bad).any(0))
+            whole = _longest(np.isfinite(y.sum(0)))
             stretches.append(Look(time[whole], y[:, whole], (raw[0][whole], raw[1][whole])))
             if bad.mean() < 0.2:
                 for k in range(2):
