@@ -129,8 +129,13 @@ def pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
 def motion_counts(residual2: Array, motion: Array, by: Pull) -> bool:
     """Whether a motion puts more than a thousandth into the residual's sums of squares (channel, rows)."""
     mean = float(np.trace(by.left.mean(0))) / by.left.shape[-1]
-    expected = (np.abs(motion) ** 2).sum(-1).mean(1) * mean
-    return bool((expected > 1e-3 * np.nanmean(residual2, axis=1)).any())
+    for k in range(len(residual2)):
+        total = float(residual2[k].sum())
+        if not np.isfinite(total):
+            total = float(np.nansum(residual2[k]))
+        if np.vdot(motion[k], motion[k]).real * mean > 1e-3 * total:
+            return True
+    return False
 
 
 def motion_residual(motion: Array, turn: Array, by: Pull) -> Array:
