@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..fitting.fourier import coefficients_at, harmonic_basis
+from ..fitting.fourier import harmonic_basis, node_weights
 from ..fitting.increments import covariance_bands, whiten
 from ..fitting.joint import Fitted, Solution, design
 
@@ -60,15 +60,16 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
 
 
 def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
-    """Runs whose angle noise damps the highest harmonic in the design: a basis at the measured angle nθ loses exp(−n²s²/2)."""
+    """Runs whose angle noise s damps the highest harmonic: a basis taken at the measured angle loses exp(−n²s²/2) of nθ."""
     n = 2 * fitted.layout.mode_number * drift_limit
     out = []
     for path, noise in zip(fitted.paths, fitted.noises):
         lost = 1 - np.exp(-noise.white * (n / path.mode_number) ** 2 / 2)
         if lost > LARGEST_DAMPING:
+            spread = np.sqrt(noise.white) / path.mode_number
             out.append(
-                """Runs whose angle noise s damps the highest harmonic: a basis taken at the measured angle loses exp(−n²s²/2) of nθ."""
-                f"by {100 * lost:.1f} %; demodulate with longer windows"
+                f"run {path.run_id or '?'}: angle noise of {spread:.2g} rad a block damps the harmonic {n}θ by {100 * lost:.1f} %; "
+                f"demodulate with longer windows"
             )
     return out
 
@@ -76,14 +77,15 @@ def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
 def interpolation_doubt(fitted: Fitted, solution: Solution, chi2: float, drift_limit: int, scale_limit: int) -> dict[str, float]:
     """Standard deviation that interpolation adds midway between nodes, from predicting each inner node from the others.
 
-    Leaving a node out doubles the spacing; the error of cubic interpolation falls with its fourth power, of linear with its square.
+    Leaving a node out doubles the spacing; what noise explains of the misses is taken off, the rest counts by a quarter (cubic; the
+    outer stretches are the worst) or a third (linear, whose error falls with the square of the spacing).
     """
     layout = fitted.layout
     count = len(layout.nodes)
-    cubic = layout.interpolation in ("cubic", "smooth")
-    if count < (5 if cubic else 3):
+    kind = "cubic" if layout.interpolation in ("cubic", "smooth") else "linear"
+    if count < (5 if kind == "cubic" else 3):
         return {}
-    shrink = 1 / 16 if cubic else 1 / 4
+    shrink = 1 / 4 if kind == "cubic" else 1 / 3
     tables = layout.tables(solution.coefficients)
     out = {}
     for name, table, limit, part in (
@@ -92,13 +94,15 @@ def interpolation_doubt(fitted: Fitted, solution: Solution, chi2: float, drift_l
     ):
         size = 1 + 2 * limit
         basis = harmonic_basis(np.linspace(0, np.pi / layout.mode_number, 24, endpoint=False), limit, layout.mode_number)
-        square, noise = 0.0, 0.0
+        places = np.concatenate([np.arange(layout.size)[part(j)][:size] for j in range(count)])
+        covariance = solution.covariance[np.ix_(places, places)] * chi2
+        excess = 0.0
         for j in range(1, count - 1):
             rest = np.arange(count) != j
-            predicted = coefficients_at(layout.nodes[[j]], layout.nodes[rest], table[rest, :size], "cubic" if cubic else "linear")[0]
-            square += float(np.mean((basis @ (table[j, :size] - predicted)) ** 2))
-            places = np.arange(layout.size)[part(j)][:size]
-            own = solution.covariance[np.ix_(places, places)] * chi2
-            noise += 2 * float(np.mean(np.einsum("ai,ij,aj->a", basis, own, basis)))
-        out[name] = shrink * float(np.sqrt(max(square - noise, 0.0) / (count - 2)))
+            miss = np.zeros(count)
+            miss[j], miss[rest] = 1.0, -node_weights(layout.nodes[[j]], layout.nodes[rest], kind)[0]
+            rows = (miss[None, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+            seen = rows @ table[:, :size].ravel()
+            excess += float(np.mean(seen**2 - np.einsum("ai,ij,aj->a", rows, covariance, rows)))
+        out[name] = shrink * float(np.sqrt(max(excess, 0.0) / (count - 2)))
     return out

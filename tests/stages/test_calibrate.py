@@ -231,3 +231,24 @@ def test_noise_that_damps_the_harmonics_is_said():
     waves = programme(Truth(1), (20,), (-0.5, 0.5), duration=12)
     loud = [w.replace(wave_angle_rad=w.wave_angle_rad + 0.1 * draw.normal(size=len(w))) for w in waves]
     assert any("damps the harmonic 8θ" in reason for reason in calibrate(loud, **FIXED).status_reasons)
+
+
+class Curvy(Truth):
+    """Temperature courses that no polynomial of the nodes reproduces."""
+
+    def powers(self, temperature):
+        x = (np.asarray(temperature, float) - 20) / 40
+        return np.stack([np.ones_like(x), np.sin(2 * x), np.exp(-2 * x**2)])
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_doubt_from_interpolation_is_in_the_stated_error(interpolation):
+    square = []
+    for seed in range(3):
+        truth = Curvy(seed)
+        waves = programme(truth, (-20, 0, 20, 40, 60), (-0.5, 0.5), seed=seed, duration=15)
+        record = calibrate(waves, interpolation=interpolation, **FIXED)
+        x, theta = np.linspace(-20, 60, 200), np.linspace(0, 40, 200)
+        drift, std = values(record, x, theta)[0], standard_deviations(record, x, theta)[0]
+        square.append(np.mean(((drift - truth.drift(x, theta)) / std) ** 2))
+    assert 0.3 < np.sqrt(np.mean(square)) < 1.2
