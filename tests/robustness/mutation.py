@@ -70,14 +70,15 @@ class Trials:
         self.start_mb = 0.0
 
     def _start(self) -> subprocess.Popen[bytes]:
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        roots = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(roots)}
         worker = Path(__file__).with_name("trial_worker.py")
         self._process = subprocess.Popen(
             [sys.executable, str(worker)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env={**environment, "PYTHONPATH": os.pathsep.join(p for p in (str(Path(__file__).parents[2]), environment.get("PYTHONPATH")) if p)},
+            env=environment,
         )
         ready = self._line(120.0)
         assert ready is not None, "the worker did not start"

@@ -13,10 +13,10 @@ import pytest
 import soundfile
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "reporting")]
-import mutation
-import records_by_hand
+import mutation  # noqa: E402
+import records_by_hand  # noqa: E402
 
-from hrg_cli import store
+from hrg_cli import store  # noqa: E402
 
 PEAK_MB = 1200.0
 """Memory a small damaged file may cost at most, over that of the imports."""

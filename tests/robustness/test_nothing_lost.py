@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "reporting")]
-import records_by_hand
+import records_by_hand  # noqa: E402
 
-from hrg_cli import pipeline, settings, store
-from hrg_cli.errors import HrgError
-from hrg_cli.records import Periods, Recording
+from hrg_cli import pipeline, settings, store  # noqa: E402
+from hrg_cli.errors import HrgError  # noqa: E402
+from hrg_cli.records import Periods, Recording  # noqa: E402
 
 FORK = multiprocessing.get_context("fork")
 ROWS = 3000
@@ -159,6 +159,11 @@ def noise(seed: int) -> Periods:
     return stamped(0).replace(signals=rng.standard_normal((ROWS, 4)), signals_std=rng.standard_normal((ROWS, 4)))
 
 
+def mount(disk: Path, options: str) -> subprocess.CompletedProcess:
+    """Try to put a small disk in memory there."""
+    return subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(disk)], capture_output=True, text=True, check=False)
+
+
 @pytest.mark.parametrize("limit", [3000, 50_000, 1_000_000])
 def test_a_file_that_may_not_grow_is_refused_in_words(tmp_path, limit):
     result = write_with_little_room(str(tmp_path), limit, "import os; sys.stdout.flush(); os._exit(1)")
@@ -170,7 +175,7 @@ def test_a_file_that_may_not_grow_is_refused_in_words(tmp_path, limit):
 def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, size_kb):
     disk = tmp_path / "disk"
     disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size_kb}k", "tmpfs", str(disk)], capture_output=True, text=True, check=False)
+    mounted = mount(disk, f"size={size_kb}k")
     if mounted.returncode:
         pytest.skip(f"no right to mount a small disk here: {mounted.stderr.strip()}")
     try:
@@ -184,7 +189,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, size_kb):
 def test_a_folder_on_a_read_only_disk(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m,ro", "tmpfs", str(disk)], capture_output=True, text=True, check=False)
+    mounted = mount(disk, "size=1m,ro")
     if mounted.returncode:
         pytest.skip(f"no right to mount a read-only disk here: {mounted.stderr.strip()}")
     try:
@@ -196,7 +201,7 @@ def test_a_folder_on_a_read_only_disk(tmp_path):
 
 CHANGES = {
     "grown": lambda path: path.open("ab").write(b"more"),
-    "replaced": lambda path: (store.write(path.with_name("new.h5"), records_by_hand.recording(seconds=2.0)), os.replace(path.with_name("new.h5"), path)),
+    "replaced": lambda path: store.write(path, records_by_hand.recording(seconds=2.0), force=True),
     "removed": lambda path: path.unlink(),
     "cut": lambda path: os.truncate(path, path.stat().st_size // 2),
 }
@@ -279,5 +284,5 @@ def test_nothing_in_a_file_is_executed(tmp_path):
             change(file)
             if isinstance(file["recording"].get("c", getlink=True), h5py.HardLink):
                 file["recording/c"].attrs["units"] = units.get("units", "V")
-        with pytest.raises(HrgError, match="another file|real numbers"):
+        with pytest.raises(HrgError, match=r"another file|real numbers"):
             store.read(path, Recording)
