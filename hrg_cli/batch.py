@@ -46,6 +46,7 @@ def run_lot(
     open_executor: OpenExecutor | None = None,
     force: bool = False,
     assignments: tuple[str, ...] = (),
+    over: dict[str, Any] | None = None,
     progress: Progress = lambda share: None,
 ) -> dict[str, Any]:
     """Run the lot of a TOML file into a folder; the report as JSON. What is done already, unchanged, is not done again.
@@ -55,7 +56,7 @@ def run_lot(
     """
     started = time.monotonic()
     path, folder = Path(path), Path(folder)
-    lot = read_lot(path, assignments)
+    lot = read_lot(path, assignments, over)
     recordings = recordings_of(lot, path.parent)
     _claim(folder, force)
     with _only_writer(folder):

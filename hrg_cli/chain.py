@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from . import pipeline, settings, store
 from .errors import DiskFullError, HrgError
+from .executors import local_processes
 from .records import Wave
 
 Say = Callable[[str], None]
@@ -35,10 +37,12 @@ def run_chain(
     force: bool = False,
     command_line: str = "",
     say: Say = print,
+    jobs: int = 1,
 ) -> list[Step]:
     """Run every step that the inputs allow; a step that fails is recorded and those that need it are skipped.
 
-    inputs: recordings, or foreign logs (imported first); tables: settings a stage, e.g. {"demodulate": {"periods_per_window": 20}}.
+    inputs: recordings, or foreign logs (imported first); tables: settings a stage, e.g. {"demodulate": {"periods_per_window": 20}};
+    jobs: processes that share the recordings up to their waves (the same results for any number).
     HrgError: two inputs would write the same file; an output exists (unless `force`).
     """
     tables = tables or {}
@@ -49,7 +53,12 @@ def run_chain(
         )
     steps: list[Step] = []
     chain = _Chain(folder, tables, force, command_line or "hrg run", say, steps)
-    waves = [wave for path, stem in zip(inputs, stems) if (wave := chain.to_wave(path, stem)) is not None]
+    alone = replace(chain, steps=[], say=_silent)
+    waves: list[Path] = []
+    for wave, made in _shared([(alone, path, stem) for path, stem in zip(inputs, stems)], jobs):
+        waves += [] if wave is None else [wave]
+        for step in made:
+            chain.end(step)
     modes = {wave: store.read(wave, Wave).mode for wave in waves}
     free, forced = [w for w in waves if modes[w] == "free"], [w for w in waves if modes[w] == "forced"]
     resonator = chain.stage("identify", free, folder / "resonator.h5") if free else None
@@ -62,6 +71,31 @@ def run_chain(
                 "compensate", [wave], folder / wave.name.replace(".wave.h5", ".compensated.h5"), beside={"calibration": calibration}
             )
     return steps
+
+
+def _silent(text: str) -> None:
+    """Says nothing: steps made in another process are told by this one."""
+
+
+_Work = tuple["_Chain", Path, str]
+
+
+def _to_wave(work: _Work) -> tuple[Path | None, list[Step]]:
+    chain, path, stem = work
+    own = replace(chain, steps=[])
+    return own.to_wave(path, stem), own.steps
+
+
+def _shared(works: Sequence[_Work], jobs: int) -> Iterator[tuple[Path | None, list[Step]]]:
+    """Every recording's wave and steps, in the recordings' order. HrgError: a process was killed."""
+    if min(jobs, len(works)) < 2:
+        yield from map(_to_wave, works)
+        return
+    with local_processes(min(jobs, len(works))) as executor:
+        try:
+            yield from executor.map(_to_wave, works)
+        except BrokenExecutor as error:
+            raise HrgError("a process of --jobs was killed; it needs more memory than there is, use fewer --jobs") from error
 
 
 @dataclass(frozen=True)
@@ -116,7 +150,7 @@ class _Chain:
     ) -> Path | None:
         """Run a stage as a step; its output, or None when it failed."""
         if needs is None:
-            self._end(Step(name, tuple(p.name for p in inputs), output.name, "skipped", ("the step before it failed",)))
+            self.end(Step(name, tuple(p.name for p in inputs), output.name, "skipped", ("the step before it failed",)))
             return None
 
         def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
@@ -138,12 +172,13 @@ class _Chain:
         except DiskFullError:
             raise
         except HrgError as error:
-            self._end(Step(name, read, output.name, "failed", (str(error),)))
+            self.end(Step(name, read, output.name, "failed", (str(error),)))
             return None
-        self._end(Step(name, read, output.name, status, reasons, json))
+        self.end(Step(name, read, output.name, status, reasons, json))
         return output
 
-    def _end(self, step: Step) -> None:
+    def end(self, step: Step) -> None:
+        """Keep a step and say how it ended."""
         self.steps.append(step)
         self.say(
             f"{step.name} → {step.output}: {step.status}" + (f" ({step.reasons[0]})" if step.reasons and step.status != "valid" else "")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .commands.frame import Common, command, command_line, existing
+from .commands.frame import NO_DRAWS, ONE_PROCESS, Common, command, command_line, existing, no_settings
 from .errors import UsageError
 
 app = typer.Typer(
@@ -63,7 +63,21 @@ def _run(run: Common, name: str, inputs: list[Path], *, beside: dict[str, Path |
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 
-@command(app, "import", "hrg import log.csv -o recording.h5 --c 2 --s 3 --time 1 --mode free")
+def _effect_names(incomplete: str) -> list[str]:
+    """Names of effects, for the shell's completion."""
+    from .effects import EFFECTS
+
+    return [effect.name for effect in EFFECTS if effect.name.startswith(incomplete)]
+
+
+def _study_names(incomplete: str) -> list[str]:
+    """Names of studies, for the shell's completion."""
+    from .commands.studying import STUDIES
+
+    return [name for name in STUDIES if name.startswith(incomplete)]
+
+
+@command(app, "import", "hrg import log.csv -o recording.h5 --c 2 --s 3 --time 1 --mode free", idle=NO_DRAWS | ONE_PROCESS)
 def import_(
     run: Common,
     log: OneFile = None,
@@ -80,7 +94,16 @@ def import_(
     nominal_frequency_hz: Annotated[float | None, typer.Option(help="Expected oscillation frequency.", show_default=False)] = None,
     units: Annotated[str | None, typer.Option(help="Unit of both channels.", show_default=False)] = None,
     time_units: Annotated[str | None, typer.Option(help="s, ms, us, ns, min or h.", show_default=False)] = None,
+    clock_hz: Annotated[
+        float | None, typer.Option(help="Ticks a second, where the column of times counts ticks.", show_default=False)
+    ] = None,
+    auxiliary_time: Annotated[
+        str | None, typer.Option(help="Column of the slow columns' own times, where they have fewer rows.", show_default=False)
+    ] = None,
     rate_units: Annotated[str | None, typer.Option(help="rad/s, deg/s, deg/h or rpm.", show_default=False)] = None,
+    temperature_units: Annotated[str | None, typer.Option(help="degC, K or degF.", show_default=False)] = None,
+    separator: Annotated[str | None, typer.Option(help="Of a text log; a blank for any run of blanks.", show_default=False)] = None,
+    decimal: Annotated[str | None, typer.Option(help='Decimal sign of a text log: "." or ",".', show_default=False)] = None,
     constant_rate_rad_s: Annotated[float | None, typer.Option(help="Rate of the whole run.", show_default=False)] = None,
     constant_temperature_degc: Annotated[float | None, typer.Option(help="Temperature of the whole run.", show_default=False)] = None,
     gyro_id: Annotated[str | None, typer.Option(help="The gyro.", show_default=False)] = None,
@@ -95,7 +118,7 @@ def import_(
     from .commands.importing import import_file
 
     flags = {key: value for key, value in locals().items() if key not in ("run", "log", "time_column", "import_file")}
-    for key in ("c", "s", "temperature", "rate"):
+    for key in ("c", "s", "temperature", "rate", "auxiliary_time"):
         flags[key] = _column(flags[key])
     report = import_file(log, run, {**flags, "time": _column(time_column)})
     run.finish(report)
@@ -129,7 +152,7 @@ def simulate(
     run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3)})
 
 
-@command(app, "demodulate", "hrg demodulate run.h5 -o periods.h5 --periods-per-window 50")
+@command(app, "demodulate", "hrg demodulate run.h5 -o periods.h5 --periods-per-window 50", idle=NO_DRAWS | ONE_PROCESS)
 def demodulate(
     run: Common,
     recording: OneFile = None,
@@ -148,7 +171,7 @@ def demodulate(
     )
 
 
-@command(app, "estimate", "hrg estimate periods.h5 -o wave.h5")
+@command(app, "estimate", "hrg estimate periods.h5 -o wave.h5", idle=NO_DRAWS | ONE_PROCESS)
 def estimate(
     run: Common,
     periods: OneFile = None,
@@ -162,7 +185,7 @@ def estimate(
     _run(run, "estimate", [periods] if periods else [], solver=solver, start=start, carrier_phase_rad=carrier_phase_rad)
 
 
-@command(app, "identify", "hrg identify wave-*.h5 -o resonator.h5 --method all")
+@command(app, "identify", "hrg identify wave-*.h5 -o resonator.h5 --method all", idle=ONE_PROCESS)
 def identify(
     run: Common,
     waves: Files = None,
@@ -196,7 +219,7 @@ def identify(
     )
 
 
-@command(app, "calibrate", "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder")
+@command(app, "calibrate", "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder", idle=ONE_PROCESS)
 def calibrate(
     run: Common,
     waves: Files = None,
@@ -225,7 +248,7 @@ def calibrate(
     )
 
 
-@command(app, "diagnose", "hrg diagnose wave-*.h5 -o diagnosis.h5 --model resonator.h5")
+@command(app, "diagnose", "hrg diagnose wave-*.h5 -o diagnosis.h5 --model resonator.h5", idle=NO_DRAWS | ONE_PROCESS)
 def diagnose(
     run: Common,
     waves: Files = None,
@@ -246,7 +269,7 @@ def diagnose(
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 
-@command(app, "plan", "hrg plan resonator.h5 --menu configs/menu.toml -o next.toml --runs 3")
+@command(app, "plan", "hrg plan resonator.h5 --menu configs/menu.toml -o next.toml --runs 3", idle=NO_DRAWS | ONE_PROCESS)
 def plan(
     run: Common,
     files: Files = None,
@@ -276,7 +299,7 @@ def plan(
     run.finish(report, show)
 
 
-@command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5")
+@command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5", idle=NO_DRAWS | ONE_PROCESS)
 def compensate(
     run: Common,
     wave: OneFile = None,
@@ -288,12 +311,19 @@ def compensate(
     _run(run, "compensate", [wave] if wave else [], beside={"calibration": calibration})
 
 
-@command(app, "export", "hrg export calibration.h5 -o table.h --fixed-point-bits 16")
+@command(app, "export", "hrg export calibration.h5 -o table.h --fixed-point-bits 16", idle=NO_DRAWS | ONE_PROCESS)
 def export_(
     run: Common,
     calibration: OneFile = None,
-    fixed_point_bits: Annotated[int, typer.Option(help="C header: integers of so many bits; 0: floating point.")] = 0,
-    precision: Annotated[float, typer.Option(help="C header: interpolation error allowed, in standard deviations of the table.")] = 0.5,
+    fixed_point_bits: Annotated[
+        int | None, typer.Option(help="C header: integers of so many bits; 0 (the default): floating point.", show_default=False)
+    ] = None,
+    precision: Annotated[
+        float | None,
+        typer.Option(
+            help="C header: interpolation error allowed, in standard deviations of the table (default 0.5).", show_default=False
+        ),
+    ] = None,
 ) -> None:
     """The tables for other programs: CSV, JSON or a C header, by the output's suffix, with the worst error stated."""
     from . import store
@@ -301,101 +331,92 @@ def export_(
     from .records import Calibration
 
     started = time.monotonic()
+    values = run.settings(export, fixed_point_bits=fixed_point_bits, precision=precision)
     path = existing([calibration] if calibration else [], "a calibration file")[0]
     output = run.need_output("table.csv, table.json or table.h")
     record = store.read(path, Calibration)
-    made = export(record, output.suffix, fixed_point_bits=fixed_point_bits, precision=precision)
+    made = export(record, output.suffix, **values)
     with store.atomic_path(output, run.force) as temporary:
         temporary.write_text(made.text, encoding="utf-8")
     report = {"kind": "table", "status": record.status, "status_reasons": list(record.status_reasons), "output": str(output)}
     run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3), **made.errors})
 
 
-@command(app, "batch", "hrg batch lot.toml -o lot/ --jobs 4")
+@command(
+    app,
+    "batch",
+    "hrg batch lot.toml -o lot/ --jobs 4",
+    says={
+        "output": "Folder of the lot; the same folder resumes it.",
+        "config": "TOML file whose table [batch] is put over the lot's file.",
+        "show_config": "Print the resolved lot as TOML and leave.",
+        "seed": "Seed of every stage that draws.",
+    },
+)
 def batch(
     run: Common,
     lot: OneFile = None,
     dask: Annotated[bool, typer.Option("--dask", help="Dask workers started here, --jobs of them.")] = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)] = None,
 ) -> None:
-    """The whole chain for every gyro of a lot; resumes where it was interrupted."""
-    from .batch import executor_for, run_lot
-    from .reporting import console
+    """The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where it was interrupted."""
+    from .commands.batching import batch_file
 
-    path = existing([lot] if lot else [], "a lot's file (TOML)")[0]
-    folder = run.need_output("lot/")
-    with console.progress_bar("batch", run.quiet or run.json) as progress:
-        report = run_lot(
-            path,
-            folder,
-            open_executor=executor_for(run.jobs, dask, scheduler),
-            force=run.force,
-            assignments=run.assignments,
-            progress=progress,
-        )
-    run.finish(report)
+    run.finish(batch_file(lot, run, dask, scheduler))
 
 
-@command(app, "check", "hrg check calibration.h5 --limits configs/limits.toml")
+@command(
+    app,
+    "check",
+    "hrg check calibration.h5 --limits configs/limits.toml",
+    idle=NO_DRAWS | ONE_PROCESS | {"strict": "the limits say which status passes"},
+    says={
+        "output": "File to write the JSON report into.",
+        "config": "TOML file with more limits, over those of --limits.",
+        "assignments": "Change one limit, e.g. resonator.scale_factor.maximum=0.6; may be repeated.",
+        "show_config": "Print the limits as TOML and leave.",
+    },
+)
 def check(
     run: Common,
     file: OneFile = None,
     limits: Annotated[Path | None, typer.Option(help="TOML file with the limits.", show_default=False)] = None,
 ) -> None:
     """Hold a file's figures against limits: exit status 0 within, 3 outside."""
-    from . import settings, store
-    from .limits import check as judge
-    from .reporting import console
+    from .commands.answering import check_file
 
-    path = existing([file] if file else [], "an hrg file")[0]
-    if limits is None:
-        raise UsageError("no limits are named; add --limits limits.toml")
-    rows = judge(store.read_any(path), settings.load_toml(limits))
-    passed = all(row.passed for row in rows)
-    report = {
-        "kind": "check",
-        "status": "valid" if passed else "refused",
-        "status_reasons": [row.sentence() for row in rows if not row.passed],
-        "output": None,
-        "passed": passed,
-        "rows": [vars(row) for row in rows],
-    }
-    head = ("figure", "value", "minimum", "maximum", "passed")
-    run.finish(
-        report, lambda: console.print_table("", head, [(r.name, r.value, r.minimum, r.maximum, "yes" if r.passed else "NO") for r in rows])
-    )
+    run.finish(*check_file(file, limits, run))
 
 
-@command(app, "report", "hrg report run.h5 wave.h5 resonator.h5 -o report.html")
+@command(
+    app,
+    "report",
+    "hrg report run.h5 wave.h5 resonator.h5 -o report.html",
+    idle=NO_DRAWS | ONE_PROCESS | {"strict": "the page of a suspect result is a valid page"},
+)
 def report(
     run: Common,
     files: Files = None,
-    format: Annotated[str, typer.Option(help="html: one page; png: the figures alone, into the folder OUTPUT.")] = "html",
-    truth: Annotated[bool, typer.Option("--truth", help="Show a simulation's truth beside the estimates.")] = False,
+    format: Annotated[
+        str | None, typer.Option(help="html: one page; png: the figures alone, into the folder OUTPUT.", show_default=False)
+    ] = None,
+    truth: Annotated[bool | None, typer.Option("--truth", help="Show a simulation's truth beside the estimates.")] = None,
 ) -> None:
     """One self-contained page (or the figures) about any set of hrg files."""
-    from .reporting.page import build_report, write_figures
-    from .store import atomic_path, check_output
+    from .commands.reporting import report_files
 
-    paths = existing(files or [], "the files to report on")
-    output = run.need_output("report.html")
-    if format == "png":
-        made = write_figures(paths, output)
-    elif format == "html":
-        check_output(output, run.force)
-        page = build_report(paths, truth=truth)
-        with atomic_path(output, run.force) as temporary:
-            temporary.write_text(page, encoding="utf-8")
-        made = [output]
-    else:
-        raise UsageError(f"--format {format}: html or png was expected")
-    run.finish({"kind": "report", "status": "valid", "status_reasons": [], "output": str(output), "files": [str(p) for p in made]})
+    run.finish(report_files(files or [], run, format=format, truth=truth))
 
 
-@command(app, "study", "hrg study gauss-newton -o study/")
+@command(app, "study", "hrg study gauss-newton -o study/", idle=ONE_PROCESS | {"strict": "a study has no validity of its own"})
 def study(
     run: Common,
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="gauss-newton, redundancy, identification or diagnosis.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME", help="gauss-newton, redundancy, identification or diagnosis.", autocompletion=_study_names
+        ),
+    ] = None,
 ) -> None:
     """Repeat one of the papers' experiments, or a study of this project's own methods: table and figures into a folder."""
     from .commands.studying import run_study
@@ -403,28 +424,38 @@ def study(
     run.finish(*run_study(name, run))
 
 
-@command(app, "effects", "hrg effects gain_mismatch")
+@command(
+    app,
+    "effects",
+    "hrg effects gain_mismatch",
+    idle=NO_DRAWS | ONE_PROCESS | no_settings("the catalogue has no settings") | {"strict": "nothing is judged"},
+    says={"output": "File to write the JSON report into."},
+)
 def effects(
     run: Common,
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="One effect's page; all in one list otherwise.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="One effect's page; all in one list otherwise.", autocompletion=_effect_names),
+    ] = None,
 ) -> None:
     """The catalogue of effects: what a simulation can contain and a diagnosis can name."""
-    from .effects import EFFECTS, page
-    from .reporting import console
+    from .commands.answering import effects_page
 
-    if name is not None:
-        text = page(name)
-        console.print_json({"name": name, "page": text}) if run.json else print(text)
-        return
-    rows = [(e.name, e.family, ", ".join(p.name for p in e.parameters), e.page.splitlines()[0]) for e in EFFECTS]
-    if run.json:
-        console.print_json({"effects": [dict(zip(("name", "family", "parameters", "title"), row)) for row in rows]})
-    else:
-        for name_, family, _, title in rows:
-            print(f"{name_:30}{family:12}{title}")
+    run.finish(*effects_page(name, run))
 
 
-@command(app, "run", "hrg run recording-*.h5 -o results/")
+@command(
+    app,
+    "run",
+    "hrg run recording-*.h5 -o results/ --jobs 2",
+    says={
+        "output": "Folder of the results.",
+        "config": "TOML file with a table a stage.",
+        "assignments": "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated.",
+        "seed": "Seed of every stage that draws.",
+        "jobs": "Processes that share the recordings.",
+    },
+)
 def run_(
     run: Common,
     recordings: Files = None,
@@ -435,35 +466,18 @@ def run_(
     run.finish(run_files(recordings or [], run))
 
 
-@command(app, "info", "hrg info wave.h5 --json")
+@command(
+    app,
+    "info",
+    "hrg info wave.h5 --json",
+    idle=NO_DRAWS | ONE_PROCESS | no_settings("a file is told as it is") | {"strict": "the status is told, not judged"},
+    says={"output": "File to write the JSON report into."},
+)
 def info(run: Common, file: OneFile = None) -> None:
     """What a file holds: kind, validity, history, sources, figures."""
-    from . import store
-    from .reporting import console, tables
+    from .commands.answering import info_file
 
-    path = existing([file] if file else [], "an hrg file")[0]
-    with store.open_record(path, store.kind_of(path)) as record:
-        facts = tables.facts(record)
-    report = {
-        "kind": record.kind,
-        "status": record.status,
-        "status_reasons": list(record.status_reasons),
-        "output": None,
-        "facts": facts,
-        "history": list(record.provenance.history),
-        "created": record.provenance.created,
-        "generated_by": record.provenance.generated_by,
-        "sources": [vars(source) for source in record.provenance.sources],
-    }
-    if run.json:
-        console.print_json(report)
-        return
-    print(f"{path}: {record.kind}, {record.status}, made by {record.provenance.generated_by or 'unknown'} {record.provenance.created}")
-    for reason in record.status_reasons:
-        print(f"  {record.status}: {reason}")
-    console.print_table("", ("figure", "value"), list(facts.items()))
-    for line in record.provenance.history:
-        print(line)
+    run.finish(*info_file(file, run), judged=False)
 
 
 def main() -> None:

@@ -6,9 +6,10 @@ import csv
 import io
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from .errors import HrgError
 from .records import Calibration
@@ -27,7 +28,15 @@ class Exported:
     errors: dict[str, float]
 
 
-def export(calibration: Calibration, suffix: str, *, fixed_point_bits: int = 0, precision: float = 0.5) -> Exported:
+def export(
+    calibration: Calibration,
+    suffix: str,
+    *,
+    fixed_point_bits: Annotated[int, Field(description="C header: integers of 16 or 32 bits; 0: floating point")] = 0,
+    precision: Annotated[
+        float, Field(gt=0, description="C header: interpolation error allowed, in standard deviations of the table")
+    ] = 0.5,
+) -> Exported:
     """The tables as `suffix` ".csv", ".json" or ".h".
 
     fixed_point_bits: 0 for float tables in the header, 16 or 32 for integers. precision: the header's grid is refined until its

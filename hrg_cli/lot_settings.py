@@ -80,10 +80,14 @@ class LotSettings(BaseModel):
         return {key: getattr(checked, key) for key in type(checked).model_fields}
 
 
-def read_lot(path: Path | str, assignments: tuple[str, ...] = ()) -> LotSettings:
-    """The lot of a TOML file, `--set` assignments applied. HrgError: not TOML, unknown keys, wrong values, no recordings named."""
+def read_lot(path: Path | str, assignments: tuple[str, ...] = (), over: Table | None = None) -> LotSettings:
+    """The lot of a TOML file, the keys of `over` and then `--set` assignments applied.
+
+    HrgError: not TOML, unknown keys, wrong values, no recordings named.
+    """
     path = Path(path)
     tree = settings.load_toml(path)
+    settings.merge(tree, over or {})
     for text in assignments:
         settings.assign(tree, *settings.parse_assignment(text))
     lot: LotSettings = settings.validate(LotSettings, tree, str(path))

@@ -77,6 +77,20 @@ def assign(tree: dict[str, Any], key: str, value: Any) -> None:
     tree[last] = value
 
 
+def merge(into: dict[str, Any], tree: Mapping[str, Any]) -> None:
+    """Put `tree` over `into`: tables are merged, anything else is replaced."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and isinstance(into.get(key), dict):
+            merge(into[key], value)
+        else:
+            into[key] = value
+
+
+def accepts(stage: Callable[..., Any], name: str) -> bool:
+    """Whether a stage has a setting of this name."""
+    return name in inspect.signature(stage).parameters
+
+
 def resolve(
     stage: Callable[..., Any],
     config: Path | None = None,

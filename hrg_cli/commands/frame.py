@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import copy
 import functools
 import inspect
+import json
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn, get_args
 
 import typer
 
@@ -44,9 +47,34 @@ class Common:
                 flags[name] = getattr(self, name) if name == "seed" else (self.jobs if self.jobs != 1 else None)
         values = settings.resolve(function, self.config, self.assignments, flags, table)
         if self.show_config:
-            print(settings.to_toml({table or function.__name__: values}), end="")
-            raise typer.Exit(DONE)
+            self.leave_with_settings({table or function.__name__: values})
         return values
+
+    def leave_with_settings(self, values: Mapping[str, Any]) -> NoReturn:
+        """Print settings as TOML (as JSON with --json) and end the command."""
+        from .. import settings
+
+        text = settings.to_toml(values)
+        if self.json:
+            import tomllib
+
+            from ..reporting import console
+
+            console.print_json(tomllib.loads(text))
+        else:
+            print(text, end="")
+        raise typer.Exit(DONE)
+
+    def kept(self, report: Mapping[str, Any]) -> dict[str, Any]:
+        """The report of a command that only answers, written as JSON where --output names a file."""
+        from ..reporting import console
+        from ..store import atomic_path
+
+        whole = {**report, "output": None if self.output is None else str(self.output)}
+        if self.output is not None:
+            with atomic_path(self.output, self.force) as temporary:
+                temporary.write_text(json.dumps(console.clean(whole), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        return whole
 
     def need_output(self, example: str) -> Path:
         """The output, or the usage error that names an example."""
@@ -54,17 +82,22 @@ class Common:
             raise UsageError(f"no output is named; add -o {example}")
         return self.output
 
-    def finish(self, report: Mapping[str, Any], show: Callable[[], None] | None = None) -> None:
-        """Print the result and leave with the exit status that its validity asks for."""
+    def finish(self, report: Mapping[str, Any], show: Callable[[], None] | None = None, *, judged: bool = True) -> None:
+        """Print the result and leave with the exit status that its validity asks for (0 where it is told but not judged)."""
         from ..reporting import console
 
-        if self.json:
-            console.print_json(report)
-        elif not self.quiet:
-            if show is not None:
-                show()
-            if report.get("output"):
-                print(f"{report['output']}: {report['kind']}, {report['status']}")
+        with unread_is_no_failure():
+            if self.json:
+                console.print_json(report)
+            elif not self.quiet:
+                if show is not None:
+                    show()
+                if report.get("output"):
+                    print(f"{report['output']}: {report['kind']}, {report['status']}")
+        if self.verbose and not self.quiet and report.get("elapsed_s") is not None:
+            console.message(f"{report['kind']}: {report['elapsed_s']:g} s")
+        if not judged:
+            return
         for reason in report.get("status_reasons", []):
             if not self.json and not (self.quiet and report["status"] == "valid"):
                 console.message(f"{report['status']}: {reason}")
@@ -88,15 +121,34 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
     "show_config": (Annotated[bool, typer.Option("--show-config", help="Print the resolved settings as TOML and leave.")], False),
     "json": (Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")], False),
     "quiet": (Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")], False),
-    "verbose": (Annotated[bool, typer.Option("--verbose", "-v", help="Say more; show the traceback of an internal error.")], False),
+    "verbose": (
+        Annotated[bool, typer.Option("--verbose", "-v", help="Say the time taken; show the traceback of an internal error.")],
+        False,
+    ),
     "strict": (Annotated[bool, typer.Option("--strict", help="A suspect result, too, ends with status 3.")], False),
     "seed": (Annotated[int | None, typer.Option("--seed", help="Seed of whatever is drawn at random.", show_default=False)], None),
     "jobs": (Annotated[int, typer.Option("--jobs", min=1, help="Processes to use where work can be shared.")], 1),
 }
 
 
-def command(app: typer.Typer, name: str, example: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a command: common options added, errors turned into one line and an exit status, an example under its help."""
+NO_DRAWS = {"seed": "nothing is drawn at random"}
+ONE_PROCESS = {"jobs": "the work is done by one process"}
+_SETTINGS = ("config", "assignments", "show_config")
+
+
+def no_settings(why: str) -> dict[str, str]:
+    """The reason why a command has no settings, for each option that would change them."""
+    return dict.fromkeys(_SETTINGS, why)
+
+
+def command(
+    app: typer.Typer, name: str, example: str, *, idle: Mapping[str, str] | None = None, says: Mapping[str, str] | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Register a command: common options added, errors turned into one line and an exit status, an example under its help.
+
+    idle: common option -> why it changes nothing in this command, said in its help; says: common option -> its help in this command.
+    """
+    helps = {**(says or {}), **{key: f"No effect here: {why}." for key, why in (idle or {}).items()}}
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
@@ -110,7 +162,10 @@ def command(app: typer.Typer, name: str, example: str) -> Callable[[Callable[...
 
         parameters = [
             *own,
-            *(inspect.Parameter(k, inspect.Parameter.KEYWORD_ONLY, annotation=a, default=d) for k, (a, d) in _OPTIONS.items()),
+            *(
+                inspect.Parameter(k, inspect.Parameter.KEYWORD_ONLY, annotation=_with_help(a, helps.get(k)), default=d)
+                for k, (a, d) in _OPTIONS.items()
+            ),
         ]
         run.__signature__ = inspect.Signature([p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters])  # type: ignore[attr-defined]
         run.__annotations__ = {p.name: p.annotation for p in parameters}
@@ -120,10 +175,31 @@ def command(app: typer.Typer, name: str, example: str) -> Callable[[Callable[...
     return register
 
 
+def _with_help(annotation: Any, text: str | None) -> Any:
+    """The option, its help replaced."""
+    if text is None:
+        return annotation
+    kind, option = get_args(annotation)
+    changed = copy.copy(option)
+    changed.help = text
+    return Annotated[kind, changed]
+
+
+@contextlib.contextmanager
+def unread_is_no_failure() -> Iterator[None]:
+    """A reader that left (`hrg info x | head -1`) is no error of the command: what is printed from then on is dropped."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def guarded(body: Callable[[], None], verbose: bool = False) -> None:
     """Run a command's body; every failure becomes one line on standard error and an exit status."""
     try:
-        body()
+        with unread_is_no_failure():
+            body()
     except UsageError as error:
         leave(str(error), USAGE)
     except DiskFullError as error:
@@ -134,9 +210,6 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
         leave(str(error), FAILED)
     except KeyboardInterrupt:
         leave("interrupted; no output was written", 130)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(FAILED) from None
     except MemoryError:
         leave("not enough memory; use fewer or shorter inputs", FAILED)
     except typer.Exit:

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from .. import settings, store
 from ..chain import run_chain
 from ..errors import HrgError
@@ -25,20 +23,22 @@ def run_files(recordings: Sequence[Path], run: Common) -> dict[str, Any]:
     tables: dict[str, Any] = settings.load_toml(run.config) if run.config else {}
     for text in run.assignments:
         settings.assign(tables, *settings.parse_assignment(text))
+    for name, stage in STAGES.items():
+        if run.seed is not None and settings.accepts(stage.function(), "seed"):
+            settings.assign(tables, f"{name}.seed", run.seed)
     unknown = sorted(set(tables) - {*STAGES, "import"})
     if unknown:
         raise HrgError(f"{run.config or '--set'}: there is no stage {unknown[0]}; tables are {', '.join(['import', *STAGES])}")
     if run.show_config:
         whole = {name: settings.checked(stage.function(), tables.get(name, {})) for name, stage in STAGES.items()}
-        print(settings.to_toml(whole), end="")
-        raise typer.Exit(0)
+        run.leave_with_settings(whole)
     paths = existing(recordings, "the recordings of one gyro")
     folder = run.need_output("results/")
     if not folder.is_dir():
         store.check_output(folder)
         folder.mkdir()
     say = (lambda text: None) if run.quiet or run.json else console.message
-    steps = run_chain(paths, folder, tables, force=run.force, command_line=command_line(), say=say)
+    steps = run_chain(paths, folder, tables, force=run.force, command_line=command_line(), say=say, jobs=run.jobs)
     made = [folder / step.output for step in steps if step.status not in ("failed", "skipped")]
     page = folder / "report.html"
     if made:

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..records import Recording
@@ -31,8 +29,7 @@ def simulate_files(
             settings.assign(config, *settings.parse_assignment(text))
     values = settings.resolve(simulate, run.config, for_stage, {"model": model, "run": only_run, "seed": run.seed})
     if run.show_config:
-        print(settings.to_toml({"simulate": values, "runs": {each.run_id: each for each in runs_of(config)}}), end="")
-        raise typer.Exit(0)
+        run.leave_with_settings({"simulate": values, "runs": {each.run_id: each for each in runs_of(config)}})
     names = run_ids(config) if values["run"] is None else [values["run"]]
     output = run.need_output("recording.h5")
     outputs = [output] if len(names) == 1 else [output.with_name(f"{output.stem}-{name}{output.suffix or '.h5'}") for name in names]

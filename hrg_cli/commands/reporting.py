@@ -1,0 +1,49 @@
+"""The body of `hrg report`: one page about files, or its figures as pictures in a folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from .. import store
+from ..reporting.page import build_report, write_figures
+from .frame import Common, existing
+
+
+def report(
+    files: Sequence[Path],
+    output: Path,
+    force: bool = False,
+    *,
+    format: Annotated[Literal["html", "png"], Field(description="one page, or the figures alone into a folder")] = "html",
+    truth: Annotated[bool, Field(description="show a simulation's truth beside the estimates")] = False,
+) -> list[Path]:
+    """Write the page or the figures; the files written. HrgError: a file is damaged or not of hrg, the output exists."""
+    if format == "png":
+        return write_figures(files, output, truth=truth)
+    store.check_output(output, force)
+    page = build_report(files, truth=truth)
+    with store.atomic_path(output, force) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return [output]
+
+
+def report_files(files: Sequence[Path], run: Common, **flags: Any) -> dict[str, Any]:
+    """Report on files; the command's JSON."""
+    started = time.monotonic()
+    values = run.settings(report, **flags)
+    paths = existing(files, "the files to report on")
+    output = run.need_output("report.html")
+    made = report(paths, output, run.force, **values)
+    return {
+        "kind": "report",
+        "status": "valid",
+        "status_reasons": [],
+        "output": str(output),
+        "elapsed_s": round(time.monotonic() - started, 3),
+        "files": [str(path) for path in made],
+    }
