@@ -12,7 +12,7 @@ from pathlib import Path
 from .errors import HrgError
 
 SIGNATURE = b"GCOL\x01\x00\x00\x00"
-SCANNED_BYTES = 64 << 20
+SCANNED_BYTES = 8 << 20
 """Of a longer file so much of its head and of its tail is looked through; texts are written there."""
 
 
