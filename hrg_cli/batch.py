@@ -1,7 +1,7 @@
 """run_lot: the whole chain for every gyro of a lot, shared among processes or a cluster, resumable, one table at the end.
 
 The folder: one folder a gyro with its periods, waves, resonator, calibration; `lot.csv` (and `lot.parquet` with pyarrow),
-`lot.json`. The same lot gives the same bytes whatever the number of workers and however often it was interrupted.
+`lot.html`, `lot.json`. The same lot gives the same bytes whatever the number of workers and however often it was interrupted.
 """
 
 from __future__ import annotations
@@ -54,6 +54,8 @@ def run_lot(
     A recording or gyro that fails is reported and does not stop the others. Status: valid (every gyro passed), suspect (some did
     not), refused (none did). HrgError: a wrong lot file, no recordings, a folder that holds something else (unless `force`).
     """
+    from .reporting.lot_page import lot_page
+
     started = time.monotonic()
     path, folder = Path(path), Path(folder)
     lot = read_lot(path, assignments, over)
@@ -76,6 +78,7 @@ def run_lot(
             left.unlink(missing_ok=True)
         report = _report(lot, rows, failed + done)
         write_table(folder, rows)
+        _write_text(folder / "lot.html", lot_page(report, {t.gyro_id: Path(t.folder).name for t in first if Path(t.folder).is_dir()}))
         _write_text(folder / MARK, json.dumps(report, indent=1, sort_keys=True, ensure_ascii=False) + "\n")
     return report | {"output": str(folder), "elapsed_s": round(time.monotonic() - started, 3)}
 
