@@ -22,6 +22,8 @@ from .coordinates import COORDINATES, COUNT
 Array = np.ndarray
 CLEAR = 10.0
 """Amplitude over σ from which a row's phase is unwrapped."""
+FOLLOWING = 10.0
+"""Relaxations in a run by which a held amplitude is followed."""
 OWN = 5
 """Parameters of a run's own: start state (4 reals) and frequency offset."""
 
@@ -43,6 +45,9 @@ class Series:
     main_drive: Array
     quadrature_drive: Array
     forced: Array
+    held_amplitude: Array
+    """Main amplitude that a drive without a log keeps up; NaN where the command is logged or the run is free."""
+    held_slope: Array
     reference_frequency_hz: float
     mode_number: int
     has_temperature: bool = True
@@ -61,6 +66,10 @@ class Series:
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""
         cut = {f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2 for f in _ARRAYS if f not in ("branch", "forced")}
+        h, rate = self.step_s, self.rate_rad_s
+        mean = np.divide(np.diff(self.table_angle_rad, axis=1), h, out=cut["rate_rad_s"].copy(), where=h > 0)
+        # Simpson's rule then turns by exactly the table's angle, however fast the rate changes within a step
+        cut["rate_rad_s"] = (6 * mean - rate[:, 1:] - rate[:, :-1]) / 4
         return replace(self, branch=self.branch[:, :-1], forced=self.forced[:, :-1], **cut)
 
 
@@ -77,6 +86,8 @@ _ARRAYS = (
     "main_drive",
     "quadrature_drive",
     "forced",
+    "held_amplitude",
+    "held_slope",
 )
 
 Active = tuple[tuple[Effect, Mapping[str, float]], ...]
@@ -169,6 +180,10 @@ class _Stage:
         self.active = point.active
         self.driven = bool(np.any(series.forced))
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
+        self.L = generators(series, point)
+        self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
+        self.held, self.held_slope = series.held_amplitude, series.held_slope
+        self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
 
     def at(self, k: int) -> _Stage:
         """The instants of column k, (R,)."""
@@ -179,13 +194,18 @@ class _Stage:
             state.__dict__[name] = getattr(self.state, name)[:, k]
         state.drive = self.state.drive[:, k]
         one.state, one.active, one.driven = state, self.active, self.driven
-        one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]
+        one.main, one.quadrature, one.L = self.main[:, k], self.quadrature[:, k], self.L[:, k]
+        one.holds, one.held, one.held_slope, one.follow_1_s = self.holds, self.held[:, k], self.held_slope[:, k], self.follow_1_s
         return one
 
     def drive(self, u: Array) -> Array:
-        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B)."""
-        turn, e_A, e_B, _ = frame(u, self.state.phase_rad)
-        return turn[..., None] * (self.main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
+        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B); without a log, what keeps the amplitude where it was measured."""
+        turn, e_A, e_B, a_A = frame(u, self.state.phase_rad)
+        main = self.main
+        if self.holds:
+            loss = np.real(np.sum(times(self.L, u) * e_A, axis=-1) * np.conj(turn))
+            main = np.where(np.isfinite(self.held), self.held_slope - loss + self.follow_1_s * (self.held - a_A), main)
+        return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
 
     def beside(self, u: Array) -> Array:
         """du/dt beside L u."""
@@ -234,7 +254,7 @@ def predict(series: Series, point: Point) -> Prediction:
     h = series.step_s[..., None]
     centre = series.middle()
     rows, halves = _Stage(series, point), _Stage(centre, point)
-    L, M = generators(series, point), generators(centre, point)
+    L, M = rows.L, halves.L
     motion = np.empty(series.envelope.shape, complex)
     u = motion[:, 0] = point.start
     idle, ahead = rows.idle, None
@@ -346,6 +366,12 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
         full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
         turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
         columns = [times(b, u) for b in coordinates.BASIS] + [turning, times(full - plain, u), 1j * u]
+        held = np.isfinite(series.held_amplitude)
+        if held.any():
+            # the drive makes up for what the resonator loses along the wave, whatever its parameters
+            turn, e_A, _, _ = frame(u, series.phase_rad)
+            for c in columns:
+                c -= (held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn)[..., None] * e_A
         return np.stack([real(c) for c in columns], axis=-1)
 
     runs = len(series.names)

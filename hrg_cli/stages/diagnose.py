@@ -122,7 +122,7 @@ def _noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
 def _explain(base: Fit, candidates: Sequence[diagnosis_search.Variant], most: int) -> tuple[Search, Remainder | None, float]:
     """Selection and open search; repeated with inflated noise where, after both, the residual is still not white."""
     noise_factor = 1.0
-    for _ in range(3):
+    for _ in range(2):
         search = diagnosis_search.select(base, candidates, noise_factor, most, [])
         remainder = _rest(search.final, noise_factor)
         extra = _space(remainder) if remainder else None

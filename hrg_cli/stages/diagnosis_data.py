@@ -13,6 +13,7 @@ from ..fitting.base_fit import Known, freedom, start
 from ..fitting.coordinates import COUNT
 from ..fitting.envelope_runs import EnvelopeRun
 from ..fitting.extended import Point, Series
+from ..physics import ellipse
 from ..records import Wave
 
 Array = np.ndarray
@@ -92,13 +93,13 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
     for run, wave in zip(runs, waves, strict=True):
         t = run.time_s
         shift = 2 * np.pi * (run.reference_frequency_hz - reference) * t
-        dt = np.diff(t)
         rate = np.interp(t, *_finite(wave.time_s, wave.rate_rad_s)) if _has(wave.rate_rad_s) else np.zeros(len(t))
         warm = run.temperature_degc if run.temperature_degc is not None else np.zeros(len(t))
         warm = np.interp(t, *_finite(t, warm)) if np.isfinite(warm).any() else np.zeros(len(t))
         smooth = _smoothed(t, warm)
-        turn = np.concatenate([[0.0], np.cumsum(dt * (rate[1:] + rate[:-1]) / 2)])
         forced = np.full(len(t), float(wave.mode == "forced"))
+        unlogged = wave.mode == "forced" and not _has(wave.drive_main)
+        held = _smoothed(t, _amplitude(run.envelope), pieces=max(24, len(t) // 3), always=True) if unlogged else np.full(len(t), np.nan)
         row = {
             "time_s": t,
             "envelope": run.envelope * np.exp(1j * shift)[:, None],
@@ -106,11 +107,13 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
             "temperature_degc": smooth,
             "temperature_rate_degc_s": np.gradient(smooth, t),
             "branch": branch(np.where(np.ptp(smooth) > 0, smooth, 0.0)),
-            "table_angle_rad": turn,
+            "table_angle_rad": run.turn_rad,
             "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
             "main_drive": _command(wave, "drive_main", t, forced),
             "quadrature_drive": _command(wave, "drive_quadrature", t, forced),
             "forced": forced,
+            "held_amplitude": held,
+            "held_slope": np.gradient(held, t),
         }
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
@@ -142,10 +145,14 @@ def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     return np.interp(t, *_finite(wave.time_s, values))
 
 
-def _smoothed(t: Array, values: Array, pieces: int = 40) -> Array:
+def _amplitude(u: Array) -> Array:
+    return ellipse.wave(u, 1)[0]
+
+
+def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -> Array:
     """Temperature by straight lines through about `pieces` local means where the thermometer is noisy: its slope is not that of the noise."""
     rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
-    if len(t) < 2 * pieces or rough < QUIET * float(np.ptp(values)):
+    if len(t) < 2 * min(pieces, 40) or (not always and rough < QUIET * float(np.ptp(values))):
         return values
     parts = np.array_split(np.arange(len(t)), pieces)
     x = np.array([t[i].mean() for i in parts])

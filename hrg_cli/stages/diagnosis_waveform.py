@@ -152,13 +152,15 @@ def causes(
     waves: Sequence[Wave], steps: Sequence[PhaseStep], tones: Sequence[Tone], frequency_hz: float, found: Sequence[str]
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`: effects named by the dynamics."""
+    far = lines(waves)
+    tones = [tone for tone in tones if not any(_folded(line, tone, waves) for line in far)]
     out = [_lost(group, waves, frequency_hz) for group in _together(steps, waves)] + [_beating(tone) for tone in tones]
     listed = []
     harmonics: dict[int, Line] = {}
     density = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)]
     sampling = 2 * float(density[0][-1]) if density else None
     direct = all(w.readout == "direct" for w in waves)
-    for line in lines(waves):
+    for line in far:
         multiple = harmonic_of(line, frequency_hz, sampling)
         listed.append(
             {"frequency_hz": line.frequency_hz, "amplitude": [float(a) for a in line.amplitude], "power_over_floor": line.ratio, "multiple": multiple or None}
@@ -171,6 +173,12 @@ def causes(
     if odd and direct and not {"pickoff_nonlinearity", "saturation"} & set(found):
         out.append(_nonlinear(waves, harmonics[min(odd)], min(odd), len(odd)))
     return out, listed
+
+
+def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
+    """Whether the tone seen at the windows' rate is a line of the samples, folded."""
+    windows = (line.frequency_hz - tone.frequency_hz) * float(np.median([np.median(np.diff(w.time_s)) for w in waves]))
+    return abs(windows) > 0.5 and abs(windows - round(windows)) < 0.05 + 0.02 * abs(windows)
 
 
 def _entry(name: str, z: float, parameters: dict[str, tuple[float, float, str]], gain: float) -> dict[str, Any]:

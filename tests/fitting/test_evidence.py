@@ -1,0 +1,68 @@
+"""The evidence engine on plain linear models: scores, blindness, groups, selection statistics, held-out errors."""
+
+import numpy as np
+import pytest
+
+from hrg_cli.fitting import evidence
+
+
+def problem(seed=0, rows=400, base=5, size=0.0):
+    random = np.random.default_rng(seed)
+    J = random.standard_normal((rows, base))
+    S = random.standard_normal((rows, 1))
+    r = random.standard_normal(rows) + size * S[:, 0]
+    Q = evidence.orthonormal(J)
+    return J, Q, S, r - Q @ (Q.T @ r)
+
+
+def test_score_is_the_estimate_over_its_deviation_of_a_full_fit():
+    J, Q, S, r = problem(1, size=0.4)
+    score = evidence.score("s", r, S, Q)
+    full = np.column_stack([S, J])
+    solution = np.linalg.lstsq(full, r, rcond=None)[0]
+    std = np.sqrt(np.linalg.inv(full.T @ full)[0, 0])
+    assert score.estimate[0] == pytest.approx(solution[0], rel=1e-9)
+    assert score.std[0] == pytest.approx(std, rel=1e-9)
+    assert score.z == pytest.approx(abs(solution[0]) / std, rel=1e-6)
+    assert score.gain == pytest.approx((solution[0] / std) ** 2, rel=1e-9)
+
+
+def test_scores_of_noise_are_normal():
+    z = [evidence.score("s", r, S, Q).estimate[0] / evidence.score("s", r, S, Q).std[0] for _, Q, S, r in map(problem, range(300))]
+    assert abs(np.mean(z)) < 4 / np.sqrt(300)
+    assert np.var(z) == pytest.approx(1, abs=4 * np.sqrt(2 / 300))
+
+
+def test_what_the_base_model_can_do_is_invisible():
+    J, Q, _, r = problem(2)
+    score = evidence.score("s", r, J[:, :1] * 3 - J[:, 1:2], Q)
+    assert not score.visible and score.z == 0 and np.isnan(score.estimate[0])
+
+
+def test_two_spellings_of_one_cause_are_alike():
+    J, Q, S, r = problem(3, size=0.3)
+    one, other = evidence.score("a", r, S, Q), evidence.score("b", r, 2 * S + J[:, :1], Q)
+    assert evidence.alike(one, other) == pytest.approx(1, abs=1e-9)
+    assert evidence.alike(one, evidence.score("c", r, np.random.default_rng(9).standard_normal(S.shape), Q)) < 0.3
+
+
+def test_corrected_p_counts_the_number_tried():
+    assert evidence.corrected(1e-6, 50) == pytest.approx(5e-5, rel=1e-3)
+    assert evidence.corrected(1.0, 50) == pytest.approx(1.0)
+
+
+def test_held_out_error_of_one_fold_is_that_of_a_refit_without_it():
+    random = np.random.default_rng(5)
+    X, y = random.standard_normal((60, 3)), random.standard_normal(60)
+    best = np.linalg.lstsq(X, y, rcond=None)[0]
+    folds = np.array_split(np.arange(60), 4)
+    errors = evidence.held_out(y - X @ best, X, {k: np.zeros((15, 0)) for k in range(4)}, folds)
+    for fold, error in zip(folds, errors, strict=True):
+        rest = np.setdiff1d(np.arange(60), fold)
+        again = np.linalg.lstsq(X[rest], y[rest], rcond=None)[0]
+        assert error == pytest.approx(np.mean((y[fold] - X[fold] @ again) ** 2), rel=1e-9)
+
+
+def test_a_useless_column_does_not_pay_its_price():
+    paid = [evidence.criterion(*(lambda s: (s.gain, s.rank))(evidence.score("s", r, S, Q)), 400) > 0 for _, Q, S, r in map(problem, range(300, 600))]
+    assert np.mean(paid) < 0.05  # χ²₁ > ln 400 by chance: 1.4 %
