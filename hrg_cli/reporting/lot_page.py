@@ -107,11 +107,11 @@ def distribution(rows: Sequence[Row], name: str) -> Plot | None:
             color=INK,
         )
     labels(ax, name, "gyros at or below, %", name)
-    note(ax, f"median {number(middle)}, 1.4826·MAD {number(spread)}")
+    note(ax, f"median {number(middle, _digits(middle, spread))}, 1.4826·MAD {number(spread)}")
     legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
     named = ", ".join(plain(row["gyro_id"]) for row, out in zip(known, far) if out)
     words = (
-        f"{len(value)} gyros from {number(value[0])} to {number(value[-1])}, median {number(middle)}, robust spread {number(spread)}; "
+        f"{len(value)} gyros from {number(value[0], 7)} to {number(value[-1], 7)}, median {number(middle, 7)}, robust spread {number(spread)}; "
         + (f"{int(far.sum())} outliers: {named}." if far.any() else "no outlier.")
     )
     return Plot(name.replace("_", "-"), f"Distribution of {name}", words, figure)
@@ -119,7 +119,15 @@ def distribution(rows: Sequence[Row], name: str) -> Plot | None:
 
 def _cell(row: Row, name: str) -> Cell:
     std, far = row[f"{name}_std"], name in row["outliers"].split()
-    return Cell(_number(row[name]), "" if std is None else _number(std, 2), _z(row[f"{name}_z"]) if far else "")
+    value = _number(row[name], _digits(row[name], std))
+    return Cell(value, "" if std is None else _number(std, 2), _z(row[f"{name}_z"]) if far else "")
+
+
+def _digits(value: float | None, std: float | None) -> int:
+    """Digits of a value down to the second one of its standard deviation."""
+    if not value or not std or not math.isfinite(std):
+        return 6
+    return min(15, max(2, math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2))
 
 
 def _z(value: float) -> str:
