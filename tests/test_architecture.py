@@ -17,11 +17,10 @@ MAY_IMPORT = {
     "effects": {"units", "errors", "physics"},
     "fitting": {"units", "errors", "records", "physics", "effects"},
     "records": {"units", "errors"},
-    "store": {"units", "errors", "records", "heaps"},
-    "heaps": {"errors"},
+    "store": {"units", "errors", "records"},
     "settings": {"errors"},
     "stages": {"units", "errors", "physics", "effects", "fitting", "records", "settings"},
-    "formats": {"units", "errors", "records", "settings", "heaps"},
+    "formats": {"units", "errors", "records", "settings", "store"},
     "studies": {"units", "errors", "physics", "effects", "fitting", "records", "stages"},
 }
 NUMPY_ONLY = {"physics", "effects"}

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from ..errors import HrgError
-from ..heaps import check_heaps
+from ..store.heaps import check_heaps
 from .log import BLOCK_ROWS, ONE_DEMODULATOR, Array, Blocks, Channel, Log, Reader
 from .scalars import rate_of
 

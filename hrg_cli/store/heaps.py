@@ -9,7 +9,7 @@ from __future__ import annotations
 import mmap
 from pathlib import Path
 
-from .errors import HrgError
+from ..errors import HrgError
 
 SIGNATURE = b"GCOL\x01\x00\x00\x00"
 SCANNED_BYTES = 8 << 20

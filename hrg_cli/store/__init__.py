@@ -1,0 +1,26 @@
+"""Reads and writes every kind of record as HDF5: whole or not at all, checked on the way in, provenance beside the data.
+
+Written under a temporary name in the target folder and renamed when whole; an existing output is replaced only when asked.
+Datasets carry dimension scales, so each group opens with `xarray.open_dataset(path, group=..., engine="h5netcdf")`.
+"""
+
+from .atomic import atomic_path, check_output
+from .layout import FORMAT, FORMAT_VERSION, AnyRecord
+from .reading import is_hdf5, kind_of, open_record, read, read_any
+from .writing import created_now, sha256, write
+
+__all__ = [
+    "FORMAT",
+    "FORMAT_VERSION",
+    "AnyRecord",
+    "atomic_path",
+    "check_output",
+    "created_now",
+    "is_hdf5",
+    "kind_of",
+    "open_record",
+    "read",
+    "read_any",
+    "sha256",
+    "write",
+]

@@ -1,0 +1,29 @@
+"""The layout that reading and writing share: format, kinds by name, where a field stands in a file."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, TypeVar
+
+from ..records import KINDS, Column, Record
+
+FORMAT, FORMAT_VERSION = "hrg", "1.0"
+AnyRecord = TypeVar("AnyRecord", bound=Record)
+BY_NAME = {cls.kind: cls for cls in KINDS}
+
+
+def place_of(kind: type[Record], field_name: str, spec: Column) -> str:
+    return f"{spec.group or '/' + kind.kind}/{spec.name or field_name}"
+
+
+def default_of(field_name: str, spec: Column) -> Any:
+    for cls in KINDS:
+        for f in dataclasses.fields(cls):
+            if f.metadata.get("column") is spec:
+                return f.default
+    raise AssertionError(field_name)
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an error's text, for a sentence."""
+    return str(error).strip("'\"").splitlines()[0][:160] if str(error) else type(error).__name__

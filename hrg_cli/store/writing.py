@@ -1,0 +1,221 @@
+"""Writing: records and streams of records as HDF5, block by block, with dimension scales and provenance.
+
+Identical content gives identical bytes: no time stamps inside but `created`, which honours SOURCE_DATE_EPOCH.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+import os
+import re
+import shutil
+import time
+import traceback
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from .. import __version__
+from ..errors import DiskFullError, HrgError
+from ..records import GROWING, Column, Record
+from .atomic import atomic_path, quiet
+from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
+
+ROW_CHUNK = {"recording": 1 << 18}
+_SCALE_ONLY = "This is a netCDF dimension but not a netCDF variable. %9d"
+
+
+def created_now() -> str:
+    """The time for `created` and `history`, ISO 8601 UTC; SOURCE_DATE_EPOCH fixes it."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(float(epoch) if epoch else None))
+
+
+def sha256(path: Path | str) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool = False, finish: Any = None) -> AnyRecord:
+    """Write a record, or a stream of records block by block, to `path`; return the last record (a stream's: its last block).
+
+    finish: called with the last record before closing; returns it with provenance and status complete.
+    HrgError: the folder is missing or not writable, the output exists (unless `force`), the disk is full; then no output exists.
+    """
+    with atomic_path(path, force) as temporary:
+        blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
+        last: AnyRecord | None = None
+        file: h5py.File | None = None
+        try:
+            for block in blocks:
+                _need_space(block, Path(path))
+                if file is None:
+                    file = h5py.File(temporary, "w", libver=("earliest", "v110"))
+                    _create(file, block)
+                else:
+                    _append(file, block)
+                last = block
+            if file is None or last is None:
+                raise HrgError(f"{path}: nothing to write; the stage before it produced no record")
+            if finish is not None:
+                last = finish(last)
+            _finish(file, last)
+            file.close()
+        except BaseException as error:
+            with quiet():
+                traceback.clear_frames(error.__traceback__)
+                if file is not None:
+                    with contextlib.suppress(Exception):
+                        file.close()
+                file = None
+            if isinstance(error, RuntimeError) and (number := re.search(r"errno = (\d+)", str(error))):
+                raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
+            raise
+    assert last is not None
+    return last
+
+
+def _need_space(block: Record, path: Path) -> None:
+    """h5py cannot recover from a full disk, so ask before each block."""
+    need = (4 << 20) if os.environ.get("HRG_NO_SPACE_MARGIN") is None else 0
+    for name, spec in block.columns().items():
+        value = getattr(block, name)
+        if spec.dims and isinstance(value, np.ndarray):
+            need += value.nbytes
+    if shutil.disk_usage(path.parent).free < need:
+        raise DiskFullError(f"{path}: the disk is full ({need >> 20} MB more are needed); free space or choose another --output")
+
+
+def _present(record: Record) -> Iterator[tuple[str, str, Column, Any]]:
+    for field_name, spec in record.columns().items():
+        value = getattr(record, field_name)
+        if value is not None:
+            yield field_name, place_of(type(record), field_name, spec), spec, value
+
+
+def _create(file: h5py.File, record: Record) -> None:
+    file.create_group(record.kind)
+    for _, place, spec, value in _present(record):
+        if spec.dims is None:
+            continue
+        array = _encoded(value, spec)
+        growing = spec.dims[0] in GROWING
+        options: dict[str, Any] = {}
+        if growing:
+            row_bytes = max(1, array[:1].nbytes) if len(array) else 8
+            rows = ROW_CHUNK.get(record.kind, 1 << 14) if spec.dims[0] == "row" else 4096
+            rows = max(16, min(rows, max(len(array), 16), (1 << 20) // row_bytes))
+            options = {"maxshape": (None, *array.shape[1:]), "chunks": (rows, *array.shape[1:])}
+            if spec.dtype == "raw":
+                options["fletcher32"] = True
+            elif spec.dims[0] == "row" or array.nbytes > 4096:
+                options["fletcher32"] = True
+                if _worth_compressing(array):
+                    options |= {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+        dataset = file.create_dataset(place, data=array, track_times=False, **options)
+        dataset.attrs["units"] = _units(record, spec)
+        dataset.attrs["long_name"] = spec.meaning
+        dataset.flush()  # a failure while a dataset is closed would be lost
+
+
+def _worth_compressing(array: Any) -> bool:
+    """Whether gzip after shuffle saves a third of the first rows; noise does not shrink and costs most of a command's time."""
+    sample = np.ascontiguousarray(array).reshape(-1)[: 1 << 14]
+    shuffled = sample.view("u1").reshape(-1, sample.itemsize).T.tobytes()
+    return len(zlib.compress(shuffled, 1)) < 0.67 * max(1, len(shuffled))
+
+
+def _units(record: Record, spec: Column) -> str:
+    if spec.units == "any":
+        return str(getattr(record, "units", "1")) if isinstance(getattr(record, "units", "1"), str) else "1"
+    return spec.units or "1"
+
+
+def _encoded(value: Any, spec: Column) -> Any:
+    if spec.dtype == "str":
+        return np.array([str(v) for v in np.asarray(value).ravel()], dtype=h5py.string_dtype()).reshape(np.shape(value))
+    array = np.asarray(value[()] if isinstance(value, h5py.Dataset) else value)
+    return array if spec.dtype == "raw" else array.astype(spec.dtype, copy=False)
+
+
+def _append(file: h5py.File, block: Record) -> None:
+    for _, place, spec, value in _present(block):
+        if spec.dims is None or spec.dims[0] not in GROWING:
+            continue
+        array = _encoded(value, spec)
+        dataset = file[place]
+        start = dataset.shape[0]
+        dataset.resize(start + len(array), axis=0)
+        dataset[start:] = array
+        dataset.flush()
+
+
+def _finish(file: h5py.File, record: Record) -> None:
+    for field_name, place, spec, value in _present(record):
+        if spec.dims is None:
+            group, _, name = place.rpartition("/")
+            if group not in file and value == default_of(field_name, spec):
+                continue
+            holder = file[group] if group in file else file.create_group(group)
+            holder.attrs[name] = _attribute_text(file, value) if isinstance(value, str) else value
+        elif spec.dims[0] not in GROWING and place in file:
+            if file[place].shape == np.shape(value) and spec.dtype != "str":
+                file[place][...] = value
+            elif file[place].shape != np.shape(value):
+                del file[place]
+                _create_late(file, record, place, spec, value)
+        elif place not in file:
+            _create_late(file, record, place, spec, value)
+    _attach_scales(file, record)
+    provenance = record.provenance
+    file.attrs["format"] = FORMAT
+    file.attrs["format_version"] = FORMAT_VERSION
+    file.attrs["kind"] = record.kind
+    file.attrs["generated_by"] = provenance.generated_by or f"hrg {__version__}"
+    file.attrs["created"] = provenance.created or created_now()
+    file.attrs["history"] = _attribute_text(file, "\n".join(provenance.history))
+    file.attrs["settings"] = _attribute_text(file, provenance.settings)
+    file.attrs["sources"] = json.dumps([dataclasses.asdict(s) for s in provenance.sources])
+    file.attrs["status"] = record.status
+    file.attrs["status_reasons"] = _attribute_text(file, json.dumps(list(record.status_reasons), ensure_ascii=False))
+
+
+def _attribute_text(file: h5py.File, text: str) -> Any:
+    """An attribute holds 64 kB at the most in the old format; longer texts are cut with a word that says so."""
+    limit = 60_000
+    raw = text.encode()
+    return text if len(raw) <= limit else raw[:limit].decode("utf-8", "ignore") + "\n… (cut: longer than an HDF5 attribute holds)"
+
+
+def _create_late(file: h5py.File, record: Record, place: str, spec: Column, value: Any) -> None:
+    dataset = file.create_dataset(place, data=_encoded(value, spec), track_times=False)
+    dataset.attrs["units"] = _units(record, spec)
+    dataset.attrs["long_name"] = spec.meaning
+    dataset.flush()
+
+
+def _attach_scales(file: h5py.File, record: Record) -> None:
+    """Give every dimension of every dataset a scale of its own group, so that netCDF readers open the group."""
+    for _, place, spec, _ in _present(record):
+        if spec.dims is None:
+            continue
+        dataset = file[place]
+        group = dataset.parent
+        for axis, dim in enumerate(spec.dims):
+            scale = group.get(dim)
+            if scale is None:
+                length = dataset.shape[axis]
+                scale = group.create_dataset(
+                    dim, shape=(length,), dtype="i1", track_times=False, compression="gzip" if length > 4096 else None
+                )
+                scale.make_scale(_SCALE_ONLY % length)
+            if scale.id != dataset.id:
+                dataset.dims[axis].attach_scale(scale)
