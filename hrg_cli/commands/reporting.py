@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .. import store
-from ..reporting.page import build_report, write_figures
+from ..reporting.page import build_report, status_of, write_figures
 from .frame import Common, existing
 
 
@@ -39,6 +39,7 @@ def report_files(files: Sequence[Path], run: Common, **flags: Any) -> dict[str, 
     paths = existing(files, "the files to report on")
     output = run.need_output("report.html")
     made = report(paths, output, run.force, **values)
+    worst, reasons = status_of(paths)
     return {
         "kind": "report",
         "status": "valid",
@@ -46,4 +47,5 @@ def report_files(files: Sequence[Path], run: Common, **flags: Any) -> dict[str, 
         "output": str(output),
         "elapsed_s": round(time.monotonic() - started, 3),
         "files": [str(path) for path in made],
+        "reported": {"status": worst, "status_reasons": reasons},
     }
