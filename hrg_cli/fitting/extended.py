@@ -180,8 +180,8 @@ class _Stage:
         self.active = point.active
         self.driven = bool(np.any(series.forced))
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
-        self.L = generators(series, point)
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
+        self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
 
@@ -254,7 +254,7 @@ def predict(series: Series, point: Point) -> Prediction:
     h = series.step_s[..., None]
     centre = series.middle()
     rows, halves = _Stage(series, point), _Stage(centre, point)
-    L, M = rows.L, halves.L
+    L, M = generators(series, point), generators(centre, point)
     motion = np.empty(series.envelope.shape, complex)
     u = motion[:, 0] = point.start
     idle, ahead = rows.idle, None
@@ -399,12 +399,17 @@ def effect_sources(flow: Propagation, effect: Effect, values: Mapping[str, float
         return rows.beside(u), halves.beside(flow.middle), rows.seen(u)
 
     columns = []
+    here: tuple[Array, Array, Array] | None = None
     for name, size in steps.items():
         up, down = dict(values), dict(values)
         up[name] += size
-        down[name] -= 0.0 if values[name] == next(p.neutral for p in effect.parameters if p.name == name) else size
+        if values[name] == next(p.neutral for p in effect.parameters if p.name == name):
+            low = here = here or terms(values)
+        else:
+            down[name] -= size
+            low = terms(down)
         span = up[name] - down[name]
-        high, low = terms(up), terms(down)
+        high = terms(up)
         columns.append([real(a - b) / span for a, b in zip(high, low, strict=True)])
     first, second, third = ([c[i] for c in columns] for i in range(3))
     return np.stack(first, -1), np.stack(second, -1), np.stack(third, -1)

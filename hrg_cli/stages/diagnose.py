@@ -105,12 +105,8 @@ def _freedom(series: Series, point: Point, scale_factor: float | None) -> Freedo
 
 def _noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None where they agree."""
-    residual = fit.residual
-    space = _space(remainder) if remainder else None
-    if space is not None:
-        residual = residual - space @ (space.T @ residual)
     values = np.zeros((*fit.series.weight.shape, 4))
-    values[tuple(fit.rows.T)] = residual
+    values[tuple(fit.rows.T)] = (remainder.fit if remainder else fit).residual
     ok = fit.series.weight > 0
     rough = np.diff(values, n=2, axis=1)[ok[:, 2:]]
     if len(rough) < 20:
@@ -125,16 +121,11 @@ def _explain(base: Fit, candidates: Sequence[diagnosis_search.Variant], most: in
     for _ in range(2):
         search = diagnosis_search.select(base, candidates, noise_factor, most, [])
         remainder = _rest(search.final, noise_factor)
-        extra = _space(remainder) if remainder else None
-        level, p = diagnosis_remainder.adequacy(search.final, extra)
+        level, p = diagnosis_remainder.adequacy(remainder.fit if remainder else search.final)
         if p > INADEQUATE or level < 1.2 * noise_factor:
             break
         noise_factor = level
     return search, remainder, noise_factor
-
-
-def _space(remainder: Remainder) -> Array | None:
-    return np.concatenate([t.score.space for t in remainder.terms], axis=1) if remainder.terms else None
 
 
 def _rest(fit: Fit, noise_factor: float) -> Remainder | None:
@@ -157,9 +148,18 @@ def _verdict(search: Search, remainder: Remainder | None, noise_factor: float) -
         described = alone.chi2 + alone.rank * price
         # what the catalogue explains in full is given up only for something clearly better; what it explains in part must earn its place
         margin = CLEARLY if remainder is None else -0.5 * diagnosis_search.WORTH
-        if described < catalogued - margin * noise_factor:
+        mimic = remainder is not None and _single(alone, search) < -CLEARLY * noise_factor
+        if mimic or described < catalogued - margin * noise_factor:
             return "unexplained", replace(search, final=search.base, found=(), last=search.first), alone
     return ("explained" if remainder is None else "partly explained"), search, remainder
+
+
+def _single(alone: Remainder, search: Search) -> float:
+    """χ² of the first open term alone less that of the first catalogued cause alone, each with its price."""
+    base, first, one = search.base, search.found[0], alone.terms[0]
+    price = float(np.log(len(base.residual)))
+    cause = diagnosis_search.adopted(base, first.score, first.variant)
+    return (base.chi2 - one.score.gain + one.score.rank * price) - (cause.chi2 + first.score.rank * price)
 
 
 def _is_catalogued(remainder: Remainder, search: Search) -> bool:

@@ -6,12 +6,14 @@ a harmonic of the wave angle, a step in time or a tone in time. What is left ove
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from ..fitting import evidence
+from ..effects.effect import Effect, Parameter
+from ..fitting import evidence, extended_fit
 from ..fitting.evidence import Score
 from ..fitting.extended import Propagation, Series, real
 from ..fitting.extended_fit import Fit, flat
@@ -21,8 +23,6 @@ Array = np.ndarray
 STEPS, TONES = 31, 48
 HARMONICS = (1, 2, 3, 4, 6, 8)
 SMOOTH = 6
-KEPT = 200
-"""Terms kept for the second and later steps."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ PLACES = (
     Place("frequency split", "δω", "rad s-1", False),
     Place("turning", "−mθ̇", "rad s-1", False),
     Place("circular", "ṙ", "s-1", False),
+    Place("precession with quadrature", "φ̇ and −mθ̇·a_A/2a_B", "rad s-1", False),
     Place("gain", "a", "1", True),
     Place("gain split", "g/2", "1", True),
     Place("phase split", "ψ/2", "rad", True),
@@ -50,13 +51,23 @@ PLACES = (
 )
 
 
+def _mirror(u: Array) -> Array:
+    """(uᵀu) u*/u†u: what every isotropic nonlinearity has beside the part along u (PHYSICS §7)."""
+    size = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True)
+    return np.sum(u**2, axis=-1, keepdims=True) * np.conj(u) / np.where(size > 0, size, 1.0)
+
+
+Function = Callable[[Array, Any], Array]
+"""(u (..., 2), series or slow state) -> values (c, ...)."""
+
+
 @dataclass(frozen=True)
 class Covariate:
-    """A function of what is known along the runs: values (c, R, n) of its c parts, its name and formula."""
+    """A function of what is known along the runs, c parts of it, with its name and formula."""
 
     name: str
     formula: str
-    values: Array
+    function: Function
     harmonic: int = 0
     instant: float | None = None
     """Where a step is, as a share of the longest run."""
@@ -95,6 +106,7 @@ def matrices(place: Place, u: Array) -> list[Array]:
         "frequency split": [1j * mirrored, 1j * swapped],
         "turning": [turned],
         "circular": [1j * turned],
+        "precession with quadrature": [1j * _mirror(u)],
         "gain": [u],
         "gain split": [mirrored, swapped],
         "phase split": [1j * mirrored, 1j * swapped],
@@ -104,103 +116,134 @@ def matrices(place: Place, u: Array) -> list[Array]:
 
 
 def covariates(series: Series, u: Array) -> Iterator[Covariate]:
-    """The functions looked through, along the motion u (R, n, 2)."""
-    a, _, angle, _ = ellipse.wave(u, 1)
+    """The functions looked through; their scales come from the motion u (R, n, 2) of the runs."""
     good = series.weight > 0
-    a0 = float(np.sqrt((a[good] ** 2).mean()))
+    a0 = float(np.sqrt((_amplitude(u)[good] ** 2).mean()))
     span = float(series.time_s[good].max())
-    t = series.time_s / span
-    ones = np.ones_like(t)
-    yield Covariate("none", "1", ones[None])
-    yield Covariate("time", "t/T", t[None])
-    yield Covariate("time", "(t/T)²", (t**2)[None])
-    x = a / a0
+    yield Covariate("none", "1", lambda u, s: np.ones((1, *u.shape[:-1])))
+    yield Covariate("time", "t/T", lambda u, s: _one(u, s.time_s / span))
+    yield Covariate("time", "(t/T)²", lambda u, s: _one(u, (s.time_s / span) ** 2))
     for power, formula in ((1, "a/a₀"), (2, "(a/a₀)²"), (3, "(a/a₀)³"), (4, "(a/a₀)⁴"), (-1, "a₀/a")):
-        yield Covariate("amplitude", formula, (x**power)[None])
-    warm = series.temperature_degc
-    if np.ptp(warm[good]) > 0:
-        d = warm - warm[good].mean()
-        scale = np.ptp(warm[good])
-        yield Covariate("temperature", "(T − T₀)/ΔT", (d / scale)[None])
-        yield Covariate("temperature", "((T − T₀)/ΔT)²", ((d / scale) ** 2)[None])
-        rate = series.temperature_rate_degc_s
-        if np.ptp(rate[good]) > 1e-6 * np.abs(rate[good]).max():
-            yield Covariate("temperature rate", "Ṫ/Ṫ₀", (rate / np.abs(rate[good]).max())[None])
-    fast = series.rate_rad_s
-    if np.abs(fast[good]).max() > 0:
-        y = fast / np.abs(fast[good]).max()
-        yield Covariate("rate", "Ω/Ω₀", y[None])
-        yield Covariate("rate", "|Ω|/Ω₀", np.abs(y)[None])
-        yield Covariate("rate", "(Ω/Ω₀)²", (y**2)[None])
+        yield Covariate("amplitude", formula, lambda u, s, power=power: (_amplitude(u) / a0)[None] ** power)
+    warm = series.temperature_degc[good]
+    if np.ptp(warm) > 0:
+        mean, scale = float(warm.mean()), float(np.ptp(warm))
+        yield Covariate("temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale))
+        yield Covariate("temperature", "((T − T₀)/ΔT)²", lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2))
+        steep = series.temperature_rate_degc_s[good]
+        top = float(np.abs(steep).max())
+        if np.ptp(steep) > 1e-6 * top:
+            yield Covariate("temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top))
+    fastest = float(np.abs(series.rate_rad_s[good]).max())
+    if fastest > 0:
+        yield Covariate("rate", "Ω/Ω₀", lambda u, s: _one(u, s.rate_rad_s / fastest))
+        yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
+        yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
         if np.ptp(series.table_angle_rad[good]) > 1:
             for n in (1, 2):
-                yield Covariate(f"table angle × {n}", f"harmonic {n} of the table angle", _pair(n * series.table_angle_rad) * (y != 0))
+                yield Covariate(
+                    f"table angle × {n}", f"harmonic {n} of the table angle",
+                    lambda u, s, n=n: _pair(n * s.table_angle_rad) * np.sign(np.abs(s.rate_rad_s)), n,
+                )  # fmt: skip
     for n in HARMONICS:
-        yield Covariate("wave angle", f"harmonic {n}mθ", _pair(n * angle), harmonic=n)
+        yield Covariate("wave angle", f"harmonic {n}mθ", lambda u, s, n=n: _pair(n * _angle(u)), n)
         if n in (2, 4):
-            yield Covariate("wave angle and amplitude", f"harmonic {n}mθ × (a/a₀)²", _pair(n * angle) * x**2, harmonic=n)
-    for tau in np.linspace(0, 1, STEPS + 2)[1:-1]:
-        yield step_at(series, tau)
+            yield Covariate(
+                "wave angle and amplitude", f"harmonic {n}mθ × (a/a₀)²", lambda u, s, n=n: _pair(n * _angle(u)) * (_amplitude(u) / a0) ** 2, n
+            )
+    for share in np.linspace(0, 1, STEPS + 2)[1:-1]:
+        yield step_at(series, share)
     for k in range(2, TONES + 2):
         yield tone_of(series, k / 2)
 
 
-def step_at(series: Series, share: float) -> Covariate:
-    """0 before and 1 after an instant, the same in every run; within a row its share of it."""
-    span = float(series.time_s[series.weight > 0].max())
-    width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
-    rise = np.clip((series.time_s - share * span) / width + 0.5, 0, 1)
-    return Covariate("time", f"step at t = {share * span:.5g} s", rise[None], instant=share)
+def _one(u: Array, values: Array) -> Array:
+    return np.broadcast_to(values, u.shape[:-1])[None]
 
 
-def tone_of(series: Series, cycles: float) -> Covariate:
-    """Cosine and sine of so many cycles over the longest run."""
-    span = float(series.time_s[series.weight > 0].max())
-    return Covariate("time", f"tone of {cycles / span:.5g} Hz", _pair(2 * np.pi * cycles * series.time_s / span), cycles=cycles)
+def _amplitude(u: Array) -> Array:
+    return ellipse.wave(u, 1)[0]
+
+
+def _angle(u: Array) -> Array:
+    return ellipse.wave(u, 1)[2]
 
 
 def _pair(phase: Array) -> Array:
     return np.stack([np.cos(phase), np.sin(phase)])
 
 
+def step_at(series: Series, share: float) -> Covariate:
+    """0 before and 1 after an instant, the same in every run; within a row its share of it."""
+    span = float(series.time_s[series.weight > 0].max())
+    width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
+    return Covariate(
+        "time", f"step at t = {share * span:.5g} s", lambda u, s: _one(u, np.clip((s.time_s - share * span) / width + 0.5, 0, 1)), instant=share
+    )
+
+
+def tone_of(series: Series, cycles: float) -> Covariate:
+    """Cosine and sine of so many cycles over the longest run."""
+    span = float(series.time_s[series.weight > 0].max())
+    omega = 2 * np.pi * cycles / span
+    return Covariate("time", f"tone of {cycles / span:.5g} Hz", lambda u, s: _pair(np.broadcast_to(omega * s.time_s, u.shape[:-1])), cycles=cycles)
+
+
+def effect_of(place: Place, covariate: Covariate, number: int) -> Effect:
+    """An open term as an effect of its own, so that the model can be fitted with it."""
+    probe = np.ones((1, 2), complex)
+    count = len(matrices(place, probe)) * (2 if "harmonic" in covariate.formula or covariate.cycles is not None else 1)
+    names = [f"c{k}" for k in range(count)]
+
+    def change(p: Any, u: Array, state: Any) -> Array:
+        parts = [g[..., None] * m for g in covariate.function(u, state) for m in matrices(place, u)]
+        return sum(p[name] * part for name, part in zip(names, parts, strict=True))
+
+    parameters = tuple(Parameter(name, place.units, 1e-3, "coefficient") for name in names)
+    common = {"name": f"open term {number}", "family": "open", "page": covariate.formula, "parameters": parameters}
+    if place.readout:
+        return Effect(**common, slow_readout=lambda p, u, state: u + change(p, u, state))
+    return Effect(**common, slow=change)
+
+
 def terms(fit: Fit) -> list[Term]:
     """Every term with its score beside the fit, best first; those that coincide with the base model are left out."""
     flow = fit.flow
     pairs = []
-    for covariate, middle in zip(covariates(fit.series, flow.prediction.motion), covariates(flow.centre, flow.middle), strict=True):
+    for covariate in covariates(fit.series, flow.prediction.motion):
         for place in PLACES:
             simple = place.name in ("damping", "frequency", "turning", "gain", "angle")
             if (covariate.everywhere or simple) and (covariate.formula != "1" or place.readout):
-                pairs.append((place, covariate, middle))
+                pairs.append((place, covariate))
     rows = len(fit.residual)
     out = [term for term in judged(fit, pairs, fit.residual, fit.basis) if term.score.visible]
     return sorted(out, key=lambda t: -evidence.criterion(t.score.gain, t.score.rank, rows))
 
 
-def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate, Covariate]], residual: Array, Q: Array) -> list[Term]:
-    """Terms with their scores: (place, covariate at the rows, at the middles); the motion of all is carried in one sweep."""
+def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Array) -> list[Term]:
+    """Terms with their scores: (place, covariate); the motion of all is carried in one sweep."""
     flow = fit.flow
     moving = [pair for pair in pairs if not pair[0].readout]
     columns: dict[tuple[str, str], Array] = {}
     if moving:
-        at_rows = [_at(place, covariate, flow.prediction.motion) for place, covariate, _ in moving]
-        at_middle = [_at(place, middle, flow.middle) for place, _, middle in moving]
+        at_rows = [_at(place, covariate, flow.prediction.motion, fit.series) for place, covariate in moving]
+        at_middle = [_at(place, covariate, flow.middle, flow.centre) for place, covariate in moving]
         seen = flat(fit.series, flow.seen(flow.carried(np.concatenate(at_rows, -1), np.concatenate(at_middle, -1))))
         ends = np.cumsum([a.shape[-1] for a in at_rows])[:-1]
-        for (place, covariate, _), part in zip(moving, np.split(seen, ends, axis=1), strict=True):
+        for (place, covariate), part in zip(moving, np.split(seen, ends, axis=1), strict=True):
             columns[place.name, covariate.formula] = part
     out = []
-    for place, covariate, _ in pairs:
+    for place, covariate in pairs:
         if place.readout:
-            direct = _at(place, covariate, flow.prediction.seen) * fit.series.weight[..., None, None]
+            direct = _at(place, covariate, flow.prediction.seen, fit.series) * fit.series.weight[..., None, None]
             columns[place.name, covariate.formula] = flat(fit.series, direct)
         part = columns[place.name, covariate.formula]
         out.append(Term(place, covariate, evidence.score(f"{place.name} × {covariate.formula}", residual, part, Q), part))
     return out
 
 
-def _at(place: Place, covariate: Covariate, u: Array) -> Array:
-    return np.stack([real(g[..., None] * m) for g in covariate.values for m in matrices(place, u)], -1)
+def _at(place: Place, covariate: Covariate, u: Array, series: Series) -> Array:
+    return np.stack([real(g[..., None] * m) for g in covariate.function(u, series) for m in matrices(place, u)], -1)
 
 
 def refined(fit: Fit, term: Term, residual: Array, Q: Array) -> Term:
@@ -211,8 +254,7 @@ def refined(fit: Fit, term: Term, residual: Array, Q: Array) -> Term:
     width = 1 / (STEPS + 1) if make is step_at else 0.5
     for _ in range(2):
         trials = [make(fit.series, v) for v in value + width * np.linspace(-1, 1, 11)]
-        middles = [make(fit.flow.centre, v) for v in value + width * np.linspace(-1, 1, 11)]
-        found = judged(fit, [(term.place, c, m) for c, m in zip(trials, middles, strict=True)], residual, Q)
+        found = judged(fit, [(term.place, c) for c in trials], residual, Q)
         best = max(found, key=lambda t: t.score.gain)
         if best.score.gain > term.score.gain:
             term = best
@@ -224,48 +266,52 @@ def refined(fit: Fit, term: Term, residual: Array, Q: Array) -> Term:
 
 @dataclass(frozen=True)
 class Remainder:
-    """What the open search says: accepted terms in order, χ² after them."""
+    """What the open search says: accepted terms in order, the fit with them, their number of coefficients."""
 
     terms: tuple[Term, ...]
-    chi2: float
+    fit: Fit
     tried: int
+    rank: int
 
     @property
-    def rank(self) -> int:
-        """Numbers spent."""
-        return sum(t.score.rank for t in self.terms)
+    def chi2(self) -> float:
+        """χ² with the terms."""
+        return self.fit.chi2
 
 
 def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Remainder:
-    """Forward selection of open terms (linear), stopped by corrected p and BIC."""
-    all_terms = terms(fit)
-    residual, Q = fit.residual, fit.basis
-    rows = len(residual)
+    """Forward selection of open terms with refit, stopped by corrected p and BIC."""
+    rows = len(fit.residual)
     chosen: list[Term] = []
-    for _ in range(most):
-        best: Term | None = None
-        for term in all_terms[: KEPT if chosen else 1]:
-            s = evidence.score(term.score.name, residual, term.columns, Q) if chosen else term.score
-            if s.visible and (best is None or evidence.criterion(s.gain, s.rank, rows) > evidence.criterion(best.score.gain, best.score.rank, rows)):
-                best = Term(term.place, term.covariate, s, term.columns)
-        if best is None:
+    start, tried = fit.basis.shape[1], 0
+    for number in range(most):
+        ranked = terms(fit)
+        tried = tried or len(ranked)
+        if not ranked:
             break
+        best = ranked[0]
         level = evidence.criterion(best.score.gain, best.score.rank, rows)
         if best.place.readout:
-            # an error of the motion that is fast looks like one of the read-out; the motion comes first where both serve
-            for term in all_terms[:KEPT]:
-                s = evidence.score(term.score.name, residual, term.columns, Q) if chosen else term.score
-                if not term.place.readout and s.visible and evidence.criterion(s.gain, s.rank, rows) > level - max(10.0, 0.03 * best.score.gain):
-                    best = Term(term.place, term.covariate, s, term.columns)
-                    break
-        best = refined(fit, best, residual, Q)
+            # a fast error of the motion looks like one of the read-out; the motion comes first where both serve
+            near = (t for t in ranked if not t.place.readout and t.covariate.name == best.covariate.name)
+            for term in near:
+                if evidence.criterion(term.score.gain, term.score.rank, rows) > level - max(10.0, 0.03 * best.score.gain):
+                    best = term
+                break
+        best = refined(fit, best, fit.residual, fit.basis)
         _, p = evidence.significance(best.score.gain / noise_factor, best.score.rank)
-        if evidence.corrected(p, len(all_terms)) > significant or evidence.criterion(best.score.gain / noise_factor, best.score.rank, rows) < 10:
+        if evidence.corrected(p, len(ranked)) > significant or evidence.criterion(best.score.gain / noise_factor, best.score.rank, rows) < 10:
             break
-        chosen.append(best)
-        Q = np.concatenate([Q, best.score.space], axis=1)
-        residual = residual - best.score.space @ (best.score.space.T @ residual)
-    return Remainder(tuple(chosen), float(residual @ residual), len(all_terms))
+        effect = effect_of(best.place, best.covariate, number)
+        values = {q.name: float(v) if np.isfinite(v) else 0.0 for q, v in zip(effect.parameters, best.score.estimate, strict=True)}
+        again = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, values), fit.freedom)
+        if not again.chi2 < fit.chi2 - 10 * noise_factor:
+            break
+        fitted = np.array([dict((e.name, v) for e, v in again.point.active)[effect.name][q.name] for q in effect.parameters])
+        std = np.array([again.std(f"{effect.name}.{q.name}") for q in effect.parameters])
+        chosen.append(replace(best, score=replace(best.score, estimate=fitted, std=std)))
+        fit = again
+    return Remainder(tuple(chosen), fit, tried, fit.basis.shape[1] - start)
 
 
 def smooth_columns(fit: Fit) -> Array:
@@ -290,11 +336,9 @@ def smooth_columns(fit: Fit) -> Array:
     return flat(series, out)
 
 
-def adequacy(fit: Fit, extra: Array | None = None) -> tuple[float, float]:
+def adequacy(fit: Fit) -> tuple[float, float]:
     """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing is left but white noise."""
     from scipy.special import chdtrc
 
-    Q = fit.basis if extra is None else np.concatenate([fit.basis, extra], axis=1)
-    residual = fit.residual if extra is None else fit.residual - extra @ (extra.T @ fit.residual)
-    power, rank = evidence.smooth_power(residual, Q, smooth_columns(fit))
+    power, rank = evidence.smooth_power(fit.residual, fit.basis, smooth_columns(fit))
     return (power / rank, float(chdtrc(rank, power))) if rank else (1.0, 1.0)

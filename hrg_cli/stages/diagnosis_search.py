@@ -121,8 +121,8 @@ def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         fit, one = step
         found.append(one)
         narrate.append(f"{one.variant.effect.name}: χ² falls by {one.delta_bic:.4g} beyond its price")
-        fit, found = exchanged(fit, found, candidates, noise_factor)
         ranked = scored(fit, candidates)
+    fit, found = exchanged(fit, found, candidates, noise_factor)
     fit, found = pruned(fit, found, noise_factor)
     return Search(base, fit, tuple(found), first, tuple(s for s, _ in scored(fit, candidates)), tuple(narrate))
 
