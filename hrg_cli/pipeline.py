@@ -28,6 +28,8 @@ class Stage:
     takes: str
     gives: str
     many: bool = False
+    lazy: bool = False
+    """Of many records: rows are read when sliced, so that memory does not grow with the runs' length."""
     beside: Mapping[str, str] = field(default_factory=dict)
     """Further records by argument name -> kind."""
 
@@ -47,7 +49,7 @@ STAGES = {
         Stage("demodulate", "recording", "periods"),
         Stage("estimate", "periods", "wave"),
         Stage("identify", "wave", "resonator", many=True),
-        Stage("calibrate", "wave", "calibration", many=True, beside={"resonator": "resonator"}),
+        Stage("calibrate", "wave", "calibration", many=True, lazy=True, beside={"resonator": "resonator"}),
         Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
         Stage("compensate", "wave", "compensated", beside={"calibration": "calibration"}),
     )
@@ -94,7 +96,9 @@ def run_stage(
         records_beside = {key: store.read(path, _KIND[stage.beside[key]]) for key, path in beside.items()}
         arguments = {**records_beside, **(further or {}), **values}
         if stage.many:
-            records: list[Record] = [store.read(path, kind) for path in inputs]
+            records: list[Record] = [
+                open_files.enter_context(store.open_record(path, kind)) if stage.lazy else store.read(path, kind) for path in inputs
+            ]
             result = stage.function()(records, **arguments)
             result = result.judged(_doubts(inputs, records))
             parents = [*records, *records_beside.values()]
