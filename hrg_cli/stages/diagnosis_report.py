@@ -40,6 +40,7 @@ def report(
     by_name = {v.effect.name: v for v in candidates}
     return {
         "verdict": verdict,
+        "mode_number": search.final.series.mode_number,
         "baseline": _figures(search.base),
         "values": values(search.final, noise_factor, resonator),
         "effects": [_effect(one, search.final, noise_factor, by_name) for one in search.found],
@@ -145,6 +146,7 @@ def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant]) ->
             "z": evidence.significance(score.gain / noise_factor, score.rank)[0] if score.visible else 0.0,
             "upper_limit": None if score.name in found else limit,
             "units": units or first.units,
+            "std": [float(s * np.sqrt(noise_factor)) if np.isfinite(s) else None for s in later.std],
             "independence": score.independence,
             "visible": score.visible,
         }

@@ -1,0 +1,56 @@
+"""diagnose eight runs × 500 windows × the whole catalogue, as a ratio to the base fit's own time.
+
+python benchmarks/bench_diagnose.py
+"""
+
+import time
+
+import numpy as np
+
+from hrg_cli.fitting import envelope_runs
+from hrg_cli.fitting.base_fit import base_fit
+from hrg_cli.physics import ellipse
+from hrg_cli.physics.resonator import Mechanics, exponential, generator
+from hrg_cli.records import Wave
+from hrg_cli.stages.diagnose import diagnose, summary
+
+RUNS, WINDOWS, WINDOW_S, NOISE = 8, 500, 0.008, 2e-5
+DEVICE = Mechanics(5000.0, 0.3, 0.012, 0.35, 0.11, 0.9, 0.55)
+
+
+def run(number: int) -> Wave:
+    """A ring-down of the linear slow model at its own angle, amplitude and rate."""
+    random = np.random.default_rng(number)
+    t = (np.arange(WINDOWS) + 0.5) * WINDOW_S
+    rate = (0.0, 0.0, 2.0, -2.0)[number % 4]
+    start = ellipse.envelopes(np.array((1.0, 0.5)[number // 4]), np.array(0.05), np.array(0.2 * number), np.array(random.uniform(0, 6)))
+    u = exponential(generator(DEVICE, rate), t) @ start + NOISE * (random.standard_normal((WINDOWS, 2)) + 1j * random.standard_normal((WINDOWS, 2)))
+    a_A, a_B, angle, phase = ellipse.wave(u)
+    angle, phase = ellipse.unwrap(angle, phase)
+    std, zero = np.full(WINDOWS, NOISE), np.zeros(WINDOWS)
+    return Wave(
+        time_s=t, main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase, carrier_phase_rad=zero, main_amplitude_std=std,
+        quadrature_amplitude_std=std, wave_angle_rad_std=std, phase_rad_std=std, carrier_phase_rad_std=zero, residual_rms=zero, signal_std=std,
+        iterations=np.zeros(WINDOWS, "i2"), flags=np.zeros(WINDOWS, "u1"), temperature_degc=24 + 0.2 * t, rate_rad_s=np.full(WINDOWS, rate),
+        frequency_hz=np.full(WINDOWS, 5000.0), reference_frequency_hz=5000.0, window_s=WINDOW_S, mode="free", run_id=f"run{number}",
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Best of three of both, in processor time: the ratio does not depend on what else the machine does."""
+    waves = [run(k) for k in range(RUNS)]
+    base, whole = [], []
+    for _ in range(3):
+        started = time.process_time()
+        base_fit([envelope_runs.from_wave(w) for w in waves])
+        base.append(time.process_time() - started)
+        started = time.process_time()
+        out = summary(diagnose(waves))
+        whole.append(time.process_time() - started)
+    visible = sum(t["visible"] for t in out["tested"])
+    print(f"base fit {min(base):.3f} s; diagnose {min(whole):.3f} s, {len(out['tested'])} effects ({visible} visible), verdict {out['verdict']}")
+    print(f"ratio {min(whole) / min(base):.2f} (at most 10)")
+
+
+if __name__ == "__main__":
+    main()
