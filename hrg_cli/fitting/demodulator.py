@@ -51,6 +51,8 @@ class Demodulator:
         self.moving = self.periods_asked >= MOVING_PERIODS if self.moving_asked is None else self.moving_asked
         self.calm: tuple[float, float] = (np.inf, np.inf)
         """Median over the looks of a window's residual variance, both channels summed, and of that over the wave's power."""
+        self.bent, self.bent_by = 0, 0.0
+        """Channel windows whose envelope moves too much for the window, and by how many standard deviations."""
         self._ahead_hz = 0.0
         self._basis: tuple[float, WindowBasis] | None = None
         self._course = np.zeros((0, 1), complex)
@@ -136,6 +138,20 @@ class Demodulator:
             self._course = np.exp(-2j * np.pi * np.fmod(np.arange(rows)[:, None] * self.window_s * self.reference, 1.0))
         return self._course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
 
+    @staticmethod
+    def _bends(bend: Array, fits: Fits) -> bool:
+        """Whether the envelopes' curvature moves a short window by more than a tenth of its noise."""
+        pull2 = np.nanmean(np.abs(bend) ** 2, axis=(1, 2)) * float(np.abs(fits.curvature.alpha).mean(0).max()) ** 2
+        noise2 = np.nanmedian(fits.residual2 / np.maximum(fits.freedom, 1), axis=1) * float(np.median(fits.variance))
+        return bool((pull2 > 0.01 * noise2).any())
+
+    def _count_bent(self, doubt: Array, std: Array) -> None:
+        """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half the noise."""
+        bent = doubt > std / 2
+        self.bent += int(np.count_nonzero(bent))
+        if bent.any():
+            self.bent_by = max(self.bent_by, float(np.median(doubt[bent] / std[bent])))
+
     def empty(self, rows: int) -> Rows:
         """A block's columns, to be filled."""
         signals = 4 * len(self.reference)
@@ -150,7 +166,9 @@ class Demodulator:
         residual2, known = fits.residual2, None
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
-        bend = curvatures(u, offset, self.window_s) if self.periods_asked >= MOVING_PERIODS else None
+        bend, doubt = curvatures(u, offset, self.window_s) or (None, None)
+        if bend is not None and self.periods_asked < MOVING_PERIODS and not self._bends(bend, fits):
+            bend = doubt = None
         noisier = pull_noise(fits.slope, fits.curvature, self.window_s) if bend is not None else pull_noise(fits.slope, None, self.window_s)
         if slope is not None:
             raw = u
@@ -165,6 +183,9 @@ class Demodulator:
             if motion_counts(residual2, bend, fits.curvature):
                 known = motion_residual(bend, turn, fits.curvature) + (0.0 if known is None else known)
         u, turn = u[:, keep], turn[keep]
+        doubt2 = None
+        if doubt is not None:
+            doubt2 = (np.abs(fits.curvature.alpha).mean(0).max() * doubt[:, keep]) ** 2
         self.follow(u, float(times[0] + times[-1]) / 2)
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
         samples = fits.samples if np.ndim(fits.samples) == 0 else np.maximum(fits.samples[keep], 1)
@@ -182,8 +203,11 @@ class Demodulator:
             first = 2 * k * tones
             out["signals"][rows, first : first + tones] = u[k].real
             np.negative(u[k].imag, out=out["signals"][rows, first + tones : first + 2 * tones])
-            np.sqrt(sample2 * (q + part), out=out["signals_std"][rows, first : first + tones])
-            np.sqrt(sample2 * (p - part), out=out["signals_std"][rows, first + tones : first + 2 * tones])
+            unsure = 0.0 if doubt2 is None else doubt2[k]
+            np.sqrt(sample2 * (q + part) + unsure, out=out["signals_std"][rows, first : first + tones])
+            np.sqrt(sample2 * (p - part) + unsure, out=out["signals_std"][rows, first + tones : first + 2 * tones])
+            if doubt2 is not None:
+                self._count_bent(np.sqrt(doubt2[k]).max(-1), np.sqrt(np.broadcast_to(sample2[:, 0] * p[:, 0], len(u[k]))))
             np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])
             if self._colour is not None and self._colour[k].min() < 1:
                 clipped = out["flags"][rows] & FLAG_CLIPPED != 0  # a clipped top bends the signal itself, not its harmonics alone

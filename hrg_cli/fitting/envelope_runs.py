@@ -17,6 +17,9 @@ MIN_ROWS = 8
 SMOOTHING_ROWS = 64
 """Windows over which the noise estimate is pooled: one window of a few samples knows its own noise to 20 % only."""
 
+ODD_WINDOW = 1.5
+"""Variance over its neighbours' median above which a window (an end, a burst) keeps its own."""
+
 
 @dataclass(frozen=True)
 class EnvelopeRun:
@@ -103,8 +106,10 @@ def pooled_std(std: Array, u: Array) -> Array:
         return np.full(len(std), max(float(level), 1e-12 * scale))
     variance = np.where(usable, std, np.median(std[usable])) ** 2
     width = min(SMOOTHING_ROWS, len(std))
-    parts = np.array_split(np.arange(len(std)), max(1, len(std) // width))
-    pooled = np.concatenate([np.full(len(p), variance[p].mean()) for p in parts])
+    pooled = variance.copy()
+    for part in np.array_split(np.arange(len(std)), max(1, len(std) // width)):
+        like = part[variance[part] < ODD_WINDOW * np.median(variance[part])]
+        pooled[like] = variance[like].mean()
     return np.maximum(np.sqrt(pooled), 1e-12 * scale)
 
 

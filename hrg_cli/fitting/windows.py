@@ -16,6 +16,9 @@ NEIGHBOURS = 4
 BEND = 2
 """Windows on either side between which the curvature is taken; it adds 4 % to the variance."""
 
+CURVED = 1 / 3 + 7 / 240
+"""h²/12 at h = 2 for the error of the second difference, and 24·7/5760 for the average over a window to the next order, in T²."""
+
 KNOWN = 1e-3
 """Part of itself to which the motion's share of a residual is known."""
 
@@ -81,14 +84,38 @@ def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Arra
     return _spread(u[:, 2 * h :] * ahead - u[:, : -2 * h] * ahead.conj(), h, np.exp(1j * local_less_reference_rad_s * window_s))
 
 
-def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
-    """Curvature of the envelopes in the local frame from rows ± `BEND`: (u_{k+h} e^{−jΔhT} − 2u_k + u_{k−h} e^{jΔhT})/(hT)²."""
+def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> tuple[Array, Array] | None:
+    """Curvature of the envelopes in the local frame from rows ± `BEND`, and how far it may be wrong (channel, rows, F).
+
+    U2 = D − (1/3 + 7/240)·T²·D²: D = (u_{k+h} e^{−jΔhT} − 2u_k + u_{k−h} e^{jΔhT})/(hT)² and D² the same of D, so that U − U2·T²/24 undoes
+    the average over a window, sin(x/2)/(x/2) for a turn of x a window, but for a rest of the order x⁶. The ends are continued.
+    """
     h = min(BEND, (u.shape[1] - 1) // 2)
     if h < 1:
         return None
-    ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s)
-    bend = (u[:, 2 * h :] * ahead - 2 * u[:, h:-h] + u[:, : -2 * h] * ahead.conj()) / (h * window_s) ** 2
-    return _spread(bend, h, np.exp(1j * local_less_reference_rad_s * window_s))
+    ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s) / (h * window_s) ** 2
+    turn = np.exp(1j * local_less_reference_rad_s * window_s)
+
+    def bend(values: Array) -> Array:
+        return np.asarray(values[:, 2 * h :] * ahead - 2 * values[:, h:-h] / (h * window_s) ** 2 + values[:, : -2 * h] * np.conj(ahead))
+
+    second = bend(u)
+    if second.shape[1] <= 4 * h:
+        return _spread(second, h, turn), np.zeros(u.shape)
+    fourth = _spread(CURVED * window_s**2 * bend(second), h, turn)
+    size = np.sqrt(np.nanmean(np.abs(fourth) ** 2, axis=1) / np.maximum(np.nanmean(np.abs(second) ** 2, axis=1), 1e-300))
+    doubt = np.broadcast_to((4 * size * np.sqrt(np.nanmean(np.abs(fourth) ** 2, axis=1)))[:, None], u.shape).copy()
+    second = second - fourth
+    out = _spread(second, h, turn)
+    for i in range(1, h + 1):  # the ends continue a parabola; a third of its bend is the doubt
+        for end, near, back in ((h - i, 0, 1), (-h - 1 + i, -1, -1)):
+            first, next_, third = (second[:, near + n * back] * turn ** (-(n + i) * back) for n in (0, 1, 2))
+            bent = i * (i + 1) / 2 * (first - 2 * next_ + third)
+            usable = np.isfinite(bent)
+            out[:, end] += np.where(usable, bent, 0.0)
+            doubt[:, end] = np.where(usable, np.hypot(doubt[:, end], np.abs(bent) / 3), 0.0)
+    doubt[~np.isfinite(doubt)] = 0.0
+    return out, doubt
 
 
 def _spread(inner: Array, h: int, turn: Array) -> Array:

@@ -211,6 +211,12 @@ class _Judge:
             notes.append(f"{self.outside_log} {of} lie outside the auxiliary log; their temperature and rate are NaN")
         if recording.s_units != recording.c_units:
             suspect.append(f"channel C is in {recording.c_units!r} and S in {recording.s_units!r}; the same unit was expected")
+        if self.run.bent > 2 * max(8, 0.01 * self.rows):
+            shorter = self.run.window_s * self.run.reference_hz * min(0.7, 0.5 * self.run.bent_by ** (-1 / 6))
+            suspect.append(
+                f"the envelope moves too much within windows of {self.run.window_s * self.run.reference_hz:.3g} periods: what the window's "
+                f"average leaves uncorrected is {self.run.bent_by:.2g} times the noise; use periods_per_window of at most {shorter:.2g}"
+            )
         if bad == self.rows:
             refused.append("no window holds finite samples only")
         return periods.judged(notes, "valid").judged(suspect, "suspect").judged(refused, "refused")
