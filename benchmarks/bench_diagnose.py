@@ -24,7 +24,9 @@ def run(number: int) -> Wave:
     t = (np.arange(WINDOWS) + 0.5) * WINDOW_S
     rate = (0.0, 0.0, 2.0, -2.0)[number % 4]
     start = ellipse.envelopes(np.array((1.0, 0.5)[number // 4]), np.array(0.05), np.array(0.2 * number), np.array(random.uniform(0, 6)))
-    u = exponential(generator(DEVICE, rate), t) @ start + NOISE * (random.standard_normal((WINDOWS, 2)) + 1j * random.standard_normal((WINDOWS, 2)))
+    u = exponential(generator(DEVICE, rate), t) @ start + NOISE * (
+        random.standard_normal((WINDOWS, 2)) + 1j * random.standard_normal((WINDOWS, 2))
+    )
     a_A, a_B, angle, phase = ellipse.wave(u)
     angle, phase = ellipse.unwrap(angle, phase)
     std, zero = np.full(WINDOWS, NOISE), np.zeros(WINDOWS)
@@ -48,7 +50,9 @@ def main() -> None:
         out = summary(diagnose(waves))
         whole.append(time.process_time() - started)
     visible = sum(t["visible"] for t in out["tested"])
-    print(f"base fit {min(base):.3f} s; diagnose {min(whole):.3f} s, {len(out['tested'])} effects ({visible} visible), verdict {out['verdict']}")
+    print(
+        f"base fit {min(base):.3f} s; diagnose {min(whole):.3f} s, {len(out['tested'])} effects ({visible} visible), verdict {out['verdict']}"
+    )
     print(f"ratio {min(whole) / min(base):.2f} (at most 10)")
 
 

@@ -27,7 +27,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("angle_rad", "rad", 1e-3, "electrical angle ε missing to 90°"),),
     mistaken_for=("damping split", "drive_gain_mismatch"),
-    next_experiment="ring-downs on the rotating table at +Ω and −Ω: the electrodes' rate error changes sign with Ω, the damping split's does not",
+    next_experiment="ring-downs on the rotating table at +Ω and −Ω: their rate error changes sign with Ω, the split's does not",
     readout=readout,
     slow_readout=slow_readout,
 )

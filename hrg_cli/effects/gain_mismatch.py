@@ -30,7 +30,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("gain", "1", 2e-3, "relative gain of C over S"),),
     mistaken_for=("damping split", "drive_nonorthogonality"),
-    next_experiment="ring-downs on the rotating table at +Ω and −Ω: the gain's rate error changes sign with Ω, the damping split's does not",
+    next_experiment="ring-downs on the rotating table at +Ω and −Ω: its rate error changes sign with Ω, the split's does not",
     readout=readout,
     slow_readout=slow_readout,
 )

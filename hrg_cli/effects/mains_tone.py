@@ -39,7 +39,11 @@ EFFECT = Effect(
     family="read-out",
     page=__doc__,
     parameters=(
-        *(Parameter(f"{channel}_{part}", "amplitude", 1e-4, f"tone in {channel.upper()}, {part} part", amplitude_power=1) for channel in "cs" for part in ("cos", "sin")),
+        *(
+            Parameter(f"{channel}_{part}", "amplitude", 1e-4, f"tone in {channel.upper()}, {part} part", amplitude_power=1)
+            for channel in "cs"
+            for part in ("cos", "sin")
+        ),
         Parameter("frequency_hz", "Hz", 50.0, "frequency of the tone", fitted=False),
     ),
     mistaken_for=(),

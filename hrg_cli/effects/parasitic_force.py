@@ -1,6 +1,6 @@
 """Constant parasitic force, coherent with the wave's phase.
 
-Physics: leakage into a forcer or base vibration coherent with the wave pushes along a fixed direction, whatever the wave's angle.
+Physics: leakage into a forcer, or base vibration coherent with the wave, pushes along a fixed direction whatever its angle.
 Equation: u' += f e^{jφ}, f complex (C, S); mθ̇ = Re(f·e_B)/a, ṙ = −Im(f·e_B)/a   (PHYSICS C11).
 Size: 1e-4 ν a.
 Mistaken for: coherent offset and feed-through (angle errors; this is an error of the rate, independent of Ω). What separates it: a free run,
@@ -33,7 +33,9 @@ EFFECT = Effect(
     family="control",
     page=__doc__,
     parameters=tuple(
-        Parameter(f"{part}_{channel}_1_s", "amplitude s-1", 3e-4, f"force on {channel.upper()}, {part.replace('_', ' ')}", amplitude_power=1)
+        Parameter(
+            f"{part}_{channel}_1_s", "amplitude s-1", 3e-4, f"force on {channel.upper()}, {part.replace('_', ' ')}", amplitude_power=1
+        )
         for part in ("in_phase", "quadrature")
         for channel in "cs"
     ),

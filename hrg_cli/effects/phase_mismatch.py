@@ -35,7 +35,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("phase_rad", "rad", 1e-3, "phase of C against S"),),
     mistaken_for=("frequency split", "finite_quadrature_gain"),
-    next_experiment="ring-downs on the rotating table at +Ω and −Ω: the quadrature pattern of a delay is static in θ, that of a frequency split grows in time",
+    next_experiment="ring-downs on the table at +Ω and −Ω: a delay's quadrature stands still in θ, a frequency split's grows in time",
     readout=readout,
     slow_readout=slow_readout,
 )

@@ -27,7 +27,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("coupling", "1", 1e-3, "part of the other channel, 90° ahead"),),
     mistaken_for=("frequency split",),
-    next_experiment="ring-downs on the rotating table at +Ω and −Ω: the quadrature pattern of cross-talk is static in θ, that of a frequency split grows in time",
+    next_experiment="ring-downs on the table at +Ω and −Ω: cross-talk's quadrature stands still in θ, a frequency split's grows in time",
     readout=readout,
     slow_readout=slow_readout,
 )

@@ -29,7 +29,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("relative", "1", 1e-4, "relative error ε of the table's rate"),),
     mistaken_for=("scale factor", "clock_error"),
-    next_experiment="count whole turns of the table by an optical mark over a long run; the scale factor itself cannot be told from the table otherwise",
+    next_experiment="count whole turns of the table by an optical mark over a long run; nothing else tells it from the scale factor",
     environment=environment,
     slow=slow,
 )

@@ -17,7 +17,7 @@ from .effect import Effect, Parameter, Values
 
 
 def environment(p: Values, env: Environment) -> None:
-    """The log is the true temperature through a first-order lag, exact for a straight line between the grid's points; it starts in balance."""
+    """The log is the true temperature through a first-order lag, exact for straight lines between rows; it starts in balance."""
     tau = p["time_constant_s"]
     if tau <= 0:
         return

@@ -28,7 +28,7 @@ def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
 
 @dataclass(frozen=True)
 class Score:
-    """A candidate against the base model: fall of χ² `gain` for `rank` parameters, estimates with σ, independence, its space beside the base."""
+    """A candidate against the base model: fall of χ² `gain` for `rank` parameters, estimates with σ, independence, its space."""
 
     name: str
     gain: float

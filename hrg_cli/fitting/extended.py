@@ -17,7 +17,7 @@ from ..effects.effect import Effect, frame
 from ..physics.plant import SlowState
 from ..physics.resonator import Mechanics
 from . import coordinates
-from .coordinates import COORDINATES, COUNT
+from .coordinates import COUNT
 
 Array = np.ndarray
 CLEAR = 10.0
@@ -199,7 +199,7 @@ class _Stage:
         return one
 
     def drive(self, u: Array) -> Array:
-        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B); without a log, what keeps the amplitude where it was measured."""
+        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B); without a log, what holds the measured amplitude."""
         turn, e_A, e_B, a_A = frame(u, self.state.phase_rad)
         main = self.main
         if self.holds:
@@ -384,8 +384,10 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     return carried[..., :COUNT], own
 
 
-def effect_sources(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> tuple[Array, Array, Array]:
-    """An effect's terms by its fitted parameters (those in `steps`): sources at rows and middles, direct changes of what is seen; (R, n, 4, K).
+def effect_sources(
+    flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
+) -> tuple[Array, Array, Array]:
+    """An effect's terms by its fitted parameters (those in `steps`): sources at rows and middles, direct changes; (R, n, 4, K).
 
     `values`: where it stands (neutral for one that is not active). Differences are forward from a neutral value, else central.
     """
@@ -422,9 +424,3 @@ def effect_sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, f
     if not rows.any() and not mids.any():
         return direct * weight
     return flow.seen(flow.carried(rows, mids)) + direct * weight
-
-
-__all__ = [
-    "COORDINATES", "OWN", "Active", "Point", "Prediction", "Propagation", "Series", "base_sensitivities", "effect_sensitivity", "generators", "imaginary",
-    "mechanics", "predict", "propagation", "real",
-]  # fmt: skip

@@ -159,7 +159,11 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 25) -> Fit:
     def cost(prediction: Prediction) -> float:
         if not np.all(np.isfinite(prediction.seen)):
             return np.inf
-        pull = [(freedom.mean[k] - prediction.point.p[k]) / freedom.std[k] for k in range(COUNT) if np.isfinite(freedom.std[k]) and freedom.std[k] > 0]
+        pull = [
+            (freedom.mean[k] - prediction.point.p[k]) / freedom.std[k]
+            for k in range(COUNT)
+            if np.isfinite(freedom.std[k]) and freedom.std[k] > 0
+        ]
         return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(np.square(pull)))
 
     with np.errstate(over="ignore", invalid="ignore"):

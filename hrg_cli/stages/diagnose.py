@@ -131,7 +131,7 @@ def _explain(base: Fit, candidates: Sequence[diagnosis_search.Variant], most: in
 def _rest(fit: Fit, noise_factor: float) -> Remainder | None:
     """The open search where the fit is not adequate; None where it is."""
     level, p = diagnosis_remainder.adequacy(fit)
-    if p > INADEQUATE or level < 1.2 * noise_factor and noise_factor > 1:
+    if p > INADEQUATE or (level < 1.2 * noise_factor and noise_factor > 1):
         return None
     return diagnosis_remainder.describe(fit, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
 
@@ -146,10 +146,12 @@ def _verdict(search: Search, remainder: Remainder | None, noise_factor: float) -
         spent = (search.final.basis.shape[1] - search.base.basis.shape[1] + (remainder.rank if remainder else 0)) * price
         catalogued = (search.final.chi2 if remainder is None else remainder.chi2) + spent
         described = alone.chi2 + alone.rank * price
+        # a negative damping says that the catalogue's form is not the right one;
         # what the catalogue explains in full is given up only for something clearly better; what it explains in part must earn its place
         margin = CLEARLY if remainder is None else -0.5 * diagnosis_search.WORTH
         mimic = remainder is not None and _single(alone, search) < -CLEARLY * noise_factor
-        if mimic or described < catalogued - margin * noise_factor:
+        forbidden = search.base.point.p[0] > 0 > search.final.point.p[0] and alone.fit.point.p[0] > 0
+        if forbidden or mimic or described < catalogued - margin * noise_factor:
             return "unexplained", replace(search, final=search.base, found=(), last=search.first), alone
     return ("explained" if remainder is None else "partly explained"), search, remainder
 
@@ -168,7 +170,9 @@ def _is_catalogued(remainder: Remainder, search: Search) -> bool:
     return any(evidence.alike(t.score, s) > 0.995 and s.rank <= t.score.rank for t in remainder.terms for s in visible)
 
 
-def _record(search: Search, waves: Sequence[Wave], pieces: Sequence[Wave], origin: list[int], verdict: str, report: dict[str, Any]) -> Diagnosis:
+def _record(
+    search: Search, waves: Sequence[Wave], pieces: Sequence[Wave], origin: list[int], verdict: str, report: dict[str, Any]
+) -> Diagnosis:
     series = search.base.series
     good = series.weight > 0
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]

@@ -150,7 +150,7 @@ def _amplitude(u: Array) -> Array:
 
 
 def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -> Array:
-    """Temperature by straight lines through about `pieces` local means where the thermometer is noisy: its slope is not that of the noise."""
+    """Temperature by lines through about `pieces` local means where the thermometer is noisy: its slope is not the noise's."""
     rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
     if len(t) < 2 * min(pieces, 40) or (not always and rough < QUIET * float(np.ptp(values))):
         return values

@@ -19,7 +19,9 @@ Array = np.ndarray
 SAMPLES_A_PERIOD = 8
 
 
-def simulation_file(fit: Fit, waves: Sequence[Wave], pieces: Sequence[Wave], origin: Sequence[int], effects_named: Sequence[dict[str, Any]]) -> str:
+def simulation_file(
+    fit: Fit, waves: Sequence[Wave], pieces: Sequence[Wave], origin: Sequence[int], effects_named: Sequence[dict[str, Any]]
+) -> str:
     """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start, rate, temperature and length.
 
     The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces become the run's own effect.
@@ -38,11 +40,17 @@ def simulation_file(fit: Fit, waves: Sequence[Wave], pieces: Sequence[Wave], ori
     }
     if any(effect.name.startswith("thermal") or effect.name == "split_temperature" for effect, _ in fit.point.active):
         device["temperature"] = {"reference_degc": float(np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3))}
-    table: dict[str, Any] = {"device": device, "recording": {"sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())), "duration_s": 1.0}}
+    table: dict[str, Any] = {
+        "device": device,
+        "recording": {"sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())), "duration_s": 1.0},
+    }
     if waves[0].gyro_id:
         table["recording"]["gyro_id"] = waves[0].gyro_id
     lost = {
-        run: {k: v["value"] for k, v in e["parameters"].items()} for e in reversed(effects_named) if e["name"] == "dropped_samples" for run in e["runs"]
+        run: {k: v["value"] for k, v in e["parameters"].items()}
+        for e in reversed(effects_named)
+        if e["name"] == "dropped_samples"
+        for run in e["runs"]
     }
     tone = [{k: v["value"] for k, v in e["parameters"].items()} for e in effects_named if e["name"] == "mains_tone"][:1]
     effects = {effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active}
@@ -114,7 +122,12 @@ def _environment(rate: Array, temperature: Array, t: Array, has_temperature: boo
     if has_temperature:
         slope, level = np.polyfit(t, temperature, 1)
         if abs(slope) * t[-1] > 1e-3:
-            out["temperature"] = {"kind": "ramp", "start_degc": float(level), "stop_degc": float(level + slope * t[-1]), "end_s": float(t[-1])}
+            out["temperature"] = {
+                "kind": "ramp",
+                "start_degc": float(level),
+                "stop_degc": float(level + slope * t[-1]),
+                "end_s": float(t[-1]),
+            }
         else:
             out["temperature_degc"] = float(temperature.mean())
     return out

@@ -15,7 +15,7 @@ import numpy as np
 from ..effects.effect import Effect, Parameter
 from ..fitting import evidence, extended_fit
 from ..fitting.evidence import Score
-from ..fitting.extended import Propagation, Series, real
+from ..fitting.extended import Series, real
 from ..fitting.extended_fit import Fit, flat
 from ..physics import ellipse
 
@@ -149,7 +149,10 @@ def covariates(series: Series, u: Array) -> Iterator[Covariate]:
         yield Covariate("wave angle", f"harmonic {n}mθ", lambda u, s, n=n: _pair(n * _angle(u)), n)
         if n in (2, 4):
             yield Covariate(
-                "wave angle and amplitude", f"harmonic {n}mθ × (a/a₀)²", lambda u, s, n=n: _pair(n * _angle(u)) * (_amplitude(u) / a0) ** 2, n
+                "wave angle and amplitude",
+                f"harmonic {n}mθ × (a/a₀)²",
+                lambda u, s, n=n: _pair(n * _angle(u)) * (_amplitude(u) / a0) ** 2,
+                n,
             )
     for share in np.linspace(0, 1, STEPS + 2)[1:-1]:
         yield step_at(series, share)
@@ -178,7 +181,10 @@ def step_at(series: Series, share: float) -> Covariate:
     span = float(series.time_s[series.weight > 0].max())
     width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
     return Covariate(
-        "time", f"step at t = {share * span:.5g} s", lambda u, s: _one(u, np.clip((s.time_s - share * span) / width + 0.5, 0, 1)), instant=share
+        "time",
+        f"step at t = {share * span:.5g} s",
+        lambda u, s: _one(u, np.clip((s.time_s - share * span) / width + 0.5, 0, 1)),
+        instant=share,
     )
 
 
@@ -186,7 +192,9 @@ def tone_of(series: Series, cycles: float) -> Covariate:
     """Cosine and sine of so many cycles over the longest run."""
     span = float(series.time_s[series.weight > 0].max())
     omega = 2 * np.pi * cycles / span
-    return Covariate("time", f"tone of {cycles / span:.5g} Hz", lambda u, s: _pair(np.broadcast_to(omega * s.time_s, u.shape[:-1])), cycles=cycles)
+    return Covariate(
+        "time", f"tone of {cycles / span:.5g} Hz", lambda u, s: _pair(np.broadcast_to(omega * s.time_s, u.shape[:-1])), cycles=cycles
+    )
 
 
 def effect_of(place: Place, covariate: Covariate, number: int) -> Effect:
@@ -200,7 +208,7 @@ def effect_of(place: Place, covariate: Covariate, number: int) -> Effect:
         return sum(p[name] * part for name, part in zip(names, parts, strict=True))
 
     parameters = tuple(Parameter(name, place.units, 1e-3, "coefficient") for name in names)
-    common = {"name": f"open term {number}", "family": "open", "page": covariate.formula, "parameters": parameters}
+    common: dict[str, Any] = {"name": f"open term {number}", "family": "open", "page": covariate.formula, "parameters": parameters}
     if place.readout:
         return Effect(**common, slow_readout=lambda p, u, state: u + change(p, u, state))
     return Effect(**common, slow=change)
@@ -300,7 +308,10 @@ def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Re
                 break
         best = refined(fit, best, fit.residual, fit.basis)
         _, p = evidence.significance(best.score.gain / noise_factor, best.score.rank)
-        if evidence.corrected(p, len(ranked)) > significant or evidence.criterion(best.score.gain / noise_factor, best.score.rank, rows) < 10:
+        if (
+            evidence.corrected(p, len(ranked)) > significant
+            or evidence.criterion(best.score.gain / noise_factor, best.score.rank, rows) < 10
+        ):
             break
         effect = effect_of(best.place, best.covariate, number)
         values = {q.name: float(v) if np.isfinite(v) else 0.0 for q, v in zip(effect.parameters, best.score.estimate, strict=True)}

@@ -151,7 +151,11 @@ def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant]) ->
             "visible": score.visible,
         }
         if not score.visible:
-            row["why_not"] = f"these runs cannot show it: it is {SAME_AS_BASE[score.name]}" if score.name in SAME_AS_BASE else "these runs cannot show it"
+            row["why_not"] = (
+                f"these runs cannot show it: it is {SAME_AS_BASE[score.name]}"
+                if score.name in SAME_AS_BASE
+                else "these runs cannot show it"
+            )
         out.append(row)
     return out
 
@@ -173,7 +177,7 @@ def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float |
 
 def _not_separable(search: Search) -> list[dict[str, Any]]:
     """Pairs the runs cannot tell apart: exact ones with the base model, and candidates whose spaces coincide."""
-    out = []
+    out: list[dict[str, Any]] = []
     turning = bool(np.abs(search.base.series.rate_rad_s).max() > 0)
     for score in search.first:
         if not score.visible and score.name in SAME_AS_BASE and (turning or score.name != "table_rate_error"):
@@ -204,7 +208,8 @@ def describe(remainder: Remainder, fit: Fit) -> dict[str, Any]:
     rows = [_term(t) for t in remainder.terms]
     first = rows[0]
     return {
-        "description": f"{first['place']} that changes with {first['covariate']}" + (f", then {len(rows) - 1} smaller term(s)" if len(rows) > 1 else ""),
+        "description": f"{first['place']} that changes with {first['covariate']}"
+        + (f", then {len(rows) - 1} smaller term(s)" if len(rows) > 1 else ""),
         "covariate": first["covariate"],
         "harmonic": first["harmonic"],
         "formula": first["formula"],

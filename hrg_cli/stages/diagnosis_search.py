@@ -44,7 +44,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Search:
-    """The selection's result: the fit, the accepted effects in order, the scores of all candidates at the base fit and beside the last fit."""
+    """The selection's result: the fits, the accepted effects in order, the scores of all candidates beside the first and the last fit."""
 
     base: Fit
     final: Fit
@@ -134,7 +134,11 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
         return None
     top = ranked[0][0]
     _, p = evidence.significance(top.gain / noise_factor, top.rank)
-    if not top.visible or evidence.corrected(p, tried) > SIGNIFICANT or evidence.criterion(top.gain / noise_factor, top.rank, len(fit.residual)) < WORTH:
+    if (
+        not top.visible
+        or evidence.corrected(p, tried) > SIGNIFICANT
+        or evidence.criterion(top.gain / noise_factor, top.rank, len(fit.residual)) < WORTH
+    ):
         return None
     close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
     trials = []
@@ -148,7 +152,11 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
         return None
     margin = WORTH * noise_factor
     rivals = [t[3].effect.name for t in trials[1:] if t[0] < level + margin]
-    rivals += [s.name for s, _ in ranked if s.name != score.name and s.visible and s.name not in rivals and evidence.alike(s, score) > TOGETHER and s.rank == score.rank]
+    rivals += [
+        s.name
+        for s, _ in ranked
+        if s.name != score.name and s.visible and s.name not in rivals and evidence.alike(s, score) > TOGETHER and s.rank == score.rank
+    ]
     return chosen, Found(variant, score, tried, gain, tuple(rivals))
 
 

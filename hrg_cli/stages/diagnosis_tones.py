@@ -41,7 +41,9 @@ def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array
     for k, wave in enumerate(waves):
         good = wave.good()
         t = np.asarray(wave.time_s, float)[good]
-        measured = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[good]
+        measured = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[
+            good
+        ]
         measured = measured * np.exp(2j * np.pi * (wave.reference_frequency_hz - reference) * t)[:, None]
         rows = fit.series.weight[k] > 0
         at = fit.series.time_s[k][rows]

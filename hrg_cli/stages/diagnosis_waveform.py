@@ -98,7 +98,7 @@ def _jump(wave: Wave, left: Array, right: Array, middle: float) -> tuple[float, 
 
 
 def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wave], list[int]]:
-    """The waves cut at every step, each piece a run of its own, and the wave each piece comes from; pieces too short to use are left out."""
+    """The waves cut at every step, each piece a run of its own, and the wave each comes from; pieces too short are left out."""
     pieces, origin = [], []
     for number, wave in enumerate(waves):
         cuts = sorted((max(0, s.before + 1 - TOUCHED), min(len(wave), s.after + TOUCHED)) for s in steps if s.run == number)
@@ -163,7 +163,12 @@ def causes(
     for line in far:
         multiple = harmonic_of(line, frequency_hz, sampling)
         listed.append(
-            {"frequency_hz": line.frequency_hz, "amplitude": [float(a) for a in line.amplitude], "power_over_floor": line.ratio, "multiple": multiple or None}
+            {
+                "frequency_hz": line.frequency_hz,
+                "amplitude": [float(a) for a in line.amplitude],
+                "power_over_floor": line.ratio,
+                "multiple": multiple or None,
+            }
         )
         if multiple:
             harmonics.setdefault(multiple, line)
@@ -242,7 +247,9 @@ def _tone(line: Line) -> dict[str, Any]:
     spread = 1 / np.sqrt(2 * line.ratio)
     parameters = {f"{channel}_cos": (float(a), float(a * spread), "amplitude") for channel, a in zip("cs", line.amplitude, strict=True)}
     parameters |= {"c_sin": (0.0, 0.0, "amplitude"), "s_sin": (0.0, 0.0, "amplitude"), "frequency_hz": (line.frequency_hz, 0.0, "Hz")}
-    return _entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio) | {"phase": "not measured: a line of the averaged spectrum"}
+    return _entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio) | {
+        "phase": "not measured: a line of the averaged spectrum"
+    }
 
 
 def _nonlinear(waves: Sequence[Wave], line: Line, multiple: int, count: int) -> dict[str, Any]:
@@ -250,7 +257,11 @@ def _nonlinear(waves: Sequence[Wave], line: Line, multiple: int, count: int) -> 
     size = float(np.median([np.median(w.main_amplitude[w.good()]) for w in waves]))
     if count > 2 or any(np.any(w.flags & 1) for w in waves):
         largest = float(max(np.max(w.main_amplitude[w.good()]) for w in waves))
-        return _entry("saturation", float(np.sqrt(2 * line.ratio)), {"inverse_level": (1 / largest, 0.1 / largest, "amplitude-1")}, 2 * line.ratio)
+        return _entry(
+            "saturation", float(np.sqrt(2 * line.ratio)), {"inverse_level": (1 / largest, 0.1 / largest, "amplitude-1")}, 2 * line.ratio
+        )
     cubic = 4 * float(np.max(line.amplitude)) / size**3 if multiple == 3 else float("nan")
     value = cubic if np.isfinite(cubic) else 0.0
-    return _entry("pickoff_nonlinearity", float(np.sqrt(2 * line.ratio)), {"cubic": (value, 0.5 * abs(value), "amplitude-2")}, 2 * line.ratio)
+    return _entry(
+        "pickoff_nonlinearity", float(np.sqrt(2 * line.ratio)), {"cubic": (value, 0.5 * abs(value), "amplitude-2")}, 2 * line.ratio
+    )

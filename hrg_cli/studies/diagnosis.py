@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-NEEDS_DRIVE = {"drive_feedthrough", "drive_gain_mismatch", "drive_nonorthogonality", "drive_rotation", "parasitic_force", "quadrature_drive_phase_error"}
+NEEDS_DRIVE = {
+    "drive_feedthrough",
+    "drive_gain_mismatch",
+    "drive_nonorthogonality",
+    "drive_rotation",
+    "parasitic_force",
+    "quadrature_drive_phase_error",
+}
 NEEDS_CYCLE = {"thermal_gradient", "thermal_hysteresis"}
 LEFT_OUT = {"clock_error", "table_rate_error", "finite_quadrature_gain", "thermal_lag", "dropped_samples", "mains_tone", "saturation"}
 """Not separable from base values, seen only beside another effect, or named by the waveform."""
@@ -42,7 +49,7 @@ def diagnosis_study(
     controls: Annotated[int, Field(ge=0, description="clean programmes for the false alarms")] = 4,
     seed: Annotated[int, Field(ge=0, description="seed of devices and noise")] = 0,
 ) -> dict[str, Any]:
-    """{power: {effect: {size: share named first}}, ideal: {size: share}, confusion: {effect: {named: count}}, false_alarms}, plain numbers."""
+    """{power: {effect: {size: share named}}, ideal: {size: share}, confusion: {effect: {named: count}}, false_alarms}."""
     names = effects or [e.name for e in EFFECTS if e.name not in LEFT_OUT]
     if set(names) & LEFT_OUT:
         raise UsageError(f"{', '.join(sorted(set(names) & LEFT_OUT))}: no programme of this study separates it")

@@ -79,7 +79,9 @@ def test_fast_and_slow_agree(effect):
         control = Control(forced=True)
         effect.control(effect.values({"gain_1_s": 2.0}), control)
         assert (control.quadrature_loop, control.quadrature_gain_1_s) == ("finite", 2.0)
-    fast, slow, plain_fast, plain_slow = envelopes(*(wave(model, table, forced) for table in (given, without) for model in ("fast", "slow")))
+    fast, slow, plain_fast, plain_slow = envelopes(
+        *(wave(model, table, forced) for table in (given, without) for model in ("fast", "slow"))
+    )
     changed_fast, changed_slow = fast - plain_fast, slow - plain_slow
     keep = np.ones(len(fast), bool)
     if effect.name == "dropped_samples":
@@ -87,7 +89,10 @@ def test_fast_and_slow_agree(effect):
     size = np.sqrt(np.mean(np.abs(changed_fast[keep]) ** 2))
     floor = np.abs(plain_fast - plain_slow)[keep].max()
     assert size > 1e-5, "the effect must be visible in this run"
-    assert np.sqrt(np.mean(np.abs(changed_fast - changed_slow)[keep] ** 2)) < (0.06 if effect.name == "thermal_hysteresis" else 0.03) * size + floor  # its branch jumps between grid rows
+    assert (
+        np.sqrt(np.mean(np.abs(changed_fast - changed_slow)[keep] ** 2))
+        < (0.06 if effect.name == "thermal_hysteresis" else 0.03) * size + floor
+    )  # its branch jumps between grid rows
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
@@ -118,7 +123,9 @@ def test_the_slow_lag_undoes_the_thermometers():
     world = Environment(t, true, 0 * t, true.copy(), 0 * t)
     effect.environment(p, world)
     assert np.abs(world.logged_temperature_degc - true).max() > 0.3
-    state = SlowState(Mechanics(5000.0, 0.3), t, world.logged_temperature_degc, np.gradient(world.logged_temperature_degc, t), *[0 * t] * 6, 3e4)
+    state = SlowState(
+        Mechanics(5000.0, 0.3), t, world.logged_temperature_degc, np.gradient(world.logged_temperature_degc, t), *[0 * t] * 6, 3e4
+    )
     assert dataclasses.asdict(effect.slow_environment(p, state))["temperature_degc"][5:-5] == pytest.approx(true[5:-5], abs=1e-3)
 
 

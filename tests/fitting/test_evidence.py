@@ -64,5 +64,8 @@ def test_held_out_error_of_one_fold_is_that_of_a_refit_without_it():
 
 
 def test_a_useless_column_does_not_pay_its_price():
-    paid = [evidence.criterion(*(lambda s: (s.gain, s.rank))(evidence.score("s", r, S, Q)), 400) > 0 for _, Q, S, r in map(problem, range(300, 600))]
+    paid = [
+        evidence.criterion(*(lambda s: (s.gain, s.rank))(evidence.score("s", r, S, Q)), 400) > 0
+        for _, Q, S, r in map(problem, range(300, 600))
+    ]
     assert np.mean(paid) < 0.05  # χ²₁ > ln 400 by chance: 1.4 %

@@ -14,7 +14,14 @@ from hrg_cli.records import Resonator
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.simulation_file import runs_of
 
-FORCED = {"drive_feedthrough", "quadrature_drive_phase_error", "drive_gain_mismatch", "drive_nonorthogonality", "drive_rotation", "parasitic_force"}
+FORCED = {
+    "drive_feedthrough",
+    "quadrature_drive_phase_error",
+    "drive_gain_mismatch",
+    "drive_nonorthogonality",
+    "drive_rotation",
+    "parasitic_force",
+}
 SIZES = {
     "thermal_frequency": {"relative_1_k": 3e-8, "reference_temperature_degc": 22.0},
     "thermal_damping": {"relative_1_k": 2e-3, "reference_temperature_degc": 22.0},
@@ -200,7 +207,11 @@ def test_wrong_values_are_values_and_not_effects():
     names = ("damping_rate_1_s", "scale_factor", "frequency_split_rad_s")
     believed = np.array([device["damping_rate_1_s"] * 1.01, device["scale_factor"], device["frequency_split_rad_s"]])
     resonator = Resonator(
-        name=np.array(names, object), value=believed, std=np.full(3, 1e-6), units=np.array(["s-1", "1", "rad s-1"], object), covariance=np.eye(3) * 1e-12
+        name=np.array(names, object),
+        value=believed,
+        std=np.full(3, 1e-6),
+        units=np.array(["s-1", "1", "rad s-1"], object),
+        covariance=np.eye(3) * 1e-12,
     )
     out = summary(diagnose(waves(table), resonator))
     rows = {row["name"]: row for row in out["values"]}
@@ -226,7 +237,10 @@ def test_it_takes_what_laboratories_bring(change):
     found = waves(table)
     size = 1.0
     if change == "no temperature or rate":
-        found = [w.replace(temperature_degc=None, rate_rad_s=None) for w in waves({**table, "run": [{**r, "environment": {}} for r in table["run"]]})]
+        found = [
+            w.replace(temperature_degc=None, rate_rad_s=None)
+            for w in waves({**table, "run": [{**r, "environment": {}} for r in table["run"]]})
+        ]
     if change == "other unit":
         size = 250.0
         columns = ("main_amplitude", "quadrature_amplitude", "main_amplitude_std", "quadrature_amplitude_std", "signal_std")
