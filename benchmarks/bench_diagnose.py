@@ -31,8 +31,10 @@ def run(number: int) -> Wave:
     angle, phase = ellipse.unwrap(angle, phase)
     std, zero = np.full(WINDOWS, NOISE), np.zeros(WINDOWS)
     return Wave(
-        time_s=t, main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase, carrier_phase_rad=zero, main_amplitude_std=std,
-        quadrature_amplitude_std=std, wave_angle_rad_std=std, phase_rad_std=std, carrier_phase_rad_std=zero, residual_rms=zero, signal_std=std,
+        time_s=t, main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase,
+        carrier_phase_rad=zero, main_amplitude_std=std,
+        quadrature_amplitude_std=std, wave_angle_rad_std=std, phase_rad_std=std, carrier_phase_rad_std=zero,
+        residual_rms=zero, signal_std=std,
         iterations=np.zeros(WINDOWS, "i2"), flags=np.zeros(WINDOWS, "u1"), temperature_degc=24 + 0.2 * t, rate_rad_s=np.full(WINDOWS, rate),
         frequency_hz=np.full(WINDOWS, 5000.0), reference_frequency_hz=5000.0, window_s=WINDOW_S, mode="free", run_id=f"run{number}",
     )  # fmt: skip

@@ -33,7 +33,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("inverse_length_squared", "amplitude-2", 1e-5, "1/ℓ²", amplitude_power=-2),),
     mistaken_for=("cubic_stiffness", "thermal_frequency"),
-    next_experiment="ring-downs of different quadrature at one amplitude: precession against frequency pull tells it from the elastic cubic",
+    next_experiment="ring-downs of different quadrature at one amplitude: precession against pull tells it from the elastic cubic",
     plant=plant,
     slow=slow,
 )

@@ -14,6 +14,8 @@ import numpy as np
 Array = np.ndarray
 BLIND = 3e-4
 """Independence |s⊥|/|s| below which a candidate counts as invisible beside the base model."""
+TOGETHER = 64
+"""Columns of candidates taken off the base model in one matrix product."""
 
 
 def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
@@ -48,29 +50,54 @@ class Score:
 
 def score(name: str, residual: Array, sensitivity: Array, Q: Array) -> Score:
     """Score of one candidate's sensitivities (N, m) beside the basis Q (N, k)."""
-    size = np.linalg.norm(sensitivity, axis=0)
-    m = sensitivity.shape[1]
-    blank = Score(name, 0.0, 0, 0.0, 1.0, np.full(m, np.nan), np.full(m, np.inf), 0.0, np.zeros((len(residual), 0)))
+    return scores([name], residual, [sensitivity], Q)[0]
+
+
+def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array], Q: Array) -> list[Score]:
+    """Scores of many candidates: their columns (N, m) are taken off the basis Q (N, k) together, some `TOGETHER` at a time."""
+    out: list[Score] = []
+    start = 0
+    while start < len(names):
+        stop, width = start, 0
+        while stop < len(names) and (stop == start or width + sensitivities[stop].shape[1] <= TOGETHER):
+            width += sensitivities[stop].shape[1]
+            stop += 1
+        columns = np.concatenate(sensitivities[start:stop], axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+        usable = np.isfinite(size) & (size > 0)
+        columns = np.where(usable, columns, 0.0) / np.where(usable, size, 1.0)
+        columns -= Q @ (Q.T @ columns)
+        columns -= Q @ (Q.T @ columns)
+        ends = np.cumsum([s.shape[1] for s in sensitivities[start:stop]])[:-1]
+        parts = zip(names[start:stop], np.split(columns, ends, axis=1), np.split(size, ends), strict=True)
+        out += [_judged(name, residual, part, own) for name, part, own in parts]
+        start = stop
+    return out
+
+
+def _judged(name: str, residual: Array, perpendicular: Array, size: Array) -> Score:
+    """Score of columns of unit length (N, m) of which the base's part is taken off; their lengths before, `size` (m,)."""
+    m = perpendicular.shape[1]
     if not np.all(np.isfinite(size)) or not np.any(size > 0):
-        return blank
-    scaled = sensitivity / np.where(size > 0, size, 1.0)
-    perpendicular = scaled - Q @ (Q.T @ scaled)
-    perpendicular = perpendicular - Q @ (Q.T @ perpendicular)
-    U, s, Vt = np.linalg.svd(perpendicular, full_matrices=False)
+        return Score(name, 0.0, 0, 0.0, 1.0, np.full(m, np.nan), np.full(m, np.inf), 0.0, np.zeros((len(residual), 0)))
+    power, vectors = np.linalg.eigh(perpendicular.T @ perpendicular)
+    s, V = np.sqrt(np.maximum(power[::-1], 0.0)), vectors[:, ::-1]
     keep = s > BLIND
     rank = int(keep.sum())
     if rank == 0:
-        return blank
-    projected = U[:, keep].T @ residual
+        return Score(name, 0.0, 0, 0.0, 1.0, np.full(m, np.nan), np.full(m, np.inf), 0.0, np.zeros((len(residual), 0)))
+    directions = V[:, keep] / s[keep]
+    space = perpendicular @ directions
+    projected = space.T @ residual
     gain = float(projected @ projected)
-    directions = Vt[keep].T / s[keep]
-    estimate = directions @ projected
-    std = np.sqrt(np.sum(directions**2, axis=1))
-    lost = np.sum(Vt[~keep] ** 2, axis=0) > 0.5  # directions the data do not show
+    lost = np.sum(V[:, ~keep] ** 2, axis=1) > 0.5  # directions the data do not show
     safe = np.where(size > 0, size, 1.0)
-    estimate, std = np.where(lost | (size == 0), np.nan, estimate / safe), np.where(lost | (size == 0), np.inf, std / safe)
+    blind = lost | (size == 0)
+    estimate = np.where(blind, np.nan, directions @ projected / safe)
+    std = np.where(blind, np.inf, np.sqrt(np.sum(directions**2, axis=1)) / safe)
     z, p_value = significance(gain, rank)
-    return Score(name, gain, rank, z, p_value, estimate, std, float(s[0]), U[:, keep])
+    return Score(name, gain, rank, z, p_value, estimate, std, float(s[0]), space)
 
 
 def significance(gain: float, rank: int) -> tuple[float, float]:

@@ -123,7 +123,7 @@ def moved(point: Point, names: Sequence[str], step: Array) -> Point:
     """The point after a step in the named numbers."""
     p, start, offset = point.p.copy(), point.start.copy(), point.offset_rad_s.copy()
     active = {effect.name: (effect, dict(values)) for effect, values in point.active}
-    own = {}
+    own: dict[int, Array] = {}
     for name, change in zip(names, step, strict=True):
         if name.startswith("p") and name[1:].isdigit():
             p[int(name[1:])] += change

@@ -28,7 +28,7 @@ def simulation_file(
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
     frequency = _frequencies(fit)
-    device = {
+    device: dict[str, Any] = {
         "frequency_hz": float(np.median(frequency)),
         "damping_rate_1_s": max(float(values[0]), 0.0),
         "damping_split_1_s": float(min(values[1], max(values[0], 0.0))),

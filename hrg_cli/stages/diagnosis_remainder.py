@@ -124,7 +124,7 @@ def covariates(series: Series, u: Array) -> Iterator[Covariate]:
     yield Covariate("time", "t/T", lambda u, s: _one(u, s.time_s / span))
     yield Covariate("time", "(t/T)²", lambda u, s: _one(u, (s.time_s / span) ** 2))
     for power, formula in ((1, "a/a₀"), (2, "(a/a₀)²"), (3, "(a/a₀)³"), (4, "(a/a₀)⁴"), (-1, "a₀/a")):
-        yield Covariate("amplitude", formula, lambda u, s, power=power: (_amplitude(u) / a0)[None] ** power)
+        yield Covariate("amplitude", formula, _power(power, a0))
     warm = series.temperature_degc[good]
     if np.ptp(warm) > 0:
         mean, scale = float(warm.mean()), float(np.ptp(warm))
@@ -141,23 +141,30 @@ def covariates(series: Series, u: Array) -> Iterator[Covariate]:
         yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
         if np.ptp(series.table_angle_rad[good]) > 1:
             for n in (1, 2):
-                yield Covariate(
-                    f"table angle × {n}", f"harmonic {n} of the table angle",
-                    lambda u, s, n=n: _pair(n * s.table_angle_rad) * np.sign(np.abs(s.rate_rad_s)), n,
-                )  # fmt: skip
+                yield Covariate(f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), n)
     for n in HARMONICS:
-        yield Covariate("wave angle", f"harmonic {n}mθ", lambda u, s, n=n: _pair(n * _angle(u)), n)
+        yield Covariate("wave angle", f"harmonic {n}mθ", _of_wave(n), n)
         if n in (2, 4):
-            yield Covariate(
-                "wave angle and amplitude",
-                f"harmonic {n}mθ × (a/a₀)²",
-                lambda u, s, n=n: _pair(n * _angle(u)) * (_amplitude(u) / a0) ** 2,
-                n,
-            )
+            yield Covariate("wave angle and amplitude", f"harmonic {n}mθ × (a/a₀)²", _of_wave(n, a0), n)
     for share in np.linspace(0, 1, STEPS + 2)[1:-1]:
         yield step_at(series, share)
     for k in range(2, TONES + 2):
         yield tone_of(series, k / 2)
+
+
+def _power(power: int, unit: float) -> Function:
+    return lambda u, s: (_amplitude(u) / unit)[None] ** power
+
+
+def _of_table(harmonic: int) -> Function:
+    return lambda u, s: _pair(harmonic * s.table_angle_rad) * np.sign(np.abs(s.rate_rad_s))
+
+
+def _of_wave(harmonic: int, unit: float | None = None) -> Function:
+    """A harmonic of the wave angle, times (a/unit)² where a unit is given."""
+    if unit is None:
+        return lambda u, s: _pair(harmonic * _angle(u))
+    return lambda u, s: _pair(harmonic * _angle(u)) * (_amplitude(u) / unit) ** 2
 
 
 def _one(u: Array, values: Array) -> Array:

@@ -12,7 +12,7 @@ RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0, 1.0, -1.0)
 
 
 def programme(seed, effects=None, *, runs=6, duration_s=2.0, noise=3e-4, forced=False, quadrature_loop="off", cycle=False, rate=None):
-    """A simulation file's tables: a random device, ring-downs at several angles, amplitudes, rates and temperatures; `forced`: every other run."""
+    """A simulation file's tables: a random device at several angles, amplitudes, rates and temperatures; `forced`: every other run."""
     random = np.random.default_rng(seed)
     table = {
         "device": {
@@ -50,11 +50,13 @@ def programme(seed, effects=None, *, runs=6, duration_s=2.0, noise=3e-4, forced=
     return table
 
 
-def waves(table, extra=(), seed=0, periods=40.0):
+def waves(table, extra=(), seed=0, periods_per_window=40.0):
     """What the chain makes of the programme's raw samples."""
-    return [
-        collect(estimate(collect(demodulate(collect(simulate(table, extra, run=run, seed=seed)), periods_per_window=periods)))) for run in run_ids(table)
-    ]
+    out = []
+    for run in run_ids(table):
+        periods = collect(demodulate(collect(simulate(table, extra, run=run, seed=seed)), periods_per_window=periods_per_window))
+        out.append(collect(estimate(periods)))
+    return out
 
 
 def verdict(table, extra=(), **settings):
