@@ -195,7 +195,16 @@ def identify(
     rate_rad_s: Annotated[
         float | None, typer.Option(help="Constant rate where the files log none (or to override).", show_default=False)
     ] = None,
+    fit_rate: Annotated[
+        bool | None, typer.Option("--fit-rate", help="Fit one unknown constant rate beside the resonator.", show_default=False)
+    ] = None,
     scale_factor: Annotated[float | None, typer.Option(help="Known scale factor K, held fixed.", show_default=False)] = None,
+    damping_axis_rad: Annotated[float | None, typer.Option(help="Known damping axis, held fixed.", show_default=False)] = None,
+    stiffness_axis_rad: Annotated[float | None, typer.Option(help="Known stiffness axis, held fixed.", show_default=False)] = None,
+    most_different: Annotated[
+        int | None, typer.Option(help="Use only so many free windows, the most different ones.", show_default=False)
+    ] = None,
+    bootstrap: Annotated[int | None, typer.Option(help="Draws of a block bootstrap for the errors, 0: none.", show_default=False)] = None,
     window: Annotated[str | None, typer.Option(help="auto: cut the free windows out of long records.", show_default=False)] = None,
     profile: Annotated[bool | None, typer.Option("--profile", help="Profile likelihood of every parameter.", show_default=False)] = None,
     eliminate_rate: Annotated[
@@ -212,7 +221,12 @@ def identify(
         waves or [],
         method=method,
         rate_rad_s=rate_rad_s,
+        fit_rate=fit_rate,
         scale_factor=scale_factor,
+        damping_axis_rad=damping_axis_rad,
+        stiffness_axis_rad=stiffness_axis_rad,
+        most_different=most_different,
+        bootstrap=bootstrap,
         window=window,
         profile=profile,
         eliminate_rate=eliminate_rate,
@@ -229,23 +243,70 @@ def calibrate(
     ] = None,
     axis: Annotated[str | None, typer.Option(help="temperature or frequency.", show_default=False)] = None,
     interpolation: Annotated[str | None, typer.Option(help="Between nodes: linear, cubic or monotone.", show_default=False)] = None,
+    nodes: Annotated[str | None, typer.Option(help="Nodes in °C (or Hz), joined by commas.", show_default=False)] = None,
+    scale_factor_harmonics: Annotated[
+        int | None, typer.Option(help="Band limit of the scale factor; by cross-validation where not given.", show_default=False)
+    ] = None,
+    rate_rad_s: Annotated[float | None, typer.Option(help="Constant rate of runs without a rate log.", show_default=False)] = None,
+    earth_rate_rad_s: Annotated[
+        float | None, typer.Option(help="Earth's rate about the sensitive axis, added to the logged rate.", show_default=False)
+    ] = None,
     ladder: Annotated[bool | None, typer.Option("--ladder", help="Residual after each of the seven stages.", show_default=False)] = None,
     stable_only: Annotated[bool | None, typer.Option("--stable-only", help="Drop what does not repeat.", show_default=False)] = None,
     resonator: Annotated[Path | None, typer.Option(help="Resonator file of --model physical.", show_default=False)] = None,
+    output_column: Annotated[str | None, typer.Option(help="Of a table of dwells (CSV …): the gyro's output.", show_default=False)] = None,
+    rate_column: Annotated[
+        str | None, typer.Option(help="Of a table of dwells: the rate in rad/s; none: the gyro at rest.", show_default=False)
+    ] = None,
+    temperature_column: Annotated[str | None, typer.Option(help="Of a table of dwells: the temperature.", show_default=False)] = None,
 ) -> None:
-    """Drift D(T, angle) and scale-factor K(T, angle) tables from forced runs over temperature and rate."""
-    _run(
-        run,
-        "calibrate",
-        waves or [],
-        beside={"resonator": resonator},
-        model=model,
-        harmonics=harmonics,
-        axis=axis,
-        interpolation=interpolation,
-        ladder=ladder,
-        stable_only=stable_only,
-    )
+    """Drift D(T, angle) and scale-factor K(T, angle) tables from forced runs over temperature and rate.
+
+    FILE: wave files; or one foreign table of dwells of any rate gyro, with --output-column, --rate-column and --temperature-column.
+    """
+    of_waves: dict[str, Any] = {
+        "model": model,
+        "harmonics": harmonics,
+        "axis": axis,
+        "interpolation": interpolation,
+        "nodes": None if nodes is None else _numbers(nodes, "--nodes"),
+        "scale_factor_harmonics": scale_factor_harmonics,
+        "rate_rad_s": rate_rad_s,
+        "earth_rate_rad_s": earth_rate_rad_s,
+        "ladder": ladder,
+        "stable_only": stable_only,
+    }
+    of_table = {"output": output_column, "rate": rate_column, "temperature": temperature_column}
+    if _is_table(waves or [], of_table):
+        from .commands.calibrating import calibrate_table
+        from .reporting import tables
+
+        strange = [name for name, value in of_waves.items() if value is not None and name != "interpolation"]
+        if strange or resonator is not None:
+            raise UsageError(f"--{(strange or ['resonator'])[0].replace('_', '-')} is for wave files; a table of dwells has no wave angle")
+        outcome = calibrate_table(waves or [], run, {**of_table, "interpolation": interpolation})
+        run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+        return
+    _run(run, "calibrate", waves or [], beside={"resonator": resonator}, **of_waves)
+
+
+def _is_table(files: list[Path], columns: dict[str, str | None]) -> bool:
+    """Whether `hrg calibrate` was given a foreign table, by its columns' flags or by what the file is."""
+    from .store import is_hdf5
+
+    wave = next((path for path in files if path.is_file() and is_hdf5(path)), None)
+    named = next((name for name, value in columns.items() if value is not None), None)
+    if wave is not None and named is not None:
+        raise UsageError(f"--{named}-column is for a foreign table of dwells; {wave} is an hrg file")
+    return wave is None and (named is not None or any(path.suffix.lower() in (".csv", ".tsv", ".txt", ".parquet") for path in files))
+
+
+def _numbers(text: str, flag: str) -> list[float]:
+    """Numbers joined by commas."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise UsageError(f"{flag} {text!r}: numbers joined by commas were expected, for instance {flag} -20,0,20,40,60") from None
 
 
 @command(app, "diagnose", "hrg diagnose wave-*.h5 -o diagnosis.h5 --model resonator.h5", idle=NO_DRAWS | ONE_PROCESS)
@@ -299,16 +360,45 @@ def plan(
     run.finish(report, show)
 
 
+@command(app, "rate", "hrg rate wave.h5 --resonator resonator.h5 -o rate.h5", idle=NO_DRAWS | ONE_PROCESS)
+def rate(
+    run: Common,
+    wave: OneFile = None,
+    resonator: Annotated[Path | None, typer.Option(help="The identified resonator, held.", show_default=False)] = None,
+    nodes: Annotated[
+        int | None, typer.Option(help="Times at which the rate is fitted (default 20, fewer for a short run).", show_default=False)
+    ] = None,
+) -> None:
+    """The rate a free run shows, with the identified resonator as reference model."""
+    if resonator is None and not run.show_config:
+        raise UsageError("no resonator is named; add --resonator resonator.h5")
+    _run(run, "rate", [wave] if wave else [], beside={"resonator": resonator}, nodes=nodes)
+
+
 @command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5", idle=NO_DRAWS | ONE_PROCESS)
 def compensate(
     run: Common,
     wave: OneFile = None,
     calibration: Annotated[Path | None, typer.Option(help="The tables to apply.", show_default=False)] = None,
+    windows_per_increment: Annotated[
+        int | None,
+        typer.Option(help="Windows averaged to one end of an increment (default 1): less noise, coarser time.", show_default=False),
+    ] = None,
+    earth_rate_rad_s: Annotated[
+        float | None, typer.Option(help="Earth's rate about the sensitive axis, part of the true rate.", show_default=False)
+    ] = None,
 ) -> None:
     """Rate and angle of a run after the tables."""
     if calibration is None and not run.show_config:
         raise UsageError("no tables are named; add --calibration calibration.h5")
-    _run(run, "compensate", [wave] if wave else [], beside={"calibration": calibration})
+    _run(
+        run,
+        "compensate",
+        [wave] if wave else [],
+        beside={"calibration": calibration},
+        windows_per_increment=windows_per_increment,
+        earth_rate_rad_s=earth_rate_rad_s,
+    )
 
 
 @command(app, "export", "hrg export calibration.h5 -o table.h --fixed-point-bits 16", idle=NO_DRAWS | ONE_PROCESS)
@@ -320,9 +410,7 @@ def export_(
     ] = None,
     precision: Annotated[
         float | None,
-        typer.Option(
-            help="C header: interpolation error allowed, in standard deviations of the table (default 0.5).", show_default=False
-        ),
+        typer.Option(help="C header: interpolation error allowed, in standard deviations of the table (default 0.5).", show_default=False),
     ] = None,
 ) -> None:
     """The tables for other programs: CSV, JSON or a C header, by the output's suffix, with the worst error stated."""
@@ -413,9 +501,7 @@ def study(
     run: Common,
     name: Annotated[
         str | None,
-        typer.Argument(
-            metavar="NAME", help="gauss-newton, redundancy, identification or diagnosis.", autocompletion=_study_names
-        ),
+        typer.Argument(metavar="NAME", help="gauss-newton, redundancy, identification or diagnosis.", autocompletion=_study_names),
     ] = None,
 ) -> None:
     """Repeat one of the papers' experiments, or a study of this project's own methods: table and figures into a folder."""

@@ -51,6 +51,7 @@ STAGES = {
         Stage("identify", "wave", "resonator", many=True),
         Stage("calibrate", "wave", "calibration", many=True, lazy=True, beside={"resonator": "resonator"}),
         Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
+        Stage("rate", "wave", "compensated", beside={"resonator": "resonator"}),
         Stage("compensate", "wave", "compensated", beside={"calibration": "calibration"}),
     )
 }
@@ -118,15 +119,15 @@ def run_stage(
 
 def write_first(
     output: Path,
-    stream: Recording | Iterable[Recording],
+    stream: AnyRecord | Iterable[AnyRecord],
     values: Mapping[str, Any],
     table: str,
     sources: Sequence[Path],
     *,
     force: bool,
     command_line: str,
-) -> Recording:
-    """Write the record of a command that starts a chain (import, simulate)."""
+) -> AnyRecord:
+    """Write the record of a command that starts a chain (import, simulate, calibrate on a foreign table)."""
     with Sources(sources) as hashed:
         text = settings.to_toml({table: values})
         return store.write(output, stream, force, finish=lambda last: _with_provenance(last, [], hashed.done(), text, command_line))

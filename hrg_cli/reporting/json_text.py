@@ -53,5 +53,5 @@ def calibration_rms(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """rms drift [rad/s] and scale factor [ppm] left before, after and held out, from a calibration's details."""
     content = json_object(text)
     figures = child(content, "figures")
-    drift = child(content, "drift_rms_rad_s") or child(figures, "drift")
+    drift = child(content, "drift_rms_rad_s") or child(figures, "drift") or child(content, "residual_rms_rad_s")
     return drift, child(content, "scale_factor_rms_ppm") or child(figures, "scale")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -57,6 +58,8 @@ def facts(record: Record) -> dict[str, Any]:
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
     if isinstance(record, Resonator):
         found |= {name: value for name, (value, _, _) in record.parameters().items()}
+    if isinstance(record, Calibration):
+        found |= {k: v for k, v in json.loads(record.details).items() if isinstance(v, int | float | str)}
     if isinstance(record, Compensated):
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
     return found
@@ -93,4 +96,13 @@ def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
     for stage in report.get("ladder", []):
         d = stage.get("drift_rms_rad_s")
         rows.append((str(stage.get("stage")), None if d is None else to_deg_per_hour(d), stage.get("scale_factor_rms_ppm")))
+    for key, value in report.get("trade", {}).items():
+        if value is None:
+            continue
+        rows.append((_words(key), to_deg_per_hour(value) if key.endswith("_rad_s") else "", "" if key.endswith("_rad_s") else value))
     return ("rms residual", "drift, °/h", "scale factor, ppm"), rows
+
+
+def _words(key: str) -> str:
+    """A figure's name for people, without its unit."""
+    return key.removesuffix("_rad_s").removesuffix("_ppm").replace("_", " ")

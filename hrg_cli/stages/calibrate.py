@@ -12,6 +12,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.increments import path_of
 from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
+from ..fitting.shrinkage import averaged, groups_of
 from ..records import Calibration, Resonator, Wave
 from .calibration_checks import interpolation_doubt, noisy_angles, stray_harmonics
 from .calibration_factors import build, measured_details, physical_covariance, variant
@@ -21,6 +22,8 @@ from .calibration_ladder import Settings, climb, first_stages
 from .calibration_programme import choose_nodes, examine
 from .calibration_record import record_of
 from .calibration_stability import repeats, thermal_memory, without_unstable
+from .rate_table import is_rate_table
+from .rate_table import summary as table_summary
 
 Array = np.ndarray
 LARGEST_LIMIT = 4
@@ -123,6 +126,16 @@ def calibrate(
         fitted = fit(forced, layout, chosen, rich)
     A, b, square, rows = fitted.pieces.sum()
     solution = solve(A, b, chosen, penalty)
+    stored = drift_limit, scale_limit
+    doubtful = [kind for kind, given in (("drift", harmonics), ("scale", scale_factor_harmonics)) if given is None]
+    if chosen.name == "table" and doubtful and not dropped:
+        stored = (
+            (layout.drift_harmonics if harmonics is None else drift_limit),
+            (layout.scale_harmonics if scale_factor_harmonics is None else scale_limit),
+        )
+        groups = groups_of(layout, doubtful)
+        everything = variant("table", layout, *stored).matrix
+        solution = averaged(A if penalty is None else A + penalty, b, everything, groups, seed)
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     scale_factor = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
 
@@ -141,6 +154,8 @@ def calibrate(
             kind: {"before": steps[0][kind], "after": steps[-1][kind + "_used"], "held_out": steps[-1][kind]} for kind in ("drift", "scale")
         },
         "held_out_by": held_out,
+        "harmonics": drift_limit,
+        "scale_factor_harmonics": scale_limit,
         "ladder": steps,
         "band_limit_scores": scores,
         "smoothness": smoothness,
@@ -149,7 +164,7 @@ def calibrate(
         "stability": stability,
         "dropped": dropped,
         "thermal_memory": thermal_memory(fitted, chosen, solution.coefficients) if chosen.start is None else None,
-        "interpolation_std": interpolation_doubt(fitted, solution, chi2, drift_limit, scale_limit),
+        "interpolation_std": interpolation_doubt(fitted, solution, chi2, *stored),
         "measured": measured_details(chosen.name, layout, solution.coefficients, solution.covariance * chi2),
         "jumps_of_half_a_turn": fitted.jumps,
         "runs": [
@@ -168,19 +183,21 @@ def calibrate(
             remarks.append(
                 f"the resonator's coefficients leave χ² = {chi2:.3g} a degree of freedom: these runs hold more than they explain"
             )
-    record = record_of(waves, fitted, solution, chi2, (drift_limit, scale_limit), (low, high), chosen.name, details)
+    record = record_of(waves, fitted, solution, chi2, stored, (low, high), chosen.name, details)
     return record.judged([f.sentence for f in findings if f.refuses], "refused").judged(remarks, "suspect")
 
 
 def summary(record: Calibration) -> dict[str, Any]:
     """The JSON of CONTRACT.md for a calibration."""
+    if is_rate_table(record):
+        return table_summary(record)
     details = json.loads(record.details)
     figures = details["figures"]
     out = {
         "drift_rms_rad_s": {key: figures["drift"][key]["value"] for key in ("before", "after", "held_out")},
         "scale_factor_rms_ppm": {key: figures["scale"][key]["value"] for key in ("before", "after", "held_out")},
-        "harmonics": (record.drift_harmonics.shape[1] - 1) // 2,
-        "scale_factor_harmonics": (record.scale_factor_harmonics.shape[1] - 1) // 2,
+        "harmonics": details["harmonics"],
+        "scale_factor_harmonics": details["scale_factor_harmonics"],
         "scale_factor": details["scale_factor"],
         "model": record.model,
         "nodes": [float(n) for n in record.node],

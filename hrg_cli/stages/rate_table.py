@@ -19,7 +19,8 @@ from ..fitting.fourier import coefficients_at, node_weights
 from ..records import Calibration
 
 Array = np.ndarray
-FOLDS = 5
+FOLDS, STRETCHES = 5, 25
+"""Every fifth of 25 stretches of the rows is left out together: neighbours stay together, and a sweep of temperature is not cut short."""
 
 
 def rate_table(
@@ -28,6 +29,9 @@ def rate_table(
     output: Annotated[str, Field(description="column of the gyro's output")],
     rate: Annotated[str | None, Field(description="column of the rate in rad/s; none: at rest, the bias alone")] = None,
     temperature: Annotated[str | None, Field(description="column of the temperature")] = None,
+    temperature_bits: Annotated[
+        int | None, Field(ge=8, le=32, description="the temperature column is a two's complement word of so many bits read as unsigned")
+    ] = None,
     temperature_scale: Annotated[float, Field(description="°C a unit of the temperature column")] = 1.0,
     temperature_offset_degc: Annotated[float, Field(description="°C at 0 of the temperature column")] = 0.0,
     nominal_scale: Annotated[float | None, Field(description="output a rad/s; none: fitted, or 1 at rest")] = None,
@@ -41,12 +45,17 @@ def rate_table(
 ) -> Calibration:
     """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used, spikes rejected and counted.
 
-    table: columns by name (a DataFrame serves). Held-out: contiguous fifths of the rows. Standard deviations are inflated
+    table: columns by name (a DataFrame serves). Held-out: every fifth of 25 stretches of rows. Standard deviations are inflated
     by the correlation of neighbouring rows. HrgError: a missing column, too few finite rows, one rate only.
     """
     y = _column(table, output)
     omega = np.zeros(len(y)) if rate is None else _column(table, rate)
-    degc = np.zeros(len(y)) if temperature is None else _column(table, temperature) * temperature_scale + temperature_offset_degc
+    degc = np.zeros(len(y))
+    if temperature is not None:
+        word = _column(table, temperature)
+        if temperature_bits is not None:
+            word = np.where(word >= 2.0 ** (temperature_bits - 1), word - 2.0**temperature_bits, word)
+        degc = word * temperature_scale + temperature_offset_degc
     good = np.isfinite(y) & np.isfinite(omega) & np.isfinite(degc)
     if good.sum() < 10:
         raise HrgError(
@@ -137,8 +146,27 @@ def rate_of(record: Calibration, output: Array, temperature_degc: Array | float 
 
 
 def summary(record: Calibration) -> dict[str, Any]:
-    """Figures of a table's calibration for the JSON."""
-    return dict(json.loads(record.details))
+    """Figures of a table's calibration for the JSON: the keys of CONTRACT.md and the table's own.
+
+    `scale_factor_rms_ppm`: the residual as a part of the largest rate; nulls where the gyro did not turn.
+    """
+    details = json.loads(record.details)
+    residual = details["residual_rms_rad_s"]
+    largest = max(abs(record.rate_min_rad_s), abs(record.rate_max_rad_s))
+    return {
+        "drift_rms_rad_s": residual,
+        "scale_factor_rms_ppm": {key: value / largest * 1e6 if largest > 0 else None for key, value in residual.items()},
+        "harmonics": 0,
+        "ladder": [],
+        "nodes": [float(n) for n in record.node],
+        "trade": {key: details[key] for key in ("nonlinearity_ppm", "asymmetry_ppm") if key in details},
+        **details,
+    }
+
+
+def is_rate_table(record: Calibration) -> bool:
+    """Whether a calibration was made from a table of dwells."""
+    return "nominal_scale" in json.loads(record.details)
 
 
 def _column(table: Mapping[str, Any], name: str) -> Array:
@@ -164,7 +192,7 @@ def _design(omega: Array, degc: Array, nodes: Array, interpolation: str, turning
 def _choose_powers(
     y: Array, omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, largest: int
 ) -> tuple[list[int], dict[str, float]]:
-    """Powers 2…P with the smallest held-out residual over contiguous fifths of the rows; scores by P."""
+    """Powers 2…P with the smallest held-out residual over folds of stretches of the rows; scores by P."""
     if not turning:
         return [], {"1": held_out_rms(y, _design(omega, degc, nodes, interpolation, turning, []))}
     scores = {}
@@ -176,8 +204,8 @@ def _choose_powers(
 
 
 def held_out_rms(y: Array, X: Array) -> float:
-    """Root mean square of the rows predicted without their contiguous fifth."""
-    fold = np.arange(len(y)) * FOLDS // len(y)
+    """Root mean square of the rows predicted without their fold of stretches."""
+    fold = np.arange(len(y)) * min(STRETCHES, len(y)) // len(y) % FOLDS
     residual = np.empty(len(y))
     for f in range(FOLDS):
         own = fold == f
