@@ -78,15 +78,13 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
 def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
+    open_ones = [variant for variant in candidates if variant.effect.name not in active]
+    columns = [extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps) for variant in open_ones]
     best: dict[str, tuple[Score, Variant]] = {}
-    for variant in candidates:
-        name = variant.effect.name
-        if name in active:
-            continue
-        columns = extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps)
-        score = evidence.score(name, fit.residual, columns, fit.basis)
-        if name not in best or score.gain > best[name][0].gain:
-            best[name] = (score, variant)
+    found = evidence.scores([variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis)
+    for score, variant in zip(found, open_ones, strict=True):
+        if score.name not in best or score.gain > best[score.name][0].gain:
+            best[score.name] = (score, variant)
     rows = len(fit.residual)
     return sorted(best.values(), key=lambda pair: -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf)
 
