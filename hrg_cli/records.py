@@ -425,6 +425,7 @@ class Compensated(Record):
     made_by: ClassVar[str] = "hrg compensate"
     time_s: Array = column("s", "middle of the increment")
     rate_estimate_rad_s: Array = column("rad s-1", "rate after the tables")
+    rate_estimate_rad_s_std: Array | None = column("rad s-1", "its standard deviation, where it is known", optional=True)
     angle_estimate_rad: Array = column("rad", "its integral from the run's start")
     residual_before_rad_s: Array | None = column("rad s-1", "rate error with a constant scale factor only", optional=True)
     residual_after_rad_s: Array | None = column("rad s-1", "rate error after the tables", optional=True)

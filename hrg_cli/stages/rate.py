@@ -1,0 +1,105 @@
+"""`hrg rate`: the rate a free run shows, from the identified resonator as reference model (seed A's last task)."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import HrgError
+from ..fitting.rate_from_model import ROWS_A_NODE, RateEstimate, rate_from_model
+from ..records import Compensated, Resonator, Wave
+
+Array = np.ndarray
+POOR_FIT = 1.5
+"""χ² a degree of freedom above which the reference model does not hold within the noise."""
+MOST_NODES = 20
+
+
+def rate(
+    wave: Wave,
+    resonator: Resonator,
+    *,
+    nodes: Annotated[int | None, Field(ge=4, description="times at which the rate is fitted; by default 20, fewer for a short run")] = None,
+) -> Compensated:
+    """Ω(t) of a free run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
+
+    HrgError: another gyro or mode number, a refused resonator or one without K, a driven run, too few windows for the nodes.
+    """
+    name = f"run {wave.run_id or '?'}"
+    if wave.gyro_id and resonator.gyro_id and wave.gyro_id != resonator.gyro_id:
+        raise HrgError(f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify the same gyro")
+    if wave.mode_number != resonator.mode_number:
+        raise HrgError(f"{name}: has mode_number {wave.mode_number}, the resonator has {resonator.mode_number}; use one of the same mode")
+    if resonator.status == "refused":
+        why = "; ".join(resonator.status_reasons) or "no reason is given"
+        raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
+    if wave.mode == "forced":
+        raise HrgError(f"{name}: is driven; a reference model without the drive describes free runs only, use compensate")
+    count = nodes if nodes is not None else int(np.clip(len(wave) // (2 * ROWS_A_NODE), 4, MOST_NODES))
+    found = rate_from_model(wave, resonator, count)
+    result = Compensated(
+        time_s=found.time_s,
+        rate_estimate_rad_s=found.rate_rad_s,
+        rate_estimate_rad_s_std=found.rate_rad_s_std,
+        angle_estimate_rad=_integral(found.rate_rad_s, found.time_s),
+        residual_before_rad_s=_less(found.plain_rate_rad_s, wave, found.time_s),
+        residual_after_rad_s=_less(found.rate_rad_s, wave, found.time_s),
+        gyro_id=wave.gyro_id,
+        run_id=wave.run_id,
+        lot_id=wave.lot_id,
+        mode_number=wave.mode_number,
+        details=json.dumps(_figures(found, wave)),
+    )
+    if found.chi2_per_dof > POOR_FIT:
+        result = result.judged(
+            [
+                f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise (another resonator, or a rate that "
+                f"changes faster than {count} nodes follow); the errors are inflated by it"
+            ],
+            "suspect",
+        )
+    return result
+
+
+def summary(record: Compensated) -> dict[str, Any]:
+    """Figures of the estimate for the JSON."""
+    return dict(json.loads(record.details))
+
+
+def _integral(values: Array, time_s: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(time_s))])
+
+
+def _less(estimate: Array, wave: Wave, time_s: Array) -> Array | None:
+    """The estimate less the logged rate; None without a log."""
+    if wave.rate_rad_s is None or not np.isfinite(wave.rate_rad_s).any():
+        return None
+    logged = np.asarray(wave.rate_rad_s, float)
+    known = np.isfinite(logged)
+    return np.asarray(estimate - np.interp(time_s, np.asarray(wave.time_s)[known], logged[known]))
+
+
+def _figures(found: RateEstimate, wave: Wave) -> dict[str, Any]:
+    """Mean rate with its error, the plain estimate's, their difference (the drift), and what either leaves of the logged rate."""
+    covariance, count = found.covariance, len(found.time_s)
+    apart = found.plain_rate_rad_s - found.rate_rad_s
+    figures: dict[str, Any] = {
+        "nodes": count,
+        "chi2_per_dof": found.chi2_per_dof,
+        "mean_rate_rad_s": {"value": float(found.rate_rad_s.mean()), "std": float(np.sqrt(covariance.sum()) / count)},
+        "median_std_rad_s": float(np.median(found.rate_rad_s_std)),
+        "plain_rate": {
+            "equation": "-m*dtheta/dt/K",
+            "mean_rad_s": float(found.plain_rate_rad_s.mean()),
+            "difference_mean_rad_s": float(apart.mean()),
+            "difference_rms_rad_s": float(np.sqrt(np.mean(apart**2))),
+        },
+    }
+    for name, values in (("plain_error_rms_rad_s", found.plain_rate_rad_s), ("error_rms_rad_s", found.rate_rad_s)):
+        left = _less(values, wave, found.time_s)
+        if left is not None:
+            figures[name] = float(np.sqrt(np.mean(left**2)))
+    return figures
