@@ -66,23 +66,24 @@ import json, os, sys, time
 started = time.perf_counter()
 child = os.posix_spawn(sys.executable, [sys.executable, "-m", "hrg_cli.cli", *sys.argv[1:]], os.environ)
 _, status, usage = os.wait4(child, 0)
-print(json.dumps([os.waitstatus_to_exitcode(status), time.perf_counter() - started, usage.ru_maxrss / 1024]), file=sys.stderr)
+seconds = [time.perf_counter() - started, usage.ru_utime + usage.ru_stime]
+print(json.dumps([os.waitstatus_to_exitcode(status), *seconds, usage.ru_maxrss / 1024]), file=sys.stderr)
 """
 """A small process between this one and a command: a child's peak memory starts from that of its parent."""
 
 
-def hrg(*arguments: object) -> tuple[float, float]:
-    """Wall seconds and peak MB of one command."""
+def hrg(*arguments: object) -> tuple[float, float, float]:
+    """Wall seconds, processor seconds (with children) and peak MB of one command."""
     words = [sys.executable, "-S", "-c", LAUNCHER, *map(str, arguments), "-q"]
     done = subprocess.run(words, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=True)
-    status, taken, memory = json.loads(done.stderr.splitlines()[-1])
+    status, wall, processor, memory = json.loads(done.stderr.splitlines()[-1])
     if status not in (0, 3):
         raise SystemExit(f"hrg {arguments[0]} failed: {done.stderr}")
-    return taken, memory
+    return wall, processor, memory
 
 
 def chain(folder: Path, millions: float) -> dict[str, tuple[float, float]]:
-    """Seconds and peak MB of every stage on one recording."""
+    """Processor seconds and peak MB of every stage on one recording."""
     run = folder / f"run{millions:g}.h5"
     store.write(run, run_down(round(millions * 1e6)))
     periods, wave, resonator = (run.with_suffix(f".{kind}.h5") for kind in ("periods", "wave", "resonator"))
@@ -92,23 +93,23 @@ def chain(folder: Path, millions: float) -> dict[str, tuple[float, float]]:
         "estimate": ("estimate", periods, "-o", wave),
         "identify": ("identify", wave, "-o", resonator, "--scale-factor", GYRO.scale_factor, "--rate-rad-s", 0.0),
     }
-    return {name: hrg(*words) for name, words in stages.items()}
+    return {name: hrg(*words)[1:] for name, words in stages.items()}
 
 
 def print_chain(folder: Path, millions: list[float]) -> None:
-    """Table of the chain's seconds and memory by length."""
-    bare = hrg("effects")
+    """Table of the chain's processor seconds, which other programs on the machine hardly change, and memory by length."""
+    _, bare, memory_of_bare = hrg("effects")
     print(
         "| samples | "
-        + " | ".join(f"{s}, s | {s}, MB" for s in ("demodulate", "estimate", "identify"))
-        + " | whole, s a million |"
+        + " | ".join(f"{s}, processor s | {s}, MB" for s in ("demodulate", "estimate", "identify"))
+        + " | whole, processor s a million |"
     )
     print("|---|" + "---|" * 7)
     for size in millions:
         found = chain(folder, size)
         cells = " | ".join(f"{taken:.2f} | {memory:.0f}" for taken, memory in found.values())
-        print(f"| {size:g} million | {cells} | {sum(taken for taken, _ in found.values()) / size:.2f} |")
-    print(f"\nA command that does nearly nothing (`hrg effects`) takes {bare[0]:.2f} s and {bare[1]:.0f} MB of these.\n")
+        print(f"| {size:g} million | {cells} | {sum(taken for taken, _ in found.values()) / size:.2f} |", flush=True)
+    print(f"\nA command that does nearly nothing (`hrg effects`) takes {bare:.2f} s and {memory_of_bare:.0f} MB of these.\n")
 
 
 def print_lot(folder: Path, gyros: int) -> None:
@@ -121,11 +122,12 @@ def print_lot(folder: Path, gyros: int) -> None:
         'recordings = "*.h5"\nstages = ["identify"]\n[demodulate]\nperiods_per_window = 50.0\n'
         f"[identify]\nscale_factor = {GYRO.scale_factor}\nrate_rad_s = 0.0\n"
     )
-    taken = {jobs: hrg("batch", data / "lot.toml", "-o", folder / f"out{jobs}", "--jobs", jobs)[0] for jobs in (1, 2)}
-    again = hrg("batch", data / "lot.toml", "-o", folder / "out2", "--jobs", 2)[0]
-    print(f"| lot of {gyros} gyros, 1 s of 100 kHz each | seconds |\n|---|---|")
-    print(f"| one process | {taken[1]:.1f} |\n| two processes | {taken[2]:.1f} ({taken[1] / taken[2]:.2f} times as fast) |")
-    print(f"| again, nothing changed | {again:.1f} |\n")
+    taken = {jobs: hrg("batch", data / "lot.toml", "-o", folder / f"out{jobs}", "--jobs", jobs)[:2] for jobs in (1, 2)}
+    again = hrg("batch", data / "lot.toml", "-o", folder / "out2", "--jobs", 2)[:2]
+    print(f"| lot of {gyros} gyros, 1 s of 100 kHz each | seconds | processor seconds |\n|---|---|---|")
+    for name, (wall, processor) in {"one process": taken[1], "two processes": taken[2], "again, nothing changed": again}.items():
+        print(f"| {name} | {wall:.1f} | {processor:.1f} |")
+    print(f"\nTwo processes are {taken[1][0] / taken[2][0]:.2f} times as fast as one; load of the machine {os.getloadavg()[0]:.1f}.\n")
 
 
 def loops_of_scipy(c: np.ndarray, s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, float]:
