@@ -17,8 +17,8 @@ MIN_ROWS = 8
 SMOOTHING_ROWS = 64
 """Windows over which the noise estimate is pooled: one window of a few samples knows its own noise to 20 % only."""
 
-ODD_WINDOW = 1.5
-"""Variance over its neighbours' median above which a window (an end, a burst) keeps its own."""
+ODD_WINDOW, ODD_SPREAD = 1.3, 8.0
+"""Variance over its neighbours' median, and distance from it in their lower spread, above which a window (an end, a burst) keeps its own."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,8 @@ def pooled_std(std: Array, u: Array) -> Array:
     width = min(SMOOTHING_ROWS, len(std))
     pooled = variance.copy()
     for part in np.array_split(np.arange(len(std)), max(1, len(std) // width)):
-        like = part[variance[part] < ODD_WINDOW * np.median(variance[part])]
+        low, middle = np.quantile(variance[part], [0.25, 0.5])
+        like = part[variance[part] <= max(ODD_WINDOW * middle, middle + ODD_SPREAD * (middle - low))]
         pooled[like] = variance[like].mean()
     return np.maximum(np.sqrt(pooled), 1e-12 * scale)
 

@@ -97,13 +97,16 @@ def covariance_z(fit: Fit, factor: float) -> Array:
     return inverse @ inverse.T
 
 
-def parameter_covariance(fit: Fit, factor: float, mode_number: int) -> tuple[Array, Array]:
+def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Array | None = None) -> tuple[Array, Array]:
     """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by 1/factor, priors kept.
+
+    `between` (k, k): what the runs' disagreement adds to the covariance of z.
 
     The size of a split that is lost in noise keeps the standard deviation of a component, and its axis at most a uniform one's.
     """
     values, slopes = coordinates.physical(fit.p, mode_number)
-    cov_p = fit.freedom.directions @ covariance_z(fit, factor) @ fit.freedom.directions.T
+    cov_z = covariance_z(fit, factor) + (0.0 if between is None else between)
+    cov_p = fit.freedom.directions @ cov_z @ fit.freedom.directions.T
     covariance = slopes @ cov_p @ slopes.T
     uniform = np.pi / mode_number / np.sqrt(12)
     for axis in (2, 4):
@@ -136,6 +139,29 @@ def run_shifts(fit: Fit, factor: float) -> Array:
     return out
 
 
+def between_runs(fit: Fit) -> Array:
+    """Covariance of z (k, k) by leaving out one run after another, (R − 1)/R·Σ d dᵀ, each d one Gauss–Newton step; zero for one run.
+
+    Where the model is wrong this is what the runs say about it; a run without which nothing is known moves z as if all were like it.
+    """
+    parts = _run_information(fit)
+    total = fit.root.T @ fit.root
+    count = len(parts)
+    out = np.zeros(total.shape)
+    if count < 2:
+        return out
+    size = np.sqrt(np.diag(total))
+    size[size == 0] = 1.0
+    for information, gradient in parts:
+        rest = (total - information) / np.outer(size, size)
+        value, vector = np.linalg.eigh(rest)
+        if value[0] < 1e-6 / count:
+            value, vector = np.linalg.eigh(total / np.outer(size, size) * (count - 1) / count)
+        shift = vector @ ((vector.T @ (gradient / size)) / np.maximum(value, 1e-12)) / size
+        out += (count - 1) / count * np.outer(shift, shift)
+    return out
+
+
 def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
     """Information and gradient (Jᵀr) of each run on z, its own nuisances eliminated."""
     response = fit.response
@@ -161,6 +187,8 @@ class Frequencies:
     value: Array
     covariance: Array
     with_z: Array
+    drift_hz: Array
+    """Range of the frequency within each run, (R,)."""
 
 
 def run_frequencies(fit: Fit, factor: float) -> Frequencies:
@@ -180,7 +208,10 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
         back = pick @ np.linalg.pinv(R)
         variance[run] = factor * back @ back
         through[run] = -back @ (Q.T @ real(shared[:, run, :n], weight))
-    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through @ covariance)
+    x = np.linspace(0.0, 1.0, 65)
+    orders = np.arange(1, response.state.phase.shape[1] + 1)
+    course = (response.state.phase[:, :, None] * orders[:, None] * x ** (orders[:, None] - 1)).sum(axis=1) / (2 * np.pi * span[:, None])
+    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through @ covariance, np.ptp(course, axis=1))
 
 
 def phase_demands(fit: Fit) -> float:

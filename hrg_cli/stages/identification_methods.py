@@ -19,7 +19,7 @@ from ..fitting.regressions import Regression
 from ..physics import ellipse
 from ..records import Wave
 from .identification_modes import free_modes, one_channel
-from .identification_verdict import ORDER, POOR_FIT, Verdict, from_fit, judged, one_rate
+from .identification_verdict import ORDER, POOR_FIT, Verdict, contradictions, from_fit, judged, one_rate
 
 Array = np.ndarray
 REGRESSION_ROWS = 300
@@ -51,6 +51,7 @@ def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Ver
     if verdict.chi2_per_dof > POOR_FIT:
         impossible = bool(verdict.refused) or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
         modes = free_modes(runs, verdict.chi2_per_dof, impossible)
+        contradictions(verdict, runs, lambda rest: base_fit(rest, known, blocks))
     return verdict if modes is None else modes
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import HrgError
 from ..fitting import coordinates, inference
 from ..fitting.base_fit import Known, nominal_scale_factor
 from ..fitting.envelope_runs import EnvelopeRun
@@ -18,6 +19,10 @@ from ..physics import ellipse
 Array = np.ndarray
 POOR_FIT = 1.5
 """χ² a degree of freedom above which the model does not hold within the noise."""
+CONTRADICTION = 30.0
+"""χ² a degree of freedom from which single runs are left out to see whether one contradicts the rest, and the fall that shows it."""
+CANDIDATES = 3
+"""Runs at most that are left out one at a time."""
 ORDER = (
     "frequency_hz",
     "damping_rate_1_s",
@@ -91,7 +96,8 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     """Parameters, errors and sentences of one fit."""
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
-    values, covariance = inference.parameter_covariance(fit, factor, mode)
+    poor = fit.chi2 / fit.dof > POOR_FIT
+    values, covariance = inference.parameter_covariance(fit, factor, mode, inference.between_runs(fit) if poor else None)
     runs_hz = inference.run_frequencies(fit, factor)
     frequency, frequency_std = runs_hz.value, np.sqrt(np.diag(runs_hz.covariance))
     full = np.zeros((7, 7))
@@ -101,7 +107,8 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     weight = np.ones(len(frequency)) if differ else 1 / np.maximum(frequency_std, 1e-15) ** 2
     weight /= weight.sum()
     mean = float(weight @ frequency)
-    full[0, 0] = scatter**2 / len(frequency) if differ else weight @ runs_hz.covariance @ weight
+    drift = float(np.sqrt(np.mean(runs_hz.drift_hz**2)))
+    full[0, 0] = (scatter**2 if differ else weight @ runs_hz.covariance @ weight) + drift**2 / 12
     _, slopes = coordinates.physical(fit.p, mode)
     full[0, 1:] = full[1:, 0] = slopes @ fit.freedom.directions @ runs_hz.with_z.T @ weight
     order = list(ORDER)
@@ -133,6 +140,8 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
         "run_frequency_std_hz": [float(f) for f in frequency_std],
         "phase_order": int(fit.response.state.phase.shape[1]),
         "runs_differ_in_frequency": differ,
+        "run_frequency_drift_hz": [float(d) for d in runs_hz.drift_hz],
+        "frequency_note": _frequency_note(differ, drift),
         "second_order": {"value": float(fit.p[6]), "std": _second_order_std(fit)},
         "iterations": fit.iterations,
         "variance_factor": factor,
@@ -142,6 +151,16 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     }
     _reasons(verdict, fit, runs, colour)
     return verdict
+
+
+def _frequency_note(differ: bool, drift_hz: float) -> str:
+    """What frequency_hz and its standard deviation are here."""
+    parts = ["frequency_hz is the mean over the runs"]
+    if differ:
+        parts.append("the runs differ by more than their errors: its standard deviation is their scatter")
+    if drift_hz > 0:
+        parts.append(f"the frequency moves by {drift_hz:.2g} Hz within a run: its standard deviation holds that range (over √12)")
+    return "; ".join(parts)
 
 
 def _second_order_std(fit: Fit) -> float:
@@ -182,6 +201,27 @@ def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: fl
             verdict.suspect.append(
                 f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull {shift:.2g}); leave it out and compare"
             )
+
+
+def contradictions(verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callable[[Sequence[EnvelopeRun]], Fit]) -> None:
+    """Refuse a fit that one run spoils: each of the worst left out in turn, those named without which the rest agree.
+
+    With only two runs left the rest agree easily, so at least four are needed.
+    """
+    if len(runs) < 4 or verdict.chi2_per_dof < CONTRADICTION:
+        return
+    found = []
+    for i in np.argsort(-verdict.run_chi2_per_dof)[:CANDIDATES]:
+        try:
+            fit = again([r for k, r in enumerate(runs) if k != i])
+        except HrgError:
+            continue
+        if fit.chi2 / fit.dof < verdict.chi2_per_dof / CONTRADICTION:
+            found.append(f"{runs[i].run_id or f'run {i + 1}'} (χ²/dof {fit.chi2 / fit.dof:.3g} without it)")
+    if found:
+        verdict.refused.append(
+            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the runs contradict each other; leave out {' or '.join(found)}, or correct its rate log"
+        )
 
 
 def _flat_in(fit: Fit, name: str) -> bool:

@@ -1,0 +1,80 @@
+"""identify where runs contradict each other, drift or differ, and over the beats of a split; rate as a stage."""
+
+import json
+
+import numpy as np
+import pytest
+from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
+
+from hrg_cli.errors import HrgError
+from hrg_cli.physics.resonator import Mechanics
+from hrg_cli.stages.identify import identify
+from hrg_cli.stages.rate import rate, summary
+
+
+def details(record):
+    return json.loads(record.details)
+
+
+def test_a_wrong_rate_log_is_refused_and_its_run_named():
+    waves = programme(std=1e-4, seed=3)
+    waves[4] = waves[4].replace(rate_rad_s=np.full(len(waves[4]), 1.4), run_id="the wrong log")
+    record = identify(waves)
+    assert record.status == "refused" and any("the wrong log" in s and "contradict" in s for s in record.status_reasons)
+    without = identify([w for w in waves if w.run_id != "the wrong log"])
+    assert without.status == "valid"
+
+
+def test_errors_hold_the_runs_disagreement():
+    """Every run of a slightly different gyro: the model is wrong everywhere, the runs' scatter is the error."""
+    rng = np.random.default_rng(5)
+    squares = []
+    for seed in range(10):
+        waves = []
+        for i, (angle, turning) in enumerate(PROGRAMME):
+            other = Mechanics(4987.3, 0.31 * (1 + 0.01 * rng.standard_normal()), 0.012, 0.35, 0.11, 0.9, 0.55)
+            waves.append(run_down(angle, turning, mechanics=other, std=1e-4, window=2e-2, seed=100 * seed + i))
+        record = identify(waves)
+        assert record.status != "valid"
+        squares.append(errors(record)["damping_rate_1_s"] ** 2)
+    assert np.mean(squares) < 3.5  # with the fit's own errors it is beyond 100
+
+
+def test_a_drifting_frequency_says_what_its_number_means():
+    ramp_hz = 0.02
+    waves = []
+    for wave in programme(std=1e-4, seed=1):
+        x = wave.time_s / 4.0
+        waves.append(wave.replace(phase_rad=wave.phase_rad + 2 * np.pi * ramp_hz * 4.0 * x**2 / 2))
+    record = identify(waves)
+    value, std, _ = record.parameters()["frequency_hz"]
+    assert abs(value - (GYRO.frequency_hz + ramp_hz / 2)) < 1e-4
+    assert std == pytest.approx(ramp_hz / np.sqrt(12), rel=0.05)
+    assert "moves by" in details(record)["frequency_note"]
+    assert all(abs(e) < 4.5 for n, e in errors(record).items() if n != "frequency_hz")
+
+
+@pytest.mark.parametrize("beats", [0.1, 1.0, 10.0, 30.0])
+def test_beats(beats):
+    """Δf·T over its range, T = 4 s: δω = π·beats/T."""
+    gyro = Mechanics(5000.0, 0.2, 0.01, 0.35, np.pi * beats / 4.0, 0.9, 0.55)
+    record = identify(programme(gyro, std=1e-3, window=1e-2, seed=11))
+    assert record.status == "valid" and set(record.parameters()) == set(NAMES)
+    assert all(abs(e) < 4.5 for e in errors(record, gyro).values()), errors(record, gyro)
+
+
+def test_rate_stage_sees_the_rate_without_the_drift():
+    gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, 0.3, 0.9, 0.55)
+    resonator = identify(programme(gyro, std=1e-5))
+    wave = run_down(0.3, lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2, mechanics=gyro, std=1e-4, seed=11)
+    record = rate(wave, resonator, nodes=16)
+    figures = summary(record)
+    assert record.status == "valid" and len(record.time_s) == 16
+    assert figures["error_rms_rad_s"] < 0.2 * figures["plain_error_rms_rad_s"]
+    assert np.mean((record.residual_after_rad_s / record.rate_estimate_rad_s_std) ** 2) < 1 + 5 * np.sqrt(2 / 16)
+    unlogged = rate(wave.replace(rate_rad_s=None), resonator)
+    assert unlogged.residual_after_rad_s is None and len(unlogged.time_s) == 20
+    with pytest.raises(HrgError, match="driven"):
+        rate(wave.replace(mode="forced"), resonator)
+    other = identify(programme(Mechanics(4987.3, 0.31, 0.2, 0.6, 0.3, 0.2, 0.55), std=1e-5))
+    assert rate(wave, other, nodes=8).status == "suspect"
