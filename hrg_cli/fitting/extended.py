@@ -51,6 +51,8 @@ class Series:
     reference_frequency_hz: float
     mode_number: int
     has_temperature: bool = True
+    free_phase: bool = False
+    """Every row's phase is its own: what turns both channels together is neither fitted nor judged."""
 
     @property
     def step_s(self) -> Array:
@@ -118,8 +120,23 @@ class Prediction:
 
         With ψ the phase between measured and seen, unwrapped: measured·e^{−jψ} − seen + jψ·seen, which is the plain difference for ψ → 0.
         """
+        if self.series.free_phase:
+            turn = np.exp(-1j * np.angle(np.sum(self.series.envelope * np.conj(self.seen), axis=-1)))
+            return real((self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None])
         psi = self.phase_error()[..., None]
         return real((self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen) * self.series.weight[..., None])
+
+    def judged(self, change: Array) -> Array:
+        """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn of both channels."""
+        change = change * self.series.weight[..., None, None]
+        if not self.series.free_phase:
+            return change
+        turned = real(1j * self.seen)
+        size = np.sum(turned**2, axis=-1, keepdims=True)
+        unit = turned / np.sqrt(np.where(size > 0, size, 1.0))
+        left = change - unit[..., None] * np.einsum("rni,rnik->rnk", unit, change)[:, :, None, :]
+        # what is a turn and nothing else leaves rounding, which scaled to unit length would look like a direction
+        return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
 
     def phase_error(self) -> Array:
         """Phase of measured against seen, unwrapped along each run where the signal stands out of the noise, (R, n)."""
@@ -322,7 +339,7 @@ class Propagation:
         """Through the read-out's slope and over σ, (R, n, 4, K)."""
         if self.view is not None:
             change = self.view @ change
-        return change * self.prediction.series.weight[..., None, None]
+        return self.prediction.judged(change)
 
 
 def propagation(prediction: Prediction) -> Propagation:
@@ -420,7 +437,7 @@ def effect_sources(
 def effect_sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> Array:
     """Over σ, (R, n, 4, K)."""
     rows, mids, direct = effect_sources(flow, effect, values, steps)
-    weight = flow.prediction.series.weight[..., None, None]
+    direct = flow.prediction.judged(direct)
     if not rows.any() and not mids.any():
-        return direct * weight
-    return flow.seen(flow.carried(rows, mids)) + direct * weight
+        return direct
+    return flow.seen(flow.carried(rows, mids)) + direct

@@ -60,7 +60,8 @@ class Fit:
     @property
     def dof(self) -> int:
         """Degrees of freedom."""
-        return max(1, len(self.residual) - self.design.shape[1])
+        given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
+        return max(1, len(self.residual) - given_up - self.design.shape[1])
 
     @cached_property
     def basis(self) -> Array:
@@ -128,14 +129,14 @@ def moved(point: Point, names: Sequence[str], step: Array) -> Point:
         if name.startswith("p") and name[1:].isdigit():
             p[int(name[1:])] += change
         elif name.startswith("run") and "." in name and name[3].isdigit():
-            run, j = name[3:].split(".")
-            own.setdefault(int(run), np.zeros(OWN))[int(j)] = change
+            number, j = name[3:].split(".")
+            own.setdefault(int(number), np.zeros(OWN))[int(j)] = change
         else:
             effect, parameter = name.split(".")
             active[effect][1][parameter] += change
-    for run, change in own.items():
-        start[run] += imaginary(change[:4])
-        offset[run] += change[4]
+    for run, changes in own.items():
+        start[run] += imaginary(changes[:4])
+        offset[run] += changes[4]
     return Point(p, start, offset, tuple(active.values()))
 
 
@@ -151,8 +152,8 @@ def prior_rows(freedom: Freedom, names: Sequence[str], point: Point) -> tuple[Ar
     return np.array(rows).reshape(-1, len(names)), np.array(right)
 
 
-def fit(series: Series, point: Point, freedom: Freedom, most: int = 25) -> Fit:
-    """Gauss–Newton with step halving; stops when a step changes χ² by less than 0.01 of its expected noise-free value."""
+def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
+    """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ² a degree of freedom."""
     amplitude = amplitude_of(series)
     free = [freedom.std[k] > 0 for k in range(COUNT)]
 
@@ -169,6 +170,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 25) -> Fit:
     with np.errstate(over="ignore", invalid="ignore"):
         prediction = predict(series, point)
         value = cost(prediction)
+        settled = 1e-3 / max(1, np.count_nonzero(series.weight) * 4)
         converged = False
         for _ in range(most):
             flow = propagation(prediction)
@@ -181,13 +183,13 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 25) -> Fit:
             while True:
                 trial = predict(series, moved(prediction.point, names, size * step))
                 now = cost(trial)
-                if now <= value + 1e-9 * abs(value) or size < 1e-3:
+                if now <= value + 1e-9 * abs(value) or size < 1e-2:
                     break
                 size /= 2
             if not np.isfinite(now) or now > value + 1e-6 * abs(value):
                 break
             gained, value, prediction = value - now, now, trial
-            if expected < 1e-3 or (gained < 1e-3 and size == 1.0):
+            if expected < settled * value or (gained < settled * value and size == 1.0):
                 converged = True
                 break
         flow = propagation(prediction)
