@@ -47,7 +47,7 @@ def averaged(information: Array, vector: Array, seen: Array, groups: Sequence[Ar
     A, b = information[np.ix_(active, active)], vector[active]
     diagonal = np.diag(A)
     # directions that no data see keep a finite, very wide variance
-    A = A + np.diag(1e-10 * np.where(diagonal > 0, diagonal, 1.0))
+    A = A + np.diag(1e-10 * np.maximum(diagonal, 1e-12 * diagonal.max()))
     flat = np.linalg.solve(A, b)
     grids, scale = [], []
     for g in groups:

@@ -33,6 +33,7 @@ def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], l
         for key, value in report.items()
         if key not in ("kind", "status", "status_reasons", "output") and not isinstance(value, dict | list)
     ]
+    rows += [(key, value) for key, value in (report.get("trade") or {}).items() if value is not None]
     return ("figure", "value"), rows
 
 
@@ -97,7 +98,7 @@ def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
         d = stage.get("drift_rms_rad_s")
         rows.append((str(stage.get("stage")), None if d is None else to_deg_per_hour(d), stage.get("scale_factor_rms_ppm")))
     for key, value in report.get("trade", {}).items():
-        if value is None:
+        if value is None or not key.endswith(("_rad_s", "_ppm")):
             continue
         rows.append((_words(key), to_deg_per_hour(value) if key.endswith("_rad_s") else "", "" if key.endswith("_rad_s") else value))
     return ("rms residual", "drift, °/h", "scale factor, ppm"), rows

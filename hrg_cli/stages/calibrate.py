@@ -22,6 +22,7 @@ from .calibration_ladder import Settings, climb, first_stages
 from .calibration_programme import choose_nodes, examine
 from .calibration_record import record_of
 from .calibration_stability import repeats, thermal_memory, without_unstable
+from .figures_of_merit import trade_figures
 from .rate_table import is_rate_table
 from .rate_table import summary as table_summary
 
@@ -128,7 +129,7 @@ def calibrate(
     solution = solve(A, b, chosen, penalty)
     stored = drift_limit, scale_limit
     doubtful = [kind for kind, given in (("drift", harmonics), ("scale", scale_factor_harmonics)) if given is None]
-    if chosen.name == "table" and doubtful and not dropped:
+    if chosen.name == "table" and doubtful and not dropped and not any(f.refuses for f in findings):
         stored = (
             (layout.drift_harmonics if harmonics is None else drift_limit),
             (layout.scale_harmonics if scale_factor_harmonics is None else scale_limit),
@@ -184,6 +185,8 @@ def calibrate(
                 f"the resonator's coefficients leave χ² = {chi2:.3g} a degree of freedom: these runs hold more than they explain"
             )
     record = record_of(waves, fitted, solution, chi2, stored, (low, high), chosen.name, details)
+    if chosen.name == "table":
+        record = record.replace(details=json.dumps(details | {"trade": trade_figures(record, fitted.paths)}))
     return record.judged([f.sentence for f in findings if f.refuses], "refused").judged(remarks, "suspect")
 
 
@@ -204,6 +207,8 @@ def summary(record: Calibration) -> dict[str, Any]:
         "held_out_by": details["held_out_by"],
         "ladder": [{"stage": s["stage"], **_values(s), **({"note": s["note"]} if "note" in s else {})} for s in details.get("ladder", [])],
     }
+    if "trade" in details:
+        out["trade"] = details["trade"]
     if "variants" in details:
         out["variants"] = [{"model": s["stage"], "coefficients": s["coefficients"], **_values(s)} for s in details["variants"]]
     return out

@@ -14,8 +14,11 @@ from ..fitting.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration_figures import CELLS_A_PERIOD
 from .calibration_table import in_range, measured_drift, values
+from .figures_of_merit import allan_figures
 
 Array = np.ndarray
+LEAST_RATES, MOST_RATES = 100, 100_000
+"""Rates between which an Allan deviation is made; longer runs are averaged to the most."""
 CORRECTION = "rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
 """Sign and order this stage applies; a calibration that asks for another is refused."""
 
@@ -73,7 +76,7 @@ def _stream(wave: Wave, calibration: Calibration, windows: int, earth_rate: floa
     name = f"run {wave.run_id or '?'}"
     known = wave.rate_rad_s is not None
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
-    totals = _Totals(np.zeros((3, CELLS_A_PERIOD)))
+    totals = _Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf
     step = max(windows, ROWS_AT_ONCE // windows * windows)
     begin, stop = 0, 0
@@ -126,8 +129,10 @@ def _smooth(rate: Array, increments: int = 200) -> Array:
 class _Totals:
     """Sums over the run: squares of the residuals, their means in cells of wave angle, and how the wave follows the rate log."""
 
-    def __init__(self, cells: Array) -> None:
-        self.cells = cells
+    def __init__(self, cells: Array, together: int) -> None:
+        self.cells, self.together = cells, together
+        self.errors: list[Array] = []
+        self.time_s = 0.0
         self.squares, self.rows = np.zeros(2), 0
         self.followed = self.turned = 0.0
 
@@ -136,6 +141,9 @@ class _Totals:
         cell = (np.mod(path.middle(path.angle_rad), period) / period * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
         for row, weight in enumerate((path.interval_s, before * path.interval_s, after * path.interval_s)):
             self.cells[row] += np.bincount(cell, weight, CELLS_A_PERIOD)
+        whole = len(after) // self.together * self.together
+        self.errors.append(after[:whole].reshape(-1, self.together).mean(axis=1))
+        self.time_s += float(path.interval_s.sum())
         self.squares += [before @ before, after @ after]
         self.rows += len(before)
         self.followed += float(path.turn @ path.rotation)
@@ -154,6 +162,20 @@ class _Totals:
         return {
             "residual_rms_rad_s": {"before": float(row[0]), "after": float(row[1])},
             "angle_cell_rms_rad_s": {"before": float(cell[0]), "after": float(cell[1])},
+            "trade": self.trade(),
+        }
+
+    def trade(self) -> dict[str, float | None]:
+        """Bias residual, and the Allan coefficients of the compensated rate's error (None: not seen); empty for a short run."""
+        errors = np.concatenate(self.errors) if self.errors else np.zeros(0)
+        if len(errors) < LEAST_RATES:
+            return {}
+        found = allan_figures(errors, self.time_s / max(self.rows, 1) * self.together)
+        return {
+            "bias_residual_rad_s": float(errors.mean()),
+            "white_angle_noise_rad": found.quantization_rad or None,
+            "angle_random_walk_rad_sqrt_s": found.angle_random_walk_rad_sqrt_s or None,
+            "bias_instability_rad_s": found.bias_instability_rad_s or None,
         }
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import HrgError
+from ..fitting.increments import Path, path_of
 from ..records import Calibration, Wave
 from .calibration_table import values
 
@@ -58,7 +59,7 @@ class ScaleFactorFigures:
     residual_ppm: list[float]
 
 
-def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None = None) -> ScaleFactorFigures:
+def scale_factor_figures(waves: Sequence[Wave | Path], calibration: Calibration | None = None) -> ScaleFactorFigures:
     """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431: deviations from the straight line).
 
     Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the angle averages out (runs that turn less
@@ -66,11 +67,9 @@ def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None 
     slopes of both signs with a common bias (NaN where too few rates tell it from the bias).
     Nonlinearity: largest residual from the line over the largest rate.
     """
-    from ..fitting.increments import path_of
-
     rates, outputs, errors = [], [], []
     for wave in waves:
-        path = path_of(wave, harmonics=4)
+        path = wave if isinstance(wave, Path) else path_of(wave, harmonics=4)
         turn, time = path.turn, path.interval_s
         if calibration is not None:
             x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
@@ -114,6 +113,18 @@ def scale_factor_figures(waves: Sequence[Wave], calibration: Calibration | None 
         float(gain), float(std), float(offset / gain), float((gain / reference - 1) * 1e6), asymmetry, asymmetry_std,
         float(np.abs(ppm).max()), rate.tolist(), ppm.tolist(),
     )  # fmt: skip
+
+
+def trade_figures(calibration: Calibration, paths: Sequence[Path]) -> dict[str, float | None]:
+    """The figures of a calibration that its JSON and its table show; None where the runs cannot tell."""
+    out: dict[str, float | None] = dict(calibration_figures(calibration))
+    names = ("error_ppm", "asymmetry_ppm", "nonlinearity_ppm")
+    try:
+        compensated, raw = scale_factor_figures(paths, calibration), scale_factor_figures(paths)
+    except HrgError:
+        return out | {f"scale_factor_{name}": None for name in names}
+    found = {"error_ppm": compensated.error_ppm, "asymmetry_ppm": raw.asymmetry_ppm, "nonlinearity_ppm": raw.nonlinearity_ppm}
+    return out | {f"scale_factor_{name}": value if np.isfinite(value) else None for name, value in found.items()}
 
 
 @dataclass(frozen=True)
