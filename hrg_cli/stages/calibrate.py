@@ -96,6 +96,7 @@ def calibrate(
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     needed = 1 if harmonics is None else harmonics
     findings = examine(forced, table_nodes, axis, needed)
+    refusals = [f.sentence for f in findings if f.refuses]
     remarks += words + [f.sentence for f in findings if not f.refuses]
 
     wanted = ["quadrature"] if model in ("quadrature", "physical", "phase", "all") or ladder else []
@@ -129,7 +130,7 @@ def calibrate(
     solution = solve(A, b, chosen, penalty)
     stored = drift_limit, scale_limit
     doubtful = [kind for kind, given in (("drift", harmonics), ("scale", scale_factor_harmonics)) if given is None]
-    if chosen.name == "table" and doubtful and not dropped and not any(f.refuses for f in findings):
+    if chosen.name == "table" and doubtful and not dropped and not refusals:
         stored = (
             (layout.drift_harmonics if harmonics is None else drift_limit),
             (layout.scale_harmonics if scale_factor_harmonics is None else scale_limit),
@@ -185,9 +186,9 @@ def calibrate(
                 f"the resonator's coefficients leave χ² = {chi2:.3g} a degree of freedom: these runs hold more than they explain"
             )
     record = record_of(waves, fitted, solution, chi2, stored, (low, high), chosen.name, details)
-    if chosen.name == "table":
+    if chosen.name == "table" and not refusals:
         record = record.replace(details=json.dumps(details | {"trade": trade_figures(record, fitted.paths)}))
-    return record.judged([f.sentence for f in findings if f.refuses], "refused").judged(remarks, "suspect")
+    return record.judged(refusals, "refused").judged(remarks, "suspect")
 
 
 def summary(record: Calibration) -> dict[str, Any]:

@@ -117,7 +117,7 @@ def scale_factor_figures(waves: Sequence[Wave | Path], calibration: Calibration 
 
 def trade_figures(calibration: Calibration, paths: Sequence[Path]) -> dict[str, float | None]:
     """The figures of a calibration that its JSON and its table show; None where the runs cannot tell."""
-    out: dict[str, float | None] = dict(calibration_figures(calibration))
+    out: dict[str, float | None] = {k: v if np.isfinite(v) else None for k, v in calibration_figures(calibration).items()}
     names = ("error_ppm", "asymmetry_ppm", "nonlinearity_ppm")
     try:
         compensated, raw = scale_factor_figures(paths, calibration), scale_factor_figures(paths)
