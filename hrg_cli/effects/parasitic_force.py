@@ -3,7 +3,7 @@
 Physics: leakage into a forcer, or base vibration coherent with the wave, pushes along a fixed direction.
 Equation: u' += f e^{jφ}, f complex (C, S); mθ̇ = Re(f·e_B)/a, ṙ = −Im(f·e_B)/a   (PHYSICS C11).
 Size: 1e-4 ν a.
-Mistaken for: coherent offset and feed-through (angle errors; this is an error of the rate, independent of Ω). What separates it: a free run,
+Mistaken for: coherent offset and feed-through (angle errors; this is an error of the rate, independent of Ω). What separates it: a free run
 and two rates of rotation.
 """
 

@@ -17,6 +17,8 @@ SIGNIFICANT = 1e-3
 """Chance of a false alarm a step of the selection, corrected for the number tried."""
 WORTH = 10.0
 """ΔBIC an effect must earn, and by which it must beat a rival to be told from it."""
+MOST_TYPICAL = 1000.0
+"""Times its typical size that no cause exceeds."""
 SHORTLIST = 3
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
@@ -82,11 +84,22 @@ def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant
     columns = [extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps) for variant in open_ones]
     best: dict[str, tuple[Score, Variant]] = {}
     found = evidence.scores([variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis)
+    amplitude = extended_fit.amplitude_of(fit.series)
     for score, variant in zip(found, open_ones, strict=True):
+        if score.visible and not _thinkable(score, variant, amplitude):
+            continue
         if score.name not in best or score.gain > best[score.name][0].gain:
             best[score.name] = (score, variant)
     rows = len(fit.residual)
     return sorted(best.values(), key=lambda pair: -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf)
+
+
+def _thinkable(score: Score, variant: Variant, amplitude: float) -> bool:
+    """Whether every estimate that stands out of its noise is of a size such a cause can have."""
+    size = {p.name: p.typical * amplitude**p.amplitude_power for p in variant.effect.parameters}
+    limits = MOST_TYPICAL * np.array([size[name] for name in variant.steps])
+    known = np.isfinite(score.estimate)
+    return bool(np.all((np.abs(score.estimate) - 5 * score.std <= limits)[known]))
 
 
 def adopted(fit: Fit, score: Score, variant: Variant) -> Fit:
