@@ -114,7 +114,10 @@ def run_stage(
         written = store.write(
             output, result, force, finish=lambda last: _with_provenance(last, parents, sources.done(), text, command_line or f"hrg {name}")
         )
-    return Outcome(written, report(written, output, started, stage.summary(written)))
+    if isinstance(result, Record):
+        return Outcome(written, report(written, output, started, stage.summary(written)))
+    with store.open_record(output, type(written)) as whole:  # what was written last is only the stream's last block
+        return Outcome(written, report(written, output, started, stage.summary(whole)))
 
 
 def write_first(

@@ -65,6 +65,13 @@ def test_chain_with_provenance(hrg, recording, tmp_path):
     assert "wave_angle" in hrg("info", tmp_path / "w.h5").out or "rows" in hrg("info", tmp_path / "w.h5").out
 
 
+def test_a_streams_json_tells_of_all_its_blocks(hrg, recording, tmp_path):
+    first = hrg("demodulate", recording, "-o", tmp_path / "p.h5", "--set", "block_samples=500", "--json").json
+    assert first["windows"] == len(store.read(tmp_path / "p.h5", Periods)) > 100 and first["duration_s"] == pytest.approx(0.4, abs=0.01)
+    second = hrg("estimate", tmp_path / "p.h5", "-o", tmp_path / "w.h5", "--json").json
+    assert second["windows"] == first["windows"] and second["usable"] > 0.9 * first["windows"]
+
+
 def test_force_and_show_config(hrg, recording, tmp_path):
     out = tmp_path / "p.h5"
     shown = hrg("demodulate", "--show-config", "--periods-per-window", 7)

@@ -65,11 +65,19 @@ def demodulate(
     )
 
 
+SUMMARY_ROWS = 1 << 17
+"""Rows that a median of the summary looks at; longer files are thinned, their flags counted block by block."""
+
+
 def summary(periods: Periods) -> dict[str, Any]:
     """What a person or another program wants to know of demodulated signals: windows, frequency, noise, flags, the strongest lines."""
-    flags = np.asarray(periods.flags)
     names = {"clipped": FLAG_CLIPPED, "gap": FLAG_GAP, "not_finite": FLAG_NOT_FINITE, "settling": FLAG_SETTLING}
-    rms = np.asarray(periods.residual_rms)
+    every = max(1, len(periods) // SUMMARY_ROWS)
+    rms = np.asarray(periods.residual_rms[::every])
+    counts = dict.fromkeys(names, 0)
+    for start in range(0, len(periods), SUMMARY_ROWS):
+        flags = np.asarray(periods.flags[start : start + SUMMARY_ROWS])
+        counts = {name: counts[name] + int(np.count_nonzero(flags & bit)) for name, bit in names.items()}
     where, amplitude, ratio = periods.spectrum_line_frequency_hz, periods.spectrum_line_amplitude, periods.spectrum_line_ratio
     lines = []
     if where is not None and amplitude is not None and ratio is not None:
@@ -84,7 +92,7 @@ def summary(periods: Periods) -> dict[str, Any]:
         "window_s": periods.window_s,
         "duration_s": float(periods.time_s[-1] - periods.time_s[0]) + periods.window_s if len(periods) else 0.0,
         "residual_rms": [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else None for column in rms.T],
-        "flagged": {name: int(np.count_nonzero(flags & bit)) for name, bit in names.items()},
+        "flagged": counts,
         "residual_lines": lines,
     }
 

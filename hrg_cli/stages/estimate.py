@@ -286,24 +286,32 @@ class _Tally:
         return wave.judged(reasons)
 
 
+SUMMARY_ROWS = 1 << 17
+_SUMMARISED = ("main_amplitude", "quadrature_amplitude", "wave_angle_rad", "wave_angle_rad_std", "frequency_hz", "residual_rms")
+
+
 def summary(wave: Wave) -> dict[str, Any]:
     """Figures of a wave record for the command's JSON."""
-    good = wave.good() & (wave.main_amplitude > 0)
-    out: dict[str, Any] = {
-        "windows": len(wave),
-        "usable": int(good.sum()),
-        "flagged": int((wave.flags != 0).sum()),
-        "not_converged": int((np.isfinite(wave.main_amplitude) & (wave.iterations < 0)).sum()),
-    }
-    if not good.any():
+    out: dict[str, Any] = {"windows": len(wave), "usable": 0, "flagged": 0, "not_converged": 0}
+    every = max(1, len(wave) // SUMMARY_ROWS)
+    kept: list[Wave] = []
+    for block in wave.blocks(SUMMARY_ROWS):
+        good = block.good() & (block.main_amplitude > 0)
+        out["usable"] += int(good.sum())
+        out["flagged"] += int((block.flags != 0).sum())
+        out["not_converged"] += int((np.isfinite(block.main_amplitude) & (block.iterations < 0)).sum())
+        rows = np.flatnonzero(good)
+        chosen = np.unique(np.concatenate([rows[:1], rows[::every], rows[-1:]]))
+        kept.append(block.replace(**{name: getattr(block, name)[chosen] for name in _SUMMARISED}))
+    if not out["usable"]:
         return out
-    amplitude, angle, frequency = wave.main_amplitude[good], wave.wave_angle_rad[good], wave.frequency_hz[good]
+    amplitude, quadrature, angle, std, frequency, residual = (np.concatenate([getattr(k, name) for k in kept]) for name in _SUMMARISED)
     out["main_amplitude"] = {"first": float(amplitude[0]), "last": float(amplitude[-1]), "units": wave.units}
-    out["quadrature_ratio_rms"] = float(np.sqrt(np.mean((wave.quadrature_amplitude[good] / amplitude) ** 2)))
+    out["quadrature_ratio_rms"] = float(np.sqrt(np.mean((quadrature / amplitude) ** 2)))
     out["wave_angle_rad"] = {"first": float(angle[0]), "last": float(angle[-1])}
-    out["wave_angle_std_rad"] = _number(np.median(wave.wave_angle_rad_std[good]))
+    out["wave_angle_std_rad"] = _number(np.median(std))
     out["frequency_hz"] = _number(np.median(frequency[np.isfinite(frequency)])) if np.isfinite(frequency).any() else None
-    out["residual_rms"] = float(np.sqrt(np.mean(wave.residual_rms[good] ** 2)))
+    out["residual_rms"] = float(np.sqrt(np.mean(residual**2)))
     return out
 
 
