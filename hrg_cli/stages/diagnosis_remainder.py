@@ -247,14 +247,13 @@ def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, 
         ends = np.cumsum([a.shape[-1] for a in at_rows])[:-1]
         for (place, covariate), part in zip(moving, np.split(seen, ends, axis=1), strict=True):
             columns[place.name, covariate.formula] = part
-    out = []
     for place, covariate in pairs:
         if place.readout:
             direct = _at(place, covariate, flow.prediction.seen, fit.series) * fit.series.weight[..., None, None]
             columns[place.name, covariate.formula] = flat(fit.series, direct)
-        part = columns[place.name, covariate.formula]
-        out.append(Term(place, covariate, evidence.score(f"{place.name} × {covariate.formula}", residual, part, Q), part))
-    return out
+    parts = [columns[place.name, covariate.formula] for place, covariate in pairs]
+    found = evidence.scores([f"{place.name} × {covariate.formula}" for place, covariate in pairs], residual, parts, Q)
+    return [Term(place, covariate, score, part) for (place, covariate), score, part in zip(pairs, found, parts, strict=True)]
 
 
 def _at(place: Place, covariate: Covariate, u: Array, series: Series) -> Array:
