@@ -294,18 +294,21 @@ def summary(wave: Wave) -> dict[str, Any]:
     """Figures of a wave record for the command's JSON."""
     out: dict[str, Any] = {"windows": len(wave), "usable": 0, "flagged": 0, "not_converged": 0}
     every = max(1, len(wave) // SUMMARY_ROWS)
-    kept: list[Wave] = []
-    for block in wave.blocks(SUMMARY_ROWS):
-        good = block.good() & (block.main_amplitude > 0)
+    kept: list[list[Array]] = []
+    for start in range(0, len(wave), SUMMARY_ROWS):
+        part = slice(start, start + SUMMARY_ROWS)
+        columns = [np.asarray(getattr(wave, name)[part]) for name in _SUMMARISED]
+        amplitude, flags, iterations = columns[0], np.asarray(wave.flags[part]), np.asarray(wave.iterations[part])
+        good = (flags == 0) & (iterations >= 0) & np.isfinite(columns[2]) & (amplitude > 0)
         out["usable"] += int(good.sum())
-        out["flagged"] += int((block.flags != 0).sum())
-        out["not_converged"] += int((np.isfinite(block.main_amplitude) & (block.iterations < 0)).sum())
+        out["flagged"] += int((flags != 0).sum())
+        out["not_converged"] += int((np.isfinite(amplitude) & (iterations < 0)).sum())
         rows = np.flatnonzero(good)
         chosen = np.unique(np.concatenate([rows[:1], rows[::every], rows[-1:]]))
-        kept.append(block.replace(**{name: getattr(block, name)[chosen] for name in _SUMMARISED}))
+        kept.append([column[chosen] for column in columns])
     if not out["usable"]:
         return out
-    amplitude, quadrature, angle, std, frequency, residual = (np.concatenate([getattr(k, name) for k in kept]) for name in _SUMMARISED)
+    amplitude, quadrature, angle, std, frequency, residual = (np.concatenate(parts) for parts in zip(*kept, strict=True))
     out["main_amplitude"] = {"first": float(amplitude[0]), "last": float(amplitude[-1]), "units": wave.units}
     out["quadrature_ratio_rms"] = float(np.sqrt(np.mean((quadrature / amplitude) ** 2)))
     out["wave_angle_rad"] = {"first": float(angle[0]), "last": float(angle[-1])}
