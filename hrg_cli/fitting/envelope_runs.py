@@ -18,7 +18,7 @@ SMOOTHING_ROWS = 64
 """Windows over which the noise estimate is pooled: one window of a few samples knows its own noise to 20 % only."""
 
 ODD_WINDOW, ODD_SPREAD = 1.3, 8.0
-"""Variance over its neighbours' median, and distance from it in their lower spread, above which a window (an end, a burst) keeps its own."""
+"""Variance over its neighbours' median, and distance from it in lower spreads, above which a window (an end, a burst) keeps its own."""
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ..physics.resonator import J, exponential
 from . import coordinates
-from .coordinates import BASIS, COUNT, product
+from .coordinates import COUNT, product
 from .envelope_runs import EnvelopeRun
 
 Array = np.ndarray
@@ -122,11 +123,29 @@ class Response:
         path = np.concatenate([np.zeros_like(path[..., :1, :]), path], axis=-2)
         return applied(self.phi, path) * self.turn[..., None]
 
+    @cached_property
+    def _coordinates(self) -> Array:
+        phi, u0, t = self.phi, self.state.start[:, None], self.batch.time_s
+        middle = product(self.half, phi[:, :-1])
+        back, middle_back = inverse(phi), inverse(middle)
+        flow, middle_flow = applied(phi, u0), applied(middle, u0)
+        at, between = applied(back, reflected(flow)), applied(middle_back, reflected(middle_flow))
+        total = np.empty((4, *between.shape[1:]), complex)
+        total[:3] = at[:, :, :-1] + 4 * between + at[:, :, 1:]
+        total[2] *= self.batch.step_rate[..., None]
+        total[3] = applied(back[:, :-1], applied(self.second, flow[:, :-1])) + applied(back[:, 1:], applied(self.second, flow[:, 1:]))
+        total[3] += 4 * applied(middle_back, applied(self.second, middle_flow))
+        path = np.zeros((4, *flow.shape), complex)
+        np.cumsum(total * (self.batch.step_s / 6)[..., None], axis=-2, out=path[:, :, 1:])
+        cos, sin, turning, second = applied(phi, path) * self.turn[..., None]
+        return np.stack([-t[..., None] * self.model, -cos, -sin, 1j * cos, 1j * sin, turning, second])
+
     def coordinate_sensitivities(self) -> Array:
-        """∂model/∂p (7, R, n, 2); to first order in |L|/ω, which is enough to converge."""
-        rate = self.batch.step_rate[..., None, None]
-        terms = [np.broadcast_to(b, self.half.shape) for b in BASIS] + [rate * J, self.second]
-        return np.stack([self.sensitivity(t, t, t) for t in terms])
+        """∂model/∂p (7, R, n, 2); to first order in |L|/ω, which is enough to converge.
+
+        `sensitivity` of R_c, R_s, ΩJ and the second order: ν needs no integral, and a frequency split is −j times a damping split.
+        """
+        return self._coordinates
 
     def run_sensitivities(self) -> Array:
         """∂model/∂(Re u₀C, Im u₀C, Re u₀S, Im u₀S, phase coefficients), (4 + k, R, n, 2)."""
@@ -160,6 +179,16 @@ def applied(matrix: Array, vector: Array) -> Array:
     out = np.empty(np.broadcast_shapes(matrix.shape[:-1], vector.shape), np.result_type(matrix, vector))
     out[..., 0] = matrix[..., 0, 0] * x + matrix[..., 0, 1] * y
     out[..., 1] = matrix[..., 1, 0] * x + matrix[..., 1, 1] * y
+    return out
+
+
+def reflected(vector: Array) -> Array:
+    """R_c·v, R_s·v and J·v of vectors (..., 2), (3, ..., 2)."""
+    x, y = vector[..., 0], vector[..., 1]
+    out = np.empty((3, *vector.shape), vector.dtype)
+    out[0, ..., 0], out[0, ..., 1] = x, -y
+    out[1, ..., 0], out[1, ..., 1] = y, x
+    out[2, ..., 0], out[2, ..., 1] = y, -x
     return out
 
 
@@ -317,7 +346,8 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
         if predicted < CONVERGED * max(1.0, current / max(1, _dof(data, freedom, phase))):
             converged = True
             break
-    design, _, _ = reduced(response, freedom)
+    if not converged:  # else the last step was too small to change it
+        design, _, _ = reduced(response, freedom)
     residual = response.residual()
     return Fit(
         freedom=freedom,

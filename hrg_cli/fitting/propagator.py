@@ -13,9 +13,9 @@ import numpy as np
 
 from ..physics.resonator import J, exponential
 from . import coordinates
-from .coordinates import BASIS, COUNT
+from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun, averaged
-from .likelihood import Freedom, applied
+from .likelihood import Freedom, applied, reflected
 
 Array = np.ndarray
 START_BLOCKS = 1000
@@ -115,10 +115,10 @@ def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Ar
     half = half * np.exp(0.5j * offsets[data.run] * dt)[:, None, None]
     middle = applied(half, data.before)
     flow = applied(half, middle)
-    terms = np.concatenate([np.broadcast_to(BASIS[:, None], (5, len(dt), 2, 2)), ((data.turn / dt)[:, None, None] * J)[None]])
-    inner = applied(half, applied(terms, data.before))
-    columns = applied(half, inner + 4 * applied(terms, middle)) + applied(terms, flow)
-    columns = columns * (dt / 6 * data.weight)[:, None]
+    begin, between, end = reflected(data.before), reflected(middle), reflected(flow)  # R_c, R_s, J; ν alone commutes
+    cos, sin, turning = applied(half, applied(half, begin) + 4 * between) + end
+    turning *= (data.turn / dt)[:, None]
+    columns = np.stack([-6 * flow, -cos, -sin, 1j * cos, 1j * sin, turning]) * (dt / 6 * data.weight)[:, None]
     shared = np.tensordot(freedom.directions[:6].T, columns, 1)
     own = 1j * (dt * data.weight)[:, None] * flow
     error = (data.after - flow) * data.weight[:, None]
