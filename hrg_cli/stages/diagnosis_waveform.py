@@ -7,7 +7,7 @@ Lost samples are a step of the phase between two windows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -153,12 +153,21 @@ def causes(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`: effects named by the dynamics."""
     far = lines(waves)
-    tones = [tone for tone in tones if not any(_folded(line, tone, waves) for line in far)]
-    out = [_lost(group, waves, frequency_hz) for group in _together(steps, waves)] + [_beating(tone) for tone in tones]
-    listed = []
-    harmonics: dict[int, Line] = {}
     density = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)]
     sampling = 2 * float(density[0][-1]) if density else None
+    harmonics: dict[int, Line] = {}
+    strange = []
+    for tone in tones:
+        line = Line(tone.frequency_hz, np.sqrt(np.mean(np.abs(tone.vector) ** 2, axis=0)), tone.gain / 2, len(tone.vector))
+        multiple = harmonic_of(line, frequency_hz, sampling) if sampling else 0
+        if multiple:
+            # a harmonic that the sampling folds beside the resonance is no tone from outside
+            harmonics.setdefault(multiple, line)
+        elif not any(_folded(far_line, tone, waves) for far_line in far):
+            strange.append(tone)
+    tones = strange
+    out = [_lost(group, waves, frequency_hz) for group in _together(steps, waves)] + [_beating(tone, waves, frequency_hz) for tone in tones]
+    listed = []
     direct = all(w.readout == "direct" for w in waves)
     for line in far:
         multiple = harmonic_of(line, frequency_hz, sampling)
@@ -227,7 +236,10 @@ def _lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
     return _entry("dropped_samples", abs(mean) / std, parameters, (mean / std) ** 2) | {"runs": runs, "ambiguity_s": 1 / frequency_hz}
 
 
-def _beating(tone: Tone) -> dict[str, Any]:
+def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
+    """A tone near the resonance; a window of length T shows sin(πTδ)/(πTδ) of what beats at δ."""
+    response = float(np.sinc((tone.frequency_hz - frequency_hz) * float(np.median([w.window_s for w in waves]))))
+    tone = replace(tone, vector=tone.vector / response, std=tone.std / abs(response)) if abs(response) > 0.05 else tone
     weight = 1 / tone.std**2
     mean = np.sum(tone.vector * weight[:, None], axis=0) / weight.sum()
     scatter = np.sum(np.abs(tone.vector - mean) ** 2 * weight[:, None])
@@ -244,11 +256,16 @@ def _beating(tone: Tone) -> dict[str, Any]:
 
 
 def _tone(line: Line) -> dict[str, Any]:
-    spread = 1 / np.sqrt(2 * line.ratio)
-    parameters = {f"{channel}_cos": (float(a), float(a * spread), "amplitude") for channel, a in zip("cs", line.amplitude, strict=True)}
-    parameters |= {"c_sin": (0.0, 0.0, "amplitude"), "s_sin": (0.0, 0.0, "amplitude"), "frequency_hz": (line.frequency_hz, 0.0, "Hz")}
+    """A line of the averaged spectrum, which knows the size and not the phase: each part is anything up to it."""
+    parameters = {}
+    for channel, size in zip("cs", line.amplitude, strict=True):
+        parameters[f"{channel}_cos"] = (float(size), float(size), "amplitude")
+        parameters[f"{channel}_sin"] = (0.0, float(size), "amplitude")
+    parameters["frequency_hz"] = (line.frequency_hz, 0.0, "Hz")
     return _entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio) | {
-        "phase": "not measured: a line of the averaged spectrum"
+        "phase": "not measured: a line of the averaged spectrum",
+        "magnitude": {channel: float(size) for channel, size in zip("cs", line.amplitude, strict=True)},
+        "magnitude_std": {channel: float(size / np.sqrt(2 * line.ratio)) for channel, size in zip("cs", line.amplitude, strict=True)},
     }
 
 
