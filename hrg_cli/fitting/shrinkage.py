@@ -20,7 +20,7 @@ COMMON_SHARE = 0.75
 SCALES = (0.05, 1.0, 4.0, 16.0, 64.0)
 """τ of the grid in standard deviations of the harmonic when all else is known (the first: absent); the largest is at least the
 harmonic's own size."""
-ABSENT_BEFORE = 6.0
+ABSENT_BEFORE = 2.0
 """Absent harmonics counted before the data, against one that is there; the harmonics of a table tell one another how many are absent."""
 SWEEPS, BURN_IN = 16, 4
 

@@ -14,7 +14,7 @@ from ..fitting.increments import path_of
 from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
 from ..fitting.shrinkage import averaged, groups_of
 from ..records import Calibration, Resonator, Wave
-from .calibration_checks import interpolation_doubt, noisy_angles, stray_harmonics
+from .calibration_checks import interpolation_doubt, noisy_angles, quadrature_left, stray_harmonics
 from .calibration_factors import build, measured_details, physical_covariance, variant
 from .calibration_figures import cells, figure_rows, predictions
 from .calibration_folds import choose_folds, choose_limits, choose_smoothness
@@ -148,6 +148,8 @@ def calibrate(
     found = cells(fitted, *predictions(fitted, stages, folds, penalty), folds)
     steps = figure_rows([m.name for m in stages], *found, scale_factor, bootstrap, seed)
     remarks += noisy_angles(fitted, drift_limit)
+    if chosen.name == "table" and (moved := quadrature_left(fitted, solution)) is not None:
+        remarks.append(moved)
     strays = stray_harmonics(fitted, solution)
     remarks += [s["sentence"] for s in strays if s["significant"]]
     details: dict[str, Any] = {

@@ -59,6 +59,39 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
     return out
 
 
+def quadrature_left(fitted: Fitted, solution: Solution) -> str | None:
+    """The sentence for a residual that moves with the measured quadrature (seed A (11)), which no table over (T, θ) can hold."""
+    from scipy.stats import chi2
+
+    information, vector, before, after = np.zeros((2, 2)), np.zeros(2), 0.0, 0.0
+    kept = []
+    for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
+        columns = path.angle_basis(1)[:, 1:] * (path.middle(path.ratio) * path.interval_s)[:, None]
+        residual = turn - design(path, fitted.layout, solution.coefficients) @ solution.coefficients
+        white, _ = whiten(covariance_bands(path, noise), np.column_stack([columns, residual]))
+        information += white[:, :2].T @ white[:, :2]
+        vector += white[:, :2].T @ white[:, 2]
+        kept.append((columns, residual))
+    if not (np.diag(information) > 0).all() or np.linalg.cond(information) > 1e10:
+        return None
+    found = np.linalg.solve(information, vector)
+    if chi2.sf(float(vector @ found) / max(fitted.chi2_per_dof, 1.0), 2) > STRAY_PROBABILITY:
+        return None
+    for columns, residual in kept:
+        part = columns @ found
+        before, after = before + float(np.sum(np.cumsum(residual) ** 2)), after + float(np.sum(np.cumsum(residual - part) ** 2))
+    if after > LEAST_GAIN * before:
+        return None
+    return (
+        f"the drift moves with the measured quadrature, which is no function of temperature and angle (it takes the angle's residual to "
+        f"{100 * np.sqrt(after / before):.0f} %); use --model quadrature, or a firmer quadrature loop"
+    )
+
+
+LEAST_GAIN = 0.7
+"""Part of the angle's residual power that the measured quadrature must leave at most, to be spoken of."""
+
+
 def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
     """Runs whose angle noise s damps the highest harmonic: a basis taken at the measured angle loses exp(−n²s²/2) of nθ."""
     n = 2 * fitted.layout.mode_number * drift_limit

@@ -42,7 +42,8 @@ def test_coverage_over_many_gyros(walk, settings):
     drift, scale = (np.concatenate(z) for z in zip(*(normalised_errors(s, duration=30.0, walk=walk, settings=settings) for s in range(40))))
     for z in (drift, scale):
         assert np.sqrt(np.mean(z**2)) < 1.2
-        assert 0.93 <= np.mean(np.abs(z) < 1.96) <= 0.97
+        # harmonics in doubt widen the error where they are absent in truth
+        assert 0.93 <= np.mean(np.abs(z) < 1.96) <= (0.97 if settings is FIXED else 0.998)
 
 
 def test_without_noise_the_tables_are_the_truth():

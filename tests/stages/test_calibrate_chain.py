@@ -42,3 +42,10 @@ def test_damping_anisotropy_and_scale_factor_from_samples():
     assert np.mean(square) < 3 and max(square) < 20
     figures = summary(record)["drift_rms_rad_s"]
     assert figures["before"] > 5 * figures["held_out"]
+
+
+def test_drift_that_moves_with_the_quadrature_is_bought_back():
+    """A frequency split under a soft quadrature loop: seed A (11) leaves less than a table over the angle."""
+    runs = waves(DEVICE | {"frequency_split_hz": 0.1}, (20.0,), (-4.0, -2.0, 2.0, 4.0), duration=6.0)
+    table, measured = (summary(calibrate(runs, model=model, bootstrap=0))["drift_rms_rad_s"] for model in ("table", "quadrature"))
+    assert measured["held_out"] < 0.75 * table["held_out"]
