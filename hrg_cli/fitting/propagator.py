@@ -23,6 +23,8 @@ LAG_FRACTIONS = (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1 / 2)
 STEPS_A_LAG = 2
 PAIRS_A_LAG = 4
 """Pairs of rows whose first row lies within one lag: closer ones tell little more."""
+SETTLED = 1e-3
+"""Change of L times lag after which the next step, its square, is left to the next lag."""
 LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
 
@@ -169,7 +171,10 @@ def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: A
             kept, misfit = (p, offsets, covariance), here
             if np.linalg.norm(next_p[:6] - p[:6]) * lag > LARGEST_STEP:
                 break
+            moved = np.linalg.norm(next_p[:6] - p[:6]) * lag
             p, offsets, covariance = next_p, next_offsets, next_covariance
+            if moved < SETTLED:
+                break
     return p, offsets, covariance
 
 
