@@ -123,13 +123,14 @@ def run_shifts(fit: Fit, factor: float) -> Array:
     scales = natural_scales(fit)
     judged = np.flatnonzero(scales > 0)
     parts = _run_information(fit)
-    total = fit.root.T @ fit.root
+    total = _prior_information(fit) + sum(information for information, _ in parts)
     out = np.zeros(len(parts))
     if len(parts) < 3:
         return out
     for i, (information, gradient) in enumerate(parts):
         rest = total - information
-        value = np.linalg.eigvalsh(rest / np.sqrt(np.outer(np.diag(rest), np.diag(rest)) + 1e-300))
+        size = np.sqrt(np.maximum(np.diag(rest), 1e-300))
+        value = np.linalg.eigvalsh(rest / np.outer(size, size))
         if value[0] < 1e-9:
             continue
         shift = np.linalg.solve(rest, -gradient)
@@ -145,7 +146,7 @@ def between_runs(fit: Fit) -> Array:
     Where the model is wrong this is what the runs say about it; a run without which nothing is known moves z as if all were like it.
     """
     parts = _run_information(fit)
-    total = fit.root.T @ fit.root
+    total = _prior_information(fit) + sum(information for information, _ in parts)
     count = len(parts)
     out = np.zeros(total.shape)
     if count < 2:
@@ -160,6 +161,12 @@ def between_runs(fit: Fit) -> Array:
         shift = vector @ ((vector.T @ (gradient / size)) / np.maximum(value, 1e-12)) / size
         out += (count - 1) / count * np.outer(shift, shift)
     return out
+
+
+def _prior_information(fit: Fit) -> Array:
+    """Information of the priors on z, (k, k)."""
+    std = fit.freedom.prior_std
+    return np.asarray(np.diag(np.where(np.isfinite(std), std, np.inf) ** -2.0))
 
 
 def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
