@@ -320,13 +320,17 @@ def diagnose(
         Path | None, typer.Option(help="Python file with effects of your own; it is executed.", show_default=False)
     ] = None,
     scale_factor: Annotated[float | None, typer.Option(help="Known scale factor K, held fixed.", show_default=False)] = None,
+    free_phase: Annotated[
+        bool | None, typer.Option("--free-phase", help="Judge shape and angle alone, where the phase wanders.", show_default=False)
+    ] = None,
 ) -> None:
     """What the simulation gets wrong: the cause, its size, the extended model (OUTPUT.extended.toml) and the gain."""
     from .commands.diagnosing import diagnose_files
     from .reporting import console, tables
 
     with console.progress_bar("diagnose", run.quiet or run.json) as progress:
-        outcome = diagnose_files(waves or [], run, model, effects_from, {"scale_factor": scale_factor}, progress)
+        flags = {"scale_factor": scale_factor, "free_phase": free_phase}
+        outcome = diagnose_files(waves or [], run, model, effects_from, flags, progress)
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 

@@ -16,6 +16,10 @@ from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitiv
 Array = np.ndarray
 
 
+class DivergedError(ArithmeticError):
+    """The start is so far off that the model's motion has no end there."""
+
+
 @dataclass(frozen=True)
 class Freedom:
     """Gaussian priors on the coordinates (mean (7,), std (7,); inf: none, 0: held) and on every effect's parameter size."""
@@ -170,6 +174,8 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
     with np.errstate(over="ignore", invalid="ignore"):
         prediction = predict(series, point)
         value = cost(prediction)
+        if not np.isfinite(value):
+            raise DivergedError(", ".join(effect.name for effect, _ in point.active))
         settled = 1e-3 / max(1, np.count_nonzero(series.weight) * 4)
         converged = False
         for _ in range(most):

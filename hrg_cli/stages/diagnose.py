@@ -30,7 +30,7 @@ from .diagnosis_tones import Tone
 
 Array = np.ndarray
 INADEQUATE = 1e-4
-"""Chance at which a clean model would be called inadequate by the residual's smooth part."""
+"""Chance at which a clean model would be called inadequate by the residual's smooth part, and again by the open terms."""
 OPEN_TERMS = 3
 MOST_TONES = 4
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
@@ -47,6 +47,7 @@ def diagnose(
     scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
     most_effects: Annotated[int, Field(ge=0, le=12, description="most effects taken into the extended model")] = 5,
     blocks: Annotated[int, Field(ge=40, le=1500, description="fewest averaged rows a run")] = 120,
+    free_phase: Annotated[bool, Field(description="judge shape and angle alone: the phase wanders by causes outside the model")] = False,
 ) -> Diagnosis:
     """Name what the base model gets wrong in these runs, or say that nothing fits and describe it.
 
@@ -56,6 +57,7 @@ def diagnose(
     steps = diagnosis_waveform.phase_steps(waves)
     pieces, origin = diagnosis_waveform.split_at(waves, steps)
     series, point, _ = prepare(pieces, scale_factor, blocks)
+    series = replace(series, free_phase=free_phase)
     freedom = _freedom(series, point, scale_factor)
     base = extended_fit.fit(series, point, freedom)
     tones: list[Tone] = []
@@ -63,6 +65,7 @@ def diagnose(
         tones.append(tone)
         pieces = diagnosis_tones.without(pieces, tone)
         series, point, _ = prepare(pieces, scale_factor, blocks)
+        series = replace(series, free_phase=free_phase)
         base = extended_fit.fit(series, point, freedom)
     candidates = diagnosis_search.variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
     search, remainder, noise_factor = _explain(base, candidates, most_effects)
@@ -129,10 +132,16 @@ def _explain(base: Fit, candidates: Sequence[diagnosis_search.Variant], most: in
 
 
 def _rest(fit: Fit, noise_factor: float) -> Remainder | None:
-    """The open search where the fit is not adequate; None where it is."""
+    """The open search where the fit is not adequate; None where it is.
+
+    Not adequate: the residual's smooth part is too large, or one open term of all those tried finds what is too quick for that part.
+    """
     level, p = diagnosis_remainder.adequacy(fit)
-    if p > INADEQUATE or (level < 1.2 * noise_factor and noise_factor > 1):
+    if level < 1.2 * noise_factor and noise_factor > 1:
         return None
+    if p > INADEQUATE:
+        found = diagnosis_remainder.describe(fit, noise_factor, OPEN_TERMS, INADEQUATE)
+        return found if found.terms else None
     return diagnosis_remainder.describe(fit, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
 
 

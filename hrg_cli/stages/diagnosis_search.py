@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -20,6 +21,8 @@ WORTH = 10.0
 MOST_TYPICAL = 1000.0
 """Times its typical size that no cause exceeds."""
 SHORTLIST = 3
+ROUNDS = 4
+"""Shortlists tried when the refits of the first bring nothing."""
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
 
@@ -138,8 +141,13 @@ def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
     return Search(base, fit, tuple(found), first, tuple(s for s, _ in scored(fit, candidates)), tuple(narrate))
 
 
-def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: float) -> tuple[Fit, Found] | None:
-    """The best next effect, its rivals refitted too; None when nothing is significant."""
+def best_step(
+    fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: float, rounds: int = ROUNDS
+) -> tuple[Fit, Found] | None:
+    """The best next effect, its rivals refitted too; None when nothing is significant.
+
+    Far from a linear residual the best score may belong to an effect whose refit fails; then the next ones are tried.
+    """
     tried = sum(s.visible for s, _ in ranked)
     if tried == 0:
         return None
@@ -154,13 +162,15 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
     close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
     trials = []
     for score, variant in close:
-        trial = adopted(fit, score, variant)
-        trials.append((bic(trial), trial, score, variant))
+        with contextlib.suppress(extended_fit.DivergedError):
+            trial = adopted(fit, score, variant)
+            trials.append((bic(trial), trial, score, variant))
     trials.sort(key=lambda t: t[0])
+    gain = (bic(fit) - trials[0][0]) / noise_factor if trials else -np.inf
+    if not gain >= WORTH:
+        rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
+        return best_step(fit, rest, noise_factor, rounds - 1) if rounds > 1 and rest else None
     level, chosen, score, variant = trials[0]
-    gain = (bic(fit) - level) / noise_factor
-    if not np.isfinite(level) or gain < WORTH:
-        return None
     margin = WORTH * noise_factor
     rivals = [t[3].effect.name for t in trials[1:] if t[0] < level + margin]
     rivals += [
