@@ -15,11 +15,11 @@ import pandas as pd
 import pytest
 
 from hrg_cli import store
-from hrg_cli.batch import executor_for, run_lot, safe_name
 from hrg_cli.errors import HrgError
 from hrg_cli.executors import run_tasks
-from hrg_cli.lot_settings import LotSettings
-from hrg_cli.lot_table import judged_rows
+from hrg_cli.lots.batch import executor_for, run_lot, safe_name
+from hrg_cli.lots.lot_settings import LotSettings
+from hrg_cli.lots.lot_table import judged_rows
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Recording, Resonator
 
@@ -233,7 +233,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_
 
 def test_an_interrupted_lot_is_resumed(reference, lot, tmp_path):
     out = tmp_path / "out"
-    program = f"from hrg_cli.batch import run_lot; run_lot({str(lot / 'lot.toml')!r}, {str(out)!r})"
+    program = f"from hrg_cli.lots.batch import run_lot; run_lot({str(lot / 'lot.toml')!r}, {str(out)!r})"
     child = subprocess.Popen([sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
     while not list(out.rglob("*.wave.h5")) and child.poll() is None:
         time.sleep(0.01)
@@ -251,7 +251,7 @@ def test_a_scheduler_that_is_not_there_is_named(lot, tmp_path, monkeypatch):
 
 
 def test_two_programs_do_not_work_on_one_lot(lot, tmp_path):
-    from hrg_cli.batch import _only_writer
+    from hrg_cli.lots.batch import _only_writer
 
     (tmp_path / "out").mkdir()
     with _only_writer(tmp_path / "out"), pytest.raises(HrgError, match="another program works on this lot"):

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from .. import settings
-from ..batch import executor_for, run_lot
 from ..errors import HrgError
-from ..lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
+from ..lots.batch import executor_for, run_lot
+from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
 from ..reporting import console
 from .frame import Common, existing

@@ -41,7 +41,7 @@ class Cell:
 
 
 def lot_page(report: Mapping[str, Any], folders: Mapping[str, str]) -> str:
-    """The page of a lot's report (`hrg_cli.batch.run_lot`); folders: the folder of each gyro, relative to the page."""
+    """The page of a lot's report (`hrg_cli.lots.batch.run_lot`); folders: the folder of each gyro, relative to the page."""
     rows: Sequence[Row] = report["rows"]
     names = parameters(rows)
     with style():

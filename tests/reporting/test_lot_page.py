@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hrg_cli.lot_settings import LotSettings
-from hrg_cli.lot_table import judged_rows
+from hrg_cli.lots.lot_settings import LotSettings
+from hrg_cli.lots.lot_table import judged_rows
 from hrg_cli.reporting.lot_page import distribution, lot_page, parameters
 
 HOSTILE = '../<script>alert("x")</script>\x1b[31m'

@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from . import store
+from .. import store
 from .lot_settings import LotSettings
 
 FEWEST = 5
@@ -17,9 +17,7 @@ NO_ORDER = ("damping_axis_rad", "stiffness_axis_rad")
 """Axes lie at random; none of them stands out."""
 
 
-def judged_rows(
-    lot: LotSettings, recordings: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]
-) -> list[dict[str, Any]]:
+def judged_rows(lot: LotSettings, recordings: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Rows in the order of the gyros' names; every row has the same keys.
 
     Robust distance of a parameter x from the lot: z = (x − median) / √((1.4826·MAD)² + σ²), MAD the median absolute deviation of
@@ -28,9 +26,7 @@ def judged_rows(
     """
     rows = [_row(gyro, [r for r in recordings if r["gyro_id"] == gyro["gyro_id"]]) for gyro in gyros]
     known = {gyro["gyro_id"] for gyro in gyros}
-    rows += [
-        _row({"gyro_id": r["gyro_id"], "status": "failed", "error": ""}, [r]) for r in recordings if r["gyro_id"] not in known
-    ]
+    rows += [_row({"gyro_id": r["gyro_id"], "status": "failed", "error": ""}, [r]) for r in recordings if r["gyro_id"] not in known]
     columns = list(dict.fromkeys(key for row in rows for key in row["figures"]))
     for name in columns:
         _distances(rows, name, lot.outlier_z)

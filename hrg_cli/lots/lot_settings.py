@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from . import settings
-from .errors import HrgError
-from .formats import import_log
-from .pipeline import STAGES
+from .. import settings
+from ..errors import HrgError
+from ..formats import import_log
+from ..pipeline import STAGES
 
 PER_RECORDING = ("demodulate", "estimate")
 PER_GYRO = ("identify", "calibrate", "diagnose")
@@ -74,9 +74,7 @@ class LotSettings(BaseModel):
     def values(self, stage: str, file_name: str = "") -> Table:
         """The whole checked settings of a stage."""
         function = import_log if stage == "import" else STAGES[stage].function()
-        checked = settings.validate(
-            settings.model_of(function), self.table(stage, file_name), "the lot's file", prefix=f"{stage}."
-        )
+        checked = settings.validate(settings.model_of(function), self.table(stage, file_name), "the lot's file", prefix=f"{stage}.")
         return {key: getattr(checked, key) for key in type(checked).model_fields}
 
 
@@ -118,9 +116,7 @@ def _matching(base: Path, pattern: str) -> list[Path]:
     if whole.is_file():
         return [whole.absolute()]
     try:
-        root, relative = (
-            (Path(whole.anchor), str(whole.relative_to(whole.anchor))) if Path(pattern).is_absolute() else (base, pattern)
-        )
+        root, relative = (Path(whole.anchor), str(whole.relative_to(whole.anchor))) if Path(pattern).is_absolute() else (base, pattern)
         return sorted(p.absolute() for p in root.glob(relative) if p.is_file())
     except (ValueError, NotImplementedError, OSError) as error:
         raise HrgError(f"{base}: {pattern!r} is no pattern of files ({error}); write e.g. data/*.h5") from error

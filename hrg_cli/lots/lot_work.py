@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from . import __version__, pipeline, store
-from .errors import HrgError
-from .records import Record
+from .. import __version__, pipeline, store
+from ..errors import HrgError
+from ..records import Record
 
 COMMAND = "hrg batch"
 _ONE_AT_A_TIME = threading.Lock()
@@ -130,7 +130,7 @@ def _stage(task: GyroTask, stage: str, inputs: list[Path], beside: Mapping[str, 
 
 
 def _import(task: RecordingTask, output: Path) -> None:
-    from .formats import import_log
+    from ..formats import import_log
 
     values = {**task.settings["import"], "gyro_id": task.gyro_id, "lot_id": task.lot_id}
     source = Path(task.source)
@@ -140,7 +140,7 @@ def _import(task: RecordingTask, output: Path) -> None:
 def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
     if record.kind not in limits:
         return []
-    from .limits import check
+    from ..limits import check
 
     return [{"name": row.name, "passed": row.passed, "sentence": row.sentence()} for row in check(record, limits)]
 

@@ -19,14 +19,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from . import store
-from .errors import HrgError
-from .executors import OpenExecutor, dask_workers, local_processes, run_tasks
-from .formats.hdf5 import SIGNATURE
+from .. import store
+from ..errors import HrgError
+from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
+from ..formats.hdf5 import SIGNATURE
+from ..records import Recording
 from .lot_settings import PER_RECORDING, LotSettings, read_lot, recordings_of
 from .lot_table import judged_rows, write_table
 from .lot_work import GyroTask, RecordingTask, work_gyro, work_recording
-from .records import Recording
 
 MARK = "lot.json"
 Progress = Callable[[float | None], None]
@@ -54,7 +54,7 @@ def run_lot(
     A recording or gyro that fails is reported and does not stop the others. Status: valid (every gyro passed), suspect (some did
     not), refused (none did). HrgError: a wrong lot file, no recordings, a folder that holds something else (unless `force`).
     """
-    from .reporting.lot_page import lot_page
+    from ..reporting.lot_page import lot_page
 
     started = time.monotonic()
     path, folder = Path(path), Path(folder)
@@ -70,9 +70,7 @@ def run_lot(
         done = [result or _killed(task) for task, result in zip(first, waves)]
         second = _gyro_tasks(lot, first, done)
         results = run_tasks(work_gyro, second, open_executor, lambda count: progress((len(first) + count) / total))
-        found = [
-            result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED} for task, result in zip(second, results)
-        ]
+        found = [result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED} for task, result in zip(second, results)]
         rows = judged_rows(lot, [_plain(r, folder, path) for r in failed + done], [_plain(r, folder, path) for r in found])
         for left in folder.rglob(".*.hrg-*.tmp"):  # of workers that were killed; nobody else writes here
             left.unlink(missing_ok=True)
@@ -146,11 +144,7 @@ def _recording_tasks(
     for named, file in recordings:
         foreign = _is_foreign(file)
         try:
-            gyro = (
-                named
-                or (str(lot.table("import", file.name).get("gyro_id", "")) if foreign else _gyro_of(file))
-                or file.parent.name
-            )
+            gyro = named or (str(lot.table("import", file.name).get("gyro_id", "")) if foreign else _gyro_of(file)) or file.parent.name
         except HrgError as error:
             failed.append({"gyro_id": named or "", "name": file.name, "status": "failed", "error": str(error)})
             continue
