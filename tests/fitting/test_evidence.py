@@ -31,7 +31,8 @@ def test_many_scores_at_once_are_those_of_the_singular_values():
     random = np.random.default_rng(7)
     J, Q, _, r = problem(7)
     candidates = [random.standard_normal((len(r), m)) * 10.0 ** random.uniform(-6, 6, m) for m in (1, 3, 60, 2, 30)]
-    candidates.append(np.column_stack([candidates[0], candidates[0] + 1e-9 * J[:, :1], np.zeros(len(r))]))  # two columns that are one, and nothing
+    one = candidates[0]
+    candidates.append(np.column_stack([one, one + 1e-9 * J[:, :1], np.zeros(len(r))]))  # two columns that are one, and nothing
     candidates.append(np.full((len(r), 1), np.nan))
     found = evidence.scores([str(k) for k in range(len(candidates))], r, candidates, Q)
     for S, score in zip(candidates[:5], found[:5], strict=True):
@@ -39,7 +40,8 @@ def test_many_scores_at_once_are_those_of_the_singular_values():
         assert score.rank == S.shape[1]
         assert score.gain == pytest.approx(r @ r - np.linalg.lstsq(full, r, rcond=None)[1][0], rel=1e-8)
         assert score.space.T @ score.space == pytest.approx(np.eye(score.rank), abs=1e-9)
-        assert score.std / np.sqrt(np.diag(np.linalg.inv(full.T @ full))[: S.shape[1]]) * np.linalg.norm(S, axis=0) == pytest.approx(1, rel=1e-8)
+        std = np.sqrt(np.diag(np.linalg.inv(full.T @ full))[: S.shape[1]]) / np.linalg.norm(S, axis=0)
+        assert score.std / std == pytest.approx(1, rel=1e-8)
     assert found[5].rank == 1 and found[5].gain == pytest.approx(found[0].gain, rel=1e-6)
     assert not found[6].visible
 

@@ -1,4 +1,4 @@
-"""The waveform view from raw samples: a tone's true size through the windows, and harmonics that the sampling folds beside the resonance."""
+"""The waveform view from raw samples: a tone's true size through the windows, harmonics that the sampling folds beside the resonance."""
 
 import numpy as np
 import pytest
