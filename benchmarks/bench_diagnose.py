@@ -53,7 +53,8 @@ def main() -> None:
         whole.append(time.process_time() - started)
     visible = sum(t["visible"] for t in out["tested"])
     print(
-        f"base fit {min(base):.3f} s; diagnose {min(whole):.3f} s, {len(out['tested'])} effects ({visible} visible), verdict {out['verdict']}"
+        f"base fit {min(base):.3f} s; diagnose {min(whole):.3f} s, "
+        f"{len(out['tested'])} effects ({visible} visible), verdict {out['verdict']}"
     )
     print(f"ratio {min(whole) / min(base):.2f} (at most 10)")
 

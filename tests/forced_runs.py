@@ -96,13 +96,14 @@ def forced_run(
 def wave_of(t, theta, temperature, rate, noise, run_id, gyro_id="g1", mode_number=2, start_time="", ratio=None, mode="forced", **more):
     n = len(t)
     dt = t[1] - t[0]
-    small = np.full(n, noise)
+    small, warm = np.full(n, noise), np.zeros(n) + (0 if temperature is None else temperature)
     fields = {
         "time_s": t, "main_amplitude": np.ones(n), "quadrature_amplitude": np.zeros(n) if ratio is None else ratio, "wave_angle_rad": theta,
         "phase_rad": np.zeros(n), "carrier_phase_rad": np.zeros(n), "main_amplitude_std": small, "quadrature_amplitude_std": small,
-        "wave_angle_rad_std": small, "phase_rad_std": small, "carrier_phase_rad_std": np.zeros(n), "residual_rms": np.zeros(n), "signal_std": small,
-        "iterations": np.zeros(n, "i2"), "flags": np.zeros(n, "u1"), "temperature_degc": temperature, "rate_rad_s": rate, "frequency_hz": 5000 + 0.4 * (np.zeros(n) + (0 if temperature is None else temperature) - 20),
-        "reference_frequency_hz": 5000.0, "window_s": dt, "mode": mode, "mode_number": mode_number, "gyro_id": gyro_id, "run_id": run_id, "start_time": start_time,
+        "wave_angle_rad_std": small, "phase_rad_std": small, "carrier_phase_rad_std": np.zeros(n), "residual_rms": np.zeros(n),
+        "signal_std": small, "iterations": np.zeros(n, "i2"), "flags": np.zeros(n, "u1"), "temperature_degc": temperature,
+        "rate_rad_s": rate, "frequency_hz": 5000 + 0.4 * (warm - 20), "reference_frequency_hz": 5000.0, "window_s": dt, "mode": mode,
+        "mode_number": mode_number, "gyro_id": gyro_id, "run_id": run_id, "start_time": start_time,
     }  # fmt: skip
     return Wave(**(fields | more))
 

@@ -61,7 +61,9 @@ def reflection(alpha: float | Array) -> Array:
     return np.stack([np.stack([cos, sin], -1), np.stack([sin, -cos], -1)], -2)
 
 
-def generator(mechanics: Mechanics, rate_rad_s: float | Array = 0.0, reference_frequency_hz: float | None = None, second_order: float = 1.0) -> Array:
+def generator(
+    mechanics: Mechanics, rate_rad_s: float | Array = 0.0, reference_frequency_hz: float | None = None, second_order: float = 1.0
+) -> Array:
     """Slow generator L (..., 2, 2) complex, 1/s, for a constant rate (shape ...).
 
     second_order: 1 for the solvent, exact to O(L³/ω²); 0 for plain averaging. The envelope is taken against the reference frequency.

@@ -111,7 +111,8 @@ def distribution(rows: Sequence[Row], name: str) -> Plot | None:
     legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
     named = ", ".join(plain(row["gyro_id"]) for row, out in zip(known, far) if out)
     words = (
-        f"{len(value)} gyros from {number(value[0], 7)} to {number(value[-1], 7)}, median {number(middle, 7)}, robust spread {number(spread)}; "
+        f"{len(value)} gyros from {number(value[0], 7)} to {number(value[-1], 7)}, median {number(middle, 7)}, "
+        f"robust spread {number(spread)}; "
         + (f"{int(far.sum())} outliers: {named}." if far.any() else "no outlier.")
     )
     return Plot(name.replace("_", "-"), f"Distribution of {name}", words, figure)
