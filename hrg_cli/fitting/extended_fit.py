@@ -176,7 +176,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
         value = cost(prediction)
         if not np.isfinite(value):
             raise DivergedError(", ".join(effect.name for effect, _ in point.active))
-        settled = 1e-3 / max(1, np.count_nonzero(series.weight) * 4)
+        settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
         converged = False
         for _ in range(most):
             flow = propagation(prediction)

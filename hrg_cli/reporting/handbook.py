@@ -57,10 +57,9 @@ def renewed(text: str) -> str:
     """README text with every generated part made again."""
     for name, make in PARTS.items():
         begin, end = f"<!-- generated: {name} -->", "<!-- end of generated part -->"
-        pattern = re.compile(re.escape(begin) + r".*?" + re.escape(end), re.S)
-        if pattern.search(text):
-            content = f"{begin}\n{make()}\n{end}"
-            text = pattern.sub(lambda _, content=content: content, text, count=1)
+        found = re.search(re.escape(begin) + r".*?" + re.escape(end), text, re.S)
+        if found:
+            text = f"{text[: found.start()]}{begin}\n{make()}\n{end}{text[found.end() :]}"
     return text
 
 

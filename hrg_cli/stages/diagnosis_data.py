@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -118,9 +119,10 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
         columns.setdefault("weight", []).append(np.concatenate([1 / run.std, np.zeros(longest - len(run))]))
+    stacked: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
     return Series(
         names=tuple(w.run_id or f"run {k}" for k, w in enumerate(waves)),
-        **{name: np.stack(values) for name, values in columns.items()},
+        **stacked,
         reference_frequency_hz=reference,
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
