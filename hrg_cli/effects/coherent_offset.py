@@ -8,9 +8,8 @@ Mistaken for: drive feed-through. What separates it: a ring-down, in which its a
 
 import numpy as np
 
-from ..physics import ellipse
 from ..physics.plant import Readout, Samples, SlowState
-from .effect import Array, Effect, Parameter, Values, frame
+from .effect import Array, Effect, Parameter, Values, followed, frame
 
 
 def vector(p: Values) -> Array:
@@ -20,13 +19,11 @@ def vector(p: Values) -> Array:
 
 def readout(p: Values, readout: Readout) -> None:
     """y + Re[e·e^{j(φ+ωt)}], the phase taken from displacement and velocity and followed from block to block."""
-    e, last = vector(p), list[float]()
+    e, last = vector(p), list[Array]()
 
     def step(block: Samples, y: Array) -> Array:
         w = (block.z - 1j * block.v_over_omega).T
-        phase = ellipse.wave(w, 1)[3]
-        phase = np.unwrap(np.concatenate([last or phase[:1], phase]), period=np.pi)[1:]
-        last[:] = [float(phase[-1])]
+        phase = followed(w, last)
         return y + np.real(e[:, None] * np.exp(1j * phase))
 
     readout.steps.append(step)

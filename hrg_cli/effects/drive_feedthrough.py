@@ -10,9 +10,8 @@ Mistaken for: coherent offset, parasitic force. What separates it: it vanishes w
 
 import numpy as np
 
-from ..physics import ellipse
 from ..physics.plant import Readout, Samples, SlowState
-from .effect import Array, Effect, Parameter, Values, along, frame
+from .effect import Array, Effect, Parameter, Values, along, followed, frame
 
 
 def vector(p: Values) -> Array:
@@ -22,13 +21,11 @@ def vector(p: Values) -> Array:
 
 def readout(p: Values, readout: Readout) -> None:
     """y + Re[(κ + jη)·a_ΦA e^{j(φ+ωt)}], the phase followed from block to block."""
-    coupling, last = vector(p), list[float]()
+    coupling, last = vector(p), list[Array]()
 
     def step(block: Samples, y: Array) -> Array:
         w = (block.z - 1j * block.v_over_omega).T
-        phase = ellipse.wave(w, 1)[3]
-        phase = np.unwrap(np.concatenate([last or phase[:1], phase]), period=np.pi)[1:]
-        last[:] = [float(phase[-1])]
+        phase = followed(w, last)
         turn, e_A, _, _ = frame(w, phase)
         amplitude = np.real(along(block.drive.T, e_A)[:, 0] / turn)
         return y + np.real(coupling[:, None] * amplitude * turn)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
+from ..physics import ellipse
 from ..physics.plant import Control, Environment, Plant, Readout, SlowState
 
 Array = np.ndarray
@@ -109,6 +110,21 @@ def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Arra
     e_A[..., 1] = sin
     e_B[..., 0] = -sin
     return turn, e_A, e_B, a_A
+
+
+def followed(w: Array, last: list[Array]) -> Array:
+    """Phase φ + ωt (n,) of analytic signals w (n, 2) a sample apart, continuous from block to block; `last` keeps signal and phase.
+
+    (mθ, φ) and (mθ + π, φ + π) are one wave, so the phase is continued by its mean advance, which may be most of half a turn a sample.
+    """
+    whole = np.concatenate([last[0], w]) if last else w
+    phase = ellipse.wave(whole, 1)[3]
+    advance = np.angle(np.sum(np.conj(whole[:-1]) * whole[1:])) * np.arange(len(whole))
+    phase = np.unwrap(phase - advance, period=np.pi) + advance
+    if last:
+        phase = phase[1:] + np.pi * np.round((last[1][0] - phase[0]) / np.pi)
+    last[:] = [w[-1:], phase[-1:]]
+    return phase
 
 
 def along(vector: Array, direction: Array) -> Array:

@@ -21,7 +21,15 @@ from ..fitting.base_fit import nominal_scale_factor
 from ..fitting.extended import Point, Series
 from ..fitting.extended_fit import Fit, Freedom
 from ..records import Diagnosis, Resonator, Wave
-from . import diagnosis_gain, diagnosis_remainder, diagnosis_report, diagnosis_search, diagnosis_tones, diagnosis_waveform
+from . import (
+    diagnosis_gain,
+    diagnosis_orientation,
+    diagnosis_remainder,
+    diagnosis_report,
+    diagnosis_search,
+    diagnosis_tones,
+    diagnosis_waveform,
+)
 from .diagnosis_data import prepare
 from .diagnosis_model import simulation_file
 from .diagnosis_remainder import Remainder
@@ -68,10 +76,11 @@ def diagnose(
         series = replace(series, free_phase=free_phase)
         base = extended_fit.fit(series, point, freedom)
     candidates = diagnosis_search.variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
+    base = diagnosis_orientation.oriented(base, candidates)
     search, remainder, noise_factor = _explain(base, candidates, most_effects)
     level = _noise_level(search.final, remainder)
     if level is not None:
-        base = extended_fit.fit(replace(series, weight=series.weight / level), base.point, freedom)
+        base = extended_fit.fit(replace(base.series, weight=base.series.weight / level), base.point, freedom)
         search, remainder, noise_factor = _explain(base, candidates, most_effects)
     verdict, search, remainder = _verdict(search, remainder, noise_factor)
     frequency = series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)

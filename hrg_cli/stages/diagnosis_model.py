@@ -14,6 +14,7 @@ from ..physics import ellipse
 from ..physics.resonator import exponential
 from ..records import Wave
 from ..settings import to_toml
+from .diagnosis_orientation import COHERENT
 
 Array = np.ndarray
 SAMPLES_A_PERIOD = 8
@@ -69,10 +70,19 @@ def simulation_file(
             continue
         run = _run(fit, pieces[own[0]], own[0], float(frequency[own[0]]), table["recording"]["sample_rate_hz"], names)
         run["recording"]["duration_s"] = float(wave.time_s[-1] + wave.window_s / 2)
+        turned = [name for name in COHERENT if name in effects and _turned(fit, own[0], run)]
+        own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
         if wave.run_id in lost:
-            run["effects"] = {"dropped_samples": lost[wave.run_id]}
+            own_effects["dropped_samples"] = lost[wave.run_id]
+        if own_effects:
+            run["effects"] = own_effects
         table["run"].append(run)
     return to_toml(table)
+
+
+def _turned(fit: Fit, k: int, run: dict[str, Any]) -> bool:
+    """Whether the run's phase was turned by π against that of its start in the file, so that coherent vectors change sign."""
+    return bool(np.cos(fit.series.phase_rad[k, 0] - run["start"]["phase_rad"]) < 0)
 
 
 def _frequencies(fit: Fit) -> Array:
