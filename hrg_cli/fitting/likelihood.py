@@ -323,6 +323,8 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
         design, residual, back = reduced(response, freedom)
         full = np.concatenate([design, prior_rows])
         target = np.concatenate([residual, prior_rows @ (freedom.prior_mean - z)])
+        if not (np.isfinite(full).all() and np.isfinite(target).all()):
+            break  # LAPACK would print its complaint among the command's results
         scale = np.linalg.norm(full, axis=0)
         scale[scale == 0] = 1.0
         step = np.linalg.lstsq(full / scale, target, rcond=1e-13)[0] / scale

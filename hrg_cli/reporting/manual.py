@@ -100,9 +100,14 @@ def _option(command: Any, parameter: Any) -> Iterator[str]:
     yield from (".TP", rf"\fB{_text(written)}\fR", _text(parameter.help or ""))
 
 
+PLAIN = {"°": " deg", "…": "...", "–": "-", "−": "-", "×": "x", "²": "^2", "θ": "theta", "Ω": "Omega", "χ": "chi", "σ": "sigma"}
+"""A terminal without Unicode shows these so."""
+
+
 def _text(text: str) -> str:
     """Text in which nothing is a request or an escape of the formatter."""
     text = " ".join(str(text).split()).replace("\\", r"\e").replace("-", r"\-")
+    text = "".join(c if ord(c) < 128 else PLAIN.get(c, "?") for c in text)
     return rf"\&{text}" if text[:1] in (".", "'") else text
 
 

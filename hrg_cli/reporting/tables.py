@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
 from ..units import to_deg_per_hour
 from .console import print_table
+from .json_text import json_object
 
 
 def show(record: Record, report: Mapping[str, Any]) -> None:
@@ -60,7 +60,7 @@ def facts(record: Record) -> dict[str, Any]:
     if isinstance(record, Resonator):
         found |= {name: value for name, (value, _, _) in record.parameters().items()}
     if isinstance(record, Calibration):
-        found |= {k: v for k, v in json.loads(record.details).items() if isinstance(v, int | float | str)}
+        found |= {k: v for k, v in json_object(record.details).items() if isinstance(v, int | float | str)}
     if isinstance(record, Compensated):
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
     return found

@@ -245,7 +245,7 @@ def test_recorded_pendulum(hrg, tmp_path):
 def test_struck_bell(hrg, tmp_path):
     """A split pair before two microphones that are no orthogonal pair: split and both decays, no axes."""
     source = Path(os.environ["HRG_MEASURED_DATA"]) / "bell" / "perc_bell.flac"
-    wave = wave_of(hrg, tmp_path, source, ("--mode", "free", "--nominal-frequency-hz", 3618), ("--periods-per-window", 36))
+    wave = wave_of(hrg, tmp_path, source, ("--mode", "free", "--nominal-frequency-hz", 3618), ("--periods-per-window", 16))
     record = identify([wave])
     modes = details(record)["modes"]
     assert [m["frequency_hz"] for m in modes] == pytest.approx([3621.0, 3615.4], abs=0.3)
