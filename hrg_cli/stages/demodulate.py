@@ -221,7 +221,7 @@ class _Judge:
             suspect.append(f"channel C is in {recording.c_units!r} and S in {recording.s_units!r}; the same unit was expected")
         if self.run.bent > 2 * max(8, 0.01 * self.rows):
             shorter = self.run.window_s * self.run.reference_hz * min(0.7, 0.5 * self.run.bent_by ** (-1 / 6))
-            advice = f"use periods_per_window of at most {shorter:.2g}" if shorter >= 1 else "another oscillation is too near for short windows"
+            advice = f"use periods_per_window of at most {shorter:.2g}" if shorter >= 1 else "another oscillation is near"
             suspect.append(
                 f"the envelope moves too much within windows of {self.run.window_s * self.run.reference_hz:.3g} periods: what the window's "
                 f"average leaves uncorrected is {self.run.bent_by:.2g} times the noise; {advice}"
