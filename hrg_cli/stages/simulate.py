@@ -20,7 +20,20 @@ from ..physics.plant import Block, Control, Environment, Readout, ThermalCourses
 from ..physics.resonator import Mechanics
 from ..records import Recording
 from ..settings import to_toml
-from .simulation_file import Course, Cycle, Ramp, RecordingTable, SimulationFile, Sine, Soak, Steps, Sweep, runs_of
+from .simulation_file import (
+    Course,
+    Cycle,
+    Ramp,
+    RatePoints,
+    RecordingTable,
+    SimulationFile,
+    Sine,
+    Soak,
+    Steps,
+    Sweep,
+    TemperaturePoints,
+    runs_of,
+)
 
 Array = np.ndarray
 Active = Sequence[tuple[Any, dict[str, Any]]]
@@ -279,12 +292,14 @@ def environment_of(settings: SimulationFile, fine: bool = False) -> Environment:
     return bench.environment(temperature, rate, 0.0 if e.earth_logged else earth, duration, 1 / settings.recording.sample_rate_hz, fine)
 
 
-def _temperature_programme(t: Ramp | Soak | Cycle, duration: float) -> bench.Programme:
+def _temperature_programme(t: Ramp | Soak | Cycle | TemperaturePoints, duration: float) -> bench.Programme:
     if isinstance(t, Ramp):
         end = duration if t.end_s is None else t.end_s
         if end <= t.begin_s:
             raise HrgError(f"simulation: environment.temperature ends at {end:g} s, before it begins at {t.begin_s:g} s")
         return bench.polyline([t.begin_s, end], [t.start_degc, t.stop_degc])
+    if isinstance(t, TemperaturePoints):
+        return bench.polyline(t.time_s, t.temperature_degc)
     if isinstance(t, Soak):
         return bench.levels(t.levels_degc, t.dwell_s, t.transition_s)
     if t.shape == "triangle":
@@ -292,7 +307,9 @@ def _temperature_programme(t: Ramp | Soak | Cycle, duration: float) -> bench.Pro
     return bench.sine((t.high_degc - t.low_degc) / 2, 1 / t.period_s, -math.pi / 2, (t.high_degc + t.low_degc) / 2)
 
 
-def _rate_programme(r: Steps | Sine | Sweep, duration: float) -> bench.Programme:
+def _rate_programme(r: Steps | Sine | Sweep | RatePoints, duration: float) -> bench.Programme:
+    if isinstance(r, RatePoints):
+        return bench.polyline(r.time_s, r.rate_rad_s)
     if isinstance(r, Steps):
         return bench.levels(r.levels_rad_s, r.dwell_s, r.transition_s)
     if isinstance(r, Sine):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -199,6 +200,39 @@ class Cycle(Table):
     shape: Literal["sine", "triangle"] = "triangle"
 
 
+def _same_and_rising(time_s: list[float], values: list[float], name: str) -> None:
+    if len(time_s) != len(values):
+        raise ValueError(f"time_s has {len(time_s)} values and {name} {len(values)}; as many were expected")
+    if any(later <= earlier for earlier, later in pairwise(time_s)):
+        raise ValueError("time_s must rise from value to value")
+
+
+class TemperaturePoints(Table):
+    """Temperature along straight lines through points, as a log gives them; constant before the first and after the last."""
+
+    kind: Literal["points"]
+    time_s: Annotated[list[float], Field(min_length=1)]
+    temperature_degc: list[float]
+
+    @model_validator(mode="after")
+    def _matched(self) -> Self:
+        _same_and_rising(self.time_s, self.temperature_degc, "temperature_degc")
+        return self
+
+
+class RatePoints(Table):
+    """Rate along straight lines through points, as a log gives them; constant before the first and after the last."""
+
+    kind: Literal["points"]
+    time_s: Annotated[list[float], Field(min_length=1)]
+    rate_rad_s: list[float]
+
+    @model_validator(mode="after")
+    def _matched(self) -> Self:
+        _same_and_rising(self.time_s, self.rate_rad_s, "rate_rad_s")
+        return self
+
+
 class Steps(Table):
     """Rates held in turn; `transition_s` is the table's time between two."""
 
@@ -229,9 +263,9 @@ class EnvironmentTable(Table):
     """[environment]: a constant, or a programme that takes its place (temperature) or is added to it (rate)."""
 
     temperature_degc: float = 20.0
-    temperature: Annotated[Ramp | Soak | Cycle, Field(discriminator="kind")] | None = None
+    temperature: Annotated[Ramp | Soak | Cycle | TemperaturePoints, Field(discriminator="kind")] | None = None
     rate_rad_s: float = 0.0
-    rate: Annotated[Steps | Sine | Sweep, Field(discriminator="kind")] | None = None
+    rate: Annotated[Steps | Sine | Sweep | RatePoints, Field(discriminator="kind")] | None = None
     earth_latitude_rad: Annotated[float, Field(ge=-math.pi / 2, le=math.pi / 2)] | None = None
     earth_rate_rad_s: float | None = None
     earth_logged: bool = True
