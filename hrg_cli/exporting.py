@@ -13,7 +13,7 @@ from pydantic import Field
 
 from .errors import HrgError
 from .records import Calibration
-from .stages.calibration_table import values
+from .stages.calibration.table import values
 
 Array = np.ndarray
 LARGEST_ANGLES, LARGEST_NODES = 192, 33

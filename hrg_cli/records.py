@@ -213,37 +213,24 @@ class Recording(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Periods(Record):
-    """Signals a window: the least-squares coefficients of both channels at the window's centre.
+class Windowed(Record):
+    """What a row of every window carries, and the run it belongs to: common to `Periods` and `Wave`."""
 
-    Direct read-out, 4 signals c_cos, c_sin, s_cos, s_sin: C = c_cos·cos ω_r t + c_sin·sin ω_r t, so C0 = c_cos − j·c_sin.
-    Carrier read-out, 8 signals: the a (cosine) and b (sine) coefficients at the difference and sum frequencies in the order
-    a_c⁻, a_c⁺, b_c⁻, b_c⁺, a_s⁻, a_s⁺, b_s⁻, b_s⁺ (PHYSICS §3, seed B (1)).
-    """
-
-    kind: ClassVar[str] = "periods"
-    made_by: ClassVar[str] = "hrg demodulate"
     time_s: Array = column("s", "centre of the window")
-    signals: Array = column("any", "signal coefficients", ("row", "signal"))
-    signals_std: Array = column("any", "their standard deviations", ("row", "signal"))
-    residual_rms: Array = column("any", "rms of what the fit leaves, channel C and S", ("row", "channel"))
     flags: Array = column("1", "bits: 1 clipped, 2 gap, 4 not finite, 8 settling", dtype="u1")
     temperature_degc: Array | None = column("degC", "temperature at the window", optional=True)
-    rate_rad_s: Array | None = column("rad s-1", "rate at the window", optional=True)
+    rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis at the window", optional=True)
     drive_main: Array | None = column("any", "commanded drive of the main wave", optional=True)
     drive_quadrature: Array | None = column("any", "commanded drive of the quadrature wave", optional=True)
     reference_frequency_hz: float = attribute("frequency of the reference phase, which is 0 at t = 0", dtype="f8")
-    periods_per_window: float = attribute("oscillation periods a window", dtype="f8")
     window_s: float = attribute("length of a window", dtype="f8")
     mode: str = attribute('"free" or "forced"')
     readout: str = attribute('"direct" or "carrier"', default="direct")
-    carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8")
     mode_number: int = attribute("angular mode number m", default=2, dtype="i8")
     gyro_id: str = attribute("the gyro", default="")
     run_id: str = attribute("the run", default="")
     lot_id: str = attribute("the lot", default="")
     start_time: str = attribute("ISO 8601 time of t = 0", default="")
-    units: str = attribute("unit of the signals", default="1", name="signal_units")
     spectrum_frequency_hz: Array | None = column(
         "Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True
     )
@@ -267,7 +254,26 @@ class Periods(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wave(Record):
+class Periods(Windowed):
+    """Signals a window: the least-squares coefficients of both channels at the window's centre.
+
+    Direct read-out, 4 signals c_cos, c_sin, s_cos, s_sin: C = c_cos·cos ω_r t + c_sin·sin ω_r t, so C0 = c_cos − j·c_sin.
+    Carrier read-out, 8 signals: the a (cosine) and b (sine) coefficients at the difference and sum frequencies in the order
+    a_c⁻, a_c⁺, b_c⁻, b_c⁺, a_s⁻, a_s⁺, b_s⁻, b_s⁺ (PHYSICS §3, seed B (1)).
+    """
+
+    kind: ClassVar[str] = "periods"
+    made_by: ClassVar[str] = "hrg demodulate"
+    signals: Array = column("any", "signal coefficients", ("row", "signal"))
+    signals_std: Array = column("any", "their standard deviations", ("row", "signal"))
+    residual_rms: Array = column("any", "rms of what the fit leaves, channel C and S", ("row", "channel"))
+    periods_per_window: float = attribute("oscillation periods a window", dtype="f8")
+    carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8")
+    units: str = attribute("unit of the signals", default="1", name="signal_units")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wave(Windowed):
     """The standing wave a window: main amplitude, quadrature, wave angle, phases, with standard deviations.
 
     C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ); θ and φ unwrapped within the run;
@@ -276,7 +282,6 @@ class Wave(Record):
 
     kind: ClassVar[str] = "wave"
     made_by: ClassVar[str] = "hrg estimate"
-    time_s: Array = column("s", "centre of the window")
     main_amplitude: Array = column("any", "main amplitude a_A")
     quadrature_amplitude: Array = column("any", "quadrature amplitude a_B, signed")
     wave_angle_rad: Array = column("rad", "wave angle θ, physical angle, unwrapped")
@@ -290,42 +295,8 @@ class Wave(Record):
     residual_rms: Array = column("any", "rms of the redundant equations' residual (0 where there is no redundancy)")
     signal_std: Array = column("any", "standard deviation of one signal coefficient, pooled over the window's signals")
     iterations: Array = column("1", "residual evaluations of the solver (0: closed form; negative: not converged)", dtype="i2")
-    flags: Array = column("1", "bits: 1 clipped, 2 gap, 4 not finite, 8 settling", dtype="u1")
-    temperature_degc: Array | None = column("degC", "temperature", optional=True)
-    rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis", optional=True)
-    drive_main: Array | None = column("any", "commanded drive of the main wave", optional=True)
-    drive_quadrature: Array | None = column("any", "commanded drive of the quadrature wave", optional=True)
     frequency_hz: Array = column("Hz", "oscillation frequency: reference + dφ/dt / 2π, smoothed over neighbouring windows")
-    reference_frequency_hz: float = attribute("frequency of the reference phase, which is 0 at t = 0", dtype="f8")
-    window_s: float = attribute("length of a window", dtype="f8")
-    mode: str = attribute('"free" or "forced"')
-    readout: str = attribute('"direct" or "carrier"', default="direct")
-    mode_number: int = attribute("angular mode number m", default=2, dtype="i8")
-    gyro_id: str = attribute("the gyro", default="")
-    run_id: str = attribute("the run", default="")
-    lot_id: str = attribute("the lot", default="")
-    start_time: str = attribute("ISO 8601 time of t = 0", default="")
     units: str = attribute("unit of the amplitudes", default="1", name="amplitude_units")
-    spectrum_frequency_hz: Array | None = column(
-        "Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True
-    )
-    spectrum_density: Array | None = column(
-        "any",
-        "one-sided power density of the residual, both channels",
-        ("frequency", "channel"),
-        group="/spectrum",
-        name="density",
-        optional=True,
-    )
-    spectrum_line_frequency_hz: Array | None = column(
-        "Hz", "lines that stand out of the residual", ("line",), group="/spectrum", name="line_frequency_hz", optional=True
-    )
-    spectrum_line_amplitude: Array | None = column(
-        "any", "their amplitudes, both channels", ("line", "channel"), group="/spectrum", name="line_amplitude", optional=True
-    )
-    spectrum_line_ratio: Array | None = column(
-        "1", "their power over the noise floor", ("line",), group="/spectrum", name="line_ratio", optional=True
-    )
 
     def good(self) -> Array:
         """Rows that are neither flagged nor failed: (n,) bool."""

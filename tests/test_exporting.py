@@ -14,7 +14,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.exporting import export
 from hrg_cli.fitting.fourier import evaluate
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration_table import values
+from hrg_cli.stages.calibration.table import values
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import __version__
-from .figures import INK, MUTED, SERIES, Plot, dots, labels, legend, note, number, panels, style, svg
+from .figures.drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, note, number, panels, style, svg
 from .text import plain
 
 FOLDER = Path(__file__).parent

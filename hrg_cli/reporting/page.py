@@ -21,8 +21,8 @@ from markupsafe import Markup
 from .. import __version__, store
 from ..errors import HrgError
 from ..records import KINDS, Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
-from . import figures_calibration, figures_diagnosis, figures_recording, figures_result, figures_wave
-from .figures import Plot, png, style, svg
+from .figures import calibration, diagnosis, recording, result, wave
+from .figures.drawing import Plot, png, style, svg
 from .page_content import STEPS, Step, Table, cell, headline, steps, tables
 from .tables import facts
 from .text import plain
@@ -207,13 +207,13 @@ def _plots(path: Path, beside: Beside) -> Iterator[Plot]:
 
 
 _DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
-    Recording: lambda r, beside: figures_recording.plots(r, bool(beside.truths)),
-    Periods: lambda r, _: figures_recording.period_plots(r),
-    Wave: lambda r, beside: figures_wave.plots(r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated),
-    Resonator: lambda r, _: figures_result.resonator_plots(r),
-    Calibration: lambda r, _: figures_calibration.calibration_plots(r),
-    Compensated: lambda r, _: figures_result.compensated_plots(r),
-    Diagnosis: lambda r, _: figures_diagnosis.diagnosis_plots(r),
+    Recording: lambda r, beside: recording.plots(r, bool(beside.truths)),
+    Periods: lambda r, _: recording.period_plots(r),
+    Wave: lambda r, beside: wave.plots(r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated),
+    Resonator: lambda r, _: result.resonator_plots(r),
+    Calibration: lambda r, _: calibration.calibration_plots(r),
+    Compensated: lambda r, _: result.compensated_plots(r),
+    Diagnosis: lambda r, _: diagnosis.diagnosis_plots(r),
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
 from ..units import DEGREE_PER_HOUR
-from .figures import number
+from .figures.drawing import number
 from .json_text import calibration_rms, child, entries, figure_of_merit, json_list, json_object
 from .text import plain
 

@@ -14,14 +14,14 @@ from ..fitting.increments import path_of
 from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
 from ..fitting.shrinkage import averaged, groups_of
 from ..records import Calibration, Resonator, Wave
-from .calibration_checks import interpolation_doubt, noisy_angles, quadrature_left, stray_harmonics
-from .calibration_factors import build, measured_details, physical_covariance, variant
-from .calibration_figures import cells, figure_rows, predictions
-from .calibration_folds import choose_folds, choose_limits, choose_smoothness
-from .calibration_ladder import Settings, climb, first_stages
-from .calibration_programme import choose_nodes, examine
-from .calibration_record import record_of
-from .calibration_stability import repeats, thermal_memory, without_unstable
+from .calibration.checks import interpolation_doubt, noisy_angles, quadrature_left, stray_harmonics
+from .calibration.factors import build, measured_details, physical_covariance, variant
+from .calibration.figures import cells, figure_rows, predictions
+from .calibration.folds import choose_folds, choose_limits, choose_smoothness
+from .calibration.ladder import Settings, climb, first_stages
+from .calibration.programme import choose_nodes, examine
+from .calibration.record import record_of
+from .calibration.stability import repeats, thermal_memory, without_unstable
 from .figures_of_merit import trade_figures
 from .rate_table import is_rate_table
 from .rate_table import summary as table_summary

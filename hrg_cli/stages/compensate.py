@@ -12,8 +12,8 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
-from .calibration_figures import CELLS_A_PERIOD
-from .calibration_table import in_range, measured_drift, values
+from .calibration.figures import CELLS_A_PERIOD
+from .calibration.table import in_range, measured_drift, values
 from .figures_of_merit import allan_figures
 
 Array = np.ndarray

@@ -21,20 +21,15 @@ from ..fitting.base_fit import nominal_scale_factor
 from ..fitting.extended import Point, Series
 from ..fitting.extended_fit import Fit, Freedom
 from ..records import Diagnosis, Resonator, Wave
-from . import (
-    diagnosis_gain,
-    diagnosis_orientation,
-    diagnosis_remainder,
-    diagnosis_report,
-    diagnosis_search,
-    diagnosis_tones,
-    diagnosis_waveform,
-)
-from .diagnosis_data import prepare
-from .diagnosis_model import simulation_file
-from .diagnosis_remainder import Remainder
-from .diagnosis_search import Search
-from .diagnosis_tones import Tone
+from .diagnosis.data import prepare
+from .diagnosis.gain import held_out
+from .diagnosis.model import simulation_file
+from .diagnosis.orientation import oriented
+from .diagnosis.remainder import Remainder, adequacy, describe
+from .diagnosis.report import report as report_of
+from .diagnosis.search import SIGNIFICANT, WORTH, Search, Variant, adopted, select, variants
+from .diagnosis.tones import Tone, strongest, without
+from .diagnosis.waveform import causes, phase_steps, split_at
 
 Array = np.ndarray
 INADEQUATE = 1e-4
@@ -62,21 +57,21 @@ def diagnose(
     waves: runs of one gyro, free and forced together; resonator: the values the user believes. HrgError: no usable run.
     """
     waves = [_with_clipped(w) for w in waves]
-    steps = diagnosis_waveform.phase_steps(waves)
-    pieces, origin = diagnosis_waveform.split_at(waves, steps)
+    steps = phase_steps(waves)
+    pieces, origin = split_at(waves, steps)
     series, point, _ = prepare(pieces, scale_factor, blocks)
     series = replace(series, free_phase=free_phase)
     freedom = _freedom(series, point, scale_factor)
     base = extended_fit.fit(series, point, freedom)
     tones: list[Tone] = []
-    while len(tones) < MOST_TONES and (tone := diagnosis_tones.strongest(base, pieces)) is not None:
+    while len(tones) < MOST_TONES and (tone := strongest(base, pieces)) is not None:
         tones.append(tone)
-        pieces = diagnosis_tones.without(pieces, tone)
+        pieces = without(pieces, tone)
         series, point, _ = prepare(pieces, scale_factor, blocks)
         series = replace(series, free_phase=free_phase)
         base = extended_fit.fit(series, point, freedom)
-    candidates = diagnosis_search.variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
-    base = diagnosis_orientation.oriented(base, candidates)
+    candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
+    base = oriented(base, candidates)
     search, remainder, noise_factor = _explain(base, candidates, most_effects)
     level = _noise_level(search.final, remainder)
     if level is not None:
@@ -84,11 +79,11 @@ def diagnose(
         search, remainder, noise_factor = _explain(base, candidates, most_effects)
     verdict, search, remainder = _verdict(search, remainder, noise_factor)
     frequency = series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)
-    shown, lines = diagnosis_waveform.causes(waves, steps, tones, frequency, [f.variant.effect.name for f in search.found])
+    shown, lines = causes(waves, steps, tones, frequency, [f.variant.effect.name for f in search.found])
     if shown and verdict in ("adequate", "unexplained"):
         verdict = "explained" if verdict == "adequate" else "partly explained"
-    kind, gain = diagnosis_gain.held_out(search.base, search.final)
-    report = diagnosis_report.report(verdict, search, remainder, kind, gain, noise_factor, resonator, candidates)
+    kind, gain = held_out(search.base, search.final)
+    report = report_of(verdict, search, remainder, kind, gain, noise_factor, resonator, candidates)
     report["effects"] = shown + report["effects"]
     report["lines"] = lines
     return _record(search, waves, pieces, origin, verdict, report)
@@ -127,13 +122,13 @@ def _noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
     return level if abs(level - 1) > max(0.03, 8 / np.sqrt(rough.size)) and level > 1e-9 else None
 
 
-def _explain(base: Fit, candidates: Sequence[diagnosis_search.Variant], most: int) -> tuple[Search, Remainder | None, float]:
+def _explain(base: Fit, candidates: Sequence[Variant], most: int) -> tuple[Search, Remainder | None, float]:
     """Selection and open search; repeated with inflated noise where, after both, the residual is still not white."""
     noise_factor = 1.0
     for _ in range(2):
-        search = diagnosis_search.select(base, candidates, noise_factor, most, [])
+        search = select(base, candidates, noise_factor, most, [])
         remainder = _rest(search.final, noise_factor)
-        level, p = diagnosis_remainder.adequacy(remainder.fit if remainder else search.final)
+        level, p = adequacy(remainder.fit if remainder else search.final)
         if p > INADEQUATE or level < 1.2 * noise_factor:
             break
         noise_factor = level
@@ -145,20 +140,20 @@ def _rest(fit: Fit, noise_factor: float) -> Remainder | None:
 
     Not adequate: the residual's smooth part is too large, or one open term of all those tried finds what is too quick for that part.
     """
-    level, p = diagnosis_remainder.adequacy(fit)
+    level, p = adequacy(fit)
     if level < 1.2 * noise_factor and noise_factor > 1:
         return None
     if p > INADEQUATE:
-        found = diagnosis_remainder.describe(fit, noise_factor, OPEN_TERMS, INADEQUATE)
+        found = describe(fit, noise_factor, OPEN_TERMS, INADEQUATE)
         return found if found.terms else None
-    return diagnosis_remainder.describe(fit, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
+    return describe(fit, noise_factor, OPEN_TERMS, SIGNIFICANT)
 
 
 def _verdict(search: Search, remainder: Remainder | None, noise_factor: float) -> tuple[str, Search, Remainder | None]:
     """The word for it; catalogued causes that open terms outdo are dropped and not blamed."""
     if not search.found:
         return ("unexplained" if remainder is not None else "adequate"), search, remainder
-    alone = diagnosis_remainder.describe(search.base, noise_factor, OPEN_TERMS, diagnosis_search.SIGNIFICANT)
+    alone = describe(search.base, noise_factor, OPEN_TERMS, SIGNIFICANT)
     if alone.terms and not _is_catalogued(alone, search):
         price = float(np.log(len(search.base.residual)))
         spent = (search.final.basis.shape[1] - search.base.basis.shape[1] + (remainder.rank if remainder else 0)) * price
@@ -166,7 +161,7 @@ def _verdict(search: Search, remainder: Remainder | None, noise_factor: float) -
         described = alone.chi2 + alone.rank * price
         # a negative damping says that the catalogue's form is not the right one;
         # what the catalogue explains in full is given up only for something clearly better; what it explains in part must earn its place
-        margin = CLEARLY if remainder is None else -0.5 * diagnosis_search.WORTH
+        margin = CLEARLY if remainder is None else -0.5 * WORTH
         mimic = remainder is not None and _single(alone, search) < -CLEARLY * noise_factor
         forbidden = search.base.point.p[0] > 0 > search.final.point.p[0] and alone.fit.point.p[0] > 0
         if forbidden or mimic or described < catalogued - margin * noise_factor:
@@ -178,7 +173,7 @@ def _single(alone: Remainder, search: Search) -> float:
     """χ² of the first open term alone less that of the first catalogued cause alone, each with its price."""
     base, first, one = search.base, search.found[0], alone.terms[0]
     price = float(np.log(len(base.residual)))
-    cause = diagnosis_search.adopted(base, first.score, first.variant)
+    cause = adopted(base, first.score, first.variant)
     return (base.chi2 - one.score.gain + one.score.rank * price) - (cause.chi2 + first.score.rank * price)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import HrgError
 from ..fitting.increments import Path, path_of
 from ..records import Calibration, Wave
-from .calibration_table import values
+from .calibration.table import values
 
 Array = np.ndarray
 

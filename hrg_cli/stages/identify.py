@@ -14,8 +14,8 @@ from ..fitting import envelope_runs, free_windows
 from ..fitting.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
-from .identification_methods import by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
-from .identification_verdict import Verdict
+from .identification.methods import by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
+from .identification.verdict import Verdict
 
 Array = np.ndarray
 

@@ -1,6 +1,6 @@
 """plan: of a menu of feasible runs, those that best separate the open causes or shrink the worst variances.
 
-Informations of runs add (planning_information). A separation is the size of a cause over its standard deviation with the base
+Informations of runs add (planning.information). A separation is the size of a cause over its standard deviation with the base
 model and its rival free: √(xᵀ S x), S the Schur complement of the information. Runs are chosen one by one, then exchanged while
 that helps.
 """
@@ -23,8 +23,8 @@ from ..fitting.base_fit import nominal_scale_factor
 from ..fitting.coordinates import COUNT, from_mechanics, physical
 from ..physics.resonator import PARAMETERS, Mechanics
 from ..records import Diagnosis, Resonator, Status, Wave
-from .planning_information import Layout, information, left_over, wave_of
-from .planning_menu import candidates
+from .planning.information import Layout, information, left_over, wave_of
+from .planning.menu import candidates
 
 Array = np.ndarray
 BASE = "the base model"

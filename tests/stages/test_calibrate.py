@@ -9,7 +9,7 @@ from forced_runs import Truth, forced_run, programme
 from hrg_cli.errors import HrgError
 from hrg_cli.stages import calibrate as stage
 from hrg_cli.stages.calibrate import calibrate, summary
-from hrg_cli.stages.calibration_table import standard_deviations, values
+from hrg_cli.stages.calibration.table import standard_deviations, values
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "bootstrap": 0}
 

@@ -1,0 +1,1 @@
+"""The figures of the report page, one file a kind of result."""

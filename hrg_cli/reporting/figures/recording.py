@@ -1,0 +1,304 @@
+"""First look at samples: both channels, the orbit, the raw spectrum with what a local fit leaves of it; and the demodulated signals.
+
+A recording may be larger than memory: it is read in a few dozen short looks spread over its length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...records import Array, Periods, Recording, Wave
+from .drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, line, log_axis, note, number, panels, spread, time_unit
+
+LOOKS, LOOK_SAMPLES = 48, 1 << 13
+SPECTRUM_BINS = 700
+
+
+@dataclass(frozen=True)
+class Look:
+    """One short stretch of a recording: times from the recording's start, both channels, sampling rate."""
+
+    time_s: Array
+    signal: Array
+    rate_hz: float
+
+
+def plots(record: Recording, truth: bool) -> list[Plot]:
+    """Every figure of a recording."""
+    looks = _looks(record)
+    if not looks:
+        return []
+    frequency = _frequency(looks)
+    found = [_overview(record, looks), _orbit(record, looks, frequency), _spectrum(record, looks, frequency)]
+    log = _log(record)
+    if log is not None:
+        found.append(log)
+    if truth and record.truth_time_s is not None and len(record.truth_time_s):
+        found.append(_truth(record))
+    return found
+
+
+def _looks(record: Recording) -> list[Look]:
+    n = len(record)
+    if n < 16:
+        return []
+    size = min(LOOK_SAMPLES, n if n < 256 else n // 3)
+    count = min(LOOKS, n // size)
+    found = []
+    for start in np.unique(np.linspace(0, n - size, count).astype(int)):
+        start = int(start)
+        time = record.times(start, start + size)
+        signal = np.stack(record.physical(start, start + size))
+        good = np.isfinite(time) & np.isfinite(signal).all(0)
+        time, signal = time[good], signal[:, good]
+        if len(time) < 16 or time[-1] <= time[0]:
+            continue
+        rate = record.sample_rate_hz or (len(time) - 1) / (time[-1] - time[0])
+        if record.time_s is not None:
+            even = np.linspace(time[0], time[-1], len(time))
+            signal = np.stack([np.interp(even, time, channel) for channel in signal])
+            time = even
+        found.append(Look(time, signal, float(rate)))
+    return found
+
+
+def _frequency(looks: list[Look]) -> float:
+    """The strongest line of the first looks [Hz]."""
+    best = max(looks[:8], key=lambda look: float(np.var(look.signal)))
+    return _strongest(best.signal, best.rate_hz)
+
+
+def _strongest(signal: Array, rate_hz: float) -> float:
+    """Frequency [Hz] of the highest point of the spectrum of both channels, by a parabola through its logarithm."""
+    n = signal.shape[1]
+    window = np.hanning(n + 2)[1:-1]
+    power = (np.abs(np.fft.rfft((signal - signal.mean(1, keepdims=True)) * window, 4 * n)) ** 2).sum(0)
+    top = int(np.argmax(power[4:])) + 4
+    offset = 0.0
+    if top + 1 < len(power) and power[top - 1 : top + 2].min() > 0:
+        a, b, c = np.log(power[top - 1 : top + 2])
+        offset = 0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c < 0 else 0.0
+    return float((top + offset) * rate_hz / (4 * n))
+
+
+def _overview(record: Recording, looks: list[Look]) -> Plot:
+    figure, axes = panels(2, 1, height=1.75, sharex=True)
+    factor, unit = time_unit(looks[-1].time_s[-1])
+    pieces = max(1, 200 // len(looks))
+    centre = np.concatenate([[part.mean() for part in np.array_split(look.time_s, pieces)] for look in looks]) * factor
+    said = []
+    for i, (ax, channel, units) in enumerate(zip(axes[:, 0], "CS", (record.c_units, record.s_units))):
+        parts = [part for look in looks for part in np.array_split(look.signal[i], pieces)]
+        low, high = (np.array([f(part) for part in parts]) for f in (np.min, np.max))
+        ax.fill_between(centre, low, high, color=SERIES[i], alpha=0.35, lw=0)
+        ax.plot(centre, low, color=SERIES[i], lw=0.8)
+        ax.plot(centre, high, color=SERIES[i], lw=0.8)
+        said.append(f"channel {channel} runs from {spread(np.concatenate([low, high]))} {_unit(units)}")
+        labels(ax, y=f"{channel}, {_unit(units)}", title=f"Channel {channel}")
+    axes[1, 0].set_xlabel(f"time, {unit}")
+    note(axes[0, 0], f"lowest and highest, from {len(looks)} looks of {len(looks[0].time_s)} samples")
+    words = f"Both channels over {number(looks[-1].time_s[-1] * factor)} {unit}: {'; '.join(said)}."
+    return Plot("channels", "Channels against time", words, figure)
+
+
+def _unit(units: str) -> str:
+    return "full scale" if units in ("", "1") else units
+
+
+def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
+    """A few periods of S against C at the start, the middle and the end."""
+    figure, axes = panels(1, 3, height=2.85, sharey=True, sharex=True)
+    factor, unit = time_unit(looks[-1].time_s[-1])
+    said = []
+    reach = 1e-300
+    for ax, look, i in zip(axes[0], (looks[0], looks[len(looks) // 2], looks[-1]), range(3)):
+        a_period = look.rate_hz / frequency if frequency > 0 else 16.0
+        samples = max(240, round(4 * a_period))
+        middle = len(look.time_s) // 2
+        part = look.signal[:, max(0, middle - samples // 2) : middle + samples // 2 + 1]
+        dots(ax, part[0], part[1], i, size=2.2, alpha=0.7)
+        if a_period > 12:
+            ax.plot(*part[:, :600], color=SERIES[i], lw=0.5, alpha=0.5)
+        centred = part - part.mean(1, keepdims=True)
+        values, vectors = np.linalg.eigh(centred @ centred.T / part.shape[1])
+        angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180 / record.mode_number
+        ratio = np.sqrt(max(values[0], 0.0) / values[1]) if values[1] > 0 else 0.0
+        ax.set_aspect("equal", adjustable="box")
+        labels(
+            ax,
+            x=f"C, {_unit(record.c_units)}",
+            title=f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 : {number(ratio, 2)}",
+        )
+        said.append(
+            f"at {number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave angle of {angle:.1f}° "
+            f"and the minor axis is {ratio:.2g} of it"
+        )
+        reach = max(reach, 1.08 * float(np.abs(part).max()))
+    axes[0, 0].set_xlim(-reach, reach)
+    axes[0, 0].set_ylim(-reach, reach)
+    axes[0, 0].set_ylabel(f"S, {_unit(record.s_units)}")
+    return Plot("orbit", "Orbit: S against C", "A few periods of the orbit: " + "; ".join(said) + ".", figure)
+
+
+def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:
+    lines = 2 if record.readout == "carrier" else 1
+    size = min(len(look.time_s) for look in looks)
+    rate = looks[0].rate_hz
+    window = np.hanning(size + 2)[1:-1]
+    scale = 2 / (rate * (window**2).sum())
+    raw = np.zeros((2, size // 2 + 1))
+    left = np.zeros_like(raw)
+    for look in looks:
+        signal = look.signal[:, :size] - look.signal[:, :size].mean(1, keepdims=True)
+        residual = _without_lines(signal, rate, lines)
+        raw += np.abs(np.fft.rfft(signal * window)) ** 2 * scale / len(looks)
+        left += np.abs(np.fft.rfft(residual * window)) ** 2 * scale / len(looks)
+    axis = np.fft.rfftfreq(size, 1 / rate)
+    figure, axes = panels(2, 1, height=2.1, sharex=True)
+    floor = np.sqrt(np.median(left[:, 1:], axis=1))
+    for i, (ax, channel) in enumerate(zip(axes[:, 0], "CS")):
+        x, top = _thinned(axis[1:], np.sqrt(raw[i, 1:]))
+        ax.semilogy(x, top, color=SERIES[i], lw=1.0, label="raw")
+        x, top = _thinned(axis[1:], np.sqrt(left[i, 1:]))
+        ax.semilogy(x, top, color=MUTED, lw=0.8, label="residual of a local fit")
+        log_axis(ax.yaxis)
+        labels(ax, y=f"{channel}, {_unit(record.c_units if i == 0 else record.s_units)}/√Hz", title=f"Channel {channel}")
+        legend(ax, above=True)
+    axes[1, 0].set_xlabel("frequency, Hz")
+    axes[1, 0].set_xlim(0, rate / 2)
+    words = (
+        f"Amplitude spectral density from 0 to {number(rate / 2)} Hz: the strongest line is at {number(frequency, 7)} Hz; "
+        f"the median of the residual is "
+        f"{number(floor[0], 3)} (C) and {number(floor[1], 3)} (S) {_unit(record.c_units)}/√Hz."
+    )
+    return Plot("spectrum", "Raw spectrum with its residual", words, figure)
+
+
+def _without_lines(signal: Array, rate: float, lines: int) -> Array:
+    """What least squares of `lines` slowly changing lines (cos, sin, each times 1, t, t²) leaves."""
+    tau = np.linspace(-1, 1, signal.shape[1])
+    seconds = np.arange(signal.shape[1]) / rate
+    residual = signal
+    parts: list[Array] = [np.ones_like(tau)]
+    for _ in range(lines):
+        frequency = _strongest(residual, rate)
+        turn = 2 * np.pi * frequency * seconds
+        parts += [wave * power for wave in (np.cos(turn), np.sin(turn)) for power in (np.ones_like(tau), tau, tau**2, tau**3)]
+        basis = np.stack(parts, 1)
+        residual = signal - (basis @ np.linalg.lstsq(basis, signal.T, rcond=None)[0]).T
+    return residual
+
+
+def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """The highest value of each of at most SPECTRUM_BINS bins, so that no line is lost."""
+    size = max(1, -(-len(y) // SPECTRUM_BINS))
+    starts = np.arange(0, len(y), size)
+    top = np.maximum.reduceat(y, starts)
+    return x[np.minimum(starts + size // 2, len(x) - 1)], np.maximum(top, np.finfo(float).tiny)
+
+
+def _log(record: Recording) -> Plot | None:
+    if record.auxiliary_time_s is None or not len(record.auxiliary_time_s):
+        return None
+    named = (
+        ("temperature_degc", "temperature, °C", 1.0),
+        ("rate_rad_s", "rate Ω, °/s", np.degrees(1.0)),
+        ("drive_main", "main drive", 1.0),
+        ("drive_quadrature", "quadrature drive", 1.0),
+    )
+    rows = [(name, label, factor) for name, label, factor in named if getattr(record, name) is not None]
+    if not rows:
+        return None
+    time = np.asarray(record.auxiliary_time_s)
+    to_unit, unit = time_unit(float(time[-1] - time[0]))
+    figure, axes = panels(len(rows), 1, height=1.45, sharex=True)
+    said = []
+    for i, (ax, (name, label, factor)) in enumerate(zip(axes[:, 0], rows)):
+        values = np.asarray(getattr(record, name)) * factor
+        line(ax, time * to_unit, values, i)
+        labels(ax, y=label)
+        said.append(f"{label} {spread(values)}")
+    axes[-1, 0].set_xlabel(f"time, {unit}")
+    return Plot("log", "Log beside the samples", "Auxiliary log: " + "; ".join(said) + ".", figure)
+
+
+def _truth(record: Recording) -> Plot:
+    assert record.truth_time_s is not None
+    time = np.asarray(record.truth_time_s)
+    to_unit, unit = time_unit(float(time[-1] - time[0]))
+    named = (
+        ("truth_wave_angle_rad", "θ, °", np.degrees(1.0)),
+        ("truth_main_amplitude", f"a_A, {_unit(record.c_units)}", 1.0),
+        ("truth_quadrature_amplitude", f"a_B, {_unit(record.c_units)}", 1.0),
+        ("truth_phase_rad", "φ, rad", 1.0),
+    )
+    rows = [(name, label, factor) for name, label, factor in named if getattr(record, name) is not None]
+    figure, axes = panels(len(rows), 1, height=1.4, sharex=True)
+    said = []
+    for ax, (name, label, factor) in zip(axes[:, 0], rows):
+        values = np.asarray(getattr(record, name)) * factor
+        line(ax, time * to_unit, values, 3)
+        labels(ax, y=label)
+        said.append(f"{label} {spread(values)}")
+    axes[-1, 0].set_xlabel(f"time, {unit}")
+    return Plot("truth", "Truth of the simulation", "True values: " + "; ".join(said) + ".", figure)
+
+
+def period_plots(record: Periods) -> list[Plot]:
+    """Every figure of demodulated periods: the signals against time, and the residual's spectrum with its lines."""
+    found = [_signals(record)] if len(record) else []
+    if record.spectrum_frequency_hz is not None and record.spectrum_density is not None and len(record.spectrum_frequency_hz):
+        found.append(residual_spectrum(record))
+    return found
+
+
+def _signals(record: Periods) -> Plot:
+    time, signals, residual = (np.asarray(a[:]) for a in (record.time_s, record.signals, record.residual_rms))
+    factor, unit = time_unit(float(time[-1]))
+    names = (
+        ("C cos", "C sin", "S cos", "S sin") if signals.shape[1] == 4 else ("a_c⁻", "a_c⁺", "b_c⁻", "b_c⁺", "a_s⁻", "a_s⁺", "b_s⁻", "b_s⁺")
+    )
+    figure, axes = panels(3, 1, height=1.8, sharex=True)
+    half = signals.shape[1] // 2
+    for k, name in enumerate(names):
+        ax = axes[k // half, 0]
+        line(ax, time * factor, signals[:, k], k % half, name)
+    for ax, channel in zip(axes[:2, 0], "CS"):
+        labels(ax, y=_unit(record.units), title=f"Signals of channel {channel}")
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
+    for k, channel in enumerate("CS"):
+        line(axes[2, 0], time * factor, residual[:, k], k, channel)
+    flags = np.asarray(record.flags[:]) != 0
+    if flags.any():
+        axes[2, 0].plot(time[flags][:400] * factor, residual[flags][:400].max(1), "x", color=INK, ms=4, label="flagged")
+    labels(axes[2, 0], x=f"time, {unit}", y=_unit(record.units), title="rms of what the fit leaves a window")
+    axes[2, 0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
+    words = (
+        f"{len(time)} windows of {number(record.window_s)} s over {number(time[-1] * factor)} {unit} "
+        f"against {number(record.reference_frequency_hz, 8)} Hz; "
+        f"signals {spread(signals)}, residual rms {spread(residual)} {_unit(record.units)}; {int(flags.sum())} windows are flagged."
+    )
+    return Plot("signals", "Demodulated signals", words, figure)
+
+
+def residual_spectrum(record: Periods | Wave) -> Plot:
+    """Averaged spectrum of the demodulation's residual with the lines that stand out of it."""
+    frequency, density = np.asarray(record.spectrum_frequency_hz, dtype=float), np.asarray(record.spectrum_density, dtype=float)
+    figure, axes = panels(1, 1, height=2.4)
+    ax = axes[0, 0]
+    keep = frequency > 0
+    for k, channel in enumerate("CS"):
+        ax.semilogy(*_thinned(frequency[keep], np.sqrt(np.maximum(density[keep, k], 0))), color=SERIES[k], lw=0.9, label=channel)
+    median = float(np.sqrt(np.median(density[keep])))
+    words = f"Residual amplitude density from 0 to {number(frequency[-1])} Hz, median {number(median, 3)} {_unit(record.units)}/√Hz."
+    if record.spectrum_line_frequency_hz is not None and len(record.spectrum_line_frequency_hz):
+        at = np.asarray(record.spectrum_line_frequency_hz)[:12]
+        top = np.sqrt(np.interp(at, frequency, density.max(1)))
+        ax.plot(at, top * 1.4, "v", color=MUTED, ms=4, label="stands out")
+        words += " Lines stand out at " + ", ".join(f"{number(f, 5)} Hz" for f in at) + "."
+    labels(ax, x="frequency, Hz", y=f"{_unit(record.units)}/√Hz")
+    log_axis(ax.yaxis)
+    legend(ax, above=True)
+    return Plot("residual-spectrum", "Spectrum of the demodulation's residual", words, figure)

@@ -1,0 +1,152 @@
+"""First look at a resonator (correlations, runs) and at a compensated rate (what is left, Allan deviation)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...fitting.allan import allan_deviation
+from ...records import Array, Compensated, Resonator
+from ...units import DEGREE_PER_HOUR
+from .drawing import (
+    INK,
+    SERIES,
+    Plot,
+    binned,
+    labels,
+    legend,
+    line,
+    log_axis,
+    note,
+    number,
+    panels,
+    spread,
+    time_unit,
+)
+
+
+def resonator_plots(record: Resonator) -> list[Plot]:
+    """Correlations of the parameters, and how each run agrees."""
+    found = []
+    deviation = np.sqrt(np.clip(np.diag(record.covariance), 0, None))
+    known = deviation > 0
+    if known.sum() > 1:
+        found.append(_correlation([str(n) for n, k in zip(record.name, known) if k], record.covariance[np.ix_(known, known)]))
+    if record.run is not None and record.run_chi2_per_dof is not None and len(record.run):
+        found.append(_runs(record))
+    return found
+
+
+def _correlation(names: list[str], covariance: Array) -> Plot:
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviation, deviation)
+    n = len(names)
+    figure, axes = panels(1, 1, height=min(6.5, 1.4 + 0.42 * n), width=min(8.2, 3.4 + 0.52 * n))
+    ax = axes[0, 0]
+    ax.grid(False)
+    image = ax.imshow(correlation, vmin=-1, vmax=1, cmap="RdBu_r", aspect="auto", interpolation="nearest")
+    for i in range(n):
+        for j in range(n):
+            value = float(correlation[i, j])
+            ax.text(
+                j,
+                i,
+                f"{value:.2f}".replace("-", "−"),
+                ha="center",
+                va="center",
+                fontsize=7.5,
+                color="#000001" if abs(value) < 0.6 else "#fffffe",
+            )
+    ax.set_xticks(range(n), names, rotation=38, ha="right")
+    ax.set_yticks(range(n), names)
+    figure.colorbar(image, ax=ax, label="correlation", shrink=0.9)
+    pairs = sorted(((abs(correlation[i, j]), i, j) for i in range(n) for j in range(i)), reverse=True)[:3]
+    words = (
+        "Correlation of the estimates; strongest: "
+        + ", ".join(f"{names[i]} with {names[j]} {number(float(correlation[i, j]), 2)}" for _, i, j in pairs)
+        + "."
+    )
+    return Plot("correlation", "Correlation of the parameters", words, figure)
+
+
+def _runs(record: Resonator) -> Plot:
+    assert record.run is not None and record.run_chi2_per_dof is not None
+    names, values = [str(r) for r in record.run], np.asarray(record.run_chi2_per_dof)
+    figure, axes = panels(1, 1, height=2.3)
+    ax = axes[0, 0]
+    ax.bar(np.arange(len(names)), values, color=SERIES[0], width=0.65)
+    ax.axhline(1, color=INK, lw=0.8, ls="--")
+    step = max(1, -(-len(names) // 24))
+    ax.set_xticks(
+        np.arange(len(names))[::step],
+        [n[:14] for n in names[::step]],
+        rotation=38 if len(names) > 6 else 0,
+        ha="right" if len(names) > 6 else "center",
+    )
+    labels(ax, x="run", y="χ² a degree of freedom")
+    worst = int(np.nanargmax(values)) if np.isfinite(values).any() else 0
+    words = f"χ² a degree of freedom of {len(names)} runs: {spread(values)}; the worst is {names[worst]}. One is expected of noise alone."
+    return Plot("runs", "How each run agrees with the fit", words, figure)
+
+
+def compensated_plots(record: Compensated) -> list[Plot]:
+    """The rate and what was left of it before and after the tables, and the Allan deviation."""
+    if len(record) < 2:
+        return []
+    found = [_compensated(record)]
+    interval = float(np.median(np.diff(record.time_s)))
+    series = [
+        (np.asarray(y) / DEGREE_PER_HOUR, name, k)
+        for k, (y, name) in enumerate(((record.residual_before_rad_s, "before"), (record.residual_after_rad_s, "after")))
+        if y is not None and np.isfinite(y).all()
+    ]
+    if not series and np.isfinite(record.rate_estimate_rad_s).all():
+        series = [(np.asarray(record.rate_estimate_rad_s) / DEGREE_PER_HOUR, "rate estimate", 0)]
+    if series and len(record) >= 9 and interval > 0:
+        found.append(_allan(series, interval))
+    return found
+
+
+def _compensated(record: Compensated) -> Plot:
+    factor, unit = time_unit(float(record.time_s[-1] - record.time_s[0]))
+    known = record.residual_after_rad_s is not None
+    figure, axes = panels(3 if known else 2, 1, height=1.75, sharex=True)
+    time = np.asarray(record.time_s) * factor
+    line(axes[0, 0], time, np.degrees(np.asarray(record.rate_estimate_rad_s)), 0)
+    labels(axes[0, 0], y="°/s", title="Rate estimate")
+    line(axes[1, 0], time, np.degrees(np.asarray(record.angle_estimate_rad)), 2)
+    labels(axes[1, 0], y="°", title="Angle estimate")
+    words = f"Rate estimate {spread(np.degrees(np.asarray(record.rate_estimate_rad_s)))} °/s"
+    if known:
+        ax = axes[2, 0]
+        for y, name, k in ((record.residual_before_rad_s, "before", 1), (record.residual_after_rad_s, "after", 0)):
+            if y is not None:
+                error = np.asarray(y) / DEGREE_PER_HOUR
+                line(ax, time, error, k, alpha=0.25, lw=0.6, points=700)
+                ax.plot(*binned(time, error, 120)[:2], color=SERIES[k], lw=1.4, label=f"{name} the tables")
+                words += f"; residual {name} {number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
+        labels(ax, y="°/h", title="Rate error and its running mean")
+        legend(ax, above=True)
+    axes[-1, 0].set_xlabel(f"time, {unit}")
+    return Plot("compensated", "Rate after the tables", words + ".", figure)
+
+
+def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
+    figure, axes = panels(1, 1, height=3.0)
+    ax = axes[0, 0]
+    said = []
+    for rate, name, k in series:
+        tau, deviation, relative = allan_deviation(rate, interval_s)
+        ax.loglog(tau, deviation, "o-", ms=2.8, color=SERIES[1 - k], label=name)
+        ax.fill_between(tau, deviation / (1 + relative), deviation * (1 + relative), color=SERIES[1 - k], alpha=0.18, lw=0)
+        best = int(np.argmin(deviation))
+        said.append(
+            f"{name}: {number(float(deviation[0]), 3)} °/h at {number(float(tau[0]), 3)} s, "
+            f"lowest {number(float(deviation[best]), 3)} °/h at {number(float(tau[best]), 3)} s"
+        )
+    labels(ax, x="averaging time τ, s", y="Allan deviation, °/h")
+    ax.grid(True, which="both")
+    log_axis(ax.xaxis)
+    log_axis(ax.yaxis)
+    legend(ax)
+    note(ax, "band: ± standard error")
+    return Plot("allan", "Allan deviation of the rate error", "; ".join(said) + ".", figure)

@@ -1,0 +1,141 @@
+"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics), doubt from interpolation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...fitting.fourier import harmonic_basis, node_weights
+from ...fitting.increments import covariance_bands, whiten
+from ...fitting.joint import Fitted, Solution, design
+
+Array = np.ndarray
+STRAY_PROBABILITY = 1e-6
+LARGEST_DAMPING = 0.02
+
+
+def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
+    """Amplitudes of the harmonics mθ and 3mθ in the residual: no linear time-invariant defect makes them, an additive signal does.
+
+    Each run has its own cosine and sine (the wave's label mθ or mθ + π is free), fitted beside its even harmonics; their χ² are added.
+    """
+    from scipy.stats import chi2
+
+    layout, out = fitted.layout, []
+    for order in (1, 3):
+        n, total, runs, power = order * layout.mode_number, 0.0, 0, 0.0
+        for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
+            angle = path.middle(path.angle_rad)
+            if np.ptp(angle) < 2 * np.pi / layout.mode_number:
+                continue
+            travel = np.diff(path.angle_rad)
+            loss = np.sinc(n * travel / (2 * np.pi)) * np.sinc(n * travel * path.middle(path.width_s) / path.interval_s / (2 * np.pi))
+            odd = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1) * loss[:, None]
+            columns = np.concatenate([path.angle_basis(layout.drift_harmonics), odd], axis=1) * path.interval_s[:, None]
+            residual = turn - design(path, layout, solution.coefficients) @ solution.coefficients
+            white, _ = whiten(covariance_bands(path, noise), np.column_stack([columns, residual]))
+            found, _, rank, _ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)
+            if rank < white.shape[1] - 1:
+                continue
+            covariance = np.linalg.inv(white[:, :-1].T @ white[:, :-1])[-2:, -2:] * fitted.chi2_per_dof
+            total += float(found[-2:] @ np.linalg.solve(covariance, found[-2:]))
+            power += float(found[-2:] @ found[-2:] - np.trace(covariance))
+            runs += 1
+        if not runs:
+            continue
+        probability = float(chi2.sf(total, 2 * runs))
+        amplitude = float(np.sqrt(max(power, 0.0) / runs))
+        out.append(
+            {
+                "harmonic": f"{n}θ",
+                "amplitude_rad_s": amplitude,
+                "p_value": probability,
+                "significant": probability < STRAY_PROBABILITY,
+                "sentence": f"a stray harmonic {n}θ of {amplitude:.2e} rad/s is in the residual; it is not in the tables: "
+                f"look in the electronics for drive feed-through, an offset at the resonance or a parasitic force",
+            }
+        )
+    return out
+
+
+def quadrature_left(fitted: Fitted, solution: Solution) -> str | None:
+    """The sentence for a residual that moves with the measured quadrature (seed A (11)), which no table over (T, θ) can hold."""
+    from scipy.stats import chi2
+
+    information, vector, before, after = np.zeros((2, 2)), np.zeros(2), 0.0, 0.0
+    kept = []
+    for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
+        columns = path.angle_basis(1)[:, 1:] * (path.middle(path.ratio) * path.interval_s)[:, None]
+        residual = turn - design(path, fitted.layout, solution.coefficients) @ solution.coefficients
+        white, _ = whiten(covariance_bands(path, noise), np.column_stack([columns, residual]))
+        information += white[:, :2].T @ white[:, :2]
+        vector += white[:, :2].T @ white[:, 2]
+        kept.append((columns, residual))
+    if not (np.diag(information) > 0).all() or np.linalg.cond(information) > 1e10:
+        return None
+    found = np.linalg.solve(information, vector)
+    if chi2.sf(float(vector @ found) / max(fitted.chi2_per_dof, 1.0), 2) > STRAY_PROBABILITY:
+        return None
+    for columns, residual in kept:
+        part = columns @ found
+        before, after = before + float(np.sum(np.cumsum(residual) ** 2)), after + float(np.sum(np.cumsum(residual - part) ** 2))
+    if after > LEAST_GAIN * before:
+        return None
+    return (
+        f"the drift moves with the measured quadrature, which is no function of temperature and angle (it takes the angle's residual to "
+        f"{100 * np.sqrt(after / before):.0f} %); use --model quadrature, or a firmer quadrature loop"
+    )
+
+
+LEAST_GAIN = 0.7
+"""Part of the angle's residual power that the measured quadrature must leave at most, to be spoken of."""
+
+
+def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
+    """Runs whose angle noise s damps the highest harmonic: a basis taken at the measured angle loses exp(−n²s²/2) of nθ."""
+    n = 2 * fitted.layout.mode_number * drift_limit
+    out = []
+    for path, noise in zip(fitted.paths, fitted.noises):
+        lost = 1 - np.exp(-noise.white * (n / path.mode_number) ** 2 / 2)
+        if lost > LARGEST_DAMPING:
+            spread = np.sqrt(noise.white) / path.mode_number
+            out.append(
+                f"run {path.run_id or '?'}: angle noise of {spread:.2g} rad a block damps the harmonic {n}θ by {100 * lost:.1f} %; "
+                f"demodulate with longer windows"
+            )
+    return out
+
+
+def interpolation_doubt(fitted: Fitted, solution: Solution, chi2: float, drift_limit: int, scale_limit: int) -> dict[str, float]:
+    """Standard deviation that interpolation adds midway between nodes, from predicting each inner node from the others.
+
+    Leaving a node out doubles the spacing; what noise explains of the misses is taken off, the rest counts by a quarter (cubic; the
+    outer stretches are the worst) or a third (linear, whose error falls with the square of the spacing).
+    """
+    layout = fitted.layout
+    count = len(layout.nodes)
+    kind = "cubic" if layout.interpolation in ("cubic", "smooth") else "linear"
+    if count < (5 if kind == "cubic" else 3):
+        return {}
+    shrink = 1 / 4 if kind == "cubic" else 1 / 3
+    tables = layout.tables(solution.coefficients)
+    out = {}
+    for name, table, limit, part in (
+        ("drift_rad_s", tables[0], drift_limit, layout.drift),
+        ("scale_factor", tables[1], scale_limit, layout.scale),
+    ):
+        size = 1 + 2 * limit
+        basis = harmonic_basis(np.linspace(0, np.pi / layout.mode_number, 24, endpoint=False), limit, layout.mode_number)
+        places = np.concatenate([np.arange(layout.size)[part(j)][:size] for j in range(count)])
+        covariance = solution.covariance[np.ix_(places, places)] * chi2
+        excess = 0.0
+        for j in range(1, count - 1):
+            rest = np.arange(count) != j
+            miss = np.zeros(count)
+            miss[j], miss[rest] = 1.0, -node_weights(layout.nodes[[j]], layout.nodes[rest], kind)[0]
+            rows = (miss[None, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+            seen = rows @ table[:, :size].ravel()
+            excess += float(np.mean(seen**2 - np.einsum("ai,ij,aj->a", rows, covariance, rows)))
+        out[name] = shrink * float(np.sqrt(max(excess, 0.0) / (count - 2)))
+    return out

@@ -1,0 +1,76 @@
+"""The calibration record from the joint fit: coefficients cut to the band limits, tables, standard deviations, ranges."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...fitting.fourier import harmonic_basis
+from ...fitting.joint import Fitted, Solution
+from ...records import Calibration, Wave
+
+Array = np.ndarray
+TABLE_ANGLES = 72
+
+
+def record_of(
+    waves: Sequence[Wave],
+    fitted: Fitted,
+    solution: Solution,
+    chi2: float,
+    limits: tuple[int, int],
+    valid: tuple[float, float],
+    model: str,
+    details: dict[str, Any],
+) -> Calibration:
+    """limits: band limits of drift and scale factor; valid: range of the nodes' quantity; chi2 scales the covariance."""
+    layout = fitted.layout
+    sizes = [1 + 2 * k for k in limits]
+    everything = np.arange(layout.size)
+    keep = np.concatenate(
+        [
+            np.concatenate([everything[part(j)][:size] for part, size in zip((layout.drift, layout.scale), sizes)])
+            for j in range(len(layout.nodes))
+        ]
+    )
+    covariance = solution.covariance[np.ix_(keep, keep)] * chi2
+    drift, scale = (table[:, :size] for table, size in zip(layout.tables(solution.coefficients), sizes))
+    angles = np.arange(TABLE_ANGLES) * np.pi / layout.mode_number / TABLE_ANGLES
+    of_drift, of_scale = (harmonic_basis(angles, k, layout.mode_number) for k in limits)
+    width = sum(sizes)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(len(layout.nodes), width)
+
+    def table_std(basis: Array, first: int) -> Array:
+        parts = [slice(j * width + first, j * width + first + basis.shape[1]) for j in range(len(layout.nodes))]
+        return np.stack([np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", basis, covariance[p, p], basis), 0)) for p in parts])
+
+    rates = [float(extreme(p.rate_rad_s)) for p in fitted.paths for extreme in (np.min, np.max)]
+    temperature = layout.axis == "temperature"
+    return Calibration(
+        temperature_degc=layout.nodes if temperature else None,
+        frequency_hz=None if temperature else layout.nodes,
+        wave_angle_rad=angles,
+        drift_rad_s=drift @ of_drift.T,
+        drift_rad_s_std=table_std(of_drift, 0),
+        scale_factor=scale @ of_scale.T,
+        scale_factor_std=table_std(of_scale, sizes[0]),
+        drift_harmonics=drift,
+        drift_harmonics_std=std[:, : sizes[0]],
+        scale_factor_harmonics=scale,
+        scale_factor_harmonics_std=std[:, sizes[0] :],
+        covariance=covariance,
+        axis=layout.axis,
+        model=model,
+        interpolation=layout.interpolation,
+        mode_number=layout.mode_number,
+        gyro_id=next((w.gyro_id for w in waves if w.gyro_id), ""),
+        lot_id=next((w.lot_id for w in waves if w.lot_id), ""),
+        node_min=valid[0],
+        node_max=valid[1],
+        rate_min_rad_s=min(rates),
+        rate_max_rad_s=max(rates),
+        details=json.dumps(details),
+    )

@@ -1,0 +1,82 @@
+"""Drift and scale factor of a calibration record at any temperature (or frequency) and wave angle, with their standard deviations."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting.fourier import coefficients_at, evaluate, harmonic_basis, node_weights
+from ...fitting.increments import Path
+from ...records import Calibration
+
+Array = np.ndarray
+
+
+def in_range(calibration: Calibration, x: Array, where: str) -> None:
+    """HrgError when x leaves the range the table was made for, or is missing."""
+    name, unit = ("temperature", "°C") if calibration.axis == "temperature" else ("frequency", "Hz")
+    if not np.isfinite([calibration.node_min, calibration.node_max]).all():
+        return
+    x = np.asarray(x, float)
+    if not np.isfinite(x).all():
+        raise HrgError(f"{where}: its {name} is missing, the tables need it; log it")
+    low, high = float(x.min()), float(x.max())
+    slack = 0.02 * (calibration.node_max - calibration.node_min)
+    if low < calibration.node_min - slack or high > calibration.node_max + slack:
+        raise HrgError(
+            f"{where}: its {name} goes from {low:.6g} to {high:.6g} {unit}, the tables hold from {calibration.node_min:.6g} to "
+            f"{calibration.node_max:.6g} {unit} and are not extrapolated; calibrate over the wider range"
+        )
+
+
+def values(calibration: Calibration, x: Array, wave_angle_rad: Array, travel_rad: Array | float = 0.0) -> tuple[Array, Array]:
+    """(D [rad/s], K) (n,) at (x, θ); averaged along `travel_rad` of wave angle."""
+    common = (calibration.mode_number, calibration.interpolation, travel_rad)
+    drift = evaluate(x, wave_angle_rad, calibration.node, np.asarray(calibration.drift_harmonics), *common)
+    return drift, evaluate(x, wave_angle_rad, calibration.node, np.asarray(calibration.scale_factor_harmonics), *common)
+
+
+def standard_deviations(calibration: Calibration, x: Array, wave_angle_rad: Array) -> tuple[Array, Array]:
+    """Standard deviations (n,) of D and K at (x, θ): noise of the fit, and of the interpolation between nodes where it was estimated."""
+    kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
+    weights = node_weights(x, calibration.node, kind)
+    nodes, width = len(calibration.node), calibration.drift_harmonics.shape[1] + calibration.scale_factor_harmonics.shape[1]
+    out = []
+    doubt = json.loads(calibration.details).get("interpolation_std", {})
+    shape = bump(x, np.asarray(calibration.node, float))
+    for first, size, key in (
+        (0, calibration.drift_harmonics.shape[1], "drift_rad_s"),
+        (calibration.drift_harmonics.shape[1], calibration.scale_factor_harmonics.shape[1], "scale_factor"),
+    ):
+        basis = harmonic_basis(wave_angle_rad, (size - 1) // 2, calibration.mode_number)
+        places = (np.arange(nodes)[:, None] * width + first + np.arange(size)).ravel()
+        block = np.asarray(calibration.covariance)[np.ix_(places, places)]
+        rows = (weights[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+        variance = np.einsum("ni,ij,nj->n", rows, block, rows) + (float(doubt.get(key, 0.0)) * shape) ** 2
+        out.append(np.sqrt(np.maximum(variance, 0)))
+    return out[0], out[1]
+
+
+def bump(x: Array, nodes: Array) -> Array:
+    """0 at the nodes, 1 midway between neighbours: where interpolation is least sure."""
+    if len(nodes) < 2:
+        return np.zeros(np.size(x))
+    left = np.clip(np.searchsorted(nodes, x) - 1, 0, len(nodes) - 2)
+    part = (np.asarray(x) - nodes[left]) / (nodes[left + 1] - nodes[left])
+    return np.asarray(4 * np.abs(part * (1 - part)))
+
+
+def measured_drift(calibration: Calibration, path: Path) -> Array:
+    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise."""
+    part: dict[str, Any] | None = json.loads(calibration.details).get("measured")
+    if not part:
+        return np.zeros(len(path))
+    ratio = path.middle(path.ratio)
+    if part["kind"] == "quadrature":
+        return np.asarray(ratio * (path.angle_basis(1)[:, 1:] @ np.array(part["coefficients"])))
+    x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
+    mean = coefficients_at(x, calibration.node, np.array(part["mean_frequency_hz"])[:, None], calibration.interpolation)[:, 0]
+    return np.asarray(-2 * ratio * 2 * np.pi * (path.middle(path.frequency_hz) - mean))

@@ -1,0 +1,167 @@
+"""Diagnosis, first step: waves become runs side by side with few rows, and a first guess of the base model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...effects.effect import branch
+from ...errors import HrgError
+from ...fitting import envelope_runs, propagator
+from ...fitting.base_fit import Known, freedom, start
+from ...fitting.coordinates import COUNT
+from ...fitting.envelope_runs import EnvelopeRun
+from ...fitting.extended import Point, Series
+from ...physics import ellipse
+from ...records import Wave
+
+Array = np.ndarray
+STEP_ANGLE = 0.05
+"""Largest |L|·step of the rows: the Runge–Kutta rule's error stays below 1e-8 a row."""
+FEWEST, MOST = 120, 1500
+QUIET = 1e-3
+"""Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
+
+
+def prepare(waves: Sequence[Wave], scale_factor: float | None, blocks: int) -> tuple[Series, Point, list[EnvelopeRun]]:
+    """Runs side by side and where to start. HrgError: no run, mixed mode numbers, runs without enough good windows."""
+    if not waves:
+        raise HrgError("there is no run; give at least one wave file")
+    modes = sorted({w.mode_number for w in waves})
+    if len(modes) > 1:
+        raise HrgError(f"the runs have mode numbers {', '.join(map(str, modes))}, one was expected; diagnose them apart")
+    runs = [envelope_runs.from_wave(w) for w in waves]
+    free = [r for r, w in zip(runs, waves, strict=True) if w.mode != "forced"]
+    p, offsets = guess(runs, free, waves, scale_factor)
+    fastest = np.array([abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]) + abs(p[5]) * _fastest_turn(r) for r in runs])
+    span = np.array([r.duration_s for r in runs])
+    rows = int(np.clip(np.max(fastest * span / STEP_ANGLE), max(FEWEST, blocks), MOST))
+    thin = [
+        envelope_runs.averaged(r, rows, propagator.carry(p if w.mode != "forced" else _undamped(p), o))
+        for r, o, w in zip(runs, offsets, waves, strict=True)
+    ]
+    series = side_by_side(thin, waves)
+    shift = 2 * np.pi * (np.array([r.reference_frequency_hz for r in runs]) - series.reference_frequency_hz)
+    return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
+
+
+def _undamped(p: Array) -> Array:
+    """Coordinates of a wave whose amplitude the drive holds."""
+    held = np.array(p, float)
+    held[0] = 0.0
+    return held
+
+
+def _fastest_turn(run: EnvelopeRun) -> float:
+    step = np.diff(run.time_s)
+    return float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, 0.99))
+
+
+def guess(runs: list[EnvelopeRun], free: list[EnvelopeRun], waves: Sequence[Wave], scale_factor: float | None) -> tuple[Array, Array]:
+    """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs, else roughly."""
+    known = Known(scale_factor=scale_factor)
+    p, rough_offsets = propagator.rough(runs)
+    if scale_factor is not None:
+        p[5] = scale_factor
+    offsets = rough_offsets
+    if free:
+        from_free, found, _, _ = start(free, known)
+        if np.all(np.isfinite(from_free)):
+            p = from_free
+            offsets = rough_offsets.copy()
+            offsets[[i for i, w in enumerate(waves) if w.mode != "forced"]] = found
+    else:
+        damping = [float(np.nanmean(w.drive_main / w.main_amplitude)) for w in waves if w.drive_main is not None]
+        p = np.zeros(COUNT)
+        p[0] = damping[0] if damping and np.isfinite(damping[0]) else 0.0
+        p[5] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
+        p[5] = p[5] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
+    p[6] = 1.0
+    return p, offsets
+
+
+def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
+    """Padded arrays against one reference frequency, with everything the effects may look at."""
+    longest = max(len(r) for r in runs)
+    reference = float(np.median([r.reference_frequency_hz for r in runs]))
+
+    def padded(values: Array) -> Array:
+        return np.concatenate([values, np.repeat(values[-1:], longest - len(values), axis=0)])
+
+    columns: dict[str, list[Array]] = {}
+    for run, wave in zip(runs, waves, strict=True):
+        t = run.time_s
+        shift = 2 * np.pi * (run.reference_frequency_hz - reference) * t
+        rate = np.interp(t, *_finite(wave.time_s, wave.rate_rad_s)) if _has(wave.rate_rad_s) else np.zeros(len(t))
+        warm = run.temperature_degc if run.temperature_degc is not None else np.zeros(len(t))
+        warm = np.interp(t, *_finite(t, warm)) if np.isfinite(warm).any() else np.zeros(len(t))
+        smooth = _smoothed(t, warm)
+        forced = np.full(len(t), float(wave.mode == "forced"))
+        unlogged = wave.mode == "forced" and not _has(wave.drive_main)
+        held = _smoothed(t, _amplitude(run.envelope), pieces=max(24, len(t) // 3), always=True) if unlogged else np.full(len(t), np.nan)
+        row = {
+            "time_s": t,
+            "envelope": run.envelope * np.exp(1j * shift)[:, None],
+            "rate_rad_s": rate,
+            "temperature_degc": smooth,
+            "temperature_rate_degc_s": np.gradient(smooth, t),
+            "branch": branch(np.where(np.ptp(smooth) > 0, smooth, 0.0)),
+            "table_angle_rad": run.turn_rad,
+            "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
+            "main_drive": _command(wave, "drive_main", t, forced),
+            "quadrature_drive": _command(wave, "drive_quadrature", t, forced),
+            "forced": forced,
+            "held_amplitude": held,
+            "held_slope": np.gradient(held, t),
+        }
+        for name, values in row.items():
+            columns.setdefault(name, []).append(padded(values))
+        columns.setdefault("weight", []).append(np.concatenate([1 / run.std, np.zeros(longest - len(run))]))
+    stacked: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
+    return Series(
+        names=tuple(w.run_id or f"run {k}" for k, w in enumerate(waves)),
+        **stacked,
+        reference_frequency_hz=reference,
+        mode_number=int(waves[0].mode_number),
+        has_temperature=any(_has(w.temperature_degc) for w in waves),
+    )
+
+
+def _has(values: Array | None) -> bool:
+    return values is not None and bool(np.isfinite(values).any())
+
+
+def _finite(x: Array, y: Array | None) -> tuple[Array, Array]:
+    assert y is not None
+    good = np.isfinite(x) & np.isfinite(y)
+    return np.asarray(x)[good], np.asarray(y, float)[good]
+
+
+def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
+    """A logged drive command at times t; zero where there is none."""
+    values = getattr(wave, name)
+    if not forced.any() or not _has(values):
+        return np.zeros(len(t))
+    return np.interp(t, *_finite(wave.time_s, values))
+
+
+def _amplitude(u: Array) -> Array:
+    return ellipse.wave(u, 1)[0]
+
+
+def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -> Array:
+    """Temperature by lines through about `pieces` local means where the thermometer is noisy: its slope is not the noise's."""
+    rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
+    if len(t) < 2 * min(pieces, 40) or (not always and rough < QUIET * float(np.ptp(values))):
+        return values
+    parts = np.array_split(np.arange(len(t)), pieces)
+    x = np.array([t[i].mean() for i in parts])
+    y = np.array([values[i].mean() for i in parts])
+    slope = np.gradient(y, x)
+    inside = np.interp(t, x, y)
+    left, right = t < x[0], t > x[-1]
+    inside[left] = y[0] + slope[0] * (t[left] - x[0])
+    inside[right] = y[-1] + slope[-1] * (t[right] - x[-1])
+    return inside

@@ -1,0 +1,97 @@
+"""Diagnosis, the extended model: the fitted resonator, the runs and the effects as a simulation file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...fitting.coordinates import physical
+from ...fitting.extended_fit import Fit
+from ...records import Wave
+from ...settings import to_toml
+from .orientation import COHERENT
+from .run import run_table
+
+Array = np.ndarray
+SAMPLES_A_PERIOD = 8
+
+
+def simulation_file(
+    fit: Fit, waves: Sequence[Wave], pieces: Sequence[Wave], origin: Sequence[int], effects_named: Sequence[dict[str, Any]]
+) -> str:
+    """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start, rate, temperature and length.
+
+    The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces become the run's own effect.
+    """
+    values, _ = physical(fit.point.p, fit.series.mode_number)
+    frequency = _frequencies(fit)
+    device: dict[str, Any] = {
+        "frequency_hz": float(np.median(frequency)),
+        "damping_rate_1_s": max(float(values[0]), 0.0),
+        "damping_split_1_s": float(min(values[1], max(values[0], 0.0))),
+        "damping_axis_rad": float(values[2]),
+        "frequency_split_rad_s": float(values[3]),
+        "stiffness_axis_rad": float(values[4]),
+        "scale_factor": float(values[5]),
+        "mode_number": fit.series.mode_number,
+    }
+    if any(effect.name.startswith("thermal") or effect.name == "split_temperature" for effect, _ in fit.point.active):
+        device["temperature"] = {"reference_degc": float(np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3))}
+    table: dict[str, Any] = {
+        "device": device,
+        "recording": {"sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())), "duration_s": 1.0},
+    }
+    if waves[0].gyro_id:
+        table["recording"]["gyro_id"] = waves[0].gyro_id
+    lost = {
+        run: {k: v["value"] for k, v in e["parameters"].items()}
+        for e in reversed(effects_named)
+        if e["name"] == "dropped_samples"
+        for run in e["runs"]
+    }
+    tone = [{k: v["value"] for k, v in e["parameters"].items()} for e in effects_named if e["name"] == "mains_tone"][:1]
+    effects = {effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active}
+    if tone:
+        effects["mains_tone"] = tone[0]
+    for e in effects_named:
+        if e.get("view") == "waveform" and e["name"] in ("pickoff_nonlinearity", "saturation"):
+            effects[e["name"]] = {k: v["value"] for k, v in e["parameters"].items()}
+    if effects:
+        table["effects"] = effects
+    names: set[str] = set()
+    table["run"] = []
+    for number, wave in enumerate(waves):
+        own = [k for k, o in enumerate(origin) if o == number]
+        if not own:
+            continue
+        run = {"run_id": _unused(fit.series.names[own[0]], names), "device": {"frequency_hz": float(frequency[own[0]])}}
+        run |= run_table(fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"])
+        turned = [name for name in COHERENT if name in effects and _turned(fit, own[0], run)]
+        own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
+        if wave.run_id in lost:
+            own_effects["dropped_samples"] = lost[wave.run_id]
+        if own_effects:
+            run["effects"] = own_effects
+        table["run"].append(run)
+    return to_toml(table)
+
+
+def _turned(fit: Fit, k: int, run: dict[str, Any]) -> bool:
+    """Whether the run's phase was turned by π against that of its start in the file, so that coherent vectors change sign."""
+    return bool(np.cos(fit.series.phase_rad[k, 0] - run["start"]["phase_rad"]) < 0)
+
+
+def _unused(name: str, names: set[str]) -> str:
+    """A run's name fit for a file, and for no other run's."""
+    name = "".join(c if c not in "/\\ \t\n" else "_" for c in name)
+    while name in names:
+        name += "_"
+    names.add(name)
+    return name
+
+
+def _frequencies(fit: Fit) -> Array:
+    """Frequency of every run, Hz."""
+    return fit.series.reference_frequency_hz + fit.point.offset_rad_s / (2 * np.pi)

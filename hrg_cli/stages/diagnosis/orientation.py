@@ -1,0 +1,82 @@
+"""Diagnosis, the sign of e^{jφ} in every run: (mθ, φ) and (mθ + π, φ + π) are the same wave.
+
+A vector coherent with the phase (offset, feed-through, parasitic force) therefore stands with a sign of its own in every run, whoever
+wrote it. The signs are chosen together where that clearly explains what nothing else does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...fitting import evidence, extended_fit
+from ...fitting.extended_fit import Fit
+from .search import Variant, scored
+
+Array = np.ndarray
+COHERENT = ("coherent_offset", "drive_feedthrough", "parasitic_force")
+"""Effects whose vector is coherent with φ."""
+CLEARLY = 30.0
+"""χ² that turned signs must gain, beyond the choice among 2^R of them."""
+
+
+def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
+    """The fit with the phase of some runs turned by π, or as it was."""
+    runs = len(base.series.names)
+    own = [variant for variant in candidates if variant.effect.name in COHERENT]
+    if runs < 2 or not own:
+        return base
+    rows = len(base.residual)
+    best, signs = -np.inf, np.ones(runs)
+    for variant in own:
+        columns = extended_fit.sensitivity(base.flow, variant.effect, variant.values, variant.steps)
+        gain, plain, trial, rank = _turned(columns, base, runs)
+        if gain - plain > CLEARLY + 2 * runs * np.log(2) and evidence.criterion(gain, rank, rows) > best:
+            best, signs = evidence.criterion(gain, rank, rows), trial
+    if np.all(signs > 0):
+        return base
+    others = (evidence.criterion(s.gain, s.rank, rows) for s, v in scored(base, candidates) if s.visible)
+    if best < max(others, default=-np.inf):
+        return base
+    turned = base.series.phase_rad + np.pi * (signs < 0)[:, None]
+    return extended_fit.fit(replace(base.series, phase_rad=turned), base.point, base.freedom)
+
+
+def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, int]:
+    """(fall of χ² with the best signs found, with all +, those signs (R,), parameters) of columns (N, K) whose sign each run may turn."""
+    count = columns.shape[1]
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    wide = np.zeros((len(columns), runs * count))
+    for k in range(runs):
+        mine = base.rows[:, 0] == k
+        wide[mine, k * count : (k + 1) * count] = columns[mine] / size
+    wide -= base.basis @ (base.basis.T @ wide)
+    A = (wide.T @ wide).reshape(runs, count, runs, count)
+    b = (wide.T @ base.residual).reshape(runs, count)
+
+    def gain(s: Array) -> float:
+        right = s @ b
+        return float(right @ np.linalg.pinv(np.einsum("r,ricj,c->ij", s, A, s), rcond=evidence.BLIND**2, hermitian=True) @ right)
+
+    alone = np.array([np.linalg.pinv(A[k, :, k], rcond=1e-6, hermitian=True) @ b[k] for k in range(runs)])
+    clearest = int(np.argmax(np.sum(alone * b, axis=1)))
+    best, signs = -np.inf, np.ones(runs)
+    for start in (np.ones(runs), np.where(alone @ alone[clearest] < 0, -1.0, 1.0)):
+        s, value = start.copy(), gain(start)
+        improved = True
+        while improved:
+            improved = False
+            for k in range(runs):
+                s[k] = -s[k]
+                trial = gain(s)
+                if trial > value * (1 + 1e-12):
+                    value, improved = trial, True
+                else:
+                    s[k] = -s[k]
+        if value > best:
+            best, signs = value, s.copy()
+    majority = np.sign(signs.sum()) or signs[0]  # the sign of all together is nobody's to know: the fewest turned
+    return best, gain(np.ones(runs)), signs * majority, count

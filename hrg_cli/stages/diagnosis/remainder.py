@@ -1,0 +1,361 @@
+"""Diagnosis, the rest: an open search over terms of the envelope equation and the read-out times functions of t, θ, a, T and Ω.
+
+u' += g·M u or u_m = u + g·M u, M one of damping −1, frequency j, their splits −R, jR, turning J, circular jJ; g a covariate's power,
+a harmonic of the wave angle, a step in time or a tone in time. What is left over is described by the best such terms, blamed on nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...effects.effect import Effect, Parameter
+from ...fitting import evidence, extended_fit
+from ...fitting.evidence import Score
+from ...fitting.extended import Series, real
+from ...fitting.extended_fit import Fit, flat
+from ...physics import ellipse
+
+Array = np.ndarray
+STEPS, TONES = 31, 48
+HARMONICS = (1, 2, 3, 4, 6, 8)
+SMOOTH = 6
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a term acts: its columns M u, the symbol it changes and its unit; `readout`: on what is seen, not on the motion."""
+
+    name: str
+    symbol: str
+    units: str
+    readout: bool
+
+
+PLACES = (
+    Place("damping", "ν", "s-1", False),
+    Place("frequency", "φ̇", "rad s-1", False),
+    Place("damping split", "νδμ", "s-1", False),
+    Place("frequency split", "δω", "rad s-1", False),
+    Place("turning", "−mθ̇", "rad s-1", False),
+    Place("circular", "ṙ", "s-1", False),
+    Place("precession with quadrature", "φ̇ and −mθ̇·a_A/2a_B", "rad s-1", False),
+    Place("gain", "a", "1", True),
+    Place("gain split", "g/2", "1", True),
+    Place("phase split", "ψ/2", "rad", True),
+    Place("angle", "−mθ", "rad", True),
+    Place("quadrature offset", "r", "1", True),
+)
+
+
+def _mirror(u: Array) -> Array:
+    """(uᵀu) u*/u†u: what every isotropic nonlinearity has beside the part along u (PHYSICS §7)."""
+    size = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True)
+    return np.sum(u**2, axis=-1, keepdims=True) * np.conj(u) / np.where(size > 0, size, 1.0)
+
+
+Function = Callable[[Array, Any], Array]
+"""(u (..., 2), series or slow state) -> values (c, ...)."""
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """A function of what is known along the runs, c parts of it, with its name and formula."""
+
+    name: str
+    formula: str
+    function: Function
+    harmonic: int = 0
+    instant: float | None = None
+    """Where a step is, as a share of the longest run."""
+    cycles: float | None = None
+    """Cycles of a tone in the longest run."""
+
+    @property
+    def everywhere(self) -> bool:
+        """Steps and tones are looked for at the simple places only."""
+        return self.instant is None and self.cycles is None
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of the open search with its score beside the fit."""
+
+    place: Place
+    covariate: Covariate
+    score: Score
+    columns: Array
+
+    @property
+    def size(self) -> float:
+        """Magnitude of its coefficients."""
+        return float(np.sqrt(np.nansum(self.score.estimate**2)))
+
+
+def matrices(place: Place, u: Array) -> list[Array]:
+    """M u of a place, one or two columns."""
+    c, s = u[..., 0], u[..., 1]
+    mirrored, swapped, turned = np.stack([c, -s], -1), np.stack([s, c], -1), np.stack([s, -c], -1)
+    return {
+        "damping": [-u],
+        "frequency": [1j * u],
+        "damping split": [-mirrored, -swapped],
+        "frequency split": [1j * mirrored, 1j * swapped],
+        "turning": [turned],
+        "circular": [1j * turned],
+        "precession with quadrature": [1j * _mirror(u)],
+        "gain": [u],
+        "gain split": [mirrored, swapped],
+        "phase split": [1j * mirrored, 1j * swapped],
+        "angle": [turned],
+        "quadrature offset": [1j * turned],
+    }[place.name]
+
+
+def covariates(series: Series, u: Array) -> Iterator[Covariate]:
+    """The functions looked through; their scales come from the motion u (R, n, 2) of the runs."""
+    good = series.weight > 0
+    a0 = float(np.sqrt((_amplitude(u)[good] ** 2).mean()))
+    span = float(series.time_s[good].max())
+    yield Covariate("none", "1", lambda u, s: np.ones((1, *u.shape[:-1])))
+    yield Covariate("time", "t/T", lambda u, s: _one(u, s.time_s / span))
+    yield Covariate("time", "(t/T)²", lambda u, s: _one(u, (s.time_s / span) ** 2))
+    for power, formula in ((1, "a/a₀"), (2, "(a/a₀)²"), (3, "(a/a₀)³"), (4, "(a/a₀)⁴"), (-1, "a₀/a")):
+        yield Covariate("amplitude", formula, _power(power, a0))
+    warm = series.temperature_degc[good]
+    if np.ptp(warm) > 0:
+        mean, scale = float(warm.mean()), float(np.ptp(warm))
+        yield Covariate("temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale))
+        yield Covariate("temperature", "((T − T₀)/ΔT)²", lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2))
+        steep = series.temperature_rate_degc_s[good]
+        top = float(np.abs(steep).max())
+        if np.ptp(steep) > 1e-6 * top:
+            yield Covariate("temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top))
+    fastest = float(np.abs(series.rate_rad_s[good]).max())
+    if fastest > 0:
+        yield Covariate("rate", "Ω/Ω₀", lambda u, s: _one(u, s.rate_rad_s / fastest))
+        yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
+        yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
+        if np.ptp(series.table_angle_rad[good]) > 1:
+            for n in (1, 2):
+                yield Covariate(f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), n)
+    for n in HARMONICS:
+        yield Covariate("wave angle", f"harmonic {n}mθ", _of_wave(n), n)
+        if n in (2, 4):
+            yield Covariate("wave angle and amplitude", f"harmonic {n}mθ × (a/a₀)²", _of_wave(n, a0), n)
+    for share in np.linspace(0, 1, STEPS + 2)[1:-1]:
+        yield step_at(series, share)
+    for k in range(2, TONES + 2):
+        yield tone_of(series, k / 2)
+
+
+def _power(power: int, unit: float) -> Function:
+    return lambda u, s: (_amplitude(u) / unit)[None] ** power
+
+
+def _of_table(harmonic: int) -> Function:
+    return lambda u, s: _pair(harmonic * s.table_angle_rad) * np.sign(np.abs(s.rate_rad_s))
+
+
+def _of_wave(harmonic: int, unit: float | None = None) -> Function:
+    """A harmonic of the wave angle, times (a/unit)² where a unit is given."""
+    if unit is None:
+        return lambda u, s: _pair(harmonic * _angle(u))
+    return lambda u, s: _pair(harmonic * _angle(u)) * (_amplitude(u) / unit) ** 2
+
+
+def _one(u: Array, values: Array) -> Array:
+    return np.broadcast_to(values, u.shape[:-1])[None]
+
+
+def _amplitude(u: Array) -> Array:
+    return ellipse.wave(u, 1)[0]
+
+
+def _angle(u: Array) -> Array:
+    return ellipse.wave(u, 1)[2]
+
+
+def _pair(phase: Array) -> Array:
+    return np.stack([np.cos(phase), np.sin(phase)])
+
+
+def step_at(series: Series, share: float) -> Covariate:
+    """0 before and 1 after an instant, the same in every run; within a row its share of it."""
+    span = float(series.time_s[series.weight > 0].max())
+    width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
+    return Covariate(
+        "time",
+        f"step at t = {share * span:.5g} s",
+        lambda u, s: _one(u, np.clip((s.time_s - share * span) / width + 0.5, 0, 1)),
+        instant=share,
+    )
+
+
+def tone_of(series: Series, cycles: float) -> Covariate:
+    """Cosine and sine of so many cycles over the longest run."""
+    span = float(series.time_s[series.weight > 0].max())
+    omega = 2 * np.pi * cycles / span
+    return Covariate(
+        "time", f"tone of {cycles / span:.5g} Hz", lambda u, s: _pair(np.broadcast_to(omega * s.time_s, u.shape[:-1])), cycles=cycles
+    )
+
+
+def effect_of(place: Place, covariate: Covariate, number: int) -> Effect:
+    """An open term as an effect of its own, so that the model can be fitted with it."""
+    probe = np.ones((1, 2), complex)
+    count = len(matrices(place, probe)) * (2 if "harmonic" in covariate.formula or covariate.cycles is not None else 1)
+    names = [f"c{k}" for k in range(count)]
+
+    def change(p: Any, u: Array, state: Any) -> Array:
+        parts = [g[..., None] * m for g in covariate.function(u, state) for m in matrices(place, u)]
+        return sum(p[name] * part for name, part in zip(names, parts, strict=True))
+
+    parameters = tuple(Parameter(name, place.units, 1e-3, "coefficient") for name in names)
+    common: dict[str, Any] = {"name": f"open term {number}", "family": "open", "page": covariate.formula, "parameters": parameters}
+    if place.readout:
+        return Effect(**common, slow_readout=lambda p, u, state: u + change(p, u, state))
+    return Effect(**common, slow=change)
+
+
+def terms(fit: Fit) -> list[Term]:
+    """Every term with its score beside the fit, best first; those that coincide with the base model are left out."""
+    flow = fit.flow
+    pairs = []
+    for covariate in covariates(fit.series, flow.prediction.motion):
+        for place in PLACES:
+            simple = place.name in ("damping", "frequency", "turning", "gain", "angle")
+            if (covariate.everywhere or simple) and (covariate.formula != "1" or place.readout):
+                pairs.append((place, covariate))
+    rows = len(fit.residual)
+    out = [term for term in judged(fit, pairs, fit.residual, fit.basis) if term.score.visible]
+    return sorted(out, key=lambda t: -evidence.criterion(t.score.gain, t.score.rank, rows))
+
+
+def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Array) -> list[Term]:
+    """Terms with their scores: (place, covariate); the motion of all is carried in one sweep."""
+    flow = fit.flow
+    moving = [pair for pair in pairs if not pair[0].readout]
+    columns: dict[tuple[str, str], Array] = {}
+    if moving:
+        at_rows = [_at(place, covariate, flow.prediction.motion, fit.series) for place, covariate in moving]
+        at_middle = [_at(place, covariate, flow.middle, flow.centre) for place, covariate in moving]
+        seen = flat(fit.series, flow.seen(flow.carried(np.concatenate(at_rows, -1), np.concatenate(at_middle, -1))))
+        ends = np.cumsum([a.shape[-1] for a in at_rows])[:-1]
+        for (place, covariate), part in zip(moving, np.split(seen, ends, axis=1), strict=True):
+            columns[place.name, covariate.formula] = part
+    for place, covariate in pairs:
+        if place.readout:
+            direct = _at(place, covariate, flow.prediction.seen, fit.series) * fit.series.weight[..., None, None]
+            columns[place.name, covariate.formula] = flat(fit.series, direct)
+    parts = [columns[place.name, covariate.formula] for place, covariate in pairs]
+    found = evidence.scores([f"{place.name} × {covariate.formula}" for place, covariate in pairs], residual, parts, Q)
+    return [Term(place, covariate, score, part) for (place, covariate), score, part in zip(pairs, found, parts, strict=True)]
+
+
+def _at(place: Place, covariate: Covariate, u: Array, series: Series) -> Array:
+    return np.stack([real(g[..., None] * m) for g in covariate.function(u, series) for m in matrices(place, u)], -1)
+
+
+def refined(fit: Fit, term: Term, residual: Array, Q: Array) -> Term:
+    """A step's instant or a tone's frequency to a fiftieth of the first grid."""
+    make, value = (step_at, term.covariate.instant) if term.covariate.instant is not None else (tone_of, term.covariate.cycles)
+    if value is None:
+        return term
+    width = 1 / (STEPS + 1) if make is step_at else 0.5
+    for _ in range(2):
+        trials = [make(fit.series, v) for v in value + width * np.linspace(-1, 1, 11)]
+        found = judged(fit, [(term.place, c) for c in trials], residual, Q)
+        best = max(found, key=lambda t: t.score.gain)
+        if best.score.gain > term.score.gain:
+            term = best
+            value = best.covariate.instant if make is step_at else best.covariate.cycles
+            assert value is not None
+        width /= 5
+    return term
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the open search says: accepted terms in order, the fit with them, their number of coefficients."""
+
+    terms: tuple[Term, ...]
+    fit: Fit
+    tried: int
+    rank: int
+
+    @property
+    def chi2(self) -> float:
+        """χ² with the terms."""
+        return self.fit.chi2
+
+
+def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Remainder:
+    """Forward selection of open terms with refit, stopped by corrected p and BIC."""
+    rows = len(fit.residual)
+    chosen: list[Term] = []
+    start, tried = fit.basis.shape[1], 0
+    for number in range(most):
+        ranked = terms(fit)
+        tried = tried or len(ranked)
+        if not ranked:
+            break
+        best = ranked[0]
+        level = evidence.criterion(best.score.gain, best.score.rank, rows)
+        if best.place.readout:
+            # a fast error of the motion looks like one of the read-out; the motion comes first where both serve
+            near = (t for t in ranked if not t.place.readout and t.covariate.name == best.covariate.name)
+            for term in near:
+                if evidence.criterion(term.score.gain, term.score.rank, rows) > level - max(10.0, 0.03 * best.score.gain):
+                    best = term
+                break
+        best = refined(fit, best, fit.residual, fit.basis)
+        _, p = evidence.significance(best.score.gain / noise_factor, best.score.rank)
+        if (
+            evidence.corrected(p, len(ranked)) > significant
+            or evidence.criterion(best.score.gain / noise_factor, best.score.rank, rows) < 10
+        ):
+            break
+        effect = effect_of(best.place, best.covariate, number)
+        values = {q.name: float(v) if np.isfinite(v) else 0.0 for q, v in zip(effect.parameters, best.score.estimate, strict=True)}
+        again = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, values), fit.freedom)
+        if not again.chi2 < fit.chi2 - 10 * noise_factor:
+            break
+        fitted = np.array([dict((e.name, v) for e, v in again.point.active)[effect.name][q.name] for q in effect.parameters])
+        std = np.array([again.std(f"{effect.name}.{q.name}") for q in effect.parameters])
+        chosen.append(replace(best, score=replace(best.score, estimate=fitted, std=std)))
+        fit = again
+    return Remainder(tuple(chosen), fit, tried, fit.basis.shape[1] - start)
+
+
+def smooth_columns(fit: Fit) -> Array:
+    """Slow cosines in time of all four components of the wave, run by run: what a deterministic misfit would look like, (N, m)."""
+    series = fit.series
+    runs, n = series.weight.shape
+    u = fit.flow.prediction.seen
+    size = np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True))
+    along = u / np.where(size > 0, size, 1.0)
+    across = np.stack([-np.conj(along[..., 1]), np.conj(along[..., 0])], -1)
+    out = np.zeros((runs, n, 4, runs * SMOOTH * 4))
+    column = 0
+    for k in range(runs):
+        last = series.time_s[k][series.weight[k] > 0].max()
+        first = series.time_s[k, 0]
+        x = (series.time_s[k] - first) / (last - first)
+        for j in range(1, SMOOTH + 1):
+            g = np.cos(np.pi * j * x)[:, None]
+            for vector in (along[k], 1j * along[k], across[k], 1j * across[k]):
+                out[k, :, :, column] = real(g * vector)
+                column += 1
+    return flat(series, out)
+
+
+def adequacy(fit: Fit) -> tuple[float, float]:
+    """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing is left but white noise."""
+    from scipy.special import chdtrc
+
+    power, rank = evidence.smooth_power(fit.residual, fit.basis, smooth_columns(fit))
+    return (power / rank, float(chdtrc(rank, power))) if rank else (1.0, 1.0)

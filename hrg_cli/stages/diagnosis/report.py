@@ -1,0 +1,232 @@
+"""Diagnosis, the JSON: verdict, values, effects with rivals and next experiments, gain, upper limits, remainder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...fitting import evidence
+from ...fitting.coordinates import physical
+from ...fitting.evidence import HeldOut, Score
+from ...fitting.extended_fit import Fit
+from ...physics.resonator import PARAMETERS
+from ...records import Resonator
+from .remainder import Remainder, Term
+from .search import Found, Search, Variant
+
+Array = np.ndarray
+ONE_SIDED = 1.645
+WRONG = 4.0
+"""σ from which a base value counts as wrong."""
+SAME_AS_BASE = {
+    "table_rate_error": "the scale factor: exactly the same in every run on that table",
+    "clock_error": "frequency, damping and scale factor together, as long as one clock times everything",
+}
+
+
+def report(
+    verdict: str,
+    search: Search,
+    remainder: Remainder | None,
+    held_out: str,
+    gain: HeldOut,
+    noise_factor: float,
+    resonator: Resonator | None,
+    candidates: Sequence[Variant],
+) -> dict[str, Any]:
+    """Everything the contract names, and the steps that led there."""
+    by_name = {v.effect.name: v for v in candidates}
+    return {
+        "verdict": verdict,
+        "mode_number": search.final.series.mode_number,
+        "baseline": _figures(search.base),
+        "values": values(search.final, noise_factor, resonator),
+        "effects": [_effect(one, search.final, noise_factor, by_name) for one in search.found],
+        "after": _figures(search.final),
+        "gain": {
+            "held_out": held_out,
+            "before": float(np.sqrt(gain.before.mean())),
+            "after": float(np.sqrt(gain.after.mean())),
+            "ratio": gain.ratio,
+            "std": gain.std if np.isfinite(gain.std) else None,
+        },
+        "tested": _tested(search, noise_factor, by_name),
+        "not_separable": _not_separable(search),
+        "noise_factor": noise_factor,
+        "correlations": _correlations(search),
+        "remainder": None if remainder is None else describe(remainder, search.final),
+        "extended_model": None,
+    }
+
+
+def _figures(fit: Fit) -> dict[str, float]:
+    """χ² a degree of freedom and the residual's rms in the signals' unit."""
+    weight = fit.series.weight[fit.rows[:, 0], fit.rows[:, 1]]
+    return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean((fit.residual / weight) ** 2)))}
+
+
+def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[dict[str, Any]]:
+    """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes them wrong."""
+    numbers, slopes = physical(fit.point.p, fit.series.mode_number)
+    index = [fit.names.index(f"p{k}") if f"p{k}" in fit.names else -1 for k in range(7)]
+    covariance = np.zeros((7, 7))
+    there = [k for k in range(7) if index[k] >= 0]
+    covariance[np.ix_(there, there)] = fit.covariance[np.ix_([index[k] for k in there], [index[k] for k in there])]
+    stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * noise_factor)
+    frequency = fit.series.reference_frequency_hz + float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi)
+    own = [fit.std(f"run{k}.4") for k in range(len(fit.series.names))]
+    spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(own))
+    frequency_std = max(float(np.sqrt(np.sum(np.square(own))) / len(own)), spread) / (2 * np.pi) * np.sqrt(noise_factor)
+    given = resonator.parameters() if resonator is not None else {}
+    out = []
+    for (name, units), value, std in zip(PARAMETERS, [frequency, *numbers], [frequency_std, *stds], strict=True):
+        row: dict[str, Any] = {"name": name, "value": float(value), "std": float(std), "units": units}
+        if name in given:
+            believed, believed_std, _ = given[name]
+            difference = float(value) - believed
+            if name.endswith("axis_rad"):
+                period = np.pi / fit.series.mode_number
+                difference = float((difference + period / 2) % period - period / 2)
+            sigma = float(np.hypot(std, believed_std if np.isfinite(believed_std) else 0.0))
+            row |= {"believed": believed, "sigma": difference / sigma if sigma > 0 else 0.0}
+            row["wrong"] = abs(row["sigma"]) > WRONG
+        out.append(row)
+    return out
+
+
+def _effect(one: Found, fit: Fit, noise_factor: float, by_name: dict[str, Variant]) -> dict[str, Any]:
+    effect = one.variant.effect
+    active = {e.name: v for e, v in fit.point.active}[effect.name]
+    score = _beside_the_others(one, fit, noise_factor)
+    sentences = [effect.next_experiment] + [by_name[r].effect.next_experiment for r in one.rivals if r in by_name]
+    return {
+        "name": effect.name,
+        "z": score[0],
+        "p_value": evidence.corrected(score[1], one.tried),
+        "delta_bic": one.delta_bic,
+        "parameters": {
+            p.name: {
+                "value": float(active[p.name]),
+                "std": float(np.sqrt(noise_factor)) * fit.std(f"{effect.name}.{p.name}") if p.fitted else 0.0,
+                "units": p.units,
+            }
+            for p in effect.parameters
+        },
+        "indistinguishable_from": list(one.rivals),
+        "next_experiment": "; ".join(dict.fromkeys(s for s in sentences if s)) if one.rivals else effect.next_experiment,
+        "independence": one.score.independence,
+    }
+
+
+def _beside_the_others(one: Found, fit: Fit, noise_factor: float) -> tuple[float, float]:
+    """z and p of an effect in the final fit, from its parameters' joint significance."""
+    index = [k for k, name in enumerate(fit.names) if name.startswith(one.variant.effect.name + ".")]
+    values = np.array([dict((e.name, v) for e, v in fit.point.active)[one.variant.effect.name][fit.names[k].split(".")[1]] for k in index])
+    neutral = np.array([p.neutral for p in one.variant.effect.fitted()])
+    covariance = fit.covariance[np.ix_(index, index)] * noise_factor
+    wald = float((values - neutral) @ np.linalg.pinv(covariance) @ (values - neutral))
+    z, p = evidence.significance(min(wald, one.delta_bic + len(index) * float(np.log(len(fit.residual)))), max(1, one.score.rank))
+    sign = np.sign(values[0] - neutral[0]) if len(values) == 1 else 1.0
+    return float(z * (sign or 1.0)), p
+
+
+def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant]) -> list[dict[str, Any]]:
+    """Every candidate: score beside the base model, 95 % upper limit of its size beside what was found."""
+    found = {one.variant.effect.name for one in search.found}
+    last = {s.name: s for s in search.last}
+    out = []
+    for score in search.first:
+        later = last.get(score.name, score)
+        limit, units = _limit(later, noise_factor, by_name[score.name])
+        first = by_name[score.name].effect.fitted()[0]
+        row = {
+            "name": score.name,
+            "z": evidence.significance(score.gain / noise_factor, score.rank)[0] if score.visible else 0.0,
+            "upper_limit": None if score.name in found else limit,
+            "units": units or first.units,
+            "std": [float(s * np.sqrt(noise_factor)) if np.isfinite(s) else None for s in later.std],
+            "independence": score.independence,
+            "visible": score.visible,
+        }
+        if not score.visible:
+            row["why_not"] = (
+                f"these runs cannot show it: it is {SAME_AS_BASE[score.name]}"
+                if score.name in SAME_AS_BASE
+                else "these runs cannot show it"
+            )
+        out.append(row)
+    return out
+
+
+def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float | None, str]:
+    """Largest of the parameters' one-sided 95 % limits, in the unit of the parameter that has it."""
+    if not score.visible:
+        return None, ""
+    names = list(variant.steps)
+    units = {p.name: p.units for p in variant.effect.parameters}
+    sizes = np.abs(score.estimate) + ONE_SIDED * score.std * np.sqrt(noise_factor)
+    finite = [k for k in range(len(sizes)) if np.isfinite(sizes[k])]
+    if not finite:
+        return None, ""
+    k = finite[0]
+    same = [j for j in finite if units[names[j]] == units[names[k]]]
+    return float(max(sizes[j] for j in same)), units[names[k]]
+
+
+def _not_separable(search: Search) -> list[dict[str, Any]]:
+    """Pairs the runs cannot tell apart: exact ones with the base model, and candidates whose spaces coincide."""
+    out: list[dict[str, Any]] = []
+    turning = bool(np.abs(search.base.series.rate_rad_s).max() > 0)
+    for score in search.first:
+        if not score.visible and score.name in SAME_AS_BASE and (turning or score.name != "table_rate_error"):
+            out.append({"effects": [score.name], "base": SAME_AS_BASE[score.name]})
+    visible = [s for s in search.first if s.visible]
+    for i, a in enumerate(visible):
+        alike = [b.name for b in visible[i + 1 :] if a.rank == b.rank and evidence.alike(a, b) > 0.999]
+        if alike:
+            out.append({"effects": [a.name, *alike], "base": None})
+    return out
+
+
+def _correlations(search: Search) -> dict[str, Any]:
+    visible = [s for s in search.first if s.visible]
+    return {"names": [s.name for s in visible], "matrix": np.round(evidence.correlations(visible), 4).tolist()}
+
+
+def describe(remainder: Remainder, fit: Fit) -> dict[str, Any]:
+    """The best open term in words and as a formula; further ones behind it."""
+    if not remainder.terms:
+        return {
+            "description": "a residual that is neither white nor one of the terms looked for",
+            "covariate": None,
+            "harmonic": None,
+            "formula": None,
+            "terms": [],
+        }
+    rows = [_term(t) for t in remainder.terms]
+    first = rows[0]
+    return {
+        "description": f"{first['place']} that changes with {first['covariate']}"
+        + (f", then {len(rows) - 1} smaller term(s)" if len(rows) > 1 else ""),
+        "covariate": first["covariate"],
+        "harmonic": first["harmonic"],
+        "formula": first["formula"],
+        "terms": rows,
+    }
+
+
+def _term(term: Term) -> dict[str, Any]:
+    size = term.size
+    place, covariate = term.place, term.covariate
+    return {
+        "place": place.name,
+        "covariate": covariate.name,
+        "harmonic": covariate.harmonic or None,
+        "formula": f"{place.symbol} → {place.symbol} + {size:.4g} {place.units} · ({covariate.formula})",
+        "size": size,
+        "std": float(np.nanmax(np.where(np.isfinite(term.score.std), term.score.std, 0.0))),
+        "units": place.units,
+        "z": term.score.z,
+    }

@@ -1,0 +1,214 @@
+"""Diagnosis, the causes: every effect's score, forward selection with refit, rivals, swaps and the backward check."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...fitting import evidence, extended_fit
+from ...fitting.evidence import Score
+from ...fitting.extended_fit import Fit
+
+Array = np.ndarray
+SIGNIFICANT = 1e-3
+"""Chance of a false alarm a step of the selection, corrected for the number tried."""
+WORTH = 10.0
+"""ΔBIC an effect must earn, and by which it must beat a rival to be told from it."""
+MOST_TYPICAL = 1000.0
+"""Times its typical size that no cause exceeds."""
+SHORTLIST = 3
+ROUNDS = 4
+"""Shortlists tried when the refits of the first bring nothing."""
+TOGETHER = 0.999
+"""Canonical correlation from which two causes are one to these data, whatever the fit says."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way an effect may stand: values of its parameters, and difference steps of those fitted."""
+
+    effect: Effect
+    values: Mapping[str, float]
+    steps: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Found:
+    """An accepted effect: score at its acceptance, what it cannot be told from, fit with it."""
+
+    variant: Variant
+    score: Score
+    tried: int
+    delta_bic: float
+    rivals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Search:
+    """The selection's result: the fits, the accepted effects in order, the scores of all candidates beside the first and the last fit."""
+
+    base: Fit
+    final: Fit
+    found: tuple[Found, ...]
+    first: tuple[Score, ...]
+    last: tuple[Score, ...]
+    steps: tuple[str, ...] = field(default=())
+
+
+def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
+    """All ways the candidates may stand beside this fit."""
+    series = fit.series
+    amplitude = extended_fit.amplitude_of(series)
+    warm = series.temperature_degc[series.weight > 0]
+    middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
+    seen = np.abs(series.envelope)[series.weight > 0]
+    out = []
+    for effect in effects:
+        values = effect.values()
+        if "reference_temperature_degc" in values:
+            values["reference_temperature_degc"] = middle
+        steps = extended_fit.steps_of(effect, amplitude)
+        if effect.name == "saturation":
+            for share in (0.7, 0.8, 0.88, 0.94, 0.98):
+                out.append(Variant(effect, values, {"inverse_level": 1 / (share * float(np.quantile(seen, 0.999)))}))
+            continue
+        out.append(Variant(effect, values, steps))
+    return out
+
+
+def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
+    """Every effect's best variant with its score beside the fit, best criterion first."""
+    active = {effect.name for effect, _ in fit.point.active}
+    open_ones = [variant for variant in candidates if variant.effect.name not in active]
+    columns = [extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps) for variant in open_ones]
+    best: dict[str, tuple[Score, Variant]] = {}
+    found = evidence.scores([variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis)
+    amplitude = extended_fit.amplitude_of(fit.series)
+    for score, variant in zip(found, open_ones, strict=True):
+        if score.visible and not _thinkable(score, variant, amplitude):
+            continue
+        if score.name not in best or score.gain > best[score.name][0].gain:
+            best[score.name] = (score, variant)
+    rows = len(fit.residual)
+    return sorted(best.values(), key=lambda pair: -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf)
+
+
+def _thinkable(score: Score, variant: Variant, amplitude: float) -> bool:
+    """Whether every estimate that stands out of its noise is of a size such a cause can have."""
+    size = {p.name: p.typical * amplitude**p.amplitude_power for p in variant.effect.parameters}
+    limits = MOST_TYPICAL * np.array([size[name] for name in variant.steps])
+    known = np.isfinite(score.estimate)
+    return bool(np.all((np.abs(score.estimate) - 5 * score.std <= limits)[known]))
+
+
+def adopted(fit: Fit, score: Score, variant: Variant) -> Fit:
+    """The fit again with one more effect, from the score's estimate."""
+    values = dict(variant.values)
+    for (name, _), estimate in zip(variant.steps.items(), score.estimate, strict=True):
+        if np.isfinite(estimate):
+            values[name] += float(estimate)
+    if variant.effect.name == "saturation":
+        values["inverse_level"] = variant.steps["inverse_level"]
+    point = extended_fit.with_effect(fit.point, variant.effect, values)
+    return extended_fit.fit(fit.series, point, fit.freedom)
+
+
+def bic(fit: Fit) -> float:
+    """χ² + rank·ln N."""
+    return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual)))
+
+
+def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: int, narrate: list[str]) -> Search:
+    """Forward selection with refit, swaps and a backward check; `noise_factor`: variance by which coloured noise exceeds the white one."""
+    fit = base
+    found: list[Found] = []
+    ranked = scored(fit, candidates)
+    first = tuple(s for s, _ in ranked)
+    while len(found) < most:
+        step = best_step(fit, ranked, noise_factor)
+        if step is None:
+            break
+        fit, one = step
+        found.append(one)
+        narrate.append(f"{one.variant.effect.name}: χ² falls by {one.delta_bic:.4g} beyond its price")
+        ranked = scored(fit, candidates)
+    fit, found = exchanged(fit, found, candidates, noise_factor)
+    fit, found = pruned(fit, found, noise_factor)
+    return Search(base, fit, tuple(found), first, tuple(s for s, _ in scored(fit, candidates)), tuple(narrate))
+
+
+def best_step(
+    fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: float, rounds: int = ROUNDS
+) -> tuple[Fit, Found] | None:
+    """The best next effect, its rivals refitted too; None when nothing is significant.
+
+    Far from a linear residual the best score may belong to an effect whose refit fails; then the next ones are tried.
+    """
+    tried = sum(s.visible for s, _ in ranked)
+    if tried == 0:
+        return None
+    top = ranked[0][0]
+    _, p = evidence.significance(top.gain / noise_factor, top.rank)
+    if (
+        not top.visible
+        or evidence.corrected(p, tried) > SIGNIFICANT
+        or evidence.criterion(top.gain / noise_factor, top.rank, len(fit.residual)) < WORTH
+    ):
+        return None
+    close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
+    trials = []
+    for score, variant in close:
+        with contextlib.suppress(extended_fit.DivergedError):
+            trial = adopted(fit, score, variant)
+            trials.append((bic(trial), trial, score, variant))
+    trials.sort(key=lambda t: t[0])
+    gain = (bic(fit) - trials[0][0]) / noise_factor if trials else -np.inf
+    if not gain >= WORTH:
+        rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
+        return best_step(fit, rest, noise_factor, rounds - 1) if rounds > 1 and rest else None
+    level, chosen, score, variant = trials[0]
+    margin = WORTH * noise_factor
+    rivals = [t[3].effect.name for t in trials[1:] if t[0] < level + margin]
+    rivals += [
+        s.name
+        for s, _ in ranked
+        if s.name != score.name and s.visible and s.name not in rivals and evidence.alike(s, score) > TOGETHER and s.rank == score.rank
+    ]
+    return chosen, Found(variant, score, tried, gain, tuple(rivals))
+
+
+def exchanged(fit: Fit, found: list[Found], candidates: Sequence[Variant], noise_factor: float) -> tuple[Fit, list[Found]]:
+    """Replace an earlier effect by another where the later ones have made that better."""
+    if len(found) < 2:
+        return fit, found
+    for k, old in enumerate(found[:-1]):
+        reduced = extended_fit.fit(fit.series, extended_fit.without(fit.point, old.variant.effect.name), fit.freedom)
+        ranked = [pair for pair in scored(reduced, candidates)]
+        step = best_step(reduced, ranked, noise_factor)
+        if step is not None and step[1].variant.effect.name != old.variant.effect.name and bic(step[0]) < bic(fit) - WORTH * noise_factor:
+            fit = step[0]
+            found = [*found[:k], step[1], *found[k + 1 :]]
+    return fit, found
+
+
+def pruned(fit: Fit, found: list[Found], noise_factor: float) -> tuple[Fit, list[Found]]:
+    """Backward check: every effect must still be worth its price with the others there; its ΔBIC becomes that of leaving it out."""
+    changed = True
+    while changed and found:
+        changed = False
+        losses = []
+        for one in found:
+            reduced = extended_fit.fit(fit.series, extended_fit.without(fit.point, one.variant.effect.name), fit.freedom)
+            losses.append(((bic(reduced) - bic(fit)) / noise_factor, reduced))
+        worst = int(np.argmin([loss for loss, _ in losses]))
+        if losses[worst][0] < WORTH:
+            fit = losses[worst][1]
+            found = [f for k, f in enumerate(found) if k != worst]
+            changed = True
+        else:
+            found = [replace(one, delta_bic=float(loss)) for one, (loss, _) in zip(found, losses, strict=True)]
+    return fit, found

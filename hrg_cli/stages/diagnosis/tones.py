@@ -1,0 +1,120 @@
+"""Diagnosis, tones near the resonance: what beats in the envelopes at a fixed frequency, seen at the windows' own rate.
+
+The residual of the fitted model at every window, a fixed vector e e^{j(ω_m − ω_r)t}, is one-sided in frequency about the resonance;
+a modulation of the resonator or of the read-out has both sidebands and is left to the open search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...fitting.extended_fit import Fit
+from ...physics import ellipse
+from ...records import Wave
+
+Array = np.ndarray
+NEAREST_CYCLES = 4.0
+"""Cycles of beat in the shortest run from which a tone is looked for."""
+ONE_SIDED = 6.0
+FINE = 41
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A tone: frequency, complex amplitudes e (R, 2) of every run at t = 0 of the run, σ of one real part (R,), χ² it takes away."""
+
+    frequency_hz: float
+    vector: Array
+    std: Array
+    gain: float
+
+
+def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array]]:
+    """Of every run: times, envelopes measured less modelled (n, 2) against the common reference, σ, at the windows' own rate."""
+    from scipy.interpolate import CubicSpline
+
+    out = []
+    reference = fit.series.reference_frequency_hz
+    for k, wave in enumerate(waves):
+        good = wave.good()
+        t = np.asarray(wave.time_s, float)[good]
+        measured = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[
+            good
+        ]
+        measured = measured * np.exp(2j * np.pi * (wave.reference_frequency_hz - reference) * t)[:, None]
+        rows = fit.series.weight[k] > 0
+        at = fit.series.time_s[k][rows]
+        slow = np.exp(-1j * fit.point.offset_rad_s[k] * at)[:, None]
+        model = CubicSpline(at, fit.prediction.seen[k][rows] * slow)(t) * np.exp(1j * fit.point.offset_rad_s[k] * t)[:, None]
+        out.append((t, measured - model, np.asarray(wave.signal_std, float)[good]))
+    return out
+
+
+def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
+    """The strongest one-sided tone that stands out of its surroundings by chance once in a million, common to the runs in frequency."""
+    from scipy.special import chdtrc
+
+    data = residuals(fit, waves)
+    step = float(np.median([np.median(np.diff(t)) for t, _, _ in data]))
+    longest = max(float(t[-1] - t[0]) for t, _, _ in data)
+    shortest = min(float(t[-1] - t[0]) for t, _, _ in data)
+    size = 1 << int(np.ceil(np.log2(2 * longest / step + 8)))
+    power, used = np.zeros(size), 0
+    for t, r, std in data:
+        place = np.round((t - t[0]) / step).astype(int)
+        if np.any(np.abs((t - t[0]) / step - place) > 0.05) or place[-1] >= size:
+            continue
+        taper = np.hanning(len(t) + 2)[1:-1]
+        scale = np.sqrt(np.sum((taper * std) ** 2))
+        for channel in (0, 1):
+            line = np.zeros(size, complex)
+            line[place] = r[:, channel] * taper / scale
+            power += np.abs(np.fft.fft(line)) ** 2
+        used += 1
+    if used == 0:
+        return None
+    offset = float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi)
+    frequency = np.fft.fftfreq(size, step)
+    floor = _floor(np.fft.fftshift(power))
+    relative = np.fft.ifftshift(np.fft.fftshift(power) / floor)
+    distance = frequency - offset
+    mirror = np.interp(offset - distance, np.fft.fftshift(frequency), np.fft.fftshift(power), period=1 / step)
+    # of a sum of 2·used exponentials, its median set to 1
+    expected = 4 * used * np.maximum(relative, 0)
+    wanted = (np.abs(distance) * shortest > NEAREST_CYCLES) & (power > ONE_SIDED * mirror) & (chdtrc(4 * used, expected) < 1e-6 / size)
+    if not wanted.any():
+        return None
+    best = float(frequency[np.argmax(np.where(wanted, power, 0))])
+    width = 1 / longest
+    for _ in range(3):
+        trial = best + width * np.linspace(-1, 1, FINE)
+        total = sum(np.abs(np.exp(-2j * np.pi * np.outer(trial, t)) @ (r / std[:, None])) ** 2 / len(t) for t, r, std in data)
+        best = float(trial[np.argmax(np.sum(total, axis=1))])
+        width /= 8
+    vector = np.array([np.mean(r * np.exp(-2j * np.pi * best * t)[:, None], axis=0) for t, r, _ in data])
+    std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
+    return Tone(best + fit.series.reference_frequency_hz, vector, std, float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2)))
+
+
+def _floor(power: Array, width: int = 101) -> Array:
+    """Running median, of a spectrum already in order of frequency; the least is a thousandth of the overall median."""
+    width = min(width, len(power) // 2 * 2 - 1)
+    padded = np.pad(power, width // 2, mode="wrap")
+    median = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    return np.maximum(median, 1e-3 * np.median(power))
+
+
+def without(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
+    """The waves with the tone taken out of every run."""
+    out = []
+    for wave, e in zip(waves, tone.vector, strict=True):
+        t = np.asarray(wave.time_s, float)
+        u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)
+        u = u - e * np.exp(2j * np.pi * (tone.frequency_hz - wave.reference_frequency_hz) * t)[:, None]
+        a_A, a_B, angle, phase = ellipse.wave(u, wave.mode_number)
+        angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)
+        out.append(wave.replace(main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase))
+    return out

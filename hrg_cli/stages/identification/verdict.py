@@ -1,0 +1,249 @@
+"""The likelihood's optimum judged: parameters with honest errors, what these runs cannot tell, and which runs disagree."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting import coordinates, inference
+from ...fitting.base_fit import Known, nominal_scale_factor
+from ...fitting.envelope_runs import EnvelopeRun
+from ...fitting.likelihood import Fit
+from ...physics import ellipse
+
+Array = np.ndarray
+POOR_FIT = 1.5
+"""χ² a degree of freedom above which the model does not hold within the noise."""
+CONTRADICTION = 30.0
+"""χ² a degree of freedom from which single runs are left out to see whether one contradicts the rest, and the fall that shows it."""
+CANDIDATES = 3
+"""Runs at most that are left out one at a time."""
+ORDER = (
+    "frequency_hz",
+    "damping_rate_1_s",
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+    "scale_factor",
+)
+"""Parameters in the contract's order, as the covariance has them."""
+WORDS = {
+    "damping": "the mean decay",
+    "damping_cos": "the damping split along the electrodes",
+    "damping_sin": "the damping split between the electrodes",
+    "split_cos": "the frequency split along the electrodes",
+    "split_sin": "the frequency split between the electrodes",
+    "scale_factor": "the scale factor",
+}
+
+
+@dataclass
+class Verdict:
+    """Parameters by name, their covariance in `order`, and every sentence about them."""
+
+    values: dict[str, float]
+    std: dict[str, float]
+    order: list[str]
+    covariance: Array
+    chi2_per_dof: float
+    condition: float
+    run_chi2_per_dof: Array
+    run_residual_rms: Array
+    run_rows: Array
+    flat: list[str] = field(default_factory=list)
+    suspect: list[str] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    details: dict[str, Any] = field(default_factory=dict)
+    mode_number: int = 2
+    fit: Fit | None = None
+
+
+def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]) -> Verdict:
+    """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted `again`."""
+    notes = []
+    turning = max(float(np.ptp(r.turn_rad)) for r in runs)
+    mode = runs[0].mode_number
+    if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor") or one_rate(fit)):
+        nominal = nominal_scale_factor(mode)
+        why = "no run was rotated" if turning == 0 else f"the runs turn the table by {turning:.2g} rad at most"
+        if turning and one_rate(fit):
+            why = "the runs have one rate and turn the wave through part of a period only, so a damping split imitates it"
+        notes.append(f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both signs of a larger rate")
+        known = dataclasses.replace(known, scale_factor=nominal)
+        fit = again(known)
+    verdict = judged(fit, runs, known)
+    verdict.flat = notes + verdict.flat
+    return verdict
+
+
+def one_rate(fit: Fit) -> bool:
+    """Whether the runs' own systematic residual forbids telling K·Ω from a damping split: one rate, less than a period of 2mθ, χ² poor."""
+    data = fit.response.batch
+    rates = np.concatenate([r[s > 0] for r, s in zip(data.step_rate, data.step_s)])
+    differ = float(np.ptp(rates)) > 0.1 * float(np.abs(rates).max())
+    spans = [float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) * 2 for r in data.runs]
+    factor, _ = inference.inflation(fit)
+    return not differ and max(spans) < 2 * np.pi and factor > 2
+
+
+def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
+    """Parameters, errors and sentences of one fit."""
+    mode = runs[0].mode_number
+    factor, colour = inference.inflation(fit)
+    poor = fit.chi2 / fit.dof > POOR_FIT
+    values, covariance = inference.parameter_covariance(fit, factor, mode, inference.between_runs(fit) if poor else None)
+    runs_hz = inference.run_frequencies(fit, factor)
+    frequency, frequency_std = runs_hz.value, np.sqrt(np.diag(runs_hz.covariance))
+    full = np.zeros((7, 7))
+    full[1:, 1:] = covariance
+    scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
+    differ = scatter > 4 * float(np.median(frequency_std))
+    weight = np.ones(len(frequency)) if differ else 1 / np.maximum(frequency_std, 1e-15) ** 2
+    weight /= weight.sum()
+    mean = float(weight @ frequency)
+    drift = float(np.sqrt(np.mean(runs_hz.drift_hz**2)))
+    full[0, 0] = (scatter**2 if differ else weight @ runs_hz.covariance @ weight) + drift**2 / 12
+    _, slopes = coordinates.physical(fit.p, mode)
+    full[0, 1:] = full[1:, 0] = slopes @ fit.freedom.directions @ runs_hz.with_z.T @ weight
+    order = list(ORDER)
+    std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
+    named = dict(zip(order, [mean, *map(float, values)]))
+    if known.scale_factor is not None:
+        del named["scale_factor"]
+    condition, flat = inference.flat_directions(fit, factor)
+    rows = np.array([len(r) for r in fit.response.batch.runs])
+    run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
+    rms = np.array([float(np.sqrt(c / len(r) / 4) * r.std.mean()) for c, r in zip(fit.run_chi2, fit.response.batch.runs)])
+    verdict = Verdict(
+        named,
+        std,
+        order,
+        full,
+        fit.chi2 / fit.dof,
+        condition,
+        fit.run_chi2 / run_dof,
+        rms,
+        rows,
+        flat=[sentence(f, fit, runs) for f in flat],
+        mode_number=mode,
+        fit=fit,
+    )
+    _, bound = inference.parameter_covariance(fit, 1.0, mode)
+    verdict.details = {
+        "run_frequency_hz": [float(f) for f in frequency],
+        "run_frequency_std_hz": [float(f) for f in frequency_std],
+        "phase_order": int(fit.response.state.phase.shape[1]),
+        "runs_differ_in_frequency": differ,
+        "run_frequency_drift_hz": [float(d) for d in runs_hz.drift_hz],
+        "frequency_note": _frequency_note(differ, drift),
+        "second_order": {"value": float(fit.p[6]), "std": _second_order_std(fit)},
+        "iterations": fit.iterations,
+        "variance_factor": factor,
+        "colour": colour,
+        "held": {k: v for k, v in dataclasses.asdict(known).items() if v is not None},
+        "cramer_rao_std": dict(zip(order[1:], map(float, np.sqrt(np.maximum(0.0, np.diag(bound)))))),
+    }
+    _reasons(verdict, fit, runs, colour)
+    return verdict
+
+
+def _frequency_note(differ: bool, drift_hz: float) -> str:
+    """What frequency_hz and its standard deviation are here."""
+    parts = ["frequency_hz is the mean over the runs"]
+    if differ:
+        parts.append("the runs differ by more than their errors: its standard deviation is their scatter")
+    if drift_hz > 0:
+        parts.append(f"the frequency moves by {drift_hz:.2g} Hz within a run: its standard deviation holds that range (over √12)")
+    return "; ".join(parts)
+
+
+def _second_order_std(fit: Fit) -> float:
+    """Standard deviation of the second-order scale, 0 where it is held."""
+    return float(np.sqrt(fit.covariance_z()[-1, -1])) if fit.freedom.names[-1] == "second_order" else 0.0
+
+
+def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
+    """Sentences that make the result suspect or refused."""
+    if not fit.converged:
+        verdict.refused.append(
+            f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs"
+        )
+    damping, error = verdict.values["damping_rate_1_s"], verdict.std["damping_rate_1_s"]
+    if damping < -3 * error:
+        verdict.refused.append(
+            f"damping_rate_1_s = {damping:.3g} ± {error:.1g}: the wave grows, so these are not free run-downs; use runs with the drive off"
+        )
+    split = verdict.values["damping_split_1_s"]
+    if split - 2 * verdict.std["damping_split_1_s"] > abs(damping):
+        verdict.suspect.append(f"damping_split_1_s = {split:.3g} is above damping_rate_1_s = {damping:.3g}: no passive resonator does that")
+    if verdict.flat:
+        verdict.suspect.extend(verdict.flat)
+    if verdict.chi2_per_dof > POOR_FIT:
+        verdict.suspect.append(
+            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise; the errors "
+            "are inflated, run diagnose to see why"
+        )
+    if colour > 1.5:
+        verdict.suspect.append(
+            f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the same power; "
+            "the errors are inflated by that"
+        )
+    shifts = inference.run_shifts(fit, verdict.details["variance_factor"])
+    typical = np.median(verdict.run_chi2_per_dof)
+    for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof):
+        if shift > 6 or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT):
+            verdict.suspect.append(
+                f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull {shift:.2g}); leave it out and compare"
+            )
+
+
+def contradictions(verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callable[[Sequence[EnvelopeRun]], Fit]) -> None:
+    """Refuse a fit that one run spoils: each of the worst left out in turn, those named without which the rest agree.
+
+    With only two runs left the rest agree easily, so at least four are needed.
+    """
+    if len(runs) < 4 or verdict.chi2_per_dof < CONTRADICTION:
+        return
+    found = []
+    for i in np.argsort(-verdict.run_chi2_per_dof)[:CANDIDATES]:
+        try:
+            fit = again([r for k, r in enumerate(runs) if k != i])
+        except HrgError:
+            continue
+        if fit.chi2 / fit.dof < verdict.chi2_per_dof / CONTRADICTION:
+            found.append(f"{runs[i].run_id or f'run {i + 1}'} (χ²/dof {fit.chi2 / fit.dof:.3g} without it)")
+    if found:
+        verdict.refused.append(
+            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the runs contradict each other; leave out {' or '.join(found)}, or correct its rate log"
+        )
+
+
+def _flat_in(fit: Fit, name: str) -> bool:
+    """Whether a coordinate is known worse than 30 % of its natural scale."""
+    if name not in fit.freedom.names:
+        return False
+    i = fit.freedom.names.index(name)
+    factor, _ = inference.inflation(fit)
+    std = float(np.sqrt(fit.covariance_z()[i, i] * factor))
+    return std > inference.FLAT_FRACTION * float(inference.natural_scales(fit)[i])
+
+
+def sentence(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
+    """A flat direction in words: what is mixed, how badly it is known, and the run that would fix it."""
+    large = [int(i) for i in np.argsort(-np.abs(flat.direction)) if abs(flat.direction[i]) > 0.3]
+    mixed = " and ".join(WORDS[fit.freedom.names[i]] for i in large)
+    still = max(float(np.ptp(r.turn_rad)) for r in runs) == 0
+    size = "not at all" if not flat.std < 10 else f"to {flat.std:.1g} of its natural size only"
+    if len(runs) == 1 and still:
+        tail = "one run-down at rest fixes only the mean decay, net drift and net quadrature growth; add a run at another angle"
+    elif still:
+        tail = "add a run-down from another angle, or one that rotates"
+    else:
+        tail = "add run-downs from other angles and at both signs of rotation"
+    return f"{mixed} {'together are' if len(large) > 1 else 'is'} known {size}: {tail}"

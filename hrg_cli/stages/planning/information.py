@@ -1,0 +1,146 @@
+"""Plan, the Fisher information: what each feasible run tells of the base model and of every cause, its own nuisances marginalised.
+
+The run is made without noise by the slow engine, its sensitivities are those of the diagnosis; with A = [base | causes] over σ and
+O the run's own columns (start state, frequency), M = Aᵀ(I − P_O)A. Informations of runs add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...fitting import evidence, extended_fit
+from ...fitting.coordinates import COUNT, from_mechanics
+from ...fitting.extended import OWN, Point, base_sensitivities, predict, propagation
+from ...fitting.extended_fit import Freedom
+from ...physics import ellipse, slow_engine
+from ...physics.plant import linear_plant
+from ...physics.resonator import Mechanics
+from ...records import Wave
+from .. import simulate
+from ..diagnosis.data import prepare
+from ..simulation_file import SimulationFile
+
+Array = np.ndarray
+ROWS, STEPS = 120, 1500
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of the information: the seven coordinates, then each cause's fitted parameters.
+
+    `acting`: values of the causes that act while others are judged (a lagging thermometer shows only where something follows
+    temperature); those not in question themselves are as free as the base model.
+    """
+
+    causes: tuple[Effect, ...]
+    acting: Mapping[str, Mapping[str, float]]
+
+    def __post_init__(self) -> None:
+        assert len({c.name for c in self.causes}) == len(self.causes)
+
+    def columns(self, name: str) -> list[int]:
+        """Columns of a cause."""
+        first = COUNT
+        for cause in self.causes:
+            count = len(cause.fitted())
+            if cause.name == name:
+                return list(range(first, first + count))
+            first += count
+        raise KeyError(name)
+
+    def free(self, *questioned: str) -> list[int]:
+        """Columns marginalised beside the causes in question: the base model and whatever else acts."""
+        return list(range(COUNT)) + [k for name in self.acting if name not in questioned for k in self.columns(name)]
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return COUNT + sum(len(c.fitted()) for c in self.causes)
+
+
+def wave_of(run: SimulationFile) -> Wave:
+    """The wave a run would show, without noise, with the standard deviations of its noise."""
+    table = run.recording
+    step = table.duration_s / STEPS
+    start, electrical = simulate.start_of(run)
+    world = simulate.environment_of(run)
+    plant = partial(linear_plant, simulate.mechanics_of(run), simulate.courses_of(run))
+    blocks = slow_engine.run(world, plant, simulate.control_of(run), slow_engine.SlowTerms(), start, step, STEPS, electrical)
+    made = list(blocks)
+    u = np.concatenate([block.envelopes(np.arange(block.samples.z.shape[1])) for block in made])
+    command = np.concatenate([block.command for block in made], axis=1)
+    t = np.arange(STEPS) * step
+    a_A, a_B, angle, phase = ellipse.wave(u, run.device.mode_number)
+    angle, phase = ellipse.unwrap(angle, phase, run.device.mode_number)
+    noise = float(np.hypot(run.readout.noise, _converter(run)))
+    std = np.full(STEPS, noise * np.sqrt(2 / (table.sample_rate_hz * step)))
+    warm, rate = np.interp(t, world.time_s, world.logged_temperature_degc), np.interp(t, world.time_s, world.logged_rate_rad_s)
+    forced = run.control.mode == "forced"
+    zero = np.zeros(STEPS)
+    return Wave(
+        time_s=t, main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase, carrier_phase_rad=zero,
+        main_amplitude_std=std, quadrature_amplitude_std=std, wave_angle_rad_std=std / a_A / run.device.mode_number,
+        phase_rad_std=std / a_A, carrier_phase_rad_std=zero, residual_rms=zero, signal_std=std,
+        iterations=np.zeros(STEPS, "i2"), flags=np.zeros(STEPS, "u1"), temperature_degc=warm, rate_rad_s=rate,
+        drive_main=command[0] if forced else None, drive_quadrature=command[1] if forced else None,
+        frequency_hz=np.full(STEPS, run.device.frequency_hz), reference_frequency_hz=run.device.frequency_hz, window_s=step,
+        mode=run.control.mode, mode_number=run.device.mode_number, run_id=run.run_id,
+    )  # fmt: skip
+
+
+def _converter(run: SimulationFile) -> float:
+    """Noise of the converter's steps, LSB/√12."""
+    if run.readout.adc_bits == 0:
+        return 0.0
+    return (run.readout.full_scale or 1.0) / 2 ** (run.readout.adc_bits - 1) / np.sqrt(12)
+
+
+def information(
+    waves: Sequence[Wave], mechanics: Mechanics, layout: Layout, references: Mapping[str, Mapping[str, float]], measured: bool
+) -> list[Array]:
+    """Each wave's information (size, size) at the truth `mechanics`; references: the temperature from which causes count.
+
+    measured: the wave's own start and frequency are fitted first; those of a menu are exact.
+    """
+    out = []
+    for wave in waves:
+        series, point, _ = prepare([wave], mechanics.scale_factor, ROWS)
+        acting = [c for c in layout.causes if c.name in layout.acting]
+        active = tuple((c, c.values() | dict(layout.acting[c.name]) | dict(references.get(c.name, {}))) for c in acting)
+        truth = Point(from_mechanics(mechanics), point.start, point.offset_rad_s, active)
+        if measured:
+            flow = extended_fit.fit(series, truth, Freedom(truth.p, np.zeros(COUNT))).flow
+        else:
+            flow = propagation(predict(series, replace(truth, offset_rad_s=np.zeros(1))))
+        shared, own = base_sensitivities(flow)
+        own_columns = extended_fit.flat(series, own)
+        amplitude = extended_fit.amplitude_of(series)
+        columns = [extended_fit.flat(series, shared)]
+        for cause in layout.causes:
+            # Whole sizes, not small steps: a lag of a minute differs from a gradient, its derivative at no lag does not.
+            given = layout.acting.get(cause.name, {})
+            steps = {p.name: abs(given.get(p.name, 0.0)) or p.typical * amplitude**p.amplitude_power for p in cause.fitted()}
+            values = cause.values() | dict(layout.acting.get(cause.name, {})) | dict(references.get(cause.name, {}))
+            columns.append(extended_fit.sensitivity(flow, cause, values, steps))
+        A = np.nan_to_num(np.concatenate(columns, axis=1))
+        basis = evidence.orthonormal(own_columns[:, :OWN])
+        A = A - basis @ (basis.T @ A)
+        out.append(A.T @ A)
+    return out
+
+
+def left_over(M: Array, wanted: Sequence[int], free: Sequence[int]) -> Array:
+    """Information on the columns `wanted` after the columns `free` are marginalised (Schur complement)."""
+    wanted, free = list(wanted), list(free)
+    inside = M[np.ix_(wanted, wanted)]
+    if not free:
+        return inside
+    F = M[np.ix_(free, free)]
+    scale = np.sqrt(np.where(np.diag(F) > 0, np.diag(F), 1.0))
+    cross = M[np.ix_(free, wanted)] / scale[:, None]
+    return inside - cross.T @ np.linalg.pinv(F / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ cross
