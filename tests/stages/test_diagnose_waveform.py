@@ -17,6 +17,9 @@ def test_a_tone_keeps_its_size_where_the_windows_damp_it():
         found = out["effects"][0]["parameters"][name]
         assert abs(found["value"] - true) < 4 * found["std"]
         assert found["std"] < 1e-5
+    frequency = out["effects"][0]["parameters"]["frequency_hz"]
+    assert 0 < frequency["std"] < 0.02
+    assert abs(frequency["value"] - table["effects"]["mains_tone"]["frequency_hz"]) < 4 * frequency["std"]
 
 
 def test_the_size_of_a_far_tone_is_known_and_its_phase_is_not():

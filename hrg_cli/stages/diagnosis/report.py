@@ -109,11 +109,12 @@ def _effect(one: Found, fit: Fit, noise_factor: float, by_name: dict[str, Varian
         "parameters": {
             p.name: {
                 "value": float(active[p.name]),
-                "std": float(np.sqrt(noise_factor)) * fit.std(f"{effect.name}.{p.name}") if p.fitted else 0.0,
+                "std": float(np.sqrt(noise_factor)) * fit.std(f"{effect.name}.{p.name}"),
                 "units": p.units,
             }
-            for p in effect.parameters
+            for p in effect.fitted()
         },
+        "held": {p.name: {"value": float(active[p.name]), "units": p.units} for p in effect.parameters if not p.fitted},
         "indistinguishable_from": list(one.rivals),
         "next_experiment": "; ".join(dict.fromkeys(s for s in sentences if s)) if one.rivals else effect.next_experiment,
         "independence": one.score.independence,

@@ -182,7 +182,7 @@ def causes(
         if multiple:
             harmonics.setdefault(multiple, line)
         elif direct and not any(abs(line.frequency_hz - t.frequency_hz) < 2 for t in tones):
-            out.append(_tone(line))
+            out.append(_tone(line, waves))
     odd = [n for n in harmonics if n % 2]
     if odd and direct and not {"pickoff_nonlinearity", "saturation"} & set(found):
         out.append(_nonlinear(waves, harmonics[min(odd)], min(odd), len(odd)))
@@ -237,7 +237,11 @@ def _lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
 
 
 def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
-    """A tone near the resonance; a window of length T shows sin(πTδ)/(πTδ) of what beats at δ."""
+    """A tone near the resonance; a window of length T shows sin(πTδ)/(πTδ) of what beats at δ.
+
+    σ of its frequency over runs of length T: √(12/χ²)/2πT, the Cramér–Rao bound with the phases free.
+    """
+    longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
     response = float(np.sinc((tone.frequency_hz - frequency_hz) * float(np.median([w.window_s for w in waves]))))
     tone = replace(tone, vector=tone.vector / response, std=tone.std / abs(response)) if abs(response) > 0.05 else tone
     weight = 1 / tone.std**2
@@ -250,23 +254,28 @@ def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str
         "c_sin": (float(-vector[0].imag), float(std), "amplitude"),
         "s_cos": (float(vector[1].real), float(std), "amplitude"),
         "s_sin": (float(-vector[1].imag), float(std), "amplitude"),
-        "frequency_hz": (tone.frequency_hz, 0.0, "Hz"),
+        "frequency_hz": (tone.frequency_hz, float(np.sqrt(12 / tone.gain) / (2 * np.pi * longest)), "Hz"),
     }
     return _entry("mains_tone", float(np.sqrt(tone.gain)), parameters, tone.gain) | {"same_phase_in_all_runs": bool(common)}
 
 
-def _tone(line: Line) -> dict[str, Any]:
+def _tone(line: Line, waves: Sequence[Wave]) -> dict[str, Any]:
     """A line of the averaged spectrum, which knows the size and not the phase: each part is anything up to it."""
     parameters = {}
     for channel, size in zip("cs", line.amplitude, strict=True):
         parameters[f"{channel}_cos"] = (float(size), float(size), "amplitude")
         parameters[f"{channel}_sin"] = (0.0, float(size), "amplitude")
-    parameters["frequency_hz"] = (line.frequency_hz, 0.0, "Hz")
+    parameters["frequency_hz"] = (line.frequency_hz, _cell_hz(waves), "Hz")
     return _entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio) | {
         "phase": "not measured: a line of the averaged spectrum",
         "magnitude": {channel: float(size) for channel, size in zip("cs", line.amplitude, strict=True)},
         "magnitude_std": {channel: float(size / np.sqrt(2 * line.ratio)) for channel, size in zip("cs", line.amplitude, strict=True)},
     }
+
+
+def _cell_hz(waves: Sequence[Wave]) -> float:
+    """Distance of two cells of the averaged spectrum."""
+    return float(np.median([np.diff(w.spectrum_frequency_hz).mean() for w in waves if w.spectrum_frequency_hz is not None]))
 
 
 def _nonlinear(waves: Sequence[Wave], line: Line, multiple: int, count: int) -> dict[str, Any]:
