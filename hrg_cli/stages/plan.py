@@ -172,7 +172,7 @@ def _open(known: Resonator | Diagnosis, causes: Sequence[str]) -> tuple[dict[str
     if isinstance(known, Diagnosis):
         for found in json.loads(known.report)["effects"]:
             if found["name"] in names:
-                sizes[found["name"]] = {key: float(p["value"]) for key, p in found["parameters"].items()}
+                sizes[found["name"]] = {key: float(p["value"]) for key, p in (found["parameters"] | found.get("held", {})).items()}
                 groups.append([found["name"], *(r for r in found["indistinguishable_from"] if r in names)])
     return sizes, groups
 
