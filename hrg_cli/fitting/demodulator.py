@@ -12,7 +12,7 @@ from .basis import WindowBasis, columns, window_basis
 from .frequency import bands, nuisances
 from .spectrum import colour
 from .survey import Survey
-from .windows import Fits, curvatures, motion_counts, motion_residual, pooled_variance, pull_noise, slopes, unpulled
+from .windows import Fits, bend_power, curvatures, motion_counts, motion_residual, pooled_variance, pull_noise, slopes, unpulled
 
 Array = np.ndarray
 Rows = dict[str, Array]
@@ -25,6 +25,9 @@ DRIFT_RAD = 0.03
 
 FREQUENCY_STEP = 3e-5
 """The local frequency is rounded to this part of 1/window, so that a steady run keeps its basis; the amplitude errs by less than 1e-9."""
+
+PROBE = 16
+"""One row of so many tells whether the curvature within short windows is worth its correction."""
 
 MOVING_PERIODS = 3.0
 """From so many periods a window the basis holds t·cos, t·sin, which then cost no precision."""
@@ -138,12 +141,17 @@ class Demodulator:
             self._course = np.exp(-2j * np.pi * np.fmod(np.arange(rows)[:, None] * self.window_s * self.reference, 1.0))
         return self._course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
 
-    @staticmethod
-    def _bends(bend: Array, fits: Fits) -> bool:
-        """Whether the envelopes' curvature moves a short window by more than a tenth of its noise."""
-        pull2 = np.nanmean(np.abs(bend) ** 2, axis=(1, 2)) * float(np.abs(fits.curvature.alpha).mean(0).max()) ** 2
-        noise2 = np.nanmedian(fits.residual2 / np.maximum(fits.freedom, 1), axis=1) * float(np.median(fits.variance))
-        return bool((pull2 > 0.01 * noise2).any())
+    def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
+        """Whether the envelopes' curvature moves a short window by more than a tenth of its noise, judged by one row of `PROBE`."""
+        pull2 = bend_power(u, offset, self.window_s, PROBE) * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
+        freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
+        variance = float(np.median(fits.variance[::PROBE]))
+        for k in range(2):
+            noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
+            noise2 = noise2[np.isfinite(noise2)]
+            if len(noise2) and pull2[k] > 0.01 * np.median(noise2):
+                return True
+        return False
 
     def _count_bent(self, doubt: Array, std: Array) -> None:
         """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half the noise."""
@@ -166,9 +174,9 @@ class Demodulator:
         residual2, known = fits.residual2, None
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
-        bend, doubt = curvatures(u, offset, self.window_s) or (None, None)
-        if bend is not None and self.periods_asked < MOVING_PERIODS and not self._bends(bend, fits):
-            bend = doubt = None
+        bend = doubt = None
+        if self.periods_asked >= MOVING_PERIODS or self._bends(u, offset, fits):
+            bend, doubt = curvatures(u, offset, self.window_s) or (None, None)
         noisier = pull_noise(fits.slope, fits.curvature, self.window_s) if bend is not None else pull_noise(fits.slope, None, self.window_s)
         if slope is not None:
             raw = u

@@ -118,6 +118,17 @@ def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> 
     return out, doubt
 
 
+def bend_power(u: Array, local_less_reference_rad_s: Array, window_s: float, every: int) -> Array:
+    """Mean square of the curvature's second difference D (channel,), see `curvatures`, at one row of `every`: enough to judge by."""
+    h = min(BEND, (u.shape[1] - 1) // 2)
+    if h < 1:
+        return np.zeros(u.shape[0])
+    ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s)
+    second = u[:, 2 * h :: every] * ahead - 2 * u[:, h:-h:every] + u[:, : -2 * h : every] * np.conj(ahead)
+    second = np.where(np.isfinite(second), second, 0.0)
+    return np.asarray((np.abs(second) ** 2).mean((1, 2)) / (h * window_s) ** 4)
+
+
 def _spread(inner: Array, h: int, turn: Array) -> Array:
     """`inner` rows with h rows more at either end, continued linearly in the local frame (`turn` a row); what is not finite is 0."""
     out = np.empty((inner.shape[0], inner.shape[1] + 2 * h, inner.shape[2]), complex)
