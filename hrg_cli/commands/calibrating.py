@@ -54,3 +54,12 @@ def _columns(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
             factor, offset = temperature_scale(unit)
         columns[wanted] = table[title].to_numpy(float) * factor + offset
     return columns
+
+
+def is_table(files: list[Path], columns: dict[str, str | None]) -> bool:
+    """Whether `hrg calibrate` was given a foreign table, by its columns' flags or by what the file is."""
+    wave = next((path for path in files if path.is_file() and store.is_hdf5(path)), None)
+    named = next((name for name, value in columns.items() if value is not None), None)
+    if wave is not None and named is not None:
+        raise UsageError(f"--{named}-column is for a foreign table of dwells; {wave} is an hrg file")
+    return wave is None and (named is not None or any(path.suffix.lower() in (".csv", ".tsv", ".txt", ".parquet") for path in files))

@@ -20,6 +20,9 @@ from ..errors import DiskFullError, HrgError, UsageError
 
 DONE, FAILED, USAGE, REFUSED = 0, 1, 2, 3
 
+Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE...", show_default=False)]
+OneFile = Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)]
+
 
 @dataclass(frozen=True)
 class Common:
@@ -240,3 +243,34 @@ def existing(paths: Sequence[Path], what: str) -> list[Path]:
     if not paths:
         raise UsageError(f"no input is named; name {what}")
     return list(paths)
+
+
+def numbers(text: str, flag: str) -> list[float]:
+    """Numbers joined by commas."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise UsageError(f"{flag} {text!r}: numbers joined by commas were expected, for instance {flag} -20,0,20,40,60") from None
+
+
+def run_stage_on_files(run: Common, name: str, inputs: list[Path], *, beside: dict[str, Path | None] | None = None, **flags: Any) -> None:
+    """The body of every command that is one stage on files."""
+    from ..pipeline import STAGES, run_stage
+    from ..reporting import console, tables
+
+    stage = STAGES[name]
+    values = run.settings(stage.function(), **flags)
+    inputs = existing(inputs, f"a {stage.takes} file")
+    output = run.need_output(f"{stage.gives}.h5")
+    with console.progress_bar(name, run.quiet or run.json) as progress:
+        outcome = run_stage(
+            name,
+            inputs,
+            output,
+            values,
+            beside={key: path for key, path in (beside or {}).items() if path is not None},
+            force=run.force,
+            command_line=command_line(),
+            progress=progress,
+        )
+    run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
