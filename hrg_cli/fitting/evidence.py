@@ -14,6 +14,8 @@ import numpy as np
 Array = np.ndarray
 BLIND = 3e-4
 """Independence |s⊥|/|s| below which a candidate counts as invisible beside the base model."""
+ONCE = 0.1
+"""Independence above which one projection off the base model is exact enough."""
 TOGETHER = 64
 """Columns of candidates taken off the base model in one matrix product."""
 
@@ -68,7 +70,9 @@ def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array]
         usable = np.isfinite(size) & (size > 0)
         columns = np.where(usable, columns, 0.0) / np.where(usable, size, 1.0)
         columns -= Q @ (Q.T @ columns)
-        columns -= Q @ (Q.T @ columns)
+        weak = np.einsum("ij,ij->j", columns, columns) < ONCE**2  # what little is left holds the rounding of what was taken off
+        if weak.any():
+            columns[:, weak] -= Q @ (Q.T @ columns[:, weak])
         ends = np.cumsum([s.shape[1] for s in sensitivities[start:stop]])[:-1]
         parts = zip(names[start:stop], np.split(columns, ends, axis=1), np.split(size, ends), strict=True)
         out += [_judged(name, residual, part, own) for name, part, own in parts]

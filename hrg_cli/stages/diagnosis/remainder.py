@@ -97,22 +97,16 @@ class Term:
 
 def matrices(place: Place, u: Array) -> list[Array]:
     """M u of a place, one or two columns."""
+    if place.name in ("damping", "gain", "frequency"):
+        return [{"damping": -1, "gain": 1, "frequency": 1j}[place.name] * u]
+    if place.name == "precession with quadrature":
+        return [1j * _mirror(u)]
     c, s = u[..., 0], u[..., 1]
-    mirrored, swapped, turned = np.stack([c, -s], -1), np.stack([s, c], -1), np.stack([s, -c], -1)
-    return {
-        "damping": [-u],
-        "frequency": [1j * u],
-        "damping split": [-mirrored, -swapped],
-        "frequency split": [1j * mirrored, 1j * swapped],
-        "turning": [turned],
-        "circular": [1j * turned],
-        "precession with quadrature": [1j * _mirror(u)],
-        "gain": [u],
-        "gain split": [mirrored, swapped],
-        "phase split": [1j * mirrored, 1j * swapped],
-        "angle": [turned],
-        "quadrature offset": [1j * turned],
-    }[place.name]
+    if place.name in ("turning", "angle", "circular", "quadrature offset"):
+        turned = np.stack([s, -c], -1)
+        return [turned if place.name in ("turning", "angle") else 1j * turned]
+    factor = {"damping split": -1, "gain split": 1, "frequency split": 1j, "phase split": 1j}[place.name]
+    return [factor * np.stack([c, -s], -1), factor * np.stack([s, c], -1)]
 
 
 def covariates(series: Series, u: Array) -> Iterator[Covariate]:
@@ -241,23 +235,34 @@ def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, 
     moving = [pair for pair in pairs if not pair[0].readout]
     columns: dict[tuple[str, str], Array] = {}
     if moving:
-        at_rows = [_at(place, covariate, flow.prediction.motion, fit.series) for place, covariate in moving]
-        at_middle = [_at(place, covariate, flow.middle, flow.centre) for place, covariate in moving]
+        at_rows = _columns(moving, flow.prediction.motion, fit.series)
+        at_middle = _columns(moving, flow.middle, flow.centre)
         seen = flat(fit.series, flow.seen(flow.carried(np.concatenate(at_rows, -1), np.concatenate(at_middle, -1))))
         ends = np.cumsum([a.shape[-1] for a in at_rows])[:-1]
         for (place, covariate), part in zip(moving, np.split(seen, ends, axis=1), strict=True):
             columns[place.name, covariate.formula] = part
-    for place, covariate in pairs:
-        if place.readout:
-            direct = _at(place, covariate, flow.prediction.seen, fit.series) * fit.series.weight[..., None, None]
-            columns[place.name, covariate.formula] = flat(fit.series, direct)
+    seen_at_once = [pair for pair in pairs if pair[0].readout]
+    direct = _columns(seen_at_once, flow.prediction.seen, fit.series)
+    for (place, covariate), part in zip(seen_at_once, direct, strict=True):
+        columns[place.name, covariate.formula] = flat(fit.series, part * fit.series.weight[..., None, None])
     parts = [columns[place.name, covariate.formula] for place, covariate in pairs]
     found = evidence.scores([f"{place.name} × {covariate.formula}" for place, covariate in pairs], residual, parts, Q)
     return [Term(place, covariate, score, part) for (place, covariate), score, part in zip(pairs, found, parts, strict=True)]
 
 
-def _at(place: Place, covariate: Covariate, u: Array, series: Series) -> Array:
-    return np.stack([real(g[..., None] * m) for g in covariate.function(u, series) for m in matrices(place, u)], -1)
+def _columns(pairs: Sequence[tuple[Place, Covariate]], u: Array, series: Series) -> list[Array]:
+    """g·M u as reals (R, n, 4, k) of every pair; what pairs share is computed once."""
+    bases: dict[str, Array] = {}
+    values: dict[int, Array] = {}
+    out = []
+    for place, covariate in pairs:
+        if place.name not in bases:
+            bases[place.name] = np.stack([real(m) for m in matrices(place, u)], -1)
+        if id(covariate) not in values:
+            values[id(covariate)] = np.moveaxis(covariate.function(u, series), 0, -1)[..., None, :, None]
+        both = values[id(covariate)] * bases[place.name][..., None, :]
+        out.append(both.reshape(*u.shape[:-1], 4, -1))
+    return out
 
 
 def refined(fit: Fit, term: Term, residual: Array, Q: Array) -> Term:
