@@ -11,7 +11,6 @@ from ..errors import HrgError
 from . import propagator
 from .coordinates import COORDINATES, COUNT
 from .envelope_runs import EnvelopeRun
-from .inference import phase_demands
 from .likelihood import Batch, Fit, Freedom, batch, fit, free
 
 Array = np.ndarray
@@ -25,12 +24,14 @@ WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
 
 SECOND_ORDER_REACH = 3.0
 """Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at 1."""
+SECOND_ORDER_DECIDED = 16.0
+"""Difference of χ² between the scales 0 and 1 for which the better one is held, and distance² up to which it counts as met."""
 
 
-def without_second_order(space: Freedom) -> Freedom:
-    """The same freedom with the second-order correction held at 1; it is the last coordinate."""
+def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
+    """The same freedom with the second-order correction held; it is the last coordinate."""
     origin = space.origin.copy()
-    origin[6] = 1.0
+    origin[6] = value
     return Freedom(space.names[:-1], origin, space.directions[:, :-1], space.prior_mean[:-1], space.prior_std[:-1])
 
 
@@ -54,8 +55,9 @@ def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
     directions, origin = base.directions.copy(), np.zeros(COUNT)
     damping = max(abs(float(p[0])), 0.01 / span_s)
     split = max(float(np.hypot(p[3], p[4])), damping, 1 / span_s)
-    mean = np.array([p[0], 0, 0, 0, 0, nominal_scale_factor(mode_number), 1.0])
-    std = np.array([np.inf] + [WIDTH["damping"] * damping] * 2 + [WIDTH["split"] * split] * 2 + [WIDTH["scale_factor"], 1.0])
+    mean = np.array([p[0], 0, 0, 0, 0, nominal_scale_factor(mode_number), 0.5])
+    # the last is 0 or 1: mean and spread of the two
+    std = np.array([np.inf] + [WIDTH["damping"] * damping] * 2 + [WIDTH["split"] * split] * 2 + [WIDTH["scale_factor"], 0.5])
     keep = np.ones(COUNT, bool)
     for first, axis in ((1, known.damping_axis_rad), (3, known.stiffness_axis_rad)):
         if axis is not None:
@@ -128,14 +130,27 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
     if result is None:
         return None
     space, data = result.freedom, result.response.batch
-    if abs(result.p[6] - 0.5) > SECOND_ORDER_REACH:  # a misfit pulls at it: it is no nuisance any more
-        space = without_second_order(space)
-        result = solve(data, space, result.z[:-1], result.response.state.start, result.response.state.phase)
-    while result.response.state.phase.shape[1] < MAX_PHASE_ORDER and phase_demands(result) > PHASE_GAIN:
+    while result.response.state.phase.shape[1] < MAX_PHASE_ORDER and result.phase_demand > PHASE_GAIN:
         state = result.response.state
         phase = np.concatenate([state.phase, np.zeros((len(runs), 2))], axis=1)
         result = fit(data, space, result.z, state.start, phase)
+    held = second_order(result)
+    if held is not None:
+        state = result.response.state
+        result = solve(data, without_second_order(space, held), result.z[:-1], state.start, state.phase)
     return result
+
+
+def second_order(result: Fit) -> float | None:
+    """0 or 1 where the data tell which of them scales the second-order correction, 1 where a misfit pulls at it; None: it stays free."""
+    information = float(result.data_root[-1, -1]) ** 2  # the last coordinate, all others free
+    mean, std = float(result.freedom.prior_mean[-1]), float(result.freedom.prior_std[-1])
+    alone = float(result.p[6]) + (float(result.p[6]) - mean) / (std**2 * max(information, 1e-300))  # without the prior
+    distance2 = (alone - np.array([0.0, 1.0])) ** 2 * information / max(1.0, result.chi2 / result.dof)
+    near = int(np.argmin(distance2))
+    if distance2[near] < SECOND_ORDER_DECIDED < distance2[1 - near] - distance2[near]:
+        return float(near)
+    return 1.0 if abs(result.p[6] - 0.5) > SECOND_ORDER_REACH else None
 
 
 def _from_start(runs: Sequence[EnvelopeRun], known: Known, blocks: int, p: Array, offsets: Array) -> Fit | None:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..physics.resonator import J, Mechanics
+from ..physics.resonator import Mechanics
+from .matrices import Matrix, product
 
 Array = np.ndarray
 COORDINATES = ("damping", "damping_cos", "damping_sin", "split_cos", "split_sin", "scale_factor", "second_order")
@@ -20,30 +21,30 @@ BASIS = np.array([-np.eye(2), -R_COS, -R_SIN, 1j * R_COS, 1j * R_SIN])
 
 
 def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
-    """L (..., 2, 2) of coordinates p (7,) for rates (...), against the run's own frequency ω; second order times p₆.
+    """L (..., 2, 2) of coordinates p (7,) for rates (...), against the run's own frequency ω: `entries` side by side."""
+    parts = np.broadcast_arrays(*entries(p, np.asarray(rate_rad_s), np.asarray(omega, float)))
+    return np.stack(parts, axis=-1).reshape(*parts[0].shape, 2, 2)
+
+
+def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
+    """L of coordinates p (7,) for rates (...), against the run's own frequency ω; second order times p₆.
 
     The correction is −(L² + 2ΓL)/2jω twice, Γ = −Re L₀, from L₀ with the mean of (ω ± δω)², ω² + δω²   (solvent of resonator.py).
     """
-    constant = np.tensordot(p[:5], BASIS, 1)
-    first = constant + p[5] * np.asarray(rate_rad_s)[..., None, None] * J
+    along, across, turning = -p[1] + 1j * p[3], -p[2] + 1j * p[4], p[5] * rate_rad_s
+    first = (along - p[0], across + turning, across - turning, -along - p[0])
     if p[6] == 0:
         return first
-    damping = -first.real
-    factor = p[6] / (2j * np.asarray(omega, float)[..., None, None])
-    first = first - (p[3] ** 2 + p[4] ** 2) * factor * np.eye(2)
+    factor = p[6] / (2j * omega)
+    shift = (p[3] ** 2 + p[4] ** 2) * factor
+    first = (first[0] - shift, first[1], first[2], first[3] - shift)
+    twice = tuple(-2 * np.real(m) for m in first)
     L = first
     for _ in range(2):
-        L = first - factor * (product(L, L) + 2 * product(damping, L))
+        sum_ = (L[0] + twice[0], L[1] + twice[1], L[2] + twice[2], L[3] + twice[3])
+        change = product(sum_, L)
+        L = (first[0] - factor * change[0], first[1] - factor * change[1], first[2] - factor * change[2], first[3] - factor * change[3])
     return L
-
-
-def product(a: Array, b: Array) -> Array:
-    """a·b of 2 × 2 matrices (..., 2, 2), component by component: faster than matmul on many small matrices."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    for i in (0, 1):
-        for k in (0, 1):
-            out[..., i, k] = a[..., i, 0] * b[..., 0, k] + a[..., i, 1] * b[..., 1, k]
-    return out
 
 
 def to_mechanics(p: Array, frequency_hz: float, mode_number: int) -> Mechanics:

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import HrgError
 from ..physics import ellipse
 from ..records import Wave
+from .matrices import Matrix, applied
 
 Array = np.ndarray
 MIN_ROWS = 8
@@ -114,10 +115,10 @@ def pooled_std(std: Array, u: Array) -> Array:
     return np.maximum(np.sqrt(pooled), 1e-12 * scale)
 
 
-def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Array]) -> EnvelopeRun:
+def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Matrix]) -> EnvelopeRun:
     """At most about `blocks` rows: each block's rows are carried to its mean time with an approximate motion, then averaged.
 
-    `carry(dt, dturn)` gives the propagator (..., 2, 2) over dt [s] and table turn [rad]. The mean time is the weighted one, so an
+    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad]. The mean time is the weighted one, so an
     error δL of that motion enters only as (δL·dt)²; weights 1/σ². Blocks are equal pieces of time; empty ones (gaps) vanish.
     """
     if len(run) <= blocks:
@@ -134,12 +135,11 @@ def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Arra
 
     time = mean(run.time_s)
     turn = np.interp(time, run.time_s, run.turn_rad)
-    back = carry(time[which] - run.time_s, turn[which] - run.turn_rad)
-    pulled = (back @ run.envelope[..., None])[..., 0]
+    c, s = applied(carry(time[which] - run.time_s, turn[which] - run.turn_rad), (run.envelope[:, 0], run.envelope[:, 1]))
     return dataclasses.replace(
         run,
         time_s=time,
-        envelope=np.stack([mean(pulled[:, 0]), mean(pulled[:, 1])], axis=-1),
+        envelope=np.stack([mean(c), mean(s)], axis=-1),
         std=1 / np.sqrt(total),
         turn_rad=turn,
         temperature_degc=None if run.temperature_degc is None else mean(run.temperature_degc),

@@ -172,7 +172,7 @@ def _prior_information(fit: Fit) -> Array:
 def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
     """Information and gradient (Jᵀr) of each run on z, its own nuisances eliminated."""
     response = fit.response
-    shared = np.tensordot(fit.freedom.directions.T, response.coordinate_sensitivities(), 1)
+    shared = fit.freedom.along(response.coordinate_sensitivities())
     own = response.run_sensitivities()
     residual = response.residual()
     parts = []
@@ -204,7 +204,7 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
     span = response.batch.span_s
     frequency = np.array([r.reference_frequency_hz for r in response.batch.runs]) + response.state.offsets_rad_s(span) / (2 * np.pi)
     covariance = covariance_z(fit, factor)
-    shared = np.tensordot(fit.freedom.directions.T, response.coordinate_sensitivities(), 1)
+    shared = fit.freedom.along(response.coordinate_sensitivities())
     own = response.run_sensitivities()
     variance, through = np.zeros(len(frequency)), np.zeros((len(frequency), len(covariance)))
     for run, record in enumerate(response.batch.runs):
@@ -219,25 +219,3 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
     orders = np.arange(1, response.state.phase.shape[1] + 1)
     course = (response.state.phase[:, :, None] * orders[:, None] * x ** (orders[:, None] - 1)).sum(axis=1) / (2 * np.pi * span[:, None])
     return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through @ covariance, np.ptp(course, axis=1))
-
-
-def phase_demands(fit: Fit) -> float:
-    """Largest Δχ² any run would gain from two further orders of its phase polynomial, in units of χ²/dof."""
-    response = fit.response
-    order = response.state.phase.shape[1]
-    x = response.batch.time_s / response.batch.span_s[:, None]
-    extra = np.stack([1j * (x**k)[..., None] * response.model for k in (order + 1, order + 2)])
-    known = np.concatenate([response.run_sensitivities(), np.tensordot(fit.freedom.directions.T, response.coordinate_sensitivities(), 1)])
-    residual = response.residual()
-    gains = []
-    for run, record in enumerate(response.batch.runs):
-        n = len(record)
-        weight = response.batch.weight[run, :n]
-        Q, _ = np.linalg.qr(real(known[:, run, :n], weight))
-        design = real(extra[:, run, :n], weight)
-        design = design - Q @ (Q.T @ design)
-        r = residual[run, :n].ravel()
-        r = np.concatenate([r.real, r.imag])
-        step = np.linalg.lstsq(design, r, rcond=1e-9)[0]
-        gains.append(float(np.sum(r**2) - np.sum((r - design @ step) ** 2)))
-    return max(gains) / max(1.0, fit.chi2 / fit.dof)

@@ -2,26 +2,32 @@
 
 A run's model is u(t) = e^{jψ(t)} Φ(t) u₀ with Φ' = L(p, Ω(t)) Φ: start state u₀ (4 reals) and the phase polynomial ψ (frequency offset,
 then drift of the frequency) are the run's own; p are the coordinates of `coordinates.py`, shared. Steps are exponentials of the mean
-generator (closed 2 × 2 form); a small term g(t) added to u' changes the model by Φ(t) ∫ Φ⁻¹ g dt, which gives the Jacobian, and any
-further effect's sensitivity, without a second integration.
+generator (closed 2 × 2 form), runs of a steady rate a single one; a small term g(t) added to u' changes the model by Φ(t) ∫ Φ⁻¹ g dt,
+which gives the Jacobian, and a changed rate's sensitivity, without a second integration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from ..physics.resonator import J, exponential
-from . import coordinates
-from .coordinates import COUNT, product
+from . import coordinates, matrices
+from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
+from .matrices import Matrix, Vector, applied, product
 
 Array = np.ndarray
 CONVERGED = 1e-3
-"""Predicted fall of χ², in units of χ²/dof, of a step after which the rest, smaller by another order, is left."""
+"""Fall of χ² still to come, in units of χ²/dof, that is left."""
+FURTHER = 2
+"""Orders of the runs' phases beyond the fitted ones whose gain every step tells."""
+
+
+STEADY_RAD = 1e-9
+"""Table angle by which a run may depart from a constant rate and still count as steady."""
 
 
 @dataclass(frozen=True)
@@ -34,18 +40,24 @@ class Batch:
     envelope: Array
     weight: Array
 
-    @property
+    @cached_property
     def step_s(self) -> Array:
         """Length of each step, (R, n−1), 0 where padded."""
         return np.diff(self.time_s, axis=1)
 
-    @property
+    @cached_property
     def step_rate(self) -> Array:
         """Mean rate of each step, rad/s, (R, n−1)."""
         dt = self.step_s
         return np.divide(np.diff(self.turn_rad, axis=1), dt, out=np.zeros_like(dt), where=dt > 0)
 
-    @property
+    @cached_property
+    def steady_rate(self) -> Array | None:
+        """Rate of each run, (R,) rad/s, where every run's rate is constant; else None."""
+        rate = self.turn_rad[:, -1] / self.span_s
+        return rate if np.all(np.abs(self.turn_rad - rate[:, None] * self.time_s) < STEADY_RAD) else None
+
+    @cached_property
     def step_rate_slope(self) -> Array:
         """Angular acceleration of each step, rad/s², from the neighbouring steps' mean rates, (R, n−1)."""
         middle = (self.time_s[:, 1:] + self.time_s[:, :-1]) / 2
@@ -98,140 +110,120 @@ class Response:
     state: State
     model: Array
     turn: Array  # e^{jψ + mean growth}, (R, n)
-    phi: Array  # traceless propagator from the first row, (R, n, 2, 2)
-    half: Array  # traceless propagator of half a step, (R, n-1, 2, 2)
-    second: Array  # ∂L/∂p₆ a step, (R, n-1, 2, 2)
+    phi: Matrix  # traceless propagator from the first row, (R, n)
+    middle: Matrix  # the same to the middles of the steps, (R, n-1)
+    flow: Vector  # phi·u₀, (R, n)
+    second: Matrix  # ∂L/∂p₆ a step, (R, n-1) or the same for all, (R, 1)
 
-    def sensitivity(self, left: Array, middle: Array, right: Array) -> Array:
-        """Change of the envelopes (..., R, n, 2) by a term δL·u in u', given as δL (..., R, n−1, 2, 2) at the steps' ends and middle.
+    @cached_property
+    def _pulled(self) -> tuple[tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector], Vector]:
+        """Φ⁻¹ E Φ u₀ of E = R_c, R_s, J at the rows (R, n) and between them (R, n − 1), and Φ u₀ there."""
+        between = applied(self.middle, (self.state.start[:, :1], self.state.start[:, 1:]))
+        return matrices.reflected_and_pulled(self.phi, self.flow), matrices.reflected_and_pulled(self.middle, between), between
 
-        Φ(t) ∫₀ᵗ Φ⁻¹ δL Φ ds u₀ by Simpson's rule a step: the error is of fourth order in |L|·step.
+    def _carried(self, left: Vector, middle: Vector, right: Vector) -> Array:
+        """Φ(t) ∫₀ᵗ of what stands at the steps' ends and middles (..., R, n − 1): change of the envelopes (..., R, n, 2).
+
+        Simpson's rule a step: the error is of fourth order in |L|·step.
         """
-        begin, end = self.phi[:, :-1], self.phi[:, 1:]
-        mid = product(self.half, begin)
-        u0 = self.state.start[:, None]
-        total = pulled(begin, left, u0) + 4 * pulled(mid, middle, u0) + pulled(end, right, u0)
-        increments = total * (self.batch.step_s / 6)[..., None]
-        path = np.cumsum(increments, axis=-2)
-        path = np.concatenate([np.zeros_like(path[..., :1, :]), path], axis=-2)
-        return applied(self.phi, path) * self.turn[..., None]
+        sixth = self.batch.step_s / 6
+        path = []
+        for x, y, z in zip(left, middle, right, strict=True):
+            total = np.zeros((*y.shape[:-1], y.shape[-1] + 1), complex)
+            np.cumsum((x + 4 * y + z) * sixth, axis=-1, out=total[..., 1:])
+            path.append(total * self.turn)
+        return np.stack(applied(self.phi, (path[0], path[1])), axis=-1)
 
-    def forced(self, force: Array) -> Array:
-        """Change of the envelopes (..., R, n, 2) by an additive term g (..., R, n, 2) in u' at the rows, trapezium rule."""
-        flow = applied(inverse(self.phi), force / self.turn[..., None])
-        path = np.cumsum((flow[..., 1:, :] + flow[..., :-1, :]) * (self.batch.step_s / 2)[..., None], axis=-2)
-        path = np.concatenate([np.zeros_like(path[..., :1, :]), path], axis=-2)
-        return applied(self.phi, path) * self.turn[..., None]
+    def turning_sensitivity(self, begin: Array, middle: Array, end: Array) -> Array:
+        """Change of the envelopes (k, R, n, 2) by a rate times K that grows by (k, R, n − 1) at the steps' ends and middles."""
+        at, between, _ = self._pulled
+        return self._carried(
+            (begin * at[2][0][:, :-1], begin * at[2][1][:, :-1]),
+            (middle * between[2][0], middle * between[2][1]),
+            (end * at[2][0][:, 1:], end * at[2][1][:, 1:]),
+        )
 
     @cached_property
     def _coordinates(self) -> Array:
-        phi, u0, t = self.phi, self.state.start[:, None], self.batch.time_s
-        middle = product(self.half, phi[:, :-1])
-        back, middle_back = inverse(phi), inverse(middle)
-        flow, middle_flow = applied(phi, u0), applied(middle, u0)
-        at, between = applied(back, reflected(flow)), applied(middle_back, reflected(middle_flow))
-        total = np.empty((4, *between.shape[1:]), complex)
-        total[:3] = at[:, :, :-1] + 4 * between + at[:, :, 1:]
-        total[2] *= self.batch.step_rate[..., None]
-        total[3] = applied(back[:, :-1], applied(self.second, flow[:, :-1])) + applied(back[:, 1:], applied(self.second, flow[:, 1:]))
-        total[3] += 4 * applied(middle_back, applied(self.second, middle_flow))
-        path = np.zeros((4, *flow.shape), complex)
-        np.cumsum(total * (self.batch.step_s / 6)[..., None], axis=-2, out=path[:, :, 1:])
-        cos, sin, turning, second = applied(phi, path) * self.turn[..., None]
-        return np.stack([-t[..., None] * self.model, -cos, -sin, 1j * cos, 1j * sin, turning, second])
+        at, between, flow = self._pulled
+        out = np.empty((COUNT, *self.model.shape), complex)
+        out[0] = -self.batch.time_s[..., None] * self.model
+        for row, left, mid in zip((1, 2, 5), at, between, strict=True):
+            rate = self.batch.step_rate if row == 5 else -1.0
+            out[row] = self._carried(
+                (rate * left[0][:, :-1], rate * left[1][:, :-1]),
+                (rate * mid[0], rate * mid[1]),
+                (rate * left[0][:, 1:], rate * left[1][:, 1:]),
+            )
+        np.multiply(out[1:3], -1j, out=out[3:5])  # a frequency split is −j times a damping split
+        ends = []
+        for part in (slice(None, -1), slice(1, None)):
+            back, (x, y) = matrices.inverse(matrices.columns(self.phi, part)), self.flow
+            ends.append(applied(back, applied(self.second, (x[:, part], y[:, part]))))
+        out[6] = self._carried(ends[0], applied(matrices.inverse(self.middle), applied(self.second, flow)), ends[1])
+        return out
 
     def coordinate_sensitivities(self) -> Array:
         """∂model/∂p (7, R, n, 2); to first order in |L|/ω, which is enough to converge.
 
-        `sensitivity` of R_c, R_s, ΩJ and the second order: ν needs no integral, and a frequency split is −j times a damping split.
+        R_c, R_s, ΩJ and the second order are carried; ν needs no integral, and a frequency split is −j times a damping split.
         """
         return self._coordinates
 
-    def run_sensitivities(self) -> Array:
-        """∂model/∂(Re u₀C, Im u₀C, Re u₀S, Im u₀S, phase coefficients), (4 + k, R, n, 2)."""
-        columns = self.phi * self.turn[..., None, None]
-        start = [columns[..., 0], 1j * columns[..., 0], columns[..., 1], 1j * columns[..., 1]]
+    def run_sensitivities(self, further_orders: int = 0) -> Array:
+        """∂model/∂(Re u₀C, Im u₀C, Re u₀S, Im u₀S, phase coefficients and `further_orders` of them), (4 + k, R, n, 2)."""
+        orders = self.state.phase.shape[1] + further_orders
+        out = np.empty((4 + orders, *self.model.shape), complex)
+        for column, rows in ((0, (0, 2)), (2, (1, 3))):
+            for part, row in enumerate(rows):
+                out[column, ..., part] = self.phi[row] * self.turn
+        np.multiply(out[[0, 2]], 1j, out=out[1:4:2])
         x = self.batch.time_s / self.batch.span_s[:, None]
-        phase = [1j * (x**k)[..., None] * self.model for k in range(1, self.state.phase.shape[1] + 1)]
-        return np.stack(start + phase)
+        for k in range(1, orders + 1):
+            out[3 + k] = 1j * (x**k)[..., None] * self.model
+        return out
 
     def residual(self) -> Array:
         """Measured minus model over σ, (R, n, 2) complex; 0 where padded."""
         return (self.batch.envelope - self.model) * self.batch.weight[..., None]
 
-    @property
+    @cached_property
     def chi2(self) -> float:
         """Σ|residual|²."""
-        return float(np.sum(np.abs(self.residual()) ** 2))
-
-
-def inverse(phi: Array) -> Array:
-    """Inverse of 2 × 2 matrices of determinant 1."""
-    out = np.empty_like(phi)
-    out[..., 0, 0], out[..., 1, 1] = phi[..., 1, 1], phi[..., 0, 0]
-    out[..., 0, 1], out[..., 1, 0] = -phi[..., 0, 1], -phi[..., 1, 0]
-    return out
-
-
-def applied(matrix: Array, vector: Array) -> Array:
-    """matrix·vector over (..., 2, 2) and (..., 2)."""
-    x, y = vector[..., 0], vector[..., 1]
-    out = np.empty(np.broadcast_shapes(matrix.shape[:-1], vector.shape), np.result_type(matrix, vector))
-    out[..., 0] = matrix[..., 0, 0] * x + matrix[..., 0, 1] * y
-    out[..., 1] = matrix[..., 1, 0] * x + matrix[..., 1, 1] * y
-    return out
-
-
-def reflected(vector: Array) -> Array:
-    """R_c·v, R_s·v and J·v of vectors (..., 2), (3, ..., 2)."""
-    x, y = vector[..., 0], vector[..., 1]
-    out = np.empty((3, *vector.shape), vector.dtype)
-    out[0, ..., 0], out[0, ..., 1] = x, -y
-    out[1, ..., 0], out[1, ..., 1] = y, x
-    out[2, ..., 0], out[2, ..., 1] = y, -x
-    return out
-
-
-def pulled(phi: Array, term: Array, start: Array) -> Array:
-    """Φ⁻¹ δL Φ u₀, (..., 2)."""
-    return applied(inverse(phi), applied(term, applied(phi, start)))
-
-
-def chain(steps: Array) -> Array:
-    """Running products (R, n, 2, 2) of steps (R, n−1, 2, 2), the identity first; about 2√n batched multiplications."""
-    runs, count = steps.shape[:2]
-    size = max(1, int(np.sqrt(count)))
-    blocks = -(-count // size)
-    padded = np.empty((runs, blocks * size, 2, 2), complex)
-    padded[:, :count], padded[:, count:] = steps, np.eye(2)
-    inner = padded.reshape(runs, blocks, size, 2, 2)
-    for i in range(1, size):
-        inner[:, :, i] = product(inner[:, :, i], inner[:, :, i - 1])
-    before = np.empty((runs, blocks, 2, 2), complex)
-    before[:, 0] = np.eye(2)
-    for i in range(1, blocks):
-        before[:, i] = product(inner[:, i - 1, -1], before[:, i - 1])
-    products = product(inner, before[:, :, None]).reshape(runs, -1, 2, 2)[:, :count]
-    return np.concatenate([np.broadcast_to(np.eye(2), (runs, 1, 2, 2)), products], axis=1)
+        flat = self.residual().ravel()
+        return float(np.vdot(flat, flat).real)
 
 
 def respond(data: Batch, state: State) -> Response:
     """Envelopes of all runs at a state."""
     omega = 2 * np.pi * np.array([r.reference_frequency_hz for r in data.runs]) + state.offsets_rad_s(data.span_s)
-    rate = data.step_rate
-    plain = coordinates.generator(np.append(state.p[:6], 0.0), rate, 1.0)
-    full = coordinates.generator(np.append(state.p[:6], 1.0), rate, omega[:, None])
-    L = plain + state.p[6] * (full - plain)
-    change = (state.p[5] * data.step_s**2 / 12 * data.step_rate_slope)[..., None, None] * J
-    L = L + product(change, L) - product(L, change)  # Magnus: the rate changes within a step
-    mean = (L[..., 0, 0] + L[..., 1, 1]) / 2
-    half = exponential(L - mean[..., None, None] * np.eye(2), data.step_s / 2)
-    phi = chain(product(half, half))
-    growth = np.concatenate([np.zeros((len(data.runs), 1)), np.cumsum(mean * data.step_s, axis=1)], axis=1)
+    steady = data.steady_rate
+    rate = data.step_rate if steady is None else steady[:, None]
+    plain = coordinates.entries(np.append(state.p[:6], 0.0), rate, omega[:, None])
+    full = coordinates.entries(np.append(state.p[:6], 1.0), rate, omega[:, None])
+    second = _each(lambda a, b: a - b, full, plain)
+    mean, L = matrices.traceless(_each(lambda a, b: a + state.p[6] * b, plain, second))
+    if steady is not None:
+        phi, growth = matrices.exponential(L, data.time_s), mean * data.time_s
+        centre = (data.time_s[:, 1:] + data.time_s[:, :-1]) / 2
+        middle = matrices.exponential(L, centre)
+    else:
+        c = state.p[5] * data.step_s**2 / 12 * data.step_rate_slope  # Magnus, c·[J, L]: the rate changes within a step
+        L = (L[0] + c * (L[1] + L[2]), L[1] - 2 * c * L[0], L[2] - 2 * c * L[0], L[3] - c * (L[1] + L[2]))
+        half = matrices.exponential(L, data.step_s / 2)
+        phi = matrices.chain(product(half, half))
+        middle = product(half, matrices.columns(phi, slice(None, -1)))
+        growth = np.concatenate([np.zeros((len(data.runs), 1)), np.cumsum(mean * data.step_s, axis=1)], axis=1)
     x = data.time_s / data.span_s[:, None]
     turn = np.exp(growth + 1j * sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1)))
-    model = applied(phi, np.broadcast_to(state.start[:, None], data.envelope.shape)) * turn[..., None]
-    return Response(data, state, model, turn, phi, half, full - plain)
+    flow = applied(phi, (state.start[:, :1], state.start[:, 1:]))
+    model = np.stack([flow[0] * turn, flow[1] * turn], axis=-1)
+    return Response(data, state, model, turn, phi, middle, flow, second)
+
+
+def _each(rule: Callable[[Array, Array], Array], a: Matrix, b: Matrix) -> Matrix:
+    """A rule entry by entry."""
+    return rule(a[0], b[0]), rule(a[1], b[1]), rule(a[2], b[2]), rule(a[3], b[3])
 
 
 @dataclass(frozen=True)
@@ -243,6 +235,14 @@ class Freedom:
     directions: Array
     prior_mean: Array
     prior_std: Array
+
+    def along(self, columns: Array) -> Array:
+        """Sensitivities along the directions (k, ...) from those along the first coordinates (6 or 7, ...)."""
+        part = self.directions[: len(columns)]
+        rows, single = np.argmax(part, axis=0), np.count_nonzero(part, axis=0) == 1
+        if np.all(single & (part.max(axis=0) == 1)):
+            return columns[rows]  # coordinates themselves, which need no sums
+        return np.tensordot(part.T, columns, 1)
 
 
 @dataclass(frozen=True)
@@ -259,6 +259,7 @@ class Fit:
     converged: bool
     iterations: int
     run_chi2: Array = field(default_factory=lambda: np.zeros(0))
+    phase_demand: float = 0.0  # largest Δχ² a run gains from two further orders of its phase, in units of χ²/dof
 
     @property
     def p(self) -> Array:
@@ -280,33 +281,30 @@ def real(columns: Array, weight: Array) -> Array:
 
 
 def triangle(matrix: Array) -> Array:
-    """The triangular factor R of matrix = QR."""
+    """The triangular factors R of matrix = QR, (..., k, k)."""
     return np.asarray(np.linalg.qr(matrix, mode="r"))
 
 
-def reduced(response: Response, freedom: Freedom) -> tuple[Array, Array, list[Array]]:
-    """Each run's design with its own nuisances eliminated by QR: rows of [∂/∂z | residual] stacked, and what gives the nuisance
-    steps back.
+def reduced(response: Response, freedom: Freedom) -> tuple[Array, Array, Array, Array]:
+    """Each run's design with its own nuisances eliminated by QR: rows of ∂/∂z and residual stacked over the runs, what gives the
+    nuisance steps back (R, k, ·), and Δχ² (R,) that two further orders of each run's phase would gain.
     """
-    shared = np.tensordot(freedom.directions.T, response.coordinate_sensitivities(), 1)
-    own = response.run_sensitivities()
-    residual = response.residual()
-    rows, back = [], []
-    k = own.shape[0]
-    for run, record in enumerate(response.batch.runs):
-        n = len(record)
-        weight = response.batch.weight[run, :n]
-        r = residual[run, :n].ravel()
-        design = np.column_stack([real(own[:, run, :n], weight), real(shared[:, run, :n], weight), np.concatenate([r.real, r.imag])])
-        R = triangle(design)
-        back.append(R[:k])
-        rows.append(R[k:, k:])
-    stacked = np.concatenate(rows)
-    return stacked[:, :-1], stacked[:, -1], back
+    shared = freedom.along(response.coordinate_sensitivities())
+    own = response.run_sensitivities(FURTHER)
+    k, s = len(own) - FURTHER, len(shared)
+    columns = np.concatenate([own[:k], shared, own[k:], (response.batch.envelope - response.model)[None]])
+    columns *= response.batch.weight[..., None]
+    R = triangle(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
+    rows = R[:, k : k + s]
+    gain = np.sum(R[:, k + s : -1, -1] ** 2, axis=1)
+    return rows[..., k : k + s].reshape(-1, s), rows[..., -1].ravel(), R[:, :k, [*range(k + s), -1]], gain
 
 
 def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max_iterations: int = 30) -> Fit:
-    """Gauss–Newton with step halving from z, start states (R, 2) and phases (R, k); stops with a step below 3 % of the errors."""
+    """Gauss–Newton with step halving from z, start states (R, 2) and phases (R, k); stops where χ² is as flat as its quadratic form says.
+
+    A whole step whose fall of χ² is the predicted one to 1e-3 χ²/dof leaves a rest smaller than that.
+    """
     prior = np.isfinite(freedom.prior_std)
     prior_rows = np.diag(np.where(prior, 1 / np.where(prior, freedom.prior_std, 1.0), 0.0))[prior]
 
@@ -320,7 +318,7 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
     current, converged, iteration = cost(response, z), False, 0
     while iteration < max_iterations:
         iteration += 1
-        design, residual, back = reduced(response, freedom)
+        design, residual, back, gain = reduced(response, freedom)
         full = np.concatenate([design, prior_rows])
         target = np.concatenate([residual, prior_rows @ (freedom.prior_mean - z)])
         if not (np.isfinite(full).all() and np.isfinite(target).all()):
@@ -328,8 +326,8 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
         scale = np.linalg.norm(full, axis=0)
         scale[scale == 0] = 1.0
         step = np.linalg.lstsq(full / scale, target, rcond=1e-13)[0] / scale
-        own = np.stack([np.linalg.lstsq(R[:, : len(R)], R[:, -1] - R[:, len(R) : -1] @ step, rcond=1e-14)[0] for R in back])
-        predicted = float(np.sum((full @ step) ** 2)) + float(sum(np.sum((R[:, -1]) ** 2) for R in back))
+        own = _own_steps(back, step)
+        predicted = float(np.sum((full @ step) ** 2)) + float(np.sum(back[..., -1] ** 2))
         size = 1.0
         while True:
             trial_z = z + size * step
@@ -344,13 +342,15 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
             size /= 2
         if not np.isfinite(value) or value > current * (1 + 1e-6) + 1e-3:
             break
+        left = min(predicted, abs(current - value - predicted)) if size == 1.0 else predicted
         z, response, current = trial_z, trial, value
-        if predicted < CONVERGED * max(1.0, current / max(1, _dof(data, freedom, phase))):
+        if left < CONVERGED * max(1.0, current / max(1, _dof(data, freedom, phase))):
             converged = True
             break
     if not converged:  # else the last step was too small to change it
-        design, _, _ = reduced(response, freedom)
+        design, _, _, gain = reduced(response, freedom)
     residual = response.residual()
+    dof = _dof(data, freedom, phase)
     return Fit(
         freedom=freedom,
         response=response,
@@ -358,11 +358,22 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
         root=triangle(np.concatenate([design, prior_rows])),
         data_root=triangle(design),
         chi2=response.chi2,
-        dof=_dof(data, freedom, phase),
+        dof=dof,
         converged=converged,
         iterations=iteration,
         run_chi2=np.sum(np.abs(residual) ** 2, axis=(1, 2)),
+        phase_demand=float(gain.max()) / max(1.0, response.chi2 / dof),
     )
+
+
+def _own_steps(back: Array, step: Array) -> Array:
+    """Steps of the runs' own start states and phases (R, k) that belong to a step of z; directions without information stay."""
+    k = back.shape[1]
+    right = back[:, :, -1] - back[:, :, k:-1] @ step
+    size = np.abs(np.diagonal(back[:, :, :k], axis1=1, axis2=2))
+    if np.all(size > 1e-10 * size.max(axis=1, keepdims=True)):
+        return np.linalg.solve(back[:, :, :k], right[..., None])[..., 0]
+    return np.stack([np.linalg.lstsq(R[:, :k], r, rcond=1e-14)[0] for R, r in zip(back, right, strict=True)])
 
 
 def _dof(data: Batch, freedom: Freedom, phase: Array) -> int:

@@ -1,7 +1,8 @@
 """Identification by the propagator: u(t + h) = e^{jδh} exp(Lh) u(t) over all runs, a linear regression a step; starts the likelihood.
 
-The lag h grows from a few rows to half a run, so that no phase is ever wrapped: at the first lag any start converges, each later lag
-starts from the one before. L is shared by the runs and linear in the coordinates of `coordinates.py`; δ is each run's own.
+The lag h grows from a few rows (or the longest that the first guess follows) to half a run, so that no phase is ever wrapped: at the
+first lag any start converges, each later lag starts from the one before. L is shared by the runs and linear in the coordinates of
+`coordinates.py`; δ is each run's own.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.resonator import J, exponential
-from . import coordinates
+from . import coordinates, matrices
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun, averaged
-from .likelihood import Freedom, applied, reflected
+from .likelihood import Freedom
+from .matrices import Matrix, applied
 
 Array = np.ndarray
 START_BLOCKS = 1000
@@ -25,6 +26,8 @@ PAIRS_A_LAG = 4
 """Pairs of rows whose first row lies within one lag: closer ones tell little more."""
 SETTLED = 1e-3
 """Change of L times lag after which the next step, its square, is left to the next lag."""
+NEAR = 0.1
+"""Part of a run's energy the first guess may miss at a lag for the regressions to begin there: no phase is wrapped."""
 LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
 
@@ -70,14 +73,18 @@ def rough(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
     return p, np.array([mean_frequency(r) for r in runs])
 
 
-def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Array]:
+def plain_exponential(p: Array, dt: Array, turn: Array, offset_rad_s: Array | float) -> Matrix:
+    """exp of the plain generator over times (n,) and table turns (n,), with a frequency offset."""
+    rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
+    mean, L = matrices.traceless(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    factor = np.exp((mean + 1j * offset_rad_s) * dt)
+    m = matrices.exponential(L, dt)
+    return m[0] * factor, m[1] * factor, m[2] * factor, m[3] * factor
+
+
+def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Matrix]:
     """Propagator over (dt, table turn) of the plain generator with a frequency offset, for `averaged`."""
-    constant = coordinates.generator(np.concatenate([p[:5], [0.0, 0.0]]), np.zeros(()), 1.0) + 1j * offset_rad_s * np.eye(2)
-
-    def propagator(dt: Array, turn: Array) -> Array:
-        return exponential(constant * dt[:, None, None] + p[5] * turn[:, None, None] * J, 1.0)
-
-    return propagator
+    return lambda dt, turn: plain_exponential(p, dt, turn, offset_rad_s)
 
 
 @dataclass(frozen=True)
@@ -108,22 +115,33 @@ def pairs(runs: Sequence[EnvelopeRun], lag_s: float) -> Pairs:
     return Pairs(before, after, dt, turn, weight, np.flatnonzero(np.diff(which, prepend=-1)), which)
 
 
+def reflected(v: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
+    """R_c v, R_s v and J v."""
+    return (v[0], -v[1]), (v[1], v[0]), (v[1], -v[0])
+
+
 def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array, float]:
     """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets, covariance of z, misfit before it."""
     k = len(freedom.names)
     dt = data.dt
-    constant = coordinates.generator(np.concatenate([p[:5], [0.0, 0.0]]), np.zeros(()), 1.0)
-    half = exponential(constant * (dt / 2)[:, None, None] + p[5] * (data.turn / 2)[:, None, None] * J, 1.0)
-    half = half * np.exp(0.5j * offsets[data.run] * dt)[:, None, None]
-    middle = applied(half, data.before)
+    half = plain_exponential(p, dt / 2, data.turn / 2, offsets[data.run])
+    before = data.before[:, 0], data.before[:, 1]
+    middle = applied(half, before)
     flow = applied(half, middle)
-    begin, between, end = reflected(data.before), reflected(middle), reflected(flow)  # R_c, R_s, J; ν alone commutes
-    cos, sin, turning = applied(half, applied(half, begin) + 4 * between) + end
-    turning *= (data.turn / dt)[:, None]
-    columns = np.stack([-6 * flow, -cos, -sin, 1j * cos, 1j * sin, turning]) * (dt / 6 * data.weight)[:, None]
-    shared = np.tensordot(freedom.directions[:6].T, columns, 1)
-    own = 1j * (dt * data.weight)[:, None] * flow
-    error = (data.after - flow) * data.weight[:, None]
+    columns = np.empty((6, len(dt), 2), complex)
+    columns[0, :, 0], columns[0, :, 1] = -6 * flow[0], -6 * flow[1]
+    for row, begin, between, end in zip((1, 2, 5), *map(reflected, (before, middle, flow)), strict=True):  # ν alone commutes
+        x, y = applied(half, begin)
+        x, y = applied(half, (x + 4 * between[0], y + 4 * between[1]))
+        columns[row, :, 0], columns[row, :, 1] = x + end[0], y + end[1]
+    columns[1:3] *= -1
+    np.multiply(columns[1:3], -1j, out=columns[3:5])
+    columns *= (dt / 6 * data.weight)[:, None]
+    columns[5] *= (data.turn / dt)[:, None]
+    now = np.stack(flow, axis=-1)
+    shared = freedom.along(columns)
+    own = 1j * (dt * data.weight)[:, None] * now
+    error = (data.after - now) * data.weight[:, None]
 
     information, gradient = np.zeros((k + len(offsets),) * 2), np.zeros(k + len(offsets))
     flat, target = shared.reshape(k, -1), error.ravel()
@@ -153,14 +171,22 @@ def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Ar
     return p + freedom.directions @ step[:k], offsets + step[k:], spread * inverse[:k, :k], misfit / rows
 
 
+def missed(data: Pairs, p: Array, offsets: Array) -> float:
+    """Largest part of a run's energy that coordinates and offsets miss over the pairs."""
+    x, y = applied(plain_exponential(p, data.dt, data.turn, offsets[data.run]), (data.before[:, 0], data.before[:, 1]))
+    left = np.abs(data.after[:, 0] - x) ** 2 + np.abs(data.after[:, 1] - y) ** 2
+    energy = np.sum(np.abs(data.after) ** 2, axis=1)
+    return float(np.max(np.add.reduceat(left, data.first) / np.add.reduceat(energy, data.first)))
+
+
 def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array]:
     """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag, from a first guess."""
     covariance = np.zeros((len(freedom.names),) * 2)
     span = min(r.duration_s for r in runs)
-    for fraction in LAG_FRACTIONS:
-        lag = max(fraction * span, 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs))
-        if lag > 0.9 * span:
-            break
+    shortest = 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs)
+    lags = [lag for lag in (max(f * span, shortest) for f in LAG_FRACTIONS) if lag <= 0.9 * span]
+    ready = next((i for i in reversed(range(len(lags))) if missed(pairs(runs, lags[i]), p, offsets) < NEAR), 0)
+    for lag in lags[ready:]:
         misfit, data = np.inf, pairs(runs, lag)
         kept = (p, offsets, covariance)
         for _ in range(STEPS_A_LAG + 1):

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..physics import ellipse
-from ..physics.resonator import J, Mechanics
+from ..physics.resonator import Mechanics
 from ..records import Resonator, Wave
 from . import coordinates, propagator
 from .envelope_runs import EnvelopeRun, from_wave
@@ -94,8 +94,7 @@ def _fitted(run: EnvelopeRun, grid: Array, plain: Array, p: Array, offset: float
     for _ in range(ITERATIONS):
         data = batch([dataclasses.replace(run, turn_rad=rate @ turning)])
         response = respond(data, State(p, start, phase))
-        terms = [h[:, None, :, None, None] * p[5] * J for h in (begin, middle, end)]
-        shared = response.sensitivity(*terms)
+        shared = response.turning_sensitivity(*(p[5] * h[:, None] for h in (begin, middle, end)))
         own = response.run_sensitivities()
         design = real(np.concatenate([own, shared])[:, 0], data.weight[0])
         residual = response.residual()[0].ravel()

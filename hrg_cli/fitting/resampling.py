@@ -17,7 +17,7 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
     """Coordinates (draws, 7): a run's residuals are drawn again in 16 blocks, each draw one Gauss–Newton step from the optimum."""
     rng = np.random.default_rng(seed)
     response, freedom = best.response, best.freedom
-    shared = np.tensordot(freedom.directions.T, response.coordinate_sensitivities(), 1)
+    shared = freedom.along(response.coordinate_sensitivities())
     own = response.run_sensitivities()
     residual = response.residual()
     k = own.shape[0]

@@ -1,5 +1,7 @@
 """The likelihood's propagation against direct exponentials and integration, its Jacobian against differences, and its statistics."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -8,7 +10,8 @@ from synthetic_waves import GYRO, programme, run_down
 
 from hrg_cli.fitting import coordinates, envelope_runs, propagator
 from hrg_cli.fitting.base_fit import Known, base_fit, start
-from hrg_cli.fitting.likelihood import State, batch, chain, respond
+from hrg_cli.fitting.likelihood import State, batch, respond
+from hrg_cli.fitting.matrices import chain
 from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
 
@@ -35,7 +38,7 @@ def test_coordinates_are_the_generator_of_the_resonator():
 def test_chain_is_the_running_product():
     rng = np.random.default_rng(0)
     steps = rng.standard_normal((3, 17, 2, 2)) + 1j * rng.standard_normal((3, 17, 2, 2))
-    got = chain(steps)
+    got = np.stack(chain(tuple(steps[..., i, k] for i in (0, 1) for k in (0, 1))), axis=-1).reshape(3, 18, 2, 2)
     for run in range(3):
         product = np.eye(2)
         for k in range(17):
@@ -94,13 +97,30 @@ def test_jacobian_against_differences():
     assert np.allclose((respond(data, State(p, state.start, moved)).model - response.model) / 1e-6, own[5], atol=1e-5)
 
 
-def test_additive_force_and_sensitivity_agree():
-    data = batch(propagator.thinned(runs_of([run_down(0.3, 1.0)]), np.zeros(7), np.zeros(1), 400))
-    response = respond(data, State(coordinates.from_mechanics(GYRO), data.envelope[:, 0], np.zeros((1, 1))))
-    term = np.array([[0.1, 0.3j], [0.2, -0.1]])
-    everywhere = np.broadcast_to(term, response.half.shape)
-    force = (response.model[..., None, :] * term).sum(-1)
-    assert np.allclose(response.sensitivity(everywhere, everywhere, everywhere), response.forced(force), atol=2e-4)
+def test_a_changed_rate_against_differences():
+    run = runs_of([run_down(0.3, 1.0)])[0]
+    data = batch(propagator.thinned([run], np.zeros(7), np.zeros(1), 400))
+    p = coordinates.from_mechanics(GYRO)
+    state = State(p, data.envelope[:, 0], np.zeros((1, 1)))
+    t = data.time_s[0]
+    shape = [np.sin(2 * x)[None, None] for x in (t[:-1], (t[:-1] + t[1:]) / 2, t[1:])]
+    got = respond(data, state).turning_sensitivity(*(p[5] * h for h in shape))[0]
+    turned = [dataclasses.replace(data.runs[0], turn_rad=data.runs[0].turn_rad + sign * 1e-4 * (1 - np.cos(2 * t)) / 2) for sign in (1, -1)]
+    up, down = (respond(batch([r]), state).model for r in turned)
+    assert np.allclose((up - down) / 2e-4, got, atol=2e-4 * np.abs(got).max())
+
+
+def test_steady_runs_take_the_short_way_to_the_same_place():
+    """A rate a whisker from constant goes step by step and must arrive where the closed form does."""
+    runs = runs_of([run_down(0.3, 2.0, seconds=2.0), run_down(0.7, 0.0, seconds=1.0)])
+    wobble = [dataclasses.replace(r, turn_rad=r.turn_rad + 1e-8 * np.sin(r.time_s)) for r in runs]
+    p = coordinates.from_mechanics(GYRO)
+    steady, stepped = batch(runs), batch(wobble)
+    assert steady.steady_rate is not None and stepped.steady_rate is None
+    state = State(p, steady.envelope[:, 0], np.zeros((2, 1)))
+    short, long = respond(steady, state), respond(stepped, state)
+    assert np.allclose(short.model, long.model, atol=1e-7)
+    assert np.allclose(short.coordinate_sensitivities(), long.coordinate_sensitivities(), atol=1e-6)
 
 
 def test_averaging_along_the_motion_keeps_the_model_and_the_noise():

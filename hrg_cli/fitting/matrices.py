@@ -1,0 +1,85 @@
+"""Many 2 × 2 matrices as four arrays (m₀₀, m₀₁, m₁₀, m₁₁) and vectors as two: several times faster than (..., 2, 2) on long arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+Matrix = tuple[Array, Array, Array, Array]
+Vector = tuple[Array, Array]
+SERIES = 1e-3
+"""|x| below which sinh(x)/x is taken from its series: (1 − e^{−2x}) would lose digits."""
+
+
+def product(a: Matrix, b: Matrix) -> Matrix:
+    """a·b."""
+    return (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
+
+
+def applied(m: Matrix, v: Vector) -> Vector:
+    """m·v."""
+    return m[0] * v[0] + m[1] * v[1], m[2] * v[0] + m[3] * v[1]
+
+
+def columns(m: Matrix, part: slice) -> Matrix:
+    """Some of the columns of (R, n) matrices."""
+    return m[0][:, part], m[1][:, part], m[2][:, part], m[3][:, part]
+
+
+def inverse(m: Matrix) -> Matrix:
+    """Inverse of matrices of determinant 1."""
+    return m[3], -m[1], -m[2], m[0]
+
+
+def reflected_and_pulled(m: Matrix, v: Vector) -> tuple[Vector, Vector, Vector]:
+    """m⁻¹ R_c v, m⁻¹ R_s v and m⁻¹ J v for matrices of determinant 1."""
+    x, y = v
+    ax, ay, bx, by = m[0] * x, m[0] * y, m[1] * x, m[1] * y
+    cx, cy, dx, dy = m[2] * x, m[2] * y, m[3] * x, m[3] * y
+    return (dx + by, -cx - ay), (dy - bx, ax - cy), (dy + bx, -cy - ax)
+
+
+def traceless(m: Matrix) -> tuple[Array, Matrix]:
+    """(half the trace, what is left of m without it)."""
+    mean = (m[0] + m[3]) / 2
+    half = (m[0] - m[3]) / 2
+    return mean, (half, m[1], m[2], -half)
+
+
+def exponential(m: Matrix, time_s: Array) -> Matrix:
+    """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues too."""
+    d = np.sqrt(m[0] ** 2 + m[1] * m[2] + 0j)
+    x = d * time_s
+    up = np.exp(x)
+    down = 1 / up
+    small = np.abs(x) < SERIES
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (up - down) / (2 * d)
+    if small.any():
+        slope = np.where(small, time_s * (1 + x**2 / 6 + x**4 / 120), slope)
+    even = (up + down) / 2
+    return even + slope * m[0], slope * m[1], slope * m[2], even - slope * m[0]
+
+
+def chain(steps: Matrix) -> Matrix:
+    """Running products (R, n) of steps (R, n − 1), the identity first; about 2√n batched multiplications."""
+    runs, count = steps[0].shape
+    size = max(1, int(np.sqrt(count)))
+    blocks = -(-count // size)
+    inner = np.zeros((4, size, runs, blocks), complex)
+    inner[0], inner[3] = 1.0, 1.0
+    for part, values in zip(inner, steps, strict=True):
+        whole, rest = np.divmod(count, size)
+        part[:, :, :whole] = values[:, : whole * size].reshape(runs, whole, size).transpose(2, 0, 1)
+        part[:rest, :, whole:] = values[:, whole * size :].T[:, :, None]
+    for i in range(1, size):
+        inner[:, i] = product(tuple(inner[:, i]), tuple(inner[:, i - 1]))
+    before = np.empty((4, runs, blocks), complex)
+    before[:, :, 0] = np.array([1, 0, 0, 1])[:, None]
+    for i in range(1, blocks):
+        before[:, :, i] = product(tuple(inner[:, -1, :, i - 1]), tuple(before[:, :, i - 1]))
+    out = []
+    for part, first in zip(product(tuple(inner), tuple(before)), (1.0, 0.0, 0.0, 1.0), strict=True):
+        flat = part.transpose(1, 2, 0).reshape(runs, -1)[:, :count]
+        out.append(np.concatenate([np.full((runs, 1), first, complex), flat], axis=1))
+    return out[0], out[1], out[2], out[3]
