@@ -17,6 +17,7 @@ from ..effects.effect import Effect, frame
 from ..physics.plant import SlowState
 from ..physics.resonator import Mechanics
 from . import coordinates
+from .colour import Colour
 from .coordinates import COUNT
 
 Array = np.ndarray
@@ -53,6 +54,8 @@ class Series:
     has_temperature: bool = True
     free_phase: bool = False
     """Every row's phase is its own: what turns both channels together is neither fitted nor judged."""
+    colour: Colour | None = None
+    """Noise that wanders: residuals and sensitivities are whitened by it after σ."""
 
     @property
     def step_s(self) -> Array:
@@ -63,7 +66,8 @@ class Series:
         """Some of the runs."""
         index = list(index)
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
-        return replace(self, names=tuple(self.names[i] for i in index), **cut)
+        colour = None if self.colour is None else self.colour.runs(index)
+        return replace(self, names=tuple(self.names[i] for i in index), colour=colour, **cut)
 
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""
@@ -122,21 +126,27 @@ class Prediction:
         """
         if self.series.free_phase:
             turn = np.exp(-1j * np.angle(np.sum(self.series.envelope * np.conj(self.seen), axis=-1)))
-            return real((self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None])
+            left = real((self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None])
+            return self.whitened(left[..., None])[..., 0]
         psi = self.phase_error()[..., None]
-        return real((self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen) * self.series.weight[..., None])
+        plain = real((self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen) * self.series.weight[..., None])
+        return self.whitened(plain[..., None])[..., 0]
+
+    def whitened(self, x: Array) -> Array:
+        """Reals (R, n, 4, K) over σ as the fit weighs them: as they are, or through the filter of the noise's colour."""
+        return x if self.series.colour is None else self.series.colour.whitened(x, self.seen)
 
     def judged(self, change: Array) -> Array:
         """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn of both channels."""
         change = change * self.series.weight[..., None, None]
         if not self.series.free_phase:
-            return change
+            return self.whitened(change)
         turned = real(1j * self.seen)
         size = np.sum(turned**2, axis=-1, keepdims=True)
         unit = turned / np.sqrt(np.where(size > 0, size, 1.0))
         left = change - unit[..., None] * np.einsum("rni,rnik->rnk", unit, change)[:, :, None, :]
         # what is a turn and nothing else leaves rounding, which scaled to unit length would look like a direction
-        return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
+        return self.whitened(left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2))))
 
     def phase_error(self) -> Array:
         """Phase of measured against seen, unwrapped along each run where the signal stands out of the noise, (R, n)."""

@@ -1,0 +1,160 @@
+"""Coloured noise of the wave: what wanders beside any model, component by component, and the filter that makes it white.
+
+Of each component x (relative amplitude, phase, angle, ellipticity) the noise is white n beside a wander whose rate is correlated over τ,
+    Cov(x_s, x_t) = (q/2)[2 min(s, t) − τ(1 − e^{−s/τ} − e^{−t/τ} + e^{−|t−s|/τ})] + w² σ² δ_st,
+the integrated Ornstein–Uhlenbeck process: a random walk of q a second for τ → 0. q, τ and the white level w are those of the largest
+restricted likelihood (Patterson and Thompson 1971): the residual's polynomial in time is a fixed effect, so that a misfit of the model is
+not taken for noise, and the wander at long times is what the quick wander makes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+COMPONENTS = ("amplitude", "phase", "angle", "ellipticity")
+SMOOTH = 10
+"""Degree of the polynomial in time up to which the residual may be the model's fault."""
+SLOWEST = 20
+"""Part of the run a wander's rate may stay correlated: what is slower cannot be told from a fault of the model."""
+FEWEST, MOST_ROWS = 40, 240
+"""Rows from which a colour is estimated, and rows to which the residual is averaged for that."""
+CLEAR = 30.0
+"""2 ln of the likelihood ratio from which noise counts as coloured."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One component: white level w over the stated σ, wander q [1/s], correlation time τ [s] of its rate; `clear`: 2 ln ratio to white."""
+
+    white: float
+    wander_1_s: float
+    correlation_s: float
+    clear: float
+
+    def after(self, time_s: float) -> float:
+        """Standard deviation of the wander after a time from a start at which its rate is any."""
+        return float(np.sqrt(max(wander(np.array([time_s]), self.wander_1_s, self.correlation_s)[0, 0], 0.0)))
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Whitening of residuals over σ (R, n, 4, K): unit of every row (R, n), lower-triangular filters (R, 4, n, n), the noises."""
+
+    unit: Array
+    filters: Array
+    noises: tuple[Noise, ...]
+
+    def whitened(self, x: Array, along: Array) -> Array:
+        """White residuals in the wave's own frame from reals (R, n, 4, K) over σ; `along` (R, n, 2): the envelopes predicted."""
+        own = components(x, along) * self.unit[..., None, None]
+        return np.moveaxis(self.filters @ np.moveaxis(own, 1, 2), 2, 1)
+
+    def runs(self, index: Sequence[int]) -> Colour:
+        """Of some of the runs."""
+        return Colour(self.unit[list(index)], self.filters[list(index)], self.noises)
+
+
+def components(x: Array, along: Array) -> Array:
+    """Reals (R, n, 4, K) turned into the wave's frame: along it, its phase, across it (angle), and its quadrature."""
+    size = np.sqrt(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True))
+    e = along / np.where(size > 0, size, 1.0)
+    across = np.stack([-np.conj(e[..., 1]), np.conj(e[..., 0])], axis=-1)
+    frame = np.stack([_real(e), _real(1j * e), _real(across), _real(1j * across)], axis=-2)
+    return frame @ x
+
+
+def _real(u: Array) -> Array:
+    return np.concatenate([u.real, u.imag], axis=-1)
+
+
+def wander(t: Array, q: float, tau: float) -> Array:
+    """Covariance (n, n) of the wander at times t from its start."""
+    first, gap = np.minimum(t[:, None], t[None, :]), np.abs(t[:, None] - t[None, :])
+    if tau <= 0:
+        return q * first
+    past = np.exp(-t / tau)
+    return q / 2 * (2 * first - tau * (1 - past[:, None] - past[None, :] + np.exp(-gap / tau)))
+
+
+def estimate(time_s: Array, values: Array, std: Array) -> Noise:
+    """Noise of one component (n,) with stated white σ (n,), its polynomial in time left free."""
+    from scipy.optimize import minimize
+
+    t = time_s - time_s[0]
+    span = float(t[-1])
+    fixed = np.polynomial.legendre.legvander(2 * t / span - 1, SMOOTH)
+    scale = float(np.median(std))
+    smooth = values - fixed @ np.linalg.lstsq(fixed / std[:, None], values / std, rcond=None)[0]
+    rough = max(float(np.sqrt(np.mean(np.diff(values, n=2) ** 2) / 6)), 1e-3 * scale)
+    step = float(np.median(np.diff(t)))
+
+    def cost(w2: float, q: float, tau: float) -> float:
+        """−2 ln of the restricted likelihood."""
+        C = np.diag(w2 * std**2) + (wander(t, q, tau) if q > 0 else 0.0)
+        try:
+            L = np.linalg.cholesky(C)
+        except np.linalg.LinAlgError:
+            return np.inf
+        both = np.linalg.solve(L, np.column_stack([fixed, values]))
+        Q, R = np.linalg.qr(both[:, :-1])
+        left = both[:, -1] - Q @ (Q.T @ both[:, -1])
+        return float(2 * np.log(np.diag(L)).sum() + 2 * np.log(np.abs(np.diag(R))).sum() + left @ left)
+
+    white = float(np.mean((smooth / std) ** 2)) * len(t) / max(1, len(t) - fixed.shape[1])
+    alone = cost(max(white, 1e-6), 0.0, 0.0)
+    best: tuple[float, Array] = (np.inf, np.zeros(3))
+    for tau in (step / 3, span / 40):
+        power = float(np.mean(smooth**2)) / (span / SMOOTH)
+        start = np.log([max((rough / scale) ** 2, 1e-4), max(power, 1e-30), tau])
+        low, high = np.log(step / 10), np.log(max(span / SLOWEST, step))
+
+        def bounded(x: Array, low: float = low, high: float = high) -> float:
+            inside = np.clip(x[2], low, high)
+            return cost(*np.exp([max(x[0], np.log(1e-6)), x[1], inside])) + (x[2] - inside) ** 2
+
+        found = minimize(bounded, start, method="Nelder-Mead", options={"xatol": 0.03, "fatol": 0.1, "maxfev": 150})
+        if found.fun < best[0]:
+            best = (float(found.fun), np.exp(np.clip(found.x, [np.log(1e-6), -np.inf, low], [np.inf, np.inf, high])))
+    clear = alone - best[0]
+    if clear < CLEAR:
+        return Noise(float(np.sqrt(white)), 0.0, 0.0, clear)
+    w2, q, tau = (float(v) for v in best[1])
+    return Noise(w2**0.5, q, tau, clear)
+
+
+def coloured(time_s: Array, weight: Array, envelope: Array, residual: Array) -> Colour | None:
+    """The colour of residuals (R, n, 4) over σ about envelopes (R, n, 2), one noise a component for all runs; None where all are white.
+
+    A component whose wander is not clear keeps its white level alone; the longest run stands for all.
+    """
+    size = np.sqrt(np.sum(np.abs(envelope) ** 2, axis=-1))
+    unit = np.divide(1.0, weight * size, out=np.zeros_like(size), where=(weight > 0) & (size > 0))
+    own = components(residual[..., None], envelope)[..., 0] * unit[..., None]
+    good = unit > 0
+    longest = int(np.argmax([np.ptp(t[g]) if g.any() else 0.0 for t, g in zip(time_s, good, strict=True)]))
+    rows = np.flatnonzero(good[longest])
+    if len(rows) < FEWEST:
+        return None
+    parts = np.array_split(rows, min(len(rows), MOST_ROWS))
+    t = np.array([time_s[longest, p].mean() for p in parts])
+    std = np.array([np.sqrt(np.mean(unit[longest, p] ** 2) / len(p)) for p in parts])
+    noises = []
+    for k in range(4):
+        y = np.array([own[longest, p, k].mean() for p in parts])
+        # a component that is left out, as a free phase, has nothing in it
+        noises.append(estimate(t, y, std) if np.any(np.abs(y) > 1e-6 * std) else Noise(1.0, 0.0, 0.0, 0.0))
+    if max(n.clear for n in noises) < CLEAR:
+        return None
+    filters = np.zeros((*unit.shape[:1], 4, unit.shape[1], unit.shape[1]))
+    for r in range(len(unit)):
+        rows = np.flatnonzero(good[r])
+        for k, noise in enumerate(noises):
+            C = np.diag((noise.white * unit[r, rows]) ** 2)
+            if noise.wander_1_s > 0:
+                C = C + wander(time_s[r, rows] - time_s[r, rows[0]], noise.wander_1_s, noise.correlation_s)
+            filters[r, k][np.ix_(rows, rows)] = np.linalg.inv(np.linalg.cholesky(C))
+    return Colour(unit, filters, tuple(noises))
