@@ -110,7 +110,7 @@ def plan(
     names = _chosen(had, offered, min(runs, len(offered)), worth)
     total = had + sum(offered[name] for name in names)
     everything = had + sum(offered.values())
-    impossible = _impossible(everything, questions, layout)
+    impossible = list(dict.fromkeys([*_impossible(everything, questions, layout), *_never(known)]))
     separations = tuple(
         {"causes": [q.cause, q.rival], "before_sigma": separation(had, q, layout), "after_sigma": separation(total, q, layout)}
         for q in questions
@@ -119,7 +119,8 @@ def plan(
     planned = tuple(
         PlannedRun(n, tables[n], _reason(n, names, had, offered, questions if separate else (), layout, mechanics)) for n in names
     )
-    reasons = tuple(impossible) if questions and len(impossible) >= len(questions) else ()
+    refused = _impossible(everything, questions, layout)
+    reasons = tuple(refused) if questions and len(refused) >= len(questions) else ()
     return Plan(
         planned, before, after, separations, tuple(impossible), {**common, "run": [dict(tables[n]) for n in names]},
         "suspect" if reasons else "valid", reasons,
@@ -170,11 +171,31 @@ def _open(known: Resonator | Diagnosis, causes: Sequence[str]) -> tuple[dict[str
     sizes: dict[str, dict[str, float]] = {name: {} for name in causes}
     groups = [[a, *(b for b in causes if b != a)] for a in causes]
     if isinstance(known, Diagnosis):
-        for found in json.loads(known.report)["effects"]:
+        report = json.loads(known.report)
+        for found in report["effects"]:
             if found["name"] in names:
                 sizes[found["name"]] = {key: float(p["value"]) for key, p in (found["parameters"] | found.get("held", {})).items()}
                 groups.append([found["name"], *(r for r in found["indistinguishable_from"] if r in names)])
+        if not groups:
+            for name in _unseen(report):
+                sizes[name] = {}
+                groups.append([name])
     return sizes, groups
+
+
+def _unseen(report: Mapping[str, Any]) -> list[str]:
+    """Causes that the diagnosis's runs could not tell from the base model, though others can."""
+    names = {effect.name for effect in EFFECTS}
+    told = [name for group in report.get("not_separable", []) if group.get("base") for name in group["effects"]]
+    return [name for name in dict.fromkeys(told) if name in names and name not in INHERENT]
+
+
+def _never(known: Resonator | Diagnosis) -> list[str]:
+    """Sentences about what the diagnosis left open and no run of any menu can tell."""
+    if not isinstance(known, Diagnosis):
+        return []
+    told = {name for group in json.loads(known.report).get("not_separable", []) for name in group["effects"]}
+    return [f"no run can tell {name} from {same}" for name, same in INHERENT.items() if name in told]
 
 
 def _questions(

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from diagnosis_programme import programme, waves
 
 from hrg_cli.errors import HrgError
 from hrg_cli.physics.resonator import PARAMETERS, Mechanics
 from hrg_cli.records import Resonator, collect
 from hrg_cli.stages.demodulate import demodulate
+from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.plan import plan
@@ -72,6 +74,29 @@ def test_a_wrong_table_rate_is_never_told_from_the_scale_factor():
     made = plan(known(), MENU, runs=2, causes=["table_rate_error"])
     assert made.status == "suspect" and "scale_factor" in made.impossible[0]
     assert made.separations[0]["after_sigma"] < 0.5
+
+
+def test_the_promised_separation_is_the_measured_one():
+    """Rotation of one sign hides a gain mismatch in the damping split; the planned runs show it with the σ that was promised."""
+    table = programme(51, {"gain_mismatch": {"gain": 2e-3}}, runs=4)
+    for run in table["run"]:
+        run["environment"] = {"rate_rad_s": 2.0}
+    made = waves(table)
+    blind = diagnose(made)
+    assert summary(blind)["effects"] == []
+    menu = {
+        "recording": table["recording"],
+        "readout": table["readout"],
+        "grid": {"start.wave_angle_rad": [0.1, 0.5, 0.9], "environment.rate_rad_s": [0.0, 2.0, -2.0]},
+    }
+    chosen = plan(blind, menu, made, runs=2, causes=["gain_mismatch"])
+    (row,) = chosen.separations
+    assert all(run.table["environment"]["rate_rad_s"] == -2.0 for run in chosen.runs)
+    further = waves({**table, "run": chosen.file["run"]}, seed=1)
+    first = summary(diagnose([*made, *further]))["effects"][0]
+    assert first["name"] == "gain_mismatch"
+    measured_sigma = first["parameters"]["gain"]["value"] / first["parameters"]["gain"]["std"]
+    assert measured_sigma / row["after_sigma"] == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_plan_is_a_simulation_file():
