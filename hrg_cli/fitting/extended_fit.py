@@ -22,10 +22,20 @@ class DivergedError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Freedom:
-    """Gaussian priors on the coordinates (mean (7,), std (7,); inf: none, 0: held) and on every effect's parameter size."""
+    """Gaussian priors on the coordinates: mean (7,), std (7,); inf: none, 0: held."""
 
     mean: Array
     std: Array
+    offset_std: float = np.inf
+    """Wander of the runs' frequencies about the mean of their kind (free, forced), rad/s; inf: every run has a frequency of its own."""
+
+    def strays(self, series: Series) -> Array:
+        """Rows (R, R) of the runs' offsets that this prior pulls to zero; none where they are free."""
+        if not np.isfinite(self.offset_std):
+            return np.zeros((0, len(series.names)))
+        forced = series.forced[:, 0] > 0
+        alike = forced[:, None] == forced
+        return (np.eye(len(forced)) - alike / alike.sum(axis=1)) / self.offset_std
 
 
 @dataclass(frozen=True)
@@ -144,8 +154,8 @@ def moved(point: Point, names: Sequence[str], step: Array) -> Point:
     return Point(p, start, offset, tuple(active.values()))
 
 
-def prior_rows(freedom: Freedom, names: Sequence[str], point: Point) -> tuple[Array, Array]:
-    """Rows that pull the coordinates to their priors: (m, k) and their residual (m,)."""
+def prior_rows(freedom: Freedom, names: Sequence[str], point: Point, series: Series) -> tuple[Array, Array]:
+    """Rows that pull the coordinates and the runs' offsets to their priors: (m, k) and their residual (m,)."""
     rows, right = [], []
     for k in range(COUNT):
         if np.isfinite(freedom.std[k]) and freedom.std[k] > 0:
@@ -153,6 +163,12 @@ def prior_rows(freedom: Freedom, names: Sequence[str], point: Point) -> tuple[Ar
             row[list(names).index(f"p{k}")] = 1 / freedom.std[k]
             rows.append(row)
             right.append((freedom.mean[k] - point.p[k]) / freedom.std[k])
+    own = [list(names).index(f"run{k}.{OWN - 1}") for k in range(len(series.names))]
+    for stray in freedom.strays(series):
+        row = np.zeros(len(names))
+        row[own] = stray
+        rows.append(row)
+        right.append(-float(stray @ point.offset_rad_s))
     return np.array(rows).reshape(-1, len(names)), np.array(right)
 
 
@@ -169,6 +185,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
             for k in range(COUNT)
             if np.isfinite(freedom.std[k]) and freedom.std[k] > 0
         ]
+        pull += list(freedom.strays(series) @ prediction.point.offset_rad_s)
         return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(np.square(pull)))
 
     with np.errstate(over="ignore", invalid="ignore"):
@@ -182,7 +199,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
             flow = propagation(prediction)
             design, names = design_of(flow, free, amplitude)
             residual = flat(series, prediction.residual())
-            rows, right = prior_rows(freedom, names, prediction.point)
+            rows, right = prior_rows(freedom, names, prediction.point, series)
             step, _ = evidence.solve(design, residual, rows, right)
             expected = float(np.sum((design @ step) ** 2))
             size = 1.0
@@ -201,7 +218,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
         flow = propagation(prediction)
         design, names = design_of(flow, free, amplitude)
     residual = flat(series, prediction.residual())
-    rows, right = prior_rows(freedom, names, prediction.point)
+    rows, right = prior_rows(freedom, names, prediction.point, series)
     _, covariance = evidence.solve(design, residual, rows, right)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
     return Fit(freedom, flow, design, residual, names, covariance, converged, index)

@@ -21,6 +21,7 @@ from ..fitting.base_fit import nominal_scale_factor
 from ..fitting.extended import Point, Series
 from ..fitting.extended_fit import Fit, Freedom
 from ..records import Diagnosis, Resonator, Wave
+from .diagnosis.between import between_runs
 from .diagnosis.data import prepare
 from .diagnosis.gain import held_out
 from .diagnosis.model import simulation_file
@@ -77,6 +78,7 @@ def diagnose(
     if level is not None:
         base = extended_fit.fit(replace(base.series, weight=base.series.weight / level), base.point, freedom)
         search, remainder, noise_factor = _explain(base, candidates, most_effects)
+    search, frequencies = between_runs(search, candidates, noise_factor)
     verdict, search, remainder = _verdict(search, remainder, noise_factor)
     frequency = series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)
     shown, lines = causes(waves, steps, tones, frequency, [f.variant.effect.name for f in search.found])
@@ -86,6 +88,7 @@ def diagnose(
     report = report_of(verdict, search, remainder, kind, gain, noise_factor, resonator, candidates)
     report["effects"] = shown + report["effects"]
     report["lines"] = lines
+    report["frequencies"] = frequencies
     return _record(search, waves, pieces, origin, verdict, report)
 
 
