@@ -23,7 +23,7 @@ START_BLOCKS = 1000
 LAG_FRACTIONS = (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1 / 2)
 STEPS_A_LAG = 2
 PAIRS_A_LAG = 4
-"""Pairs of rows whose first row lies within one lag: closer ones tell little more."""
+"""Pairs of rows whose first row lies within one lag on the way; at the last lag, where no row is in two pairs, all."""
 SETTLED = 1e-3
 """Change of L times lag after which the next step, its square, is left to the next lag."""
 NEAR = 0.1
@@ -100,13 +100,14 @@ class Pairs:
     run: Array
 
 
-def pairs(runs: Sequence[EnvelopeRun], lag_s: float) -> Pairs:
-    """Pairs of rows about `lag_s` apart within a run, four a lag; pairs across a gap carry their true time."""
+def pairs(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False) -> Pairs:
+    """Pairs of rows about `lag_s` apart within a run, four a lag or `all_rows`; pairs across a gap carry their true time."""
     parts = []
     for number, run in enumerate(runs):
         end = np.searchsorted(run.time_s, run.time_s + lag_s * (1 - 1e-9))
         begin = np.flatnonzero(end < len(run))
-        begin = begin[:: max(1, int(np.median(end[begin] - begin)) // PAIRS_A_LAG)]
+        if not all_rows:
+            begin = begin[:: max(1, int(np.median(end[begin] - begin)) // PAIRS_A_LAG)]
         end = end[begin]
         dt, turn = run.time_s[end] - run.time_s[begin], run.turn_rad[end] - run.turn_rad[begin]
         weight = 1 / np.hypot(run.std[begin], run.std[end])
@@ -187,7 +188,7 @@ def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: A
     lags = [lag for lag in (max(f * span, shortest) for f in LAG_FRACTIONS) if lag <= 0.9 * span]
     ready = next((i for i in reversed(range(len(lags))) if missed(pairs(runs, lags[i]), p, offsets) < NEAR), 0)
     for lag in lags[ready:]:
-        misfit, data = np.inf, pairs(runs, lag)
+        misfit, data = np.inf, pairs(runs, lag, all_rows=lag == lags[-1])
         kept = (p, offsets, covariance)
         for _ in range(STEPS_A_LAG + 1):
             next_p, next_offsets, next_covariance, here = regress(data, freedom, p, offsets)

@@ -2,8 +2,9 @@
 
 All are linear in the coordinates of `coordinates.py`. The published forms are corrected where PHYSICS §4 shows an error: 1/π and a full
 turn in the rotation integrals, the true rate in fixed axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an
-option), e^{+jωt} throughout. Standard deviations come from sums of the residuals over blocks, so that the anticorrelated noise of
-derivatives counts as it cancels.
+option), e^{+jωt} throughout. Derivatives are central differences, each row for itself, as published; `increments` and `stokes` integrate
+the right-hand side along the run instead, with a free first value, and so weigh the rows as their noise asks. Standard deviations are
+the envelopes' noise carried through the equations (`noise_propagation.py`): what neighbouring differences share cancels.
 """
 
 from __future__ import annotations
@@ -14,25 +15,37 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..physics import ellipse
+from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .likelihood import Freedom
 
 Array = np.ndarray
-ROWS_A_BLOCK = 30
+WIDE_STEP = 3.0
+"""Step over the median from which two rows are no neighbours: a gap."""
 CIRCULAR = 0.9
 """|a_B/a_A| above which the axes of the ellipse are too ill-defined for a method that uses them."""
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Rows of one run: Σ columns·p + δ·offset = target; columns (N, 7), offset (N,) of the run's own frequency (0: not needed)."""
+    """Rows of one run: Σ columns·p + δ·offset = target; columns (N, 7), offset (N,) of the run's own frequency (0: not needed).
+
+    Each row sees the run's rows from `first` (N,) on, 3 of them with derivatives. `levels`: None there; with increments from row to row
+    the weights (N + 1 a quantity) of their running sums, whose first values are free.
+    """
 
     columns: Array
     target: Array
     offset: Array
     weight: Array
-    block: Array
+    first: Array
+    levels: tuple[Array, ...] | None = None
+
+    @property
+    def reach(self) -> int:
+        """Rows of the run that an equation sees."""
+        return 3 if self.levels is None else 4
 
 
 @dataclass(frozen=True)
@@ -67,7 +80,7 @@ def derivative(values: Array, time_s: Array) -> Array:
 
 def beside_gap(time_s: Array) -> Array:
     """True on rows next to a step over three times the median, and on the first and last: no central difference there."""
-    wide = np.diff(time_s) > 3 * np.median(np.diff(time_s))
+    wide = np.diff(time_s) > WIDE_STEP * np.median(np.diff(time_s))
     return np.concatenate([[True], wide]) | np.concatenate([wide, [True]])
 
 
@@ -89,14 +102,16 @@ def _rows(
 ) -> Equations:
     step = float(np.median(np.diff(run.time_s)))
     weight = np.broadcast_to(step / run.std / scale, target.shape)
-    block = np.arange(len(target)) // ROWS_A_BLOCK
     full = np.stack([np.broadcast_to(c, target.shape) for c in columns], axis=-1)
     off = np.zeros(len(target)) if offset is None else offset
-    return Equations(full[keep], target[keep], off[keep], weight[keep], block[keep])
+    return Equations(full[keep], target[keep], off[keep], weight[keep], np.flatnonzero(keep) - 1)
 
 
 def _joined(parts: Sequence[Equations]) -> Equations:
-    return Equations(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("columns", "target", "offset", "weight", "block")))
+    columns, target, offset, weight, first = (
+        np.concatenate([getattr(p, name) for p in parts]) for name in ("columns", "target", "offset", "weight", "first")
+    )
+    return Equations(columns, target, offset, weight, first)
 
 
 def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False) -> Equations:
@@ -126,7 +141,7 @@ def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = Fa
         w.good & (w.rate != 0),
     )
     # D = νδμ sin χ (1 + r²) − 2rδω cos ζ over (1 − r²), χ = 2mθ − 2mθ_μ: sin χ = s·cos − c·sin of the axis
-    third = Equations(third.columns * np.array([1, -1, -1, 1, 1, 1, 1]), third.target, third.offset, third.weight, third.block)
+    third = Equations(third.columns * np.array([1, -1, -1, 1, 1, 1, 1]), third.target, third.offset, third.weight, third.first)
     return _joined([first, second, third])
 
 
@@ -209,56 +224,59 @@ def _channel_products(run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array
     return _joined([*amplitude, phase])
 
 
-def _increments(run: EnvelopeRun, equations: Sequence[tuple[list[Array], Array]], scale: Array | float) -> Equations:
-    """∫columns dt against the increment of a quantity over an eighth of the run, trapezium rule with its end correction."""
+def _increments(run: EnvelopeRun, equations: Sequence[tuple[list[Array], Array, Array]]) -> Equations:
+    """Increments of quantities from row to row against ∫columns dt, trapezium rule with its end correction; standard deviations a row."""
     t = run.time_s
-    lag = max(2, len(t) // 8)
     step = np.diff(t)[:, None]
-    parts = []
-    for columns, quantity in equations:
+    pieces, targets = [], []
+    for columns, quantity, _ in equations:
         full = np.stack([np.broadcast_to(c, quantity.shape) for c in columns], axis=-1)
         slope = derivative(full, t)
-        pieces = (full[1:] + full[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12
-        area = np.concatenate([np.zeros((1, COUNT)), np.cumsum(pieces, axis=0)])
-        weight = np.broadcast_to(1 / run.std / scale, quantity.shape)[lag:]
-        n = len(t) - lag
-        parts.append(Equations(area[lag:] - area[:-lag], quantity[lag:] - quantity[:-lag], np.zeros(n), weight, np.arange(n) // lag))
-    return _joined(parts)
+        pieces.append((full[1:] + full[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12)
+        targets.append(np.diff(quantity))
+    n = len(t) - 1
+    first = np.tile(np.arange(n) - 1, len(equations))
+    levels = tuple(1 / np.broadcast_to(std, t.shape) for _, _, std in equations)
+    return Equations(np.concatenate(pieces), np.concatenate(targets), np.zeros(len(first)), np.ones(len(first)), first, levels)
 
 
 def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A (15) averaged over an interval: increments of a_A, a_B instead of derivatives; K from the increments of mθ·a_A."""
+    """Seed A (15) integrated: increments of a_A, a_B instead of derivatives, and those of mθ, with the rate or without."""
     w = ellipse_of(run)
     c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
-    equations = [
-        ([-w.a, -w.a * c, -w.a * s, -w.b * s, w.b * c, zero, zero], w.a),
-        ([-w.b, w.b * c, w.b * s, w.a * s, -w.a * c, zero, zero], w.b),
-    ]
-    if np.ptp(run.turn_rad) > 0:
-        r = w.b / w.a
-        up, down = (1 + r**2) / (1 - r**2), 1 / (1 - r**2)
-        equations.append(([zero, s * up, -c * up, -2 * r * c * down, -2 * r * s * down, -w.rate, zero], w.angle))
-    mean = float(np.mean(w.a))
-    joined = _increments(run, equations, 1.0)
-    rows = len(joined.target) // len(equations)
-    joined.weight[2 * rows :] *= mean
-    return joined
+    r = w.b / w.a
+    up, down = (1 + r**2) / (1 - r**2), 1 / (1 - r**2)
+    return _increments(
+        run,
+        [
+            ([-w.a, -w.a * c, -w.a * s, -w.b * s, w.b * c, zero, zero], w.a, run.std),
+            ([-w.b, w.b * c, w.b * s, w.a * s, -w.a * c, zero, zero], w.b, run.std),
+            (
+                [zero, s * up, -c * up, -2 * r * c * down, -2 * r * s * down, -w.rate, zero],
+                w.angle,
+                run.std * np.sqrt(w.a**2 + w.b**2) / np.abs(w.a**2 - w.b**2),
+            ),
+        ],
+    )
 
 
 def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), over increments; no axes, so circular orbits too; noise power taken
-    off S₀.
+    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; no axes, so circular orbits too; noise power taken off S₀.
+
+    S₀ = |(S₁, S₂, S₃)| of one wave, so its own equation says nothing new; the other three have independent noise 2σ√S₀.
     """
     s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
     s0 = s0 - 4 * run.std**2
     rate, zero = table_rate(run), np.zeros_like(s0)
-    equations = [
-        ([-2 * s0, -2 * s1, -2 * s2, zero, zero, zero, zero], s0),
-        ([-2 * s1, -2 * s0, zero, zero, 2 * s3, 2 * rate * s2, zero], s1),
-        ([-2 * s2, zero, -2 * s0, -2 * s3, zero, -2 * rate * s1, zero], s2),
-        ([-2 * s3, zero, zero, 2 * s2, -2 * s1, zero, zero], s3),
-    ]
-    return _increments(run, equations, np.sqrt(np.maximum(s0, 4 * run.std**2)))
+    std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))
+    return _increments(
+        run,
+        [
+            ([-2 * s1, -2 * s0, zero, zero, 2 * s3, 2 * rate * s2, zero], s1, std),
+            ([-2 * s2, zero, -2 * s0, -2 * s3, zero, -2 * rate * s1, zero], s2, std),
+            ([-2 * s3, zero, zero, 2 * s2, -2 * s1, zero, zero], s3, std),
+        ],
+    )
 
 
 METHODS: dict[str, Callable[..., Equations]] = {
@@ -273,45 +291,95 @@ METHODS: dict[str, Callable[..., Equations]] = {
 USES_AXES = ("moving-axes", "moving-axes-small-quadrature", "increments", "rotation-integrals")
 
 
+@dataclass(frozen=True)
+class Rows:
+    """Weighted rows of one run with its own unknowns (frequency, first values) projected off: design (N, k), target (N,), the projector's
+    basis (N, c) and the weights (N,).
+    """
+
+    design: Array
+    target: Array
+    own: Array
+    weight: Array
+
+
+def weighted(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> Rows:
+    """The regression's rows: the equations themselves, or the running sums of increments, begun anew after a gap."""
+    shared, target, weight = equations.columns @ freedom.directions, equations.target - equations.columns @ freedom.origin, equations.weight
+    if equations.levels is None:
+        own = equations.offset[:, None]
+    else:
+        count = len(equations.levels)
+        joined = np.column_stack([shared, target]).reshape(count, len(run) - 1, -1)
+        sums = np.concatenate([np.zeros((count, 1, joined.shape[2])), np.cumsum(joined, axis=1)], axis=1).reshape(count * len(run), -1)
+        shared, target, weight = sums[:, :-1], sums[:, -1], np.concatenate(equations.levels)
+        step = np.diff(run.time_s)
+        piece = np.concatenate([[0], np.cumsum(step > WIDE_STEP * np.median(step))])
+        group = (np.arange(count)[:, None] * (piece[-1] + 1) + piece).ravel()
+        own = (group[:, None] == np.arange(group[-1] + 1)).astype(float)
+    own = own * weight[:, None]
+    size = np.linalg.norm(own, axis=0)
+    basis = np.linalg.qr(own[:, size > 0])[0]
+    rows = np.column_stack([shared, target]) * weight[:, None]
+    rows = rows - basis @ (basis.T @ rows)
+    return Rows(rows[:, :-1], rows[:, -1], basis, weight)
+
+
 def solve(runs: Sequence[EnvelopeRun], freedom: Freedom, method: str, eliminate_rate: bool = False) -> Regression:
-    """Pooled weighted least squares of one method over all runs, with the block covariance."""
+    """Pooled weighted least squares of one method over all runs, its covariance from the envelopes' noise.
+
+    The noise's level is that of the residuals over what the runs' standard deviations predict of them.
+    """
     reason = out_of_range(runs, method)
     if reason:
         return Regression(np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan), refused=reason)
-    designs, targets, groups = [], [], []
-    start = 0
-    for number, run in enumerate(runs):
-        e = METHODS[method](run, eliminate_rate)
-        own = np.zeros((len(e.target), len(runs)))
-        own[:, number] = e.offset
-        shared = e.columns @ freedom.directions
-        designs.append(np.column_stack([shared, own]) * e.weight[:, None])
-        targets.append((e.target - e.columns @ freedom.origin) * e.weight)
-        groups.append(e.block + start)
-        start += int(e.block.max()) + 1 if len(e.block) else 0
-    design, target, group = np.concatenate(designs), np.concatenate(targets), np.concatenate(groups)
+    equations = [METHODS[method](run, eliminate_rate) for run in runs]
+    parts = [weighted(run, e, freedom) for run, e in zip(runs, equations, strict=True)]
+    design, target = np.concatenate([p.design for p in parts]), np.concatenate([p.target for p in parts])
     scale = np.linalg.norm(design, axis=0)
     used = scale > 0
     matrix = design[:, used] / scale[used]
     U, size, Vt = np.linalg.svd(matrix, full_matrices=False)
     keep = size > 1e-8 * size[0]
-    inverse = (Vt[keep].T / size[keep]) @ U[:, keep].T
-    step = inverse @ target
-    residual = target - matrix @ step
-    influence = inverse * residual
-    order = np.argsort(group, kind="stable")
-    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
-    sums = np.add.reduceat(influence[:, order], starts, axis=1)
-    covariance = sums @ sums.T * len(starts) / max(1, len(starts) - int(keep.sum()))
-    k = len(freedom.names)
-    z, cov = np.full(design.shape[1], np.nan), np.full((design.shape[1],) * 2, np.nan)
-    z[used] = step / scale[used]
-    cov[np.ix_(used, used)] = covariance / np.outer(scale[used], scale[used])
-    present = np.flatnonzero(np.isfinite(z[:k]))
+    inverse = (Vt[keep].T / size[keep]) @ U[:, keep].T / scale[used, None]
+    z, cov = np.full(len(scale), np.nan), np.full((len(scale),) * 2, np.nan)
+    z[used] = inverse @ target
+    present = np.flatnonzero(used)
     D = freedom.directions[:, present]
     p = freedom.origin + D @ z[present]
+    cov[np.ix_(used, used)] = _covariance(runs, equations, parts, inverse, p, method, eliminate_rate)
     p[~(np.abs(D).sum(axis=1) > 0) & (np.abs(freedom.directions).sum(axis=1) > 0)] = np.nan
     return Regression(p, D @ cov[np.ix_(present, present)] @ D.T, warnings(runs, method, eliminate_rate))
+
+
+def _covariance(
+    runs: Sequence[EnvelopeRun],
+    equations: Sequence[Equations],
+    parts: Sequence[Rows],
+    inverse: Array,
+    p: Array,
+    method: str,
+    eliminate_rate: bool,
+) -> Array:
+    """Covariance (k, k) of z = inverse·target by the noise of every row of every run."""
+    total, squares = np.zeros((len(inverse),) * 2), []
+    ends = np.cumsum([len(part.target) for part in parts])
+    for run, e, part, end in zip(runs, equations, parts, ends, strict=True):
+        influence = inverse[:, end - len(part.target) : end] * part.weight
+        if e.levels is not None:  # an increment moves every sum after it
+            nodes = influence.reshape(len(influence), len(e.levels), -1)
+            influence = np.cumsum(nodes[:, :, :0:-1], axis=2)[:, :, ::-1].reshape(len(influence), -1)
+        left, own = (e.target - e.columns @ p) * e.weight, e.offset * e.weight
+        offset = float(own @ left / (own @ own)) if np.any(own) else 0.0
+
+        def misfit(moved: EnvelopeRun, offset: float = offset) -> Array:
+            trial = METHODS[method](moved, eliminate_rate)
+            return trial.target - trial.columns @ p - trial.offset * offset
+
+        covariance, variance = noise_propagation.covariance(run, misfit, e.first, e.reach, influence)
+        total += covariance
+        squares.append(misfit(run)[variance > 0] ** 2 / variance[variance > 0])
+    return total * float(np.concatenate(squares).mean())
 
 
 def roundness(runs: Sequence[EnvelopeRun]) -> float:

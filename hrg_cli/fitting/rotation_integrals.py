@@ -12,9 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
-from .regressions import ROWS_A_BLOCK, USES_AXES, Regression, ellipse_of, out_of_range, quadrature_significance
+from .regressions import USES_AXES, Ellipse, Regression, ellipse_of, out_of_range, quadrature_significance
 
 Array = np.ndarray
 METHOD = "rotation-integrals"
@@ -55,28 +56,45 @@ def one_run(run: EnvelopeRun) -> tuple[Array, Array, float] | None:
     rows = slice(0, min(last + 1, len(alpha)))
     weight = _trapezium(alpha[rows], 2 * np.pi * turns) / (2 * np.pi * turns)
     c, s = np.cos(2 * w.angle[rows]), np.sin(2 * w.angle[rows])
-    growth, r = w.a_dot[rows] / w.a[rows], w.b[rows] / w.a[rows]
-    influence = np.zeros((COUNT, len(weight)))
-    influence[0], influence[1], influence[2] = -weight, -2 * weight * c, -2 * weight * s
-    influence[3], influence[4] = 2 * weight * s, -2 * weight * c
-    p = np.zeros(COUNT)
-    for _ in range(4):
+    n = len(weight)
+    influence = np.zeros((6, 3 * n))
+    influence[:3, :n] = weight * np.stack([np.ones(n), 2 * c, 2 * s])
+    influence[3:5, n : 2 * n] = 2 * weight * np.stack([-s, c])
+    influence[5, 2 * n :] = 1.0
+    step, angle = np.diff(run.time_s[rows]), w.angle[rows]
+    turned = float(run.turn_rad[n - 1] - run.turn_rad[0])
+
+    def misfit(moved: Ellipse, p: Array) -> Array:
+        """Growth and quadrature less what p says of them, row by row, and the turning less drift and −KΩ, in pieces that sum to it."""
+        c, s, r = np.cos(2 * moved.angle[rows]), np.sin(2 * moved.angle[rows]), moved.b[rows] / moved.a[rows]
         split, damping = p[3] * s - p[4] * c, p[1] * c + p[2] * s
-        pure = growth + split * r
-        y = w.b_dot[rows] / w.a[rows] + (p[0] - damping) * r
-        p[:3] = influence[:3] @ pure
-        p[3:5] = influence[3:5] @ y
-    left = pure + p[0] + p[1] * c + p[2] * s
-    right = y - p[3] * s + p[4] * c
-    drift = ((p[1] * s - p[2] * c) * (1 + r**2) - 2 * r * (p[3] * c + p[4] * s)) / (1 - r**2)
-    drifted = float(np.sum((drift[1:] + drift[:-1]) / 2 * np.diff(run.time_s[rows])))
-    sums = [np.add.reduceat(influence[i] * (left if i < 3 else right), np.arange(0, len(weight), ROWS_A_BLOCK)) for i in range(5)]
-    covariance = np.zeros((COUNT, COUNT))
-    covariance[:5, :5] = np.array(sums) @ np.array(sums).T
-    turned = run.turn_rad[rows][-1] - run.turn_rad[0]
-    p[5] = -(w.angle[rows][-1] - w.angle[0] - drifted) / turned if turned else np.nan
-    covariance[5, 5] = 2 * (run.std.mean() / w.a[rows].mean() / turned) ** 2 if turned else 0.0
-    return p, covariance, float(turns)
+        growth = moved.a_dot[rows] / moved.a[rows] + split * r + p[0] + damping
+        quadrature = moved.b_dot[rows] / moved.a[rows] + (p[0] - damping) * r - split
+        drift = ((p[1] * s - p[2] * c) * (1 + r**2) - 2 * r * (p[3] * c + p[4] * s)) / (1 - r**2)
+        turning = np.full(n, p[5] * turned / n)
+        turning[:-1] -= drift[:-1] * step / 2
+        turning[1:] -= drift[1:] * step / 2
+        turning[-1] += moved.angle[n - 1] - angle[0]
+        turning[0] += angle[0] - moved.angle[0]
+        return np.concatenate([growth, quadrature, turning])
+
+    p, slope = np.zeros(6), np.eye(6)
+    for _ in range(4):
+        here = misfit(w, p)
+        slope = np.stack([influence @ (misfit(w, p + e) - here) for e in np.eye(6)], axis=1)
+        if not turned:
+            slope[5, 5] = 1.0
+        p = p - np.linalg.solve(slope, influence @ here)
+    left = misfit(w, p)
+    covariance, variance = noise_propagation.covariance(
+        run, lambda moved: misfit(ellipse_of(moved), p), np.tile(np.arange(n) - 1, 3), 3, -np.linalg.solve(slope, influence)
+    )
+    covariance *= float(np.mean(left[: 2 * n] ** 2 / variance[: 2 * n]))
+    full, whole = np.zeros((COUNT, COUNT)), np.append(p, 0.0)
+    full[:6, :6] = covariance
+    if not turned:
+        whole[5] = np.nan
+    return whole, full, float(turns)
 
 
 def _trapezium(x: Array, length: float) -> Array:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 PARAMETERS = ("damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
-PROGRAMME = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.2, 0.0), (0.2, 1.5), (0.6, -1.5))
+PROGRAMME = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.2, 0.0), (0.2, 2.5), (0.6, -2.5))
 """Start angle [rad] after a random one, rate [rad/s]."""
 
 

@@ -5,7 +5,7 @@ import pytest
 from synthetic_waves import GYRO, programme, run_down
 
 from hrg_cli.fitting import coordinates, envelope_runs, free_windows, propagator, regressions, rotation_integrals, two_modes, working_mode
-from hrg_cli.fitting.base_fit import Known, start
+from hrg_cli.fitting.base_fit import Known, base_fit, freedom, start
 from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
 
@@ -40,6 +40,29 @@ def test_with_noise_within_its_own_errors(method, noisy):
     answer = regressions.solve(*noisy, method)
     std = np.sqrt(np.diag(answer.covariance))[:6]
     assert np.all(np.abs(answer.p[:6] - TRUE[:6]) < 5 * std)
+
+
+@pytest.mark.parametrize("method", [m for m in regressions.METHODS if m != "moving-axes-small-quadrature"])
+def test_stated_errors_are_the_scatter(method):
+    """Over draws of the noise (error/σ)² is χ², although neighbouring differences share their noise."""
+    space = freedom(Known(), TRUE, 2, 4.0)
+    squares = []
+    for seed in range(8):
+        waves = [
+            run_down(a, w, std=1e-2, window=2e-2, ratio=0.1, seed=100 * seed + i, second_order=0.0)
+            for i, (a, w) in enumerate([(0.1, 1.0), (0.5, -1.0)])
+        ]
+        answer = regressions.solve([envelope_runs.from_wave(w) for w in waves], space, method)
+        squares.append((answer.p - TRUE)[:6] ** 2 / np.diag(answer.covariance)[:6])
+    assert 0.35 < np.mean(squares) < 2.2  # χ² of 48 within 1e-5 of either side
+
+
+def test_increments_and_stokes_come_near_the_bound(noisy):
+    """Integrated along the run they lose little against the likelihood."""
+    runs, space = noisy
+    bound = np.sqrt(np.diag(base_fit(runs, blocks=300).covariance_z()))[:6]
+    for method in ("increments", "stokes"):
+        assert np.all(np.sqrt(np.diag(regressions.solve(runs, space, method).covariance))[:6] < 2 * bound)
 
 
 def test_derivatives_cost_against_increments(noisy):

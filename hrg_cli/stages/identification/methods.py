@@ -14,7 +14,7 @@ from ...errors import HrgError
 from ...fitting import coordinates, envelope_runs, propagator, regressions, resampling, rotation_integrals, working_mode
 from ...fitting.base_fit import Known, base_fit, check, nominal_scale_factor, start
 from ...fitting.envelope_runs import EnvelopeRun
-from ...fitting.likelihood import Freedom, batch, fit
+from ...fitting.likelihood import Fit, Freedom, State, batch, fit, respond
 from ...fitting.regressions import Regression
 from ...physics import ellipse
 from ...records import Wave
@@ -55,13 +55,29 @@ def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Ver
     return verdict if modes is None else modes
 
 
-def prepared(runs: Sequence[EnvelopeRun], known: Known) -> tuple[list[EnvelopeRun], Array, Array, Freedom]:
-    """Averaged runs against their own mean frequency, the propagator's coordinates and covariance, and what is free."""
+def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit | None = None) -> tuple[list[EnvelopeRun], Array, Array, Freedom]:
+    """Averaged runs against their own mean frequency, the propagator's coordinates and covariance, and what is free.
+
+    Seed A's equations are of first order in |L|/ω. What the second order (rate times split or damping over ω) does to the envelopes is
+    taken off them by the likelihood's model, with the scale the likelihood found (`best`) or finds.
+    """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
     p, offsets, covariance, space = start(runs, known)
     thin = propagator.thinned(runs, p, offsets, REGRESSION_ROWS)
-    return [envelope_runs.retuned(r, o) for r, o in zip(thin, offsets)], p, covariance, space
+    thin = [envelope_runs.retuned(r, o) for r, o in zip(thin, offsets)]
+    try:
+        full = (best or base_fit(runs, known)).p
+    except HrgError:
+        return thin, p, covariance, space
+    data = batch(thin)
+    first, second = (
+        respond(data, State(np.append(full[:6], order), data.envelope[:, 0], np.zeros((len(thin), 1)))).model for order in (0.0, full[6])
+    )
+    # the mean frequency's shift by the second order is the run's own and stays
+    thin = [dataclasses.replace(r, envelope=r.envelope - (second - first)[i, : len(r)]) for i, r in enumerate(thin)]
+    p, _, covariance = propagator.identify(thin, space, p, np.zeros(len(thin)))
+    return thin, p, covariance, space
 
 
 def regression(method: str, thin: Sequence[EnvelopeRun], p: Array, covariance: Array, space: Freedom, eliminate_rate: bool) -> Regression:
@@ -142,7 +158,7 @@ def _physical(
 
 def compared(runs: Sequence[EnvelopeRun], known: Known, best: Verdict, eliminate_rate: bool) -> list[dict[str, Any]]:
     """Every method on the same inputs: parameters, and the difference from the likelihood in units of the method's own error."""
-    thin, p, covariance, space = prepared(runs, known)
+    thin, p, covariance, space = prepared(runs, known, best.fit)
     table = [_row("likelihood", best.values, best.std, best, [], "")]
     for method in ALL:
         answer = regression(method, thin, p, covariance, space, eliminate_rate)
