@@ -46,6 +46,7 @@ def run_chain(
     HrgError: two inputs would write the same file; an output exists (unless `force`).
     """
     tables = tables or {}
+    inputs = _without_second_files(inputs, tables.get("import", {}).get("s_file"))
     stems = [path.name.removesuffix(".h5") if path.suffix == ".h5" else path.stem for path in inputs]
     if len(set(stems)) < len(stems):
         raise HrgError(
@@ -71,6 +72,16 @@ def run_chain(
                 "compensate", [wave], folder / wave.name.replace(".wave.h5", ".compensated.h5"), beside={"calibration": calibration}
             )
     return steps
+
+
+def _without_second_files(inputs: Sequence[Path], s_file: str | None) -> list[Path]:
+    """The inputs, without those that hold the channel S of another one."""
+    if s_file is None:
+        return list(inputs)
+    from .formats import partners
+
+    second = partners(inputs, lambda path: s_file)
+    return [path for path in inputs if path not in second]
 
 
 def _silent(text: str) -> None:
@@ -122,16 +133,17 @@ class _Chain:
         return None if periods is None else self.stage("estimate", [periods], self.folder / f"{stem}.wave.h5")
 
     def _import(self, log: Path, output: Path) -> Path | None:
-        from .formats import import_log
+        from .formats import import_log, second_file
 
         def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
             values = settings.checked(import_log, self.tables.get("import", {}))
+            sources = [log] if values["s_file"] is None else [log, second_file(log, values["s_file"])]
             record = pipeline.write_first(
                 output,
                 import_log(log, **values),
                 values,
                 "import",
-                [log],
+                sources,
                 force=self.force,
                 command_line=self.line("import", [log], output),
             )

@@ -20,6 +20,9 @@ def import_(
     log: OneFile = None,
     c: Annotated[str | None, typer.Option(help="Column of channel C: its title or 1-based number.", show_default=False)] = None,
     s: Annotated[str | None, typer.Option(help='Column of channel S; "none" for a log of one channel.', show_default=False)] = None,
+    s_file: Annotated[
+        str | None, typer.Option(help="File of channel S, where it has its own; or OLD=NEW put into LOG's name.", show_default=False)
+    ] = None,
     time_column: Annotated[str | None, typer.Option("--time", help='Column of times; "none" to ignore them.', show_default=False)] = None,
     temperature: Annotated[str | None, typer.Option(help="Column of the temperature.", show_default=False)] = None,
     rate: Annotated[str | None, typer.Option(help="Column of the rate.", show_default=False)] = None,

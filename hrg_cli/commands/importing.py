@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import pipeline, store
-from ..formats import import_log
+from ..formats import import_log, second_file
 from ..records import Recording
 from .frame import Common, command_line, existing
 
@@ -24,8 +24,9 @@ def import_file(log: Path | None, run: Common, flags: Mapping[str, Any]) -> dict
     log = existing([log] if log else [], "a log, or - for standard input")[0]
     output = run.need_output("recording.h5")
     with _on_disk(log) as path:
+        sources = [path] if values["s_file"] is None else [path, second_file(path, values["s_file"])]
         record = pipeline.write_first(
-            output, import_log(path, **values), values, "import", [path], force=run.force, command_line=command_line()
+            output, import_log(path, **values), values, "import", sources, force=run.force, command_line=command_line()
         )
     with store.open_record(output, Recording) as whole:
         facts = {

@@ -1,6 +1,7 @@
 """Foreign logs: `import_log` makes a recording of any of them, `read_table` a plain table."""
 
 from .importing import import_log
+from .pairing import partners, second_file
 from .table import read_table
 
-__all__ = ["import_log", "read_table"]
+__all__ = ["import_log", "partners", "read_table", "second_file"]

@@ -36,9 +36,7 @@ def open_audio(path: Path) -> Log:
         raise _damaged(path, error) from error
     claimed = _claimed_frames(path)
     if claimed is not None and claimed > frames:
-        raise HrgError(
-            f"{path}: its header claims {claimed} frames, {frames} are stored; it is truncated: copy or record it again"
-        )
+        raise HrgError(f"{path}: its header claims {claimed} frames, {frames} are stored; it is truncated: copy or record it again")
     if frames <= 0 or channels <= 0 or rate <= 0:
         raise HrgError(f"{path}: holds no samples ({frames} frames, {channels} channels at {rate} Hz); record it again")
     dtype, scale, shift = SUBTYPES.get(subtype, ("float32" if subtype == "FLOAT" else "float64", 1.0, 0))

@@ -63,9 +63,7 @@ class Clock:
     def _nanoseconds(self, texts: np.ndarray | list[str]) -> np.ndarray:
         import pandas as pd
 
-        series = pd.Series(
-            [str(text).strip().replace(",", ".") if clock_kind(str(text).strip()) == self.kind else "" for text in texts]
-        )
+        series = pd.Series([str(text).strip().replace(",", ".") if clock_kind(str(text).strip()) == self.kind else "" for text in texts])
         try:
             if self.kind == "clock":
                 two = series.str.count(":") == 1

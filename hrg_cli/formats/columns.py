@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..errors import HrgError
-from .log import Log
+from .log import Channel, Log
+from .quantities import is_time
 
 ALIASES: dict[str, tuple[str, ...]] = {
     "time": (
@@ -117,13 +118,13 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
         if taken[role] is None and role not in left_out:
             told = [i for i in free if log.channels[i].role == role]
             fitting = told or [i for i in free if role == "time" or i in numbers]
-            taken[role] = (
-                told[0] if told else next((i for title in titles for i in fitting if log.channels[i].name.lower() == title), None)
-            )
+            taken[role] = told[0] if told else next((i for title in titles for i in fitting if log.channels[i].name.lower() == title), None)
             free = [i for i in free if i != taken[role]]
     if taken["time"] is None and log.sample_rate_hz is None and "time" not in left_out:
         taken["time"] = _unnamed_time(log, free)
         free = [i for i in free if i != taken["time"]]
+    if "time" in left_out:
+        free = [i for i in free if not (log.channels[i].rising and _tells_time(log.channels[i]))]
     needed = ["c"] if single else ["c", "s"]
     missing = [role for role in needed if taken[role] is None]
     free = [i for i in free if i in numbers]
@@ -134,8 +135,8 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
     if missing:
         if len([i for i in numbers if i != taken["time"]]) == 1 and not single:
             raise HrgError(
-                f'{path}: has one channel only ({listing(log)}), two (C and S) were expected; give s = "none" to import it with S = 0: '
-                "then its frequency and damping can be found, its wave angle cannot"
+                f"{path}: has one channel only ({listing(log)}), two (C and S) were expected; name the other one's file with s_file, "
+                'or give s = "none" to import it with S = 0: then its frequency and damping can be found, its wave angle cannot'
             )
         asked_for = " and which ".join(m.upper() for m in missing)
         raise HrgError(f"{path}: which column is channel {asked_for}? Its columns are {listing(log)}; name them with c and s")
@@ -181,9 +182,16 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
     return index
 
 
+def _tells_time(channel: Channel) -> bool:
+    return channel.role == "time" or channel.name.lower() in ALIASES["time"] or is_time(channel.units)
+
+
 def _unnamed_time(log: Log, free: list[int]) -> int | None:
     clock = [i for i in free if log.channels[i].kind == "clock"]
     if clock:
         return clock[0]
+    timed = [i for i in free if log.channels[i].rising and is_time(log.channels[i].units)]
+    if len(timed) == 1:
+        return timed[0]
     rising = [i for i in free if log.channels[i].rising]
     return rising[0] if rising and len(free) > 2 and rising[0] == free[0] else None

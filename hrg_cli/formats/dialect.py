@@ -17,6 +17,8 @@ CANDIDATES = ((",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ","), (","
 """(separator, decimal sign) in the order of preference; a blank stands for any run of blanks."""
 COMMENTS = ("#", "%", "!", "//", "*")
 _NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
+_BESIDE_TITLES = re.compile(r"^(sequence|increment|t0\s*=.*|tinc\s*=.*)$", re.IGNORECASE)
+"""Words by which a line of titles is known that is longer than the rows below it."""
 _WORDS = ("nan", "inf", "infinity", "+inf", "-inf", "-nan", "na", "n/a", "null")
 
 
@@ -111,9 +113,7 @@ def sniff(path: Path, head: bytes, separator: str | None = None, decimal: str | 
     assert best is not None
     _, sep, dec, kinds = best
     if "number" not in kinds:
-        raise HrgError(
-            f"{path}: no line of numbers was found in it; a log with a row a sample was expected (a header alone is not enough)"
-        )
+        raise HrgError(f"{path}: no line of numbers was found in it; a log with a row a sample was expected (a header alone is not enough)")
     return _described(path, encoding, lines, shown, sep, dec, kinds)
 
 
@@ -142,9 +142,7 @@ def _columns(rows: list[str], separator: str, decimal: str) -> tuple[list[str], 
     return kinds, score
 
 
-def _described(
-    path: Path, encoding: str, lines: list[str], shown: list[tuple[int, str]], sep: str, dec: str, kinds: list[str]
-) -> Dialect:
+def _described(path: Path, encoding: str, lines: list[str], shown: list[tuple[int, str]], sep: str, dec: str, kinds: list[str]) -> Dialect:
     count = len(kinds)
     first = None
     for number, line in shown:
@@ -187,13 +185,15 @@ def _titles(above: list[tuple[int, str]], sep: str, dec: str, count: int) -> tup
             cells.pop()
         if len(cells) == count - 1 and count > 1:
             cells.append("")
+        if len(cells) > count and any(_BESIDE_TITLES.match(cell) for cell in cells):
+            cells = cells[:count]
         if len(cells) == count and any(cell_kind(cell, dec) == "text" for cell in cells):
             rows.append(cells)
         elif not mark:
             break
     if not rows:
         return tuple(f"column {i + 1}" for i in range(count)), ("",) * count, False
-    sequence = "increment" in [cell.lower() for cell in rows[min(1, len(rows) - 1)]]
+    sequence = rows[0][0].lower() == "sequence"
     if len(rows) > 1 and (sequence or all(is_unit(cell) or not cell for cell in rows[0])):
         units = [cell.strip("()[] ") if is_unit(cell) else "" for cell in rows[0]]
         rows = rows[1:]

@@ -46,9 +46,7 @@ class TimeJudge:
         rows = np.arange(self.rows, self.rows + len(times))
         departure = times - self.first - rows * self.step
         starts = np.arange(0, len(times), GROUP)
-        self.groups.append(
-            np.stack([rows[starts], np.minimum.reduceat(departure, starts), np.maximum.reduceat(departure, starts)])
-        )
+        self.groups.append(np.stack([rows[starts], np.minimum.reduceat(departure, starts), np.maximum.reduceat(departure, starts)]))
         self.rows += len(times)
         self.last = float(times[-1])
 

@@ -65,9 +65,7 @@ def open_hdf5(path: Path) -> Log:
                 places.append(place)
         clock, rate, start = _clock_base(file, nodes, scalars), rate_of(scalars), _text(file.attrs.get("start_time", ""))
     if not channels:
-        raise HrgError(
-            f"{path}: holds no dataset of numbers with more than one value; a log with a column a channel was expected"
-        )
+        raise HrgError(f"{path}: holds no dataset of numbers with more than one value; a log with a column a channel was expected")
     channels = channels[:MOST_COLUMNS]
     reasons: tuple[str, ...] = (f"{path.name} holds {len(chunks)} chunks; only the first is imported",) if len(chunks) > 1 else ()
     lock_in = [c for c in channels if c.name.lower().endswith("/x")]
@@ -92,9 +90,7 @@ def _file(path: Path) -> Iterator[Any]:
         file = h5py.File(path, "r")
     except (OSError, RuntimeError, ValueError) as error:
         said = str(error).splitlines()[0][:120]
-        raise HrgError(
-            f"{path}: cannot be opened as HDF5 ({said}); it is truncated or damaged: copy or record it again"
-        ) from error
+        raise HrgError(f"{path}: cannot be opened as HDF5 ({said}); it is truncated or damaged: copy or record it again") from error
     try:
         yield file
     finally:
@@ -134,9 +130,7 @@ def _believable(path: Path, dataset: Any, name: str) -> None:
     if dataset.chunks is not None and dataset.id.get_storage_size() == 0:
         raise HrgError(f"{path}: dataset {name} claims {dataset.size} values but stores none; copy or record it again")
     if size > LARGEST_RATIO * path.stat().st_size:
-        raise HrgError(
-            f"{path}: dataset {name} claims {dataset.size} values, more than a file of its size can hold; it is damaged"
-        )
+        raise HrgError(f"{path}: dataset {name} claims {dataset.size} values, more than a file of its size can hold; it is damaged")
 
 
 def _columns(name: str, dataset: Any) -> Iterator[tuple[Channel, _Place]]:

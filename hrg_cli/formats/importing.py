@@ -8,7 +8,7 @@ log, averaged over groups of rows where the log is long, so that it stays near `
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,12 +19,14 @@ from ..errors import HrgError
 from ..records import Recording
 from .columns import Roles, find
 from .log import Log
+from .pairing import paired, second_file
 from .quantities import channel_unit
 from .readers import guarded, open_log
 from .slow import SlowLog
 from .timing import Timing, timing_of
 
 Column = str | int | None
+States = tuple[tuple[int, int], ...] | None
 MANY_NOT_FINITE = 1e-3
 """Fraction of samples that are not finite from which the recording is suspect."""
 Names = Annotated[Column, Field(description="column by name or by 1-based number; found by its title where not given")]
@@ -35,14 +37,16 @@ def import_log(
     *,
     c: Names = None,
     s: Annotated[Column, Field(description='column of channel S; "none" for a log of one channel (S = 0)')] = None,
+    s_file: Annotated[
+        str | None,
+        Field(min_length=1, description="file of channel S, where it has one of its own: a name, or OLD=NEW put into the log's name"),
+    ] = None,
     time: Annotated[Column, Field(description='time column; "none" to ignore times')] = None,
     temperature: Names = None,
     rate: Names = None,
     drive_main: Names = None,
     drive_quadrature: Names = None,
-    auxiliary_time: Annotated[
-        Column, Field(description="time column of slow columns that have fewer rows than the channels")
-    ] = None,
+    auxiliary_time: Annotated[Column, Field(description="time column of slow columns that have fewer rows than the channels")] = None,
     sample_rate_hz: Annotated[
         float | None, Field(gt=0, description="sampling rate, where the log has none or its times are too coarse")
     ] = None,
@@ -54,15 +58,11 @@ def import_log(
     units: Annotated[str | None, Field(description="unit of both channels")] = None,
     c_scale_factor: Annotated[float, Field(description="unit of channel C a raw count, on top of the log's own")] = 1.0,
     s_scale_factor: Annotated[float, Field(description="unit of channel S a raw count, on top of the log's own")] = 1.0,
-    rate_units: Annotated[
-        str | None, Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given")
-    ] = None,
+    rate_units: Annotated[str | None, Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given")] = None,
     temperature_units: Annotated[str | None, Field(description="degC, K, degF; from the title or degC where not given")] = None,
     rate_scale_factor: Annotated[float, Field(description="factor on the rate column")] = 1.0,
     constant_rate_rad_s: Annotated[float | None, Field(description="rate of the whole run, where the log has none")] = None,
-    constant_temperature_degc: Annotated[
-        float | None, Field(description="temperature of the whole run, where the log has none")
-    ] = None,
+    constant_temperature_degc: Annotated[float | None, Field(description="temperature of the whole run, where the log has none")] = None,
     mode: Annotated[Literal["free", "forced"], Field(description="run-down or driven")] = "free",
     mode_number: Annotated[int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")] = 2,
     readout: Annotated[Literal["direct", "carrier"], Field(description="what the channels hold")] = "direct",
@@ -73,9 +73,7 @@ def import_log(
     lot_id: Annotated[str, Field(description="the lot")] = "",
     start_time: Annotated[str, Field(description="ISO 8601 time of the first sample; from the log where it has one")] = "",
     format: Annotated[str, Field(description="name of a format, where its content is not to decide")] = "",
-    separator: Annotated[
-        str | None, Field(min_length=1, max_length=1, description="of a text log; a blank for any run of blanks")
-    ] = None,
+    separator: Annotated[str | None, Field(min_length=1, max_length=1, description="of a text log; a blank for any run of blanks")] = None,
     decimal: Annotated[Literal[".", ","] | None, Field(description="decimal sign of a text log")] = None,
     auxiliary_rows: Annotated[
         int, Field(ge=1, description="length of the auxiliary log beyond which rows are averaged in groups")
@@ -86,7 +84,8 @@ def import_log(
     HrgError: not readable, no such column, times that do not rise, a broken line, fewer samples than claimed; each names the row.
     """
     path = Path(path)
-    before = _state(path)
+    files = [path, *([] if s_file is None else [second_file(path, s_file)])]
+    before = _state(files)
     log = open_log(path, format, separator, decimal)
     where = str(path)
     asked: dict[str, str | int | None] = {
@@ -99,6 +98,8 @@ def import_log(
         "drive_quadrature": drive_quadrature,
         "auxiliary_time": auxiliary_time,
     }
+    if s_file is not None:
+        log, asked = paired(path, log, files[1], open_log(files[1], format, separator, decimal), asked)
     roles = find(log, where, asked)
     _same_length(log, roles, where)
     unit = _channel_unit(log, roles, units, where)
@@ -142,15 +143,14 @@ def import_log(
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
         most=auxiliary_rows,
     )
-    stream = _stream(path, log, roles, blank, timing, slow, before)
+    stream = _stream(files, log, roles, blank, timing, slow, before)
     head = list(itertools.islice(stream, 2))
     return head[0] if len(head) == 1 else itertools.chain(head, stream)
 
 
-def _state(path: Path) -> tuple[int, int] | None:
+def _state(files: Sequence[Path]) -> States:
     try:
-        stat = path.stat()
-        return stat.st_size, stat.st_mtime_ns
+        return tuple((stat.st_size, stat.st_mtime_ns) for stat in (path.stat() for path in files))
     except OSError:
         return None
 
@@ -184,9 +184,16 @@ def _channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
 
 
 def _stream(
-    path: Path, log: Log, roles: Roles, blank: Recording, timing: Timing, slow: SlowLog, before: tuple[int, int] | None
+    files: Sequence[Path],
+    log: Log,
+    roles: Roles,
+    blank: Recording,
+    timing: Timing,
+    slow: SlowLog,
+    before: tuple[tuple[int, int], ...] | None,
 ) -> Iterator[Recording]:
     """Blocks of the recording; the last one bears what only the whole log tells (samples that are not finite)."""
+    path = files[0]
     wanted = [
         roles.c,
         *([] if roles.s is None else [roles.s]),
@@ -217,12 +224,10 @@ def _stream(
                 if timing.sample_rate_hz is None:
                     block = block.replace(time_s=times)
                 if columns is None:
-                    if _state(path) != before:
+                    if _state(files) != before:
                         raise HrgError(f"{path}: changed while it was read; wait until it is written and import it again")
                     if not_finite > MANY_NOT_FINITE * rows:
-                        block = block.judged(
-                            [f"{not_finite} of {rows} samples are not finite; they are kept and will be flagged"]
-                        )
+                        block = block.judged([f"{not_finite} of {rows} samples are not finite; they are kept and will be flagged"])
                 yield block
             held = columns
     if rows == 0:

@@ -76,9 +76,7 @@ def log_of_arrays(format: str, arrays: Mapping[str, Array], units: Mapping[str, 
     """A log over one-dimensional arrays, in memory or lazily sliced (h5py datasets)."""
     units = units or {}
     values = list(arrays.values())
-    channels = tuple(
-        Channel(name, units.get(name, ""), rising=_rises(value), length=len(value)) for name, value in arrays.items()
-    )
+    channels = tuple(Channel(name, units.get(name, ""), rising=_rises(value), length=len(value)) for name, value in arrays.items())
 
     def read(indexes: Sequence[int]) -> Blocks:
         chosen = [values[i] for i in indexes]

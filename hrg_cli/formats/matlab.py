@@ -39,9 +39,7 @@ def open_matlab(path: Path) -> Log:
             for name, shape, kind in whosmat(str(path)):
                 claimed = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 0
                 if any(int(n) < 0 for n in shape) or claimed * 2 > min(LARGEST_BYTES, LARGEST_RATIO * size):
-                    raise HrgError(
-                        f"{path}: variable {name} ({kind}) claims {claimed} values, more than the file can hold; it is damaged"
-                    )
+                    raise HrgError(f"{path}: variable {name} ({kind}) claims {claimed} values, more than the file can hold; it is damaged")
             content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
     except HrgError:
         raise

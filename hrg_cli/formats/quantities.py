@@ -64,9 +64,7 @@ CHANNEL = (
     "%",
     "1",
 )
-_KNOWN = {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(
-    CHANNEL
-)
+_KNOWN = {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(CHANNEL)
 _SUFFIX = re.compile(r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv)$", re.IGNORECASE)
 
 
@@ -75,12 +73,20 @@ def is_unit(text: str) -> bool:
     return text.strip().strip("()[]").strip().lower() in _KNOWN
 
 
+def is_time(unit: str) -> bool:
+    """Whether a unit is one of time."""
+    return any(unit.strip().lower() in spellings for spellings in TIME.values())
+
+
 def split_name(name: str) -> tuple[str, str]:
-    """Column title -> (name, unit): `time (ms)`, `CH1 [V]`, `gyrox rad/s`, `rate_deg_s`; unit empty where none is seen."""
+    """Column title -> (name, unit): `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`, `rate_deg_s`; unit empty where none is seen."""
     name = name.strip().strip('"').strip()
-    found = re.match(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$", name)
-    if found and found[1]:
-        return found[1].strip(), found[2].strip()
+    found = re.match(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$", name) or re.match(r"^(?:(.*?)\s)?in (\S+)$", name)
+    if found and re.match(r"^ch\w*\s*\d$", found[2].strip(), re.IGNORECASE):
+        return found[2].strip(), ""  # X(CH1): the bracket names the channel
+    if found and (found[1] or is_unit(found[2])) and (name[-1] in "])" or is_unit(found[2])):
+        unit = found[2].strip()
+        return (found[1] or "").strip() or ("time" if is_time(unit) else ""), unit
     head, _, last = name.rpartition(" ")
     if not head and "/" in name and not is_unit(name):
         head, _, last = name.partition("/")

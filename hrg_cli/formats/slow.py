@@ -101,9 +101,7 @@ class SlowLog:
             times = joined.pop() * timing.factor - timing.first
         if len(times) > 1 and not np.all(np.diff(times) > 0):
             row = int(np.argmin(np.diff(times) > 0)) + 2
-            raise HrgError(
-                f"{path}: the times of its slow columns do not rise at their row {row}; sort the log or leave the columns out"
-            )
+            raise HrgError(f"{path}: the times of its slow columns do not rise at their row {row}; sort the log or leave the columns out")
         return [times, *self._converted(joined)]
 
 

@@ -72,9 +72,7 @@ def _complete(path: Path, status: Any) -> None:
         for name, state in (status.channel_statuses or {}).items()
         if state.read_length != state.expected_length
     ]
-    raise HrgError(
-        f"{path}: its last segment is cut short ({', '.join(short) or 'samples are missing'}); copy or record it again"
-    )
+    raise HrgError(f"{path}: its last segment is cut short ({', '.join(short) or 'samples are missing'}); copy or record it again")
 
 
 def _rises(head: Any) -> bool:

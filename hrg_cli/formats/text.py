@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import codecs
 import io
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +16,8 @@ import numpy as np
 from ..errors import HrgError
 from .clock import Clock, quantum
 from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
-from .log import ONE_DEMODULATOR, Array, Blocks, Channel, Log, Reader
-from .quantities import time_factor
+from .instruments import understood
+from .log import Array, Blocks, Channel, Log, Reader
 
 BLOCK_BYTES = 8 << 20
 LONGEST_LINE = 1 << 20
@@ -42,33 +40,24 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
         Channel(name, unit, kind={"date": "clock"}.get(kind, kind), rising=rising[i])  # type: ignore[arg-type]
         for i, (name, unit, kind) in enumerate(zip(dialect.names, dialect.units, dialect.kinds))
     )
-    rate, reasons = _preamble_rate(dialect)
-    if "increment" in [name.lower() for name in dialect.names]:
-        rate, channels = _sequence_scope(dialect, channels, rate)
-    if [name.lower() for name in dialect.names[:2]] == ["chunk", "timestamp"]:
-        channels, reasons = _labone(dialect, channels)
+    layout = understood(path, dialect, channels)
     start = next(
-        (
-            Clock("date", row[i], str(path)).start_time()
-            for row in dialect.sample[:1]
-            for i, k in enumerate(dialect.kinds)
-            if k == "date"
-        ),
+        (Clock("date", row[i], str(path)).start_time() for row in dialect.sample[:1] for i, k in enumerate(dialect.kinds) if k == "date"),
         "",
     )
     row_bytes = max(1, len(head) // max(1, head.count(b"\n")))
     last = tail.decode(dialect.encoding if dialect.encoding != "utf-16" else "latin-1", "replace").splitlines()[-2:]
     return Log(
         format="text",
-        channels=channels,
+        channels=layout.channels,
         read=lambda indexes: _read(path, dialect, tuple(indexes)),
         rows=path.stat().st_size // row_bytes,
-        sample_rate_hz=rate,
+        sample_rate_hz=layout.sample_rate_hz,
         start_time=start,
         header=dialect.header,
         quantum=lambda index: _quantum(dialect, last, index),
         where=lambda row: f"line {dialect.first_line + row + 1}",
-        reasons=reasons,
+        reasons=layout.reasons,
     )
 
 
@@ -85,64 +74,6 @@ def _rising(dialect: Dialect) -> list[bool]:
                     values.append(np.nan)
         rising.append(len(values) > 2 and bool(np.all(np.diff(values) >= 0)) and values[-1] > values[0])
     return rising
-
-
-def _preamble_rate(dialect: Dialect) -> tuple[float | None, tuple[str, ...]]:
-    """The sampling rate an instrument wrote above the data, where it did."""
-    for line in dialect.preamble:
-        cells = [cell.strip() for cell in re.split(r"[,;:=\t]", line.lstrip("#%!/* ")) if cell.strip()]
-        if len(cells) < 2:
-            continue
-        key = cells[0].lower()
-        value = re.match(r"^\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*([a-zA-Zµ/]*)", cells[1])
-        if value is None:
-            continue
-        try:
-            number = float(value[1])
-        except ValueError:
-            continue
-        unit = value[2] or next((c.strip("()[] ") for c in cells[2:3]), "")
-        if number <= 0:
-            continue
-        if re.search(r"sampl\w*[ _]?(interval|period|time)|\bx?increment|\bdelta[ _]?[xt]|\bdt\b", key):
-            try:
-                return 1 / (number * time_factor(unit or "s")), ()
-            except HrgError:
-                return 1 / number, ()
-        if re.search(r"sampl\w*[ _]?(rate|frequency)|\bfs\b", key):
-            factor = {"k": 1e3, "m": 1e6, "g": 1e9}.get(unit[:1].lower() if unit.lower() not in ("hz", "s/s") else "", 1.0)
-            return number * factor, ()
-    return None, ()
-
-
-def _sequence_scope(
-    dialect: Dialect, channels: tuple[Channel, ...], rate: float | None
-) -> tuple[float | None, tuple[Channel, ...]]:
-    """Scopes that number their samples and write start and increment beside the units (X,CH1,CH2,Start,Increment)."""
-    names = [name.lower() for name in dialect.names]
-    column = names.index("increment")
-    for line in reversed(dialect.preamble):
-        cells = split_line(line, dialect.separator)
-        if len(cells) > column and cell_kind(cells[column], dialect.decimal) == "number":
-            step = float(cells[column].replace(",", "."))
-            if step > 0:
-                kept = [
-                    Channel(c.name, "", kind="text") if n in ("start", "increment", "") or (n == "x" and i == 0) else c
-                    for i, (n, c) in enumerate(zip(names, channels))
-                ]
-                return 1 / step, tuple(kept)
-    return rate, channels
-
-
-def _labone(dialect: Dialect, channels: tuple[Channel, ...]) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
-    """Zurich Instruments LabOne: chunk;timestamp;… with time stamps in ticks of the instrument's clock."""
-    whole = all(row[1].isdigit() for row in dialect.sample)
-    chunk, stamp = (
-        replace(channels[0], kind="text"),
-        replace(channels[1], units="ticks" if whole else channels[1].units, role="time"),
-    )
-    names = [channel.name.lower() for channel in channels]
-    return (chunk, stamp, *channels[2:]), (ONE_DEMODULATOR,) if "x" in names and "y" in names else ()
 
 
 def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
@@ -272,11 +203,7 @@ def _name_bad_cell(path: Path, dialect: Dialect, indexes: Sequence[int], number:
             continue
         cells = split_line(text, dialect.separator)
         for index in indexes:
-            if (
-                index < len(cells)
-                and dialect.kinds[index] == "number"
-                and cell_kind(cells[index], dialect.decimal) not in ("number", "")
-            ):
+            if index < len(cells) and dialect.kinds[index] == "number" and cell_kind(cells[index], dialect.decimal) not in ("number", ""):
                 raise HrgError(
                     f"{path}: line {number + row + 1}: {cells[index][:40]!r} in column {index + 1} ({dialect.names[index]}) "
                     "is not a number; correct the line, or give separator and decimal"

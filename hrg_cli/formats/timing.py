@@ -42,7 +42,7 @@ def timing_of(
     elif clock_hz or (log.clock_hz and time_units is None):
         factor = 1.0 / (clock_hz or log.clock_hz or 1.0)
     elif channel.units.lower() in ("ticks", "tick"):
-        raise HrgError(f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks a second)")
+        raise HrgError(f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks a second; 60e6 for an MFLI)")
     else:
         factor = time_factor(time_units or channel.units or "s")
     if given is not None:

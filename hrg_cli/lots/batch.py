@@ -22,6 +22,7 @@ from typing import Any
 from .. import store
 from ..errors import HrgError
 from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
+from ..formats import partners
 from ..formats.hdf5 import SIGNATURE
 from ..records import Recording
 from .lot_settings import PER_RECORDING, LotSettings, read_lot, recordings_of
@@ -141,7 +142,10 @@ def _recording_tasks(
     tasks: list[RecordingTask] = []
     failed: list[dict[str, Any]] = []
     used: set[tuple[str, str]] = set()
+    second = partners([file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file"))
     for named, file in recordings:
+        if file in second:
+            continue
         foreign = _is_foreign(file)
         try:
             gyro = named or (str(lot.table("import", file.name).get("gyro_id", "")) if foreign else _gyro_of(file)) or file.parent.name

@@ -63,7 +63,7 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
         recording = Path(task.source)
         if not recording.is_file():
             raise HrgError(f"{recording}: vanished; the lot's file names it")
-        key = _key([task.epoch, task.settings, task.gyro_id, task.lot_id], [recording])
+        key = _key([task.epoch, task.settings, task.gyro_id, task.lot_id], _logs(task) if task.foreign else [recording])
         done = _remembered(folder / f"{task.name}.json", key, folder)
         if done is not None:
             return told | done
@@ -133,8 +133,16 @@ def _import(task: RecordingTask, output: Path) -> None:
     from ..formats import import_log
 
     values = {**task.settings["import"], "gyro_id": task.gyro_id, "lot_id": task.lot_id}
-    source = Path(task.source)
-    pipeline.write_first(output, import_log(source, **values), values, "import", [source], force=True, command_line=COMMAND)
+    logs = _logs(task)
+    pipeline.write_first(output, import_log(logs[0], **values), values, "import", logs, force=True, command_line=COMMAND)
+
+
+def _logs(task: RecordingTask) -> list[Path]:
+    """The log, and the file of its channel S where it has one of its own."""
+    from ..formats import second_file
+
+    source, s_file = Path(task.source), task.settings["import"]["s_file"]
+    return [source] if s_file is None else [source, second_file(source, s_file)]
 
 
 def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -170,9 +170,7 @@ def fuzz(path: Path, count: int, seed: int) -> None:
 
 
 def test_slow_columns_with_times_of_their_own(tmp_path):
-    savemat(
-        tmp_path / "log.mat", {"fs": RATE, "ch1": C, "ch2": S, "temperature": [300.0, 301.0, 302.0], "temp_time": [0.0, 0.3, 0.6]}
-    )
+    savemat(tmp_path / "log.mat", {"fs": RATE, "ch1": C, "ch2": S, "temperature": [300.0, 301.0, 302.0], "temp_time": [0.0, 0.3, 0.6]})
     r = whole(tmp_path / "log.mat", temperature_units="K")
     np.testing.assert_allclose(r.temperature_degc, [26.85, 27.85, 28.85])
     assert r.auxiliary_time_s.tolist() == [0, 0.3, 0.6]
@@ -215,9 +213,7 @@ def test_one_demodulator_is_suspect_and_ticks_need_a_clock(tmp_path):
 
 
 def test_labone_csv(tmp_path):
-    lines = "".join(
-        f"0;{7_000_000_000 + i * 15_000};{c!r};{s!r};130;0.1\n" for i, (c, s) in enumerate(zip(C[:500].tolist(), S.tolist()))
-    )
+    lines = "".join(f"0;{7_000_000_000 + i * 15_000};{c!r};{s!r};130;0.1\n" for i, (c, s) in enumerate(zip(C[:500].tolist(), S.tolist())))
     (tmp_path / "log.csv").write_text("chunk;timestamp;x;y;freq;phase\n" + lines)
     with pytest.raises(HrgError, match="clock_hz"):
         whole(tmp_path / "log.csv")

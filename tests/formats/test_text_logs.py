@@ -100,9 +100,7 @@ def test_clock_times_cross_midnight_and_stay_uneven(tmp_path):
     np.testing.assert_allclose(recording.c, C, **CLOSE)
 
 
-@pytest.mark.parametrize(
-    "form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%d %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%f+00:00"]
-)
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%d %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%f+00:00"])
 def test_dates_give_start_time_and_rate(tmp_path, form):
     stamps = pd.Timestamp("2026-02-28T23:59:59.900Z") + pd.to_timedelta(T, unit="s")
     text = "when,c,s\n" + "".join(f"{k.strftime(form)},{c!r},{s!r}\n" for k, c, s in zip(stamps, C.tolist(), S.tolist()))
@@ -112,9 +110,7 @@ def test_dates_give_start_time_and_rate(tmp_path, form):
 
 
 def test_times_rounded_in_print_are_still_even(tmp_path):
-    recording = whole(
-        written(tmp_path, "time,c,s\n" + "".join(f"{t:.4f},{c!r},{s!r}\n" for t, c, s in zip(T, C.tolist(), S.tolist())))
-    )
+    recording = whole(written(tmp_path, "time,c,s\n" + "".join(f"{t:.4f},{c!r},{s!r}\n" for t, c, s in zip(T, C.tolist(), S.tolist()))))
     assert recording.sample_rate_hz == RATE
     t = np.arange(20_000) / 30_000.0
     recording = whole(written(tmp_path, "time,c,s\n" + "".join(f"{v:.6f},1.5,2.5\n" for v in t)))
@@ -126,9 +122,7 @@ def test_jittered_times_are_kept(tmp_path):
     recording = whole(written(tmp_path, "time,c,s\n" + rows([t, C, S])))
     assert recording.sample_rate_hz is None
     np.testing.assert_allclose(recording.time_s, t - t[0], atol=1e-15)
-    assert whole(written(tmp_path, "time,c,s\n" + rows([t, C, S])), sampling_tolerance=0.05).sample_rate_hz == pytest.approx(
-        RATE, rel=1e-4
-    )
+    assert whole(written(tmp_path, "time,c,s\n" + rows([t, C, S])), sampling_tolerance=0.05).sample_rate_hz == pytest.approx(RATE, rel=1e-4)
 
 
 def test_a_gap_keeps_the_times(tmp_path):
@@ -153,9 +147,7 @@ def test_units_and_slow_columns(tmp_path):
     assert np.all(np.diff(short.auxiliary_time_s) > 0)
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor"), [("rad/s", 1), ("deg/s", np.pi / 180), ("deg/h", np.pi / 180 / 3600), ("rpm", np.pi / 30)]
-)
+@pytest.mark.parametrize(("unit", "factor"), [("rad/s", 1), ("deg/s", np.pi / 180), ("deg/h", np.pi / 180 / 3600), ("rpm", np.pi / 30)])
 def test_rate_units(tmp_path, unit, factor):
     path = written(tmp_path, "time,c,s,rate\n" + rows([T, C, S, np.full_like(T, 7.0)]))
     np.testing.assert_allclose(whole(path, rate_units=unit).rate_rad_s, 7 * factor)
