@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ Array = np.ndarray
 STEP_ANGLE = 0.05
 """Largest |L|·step of the rows: the Runge–Kutta rule's error stays below 1e-8 a row."""
 FEWEST, MOST = 120, 1500
+GAP = 2.5
+"""Steps over the usual one from which a gap is bridged by empty rows."""
 QUIET = 1e-3
 """Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
@@ -42,7 +45,7 @@ def prepare(waves: Sequence[Wave], scale_factor: float | None, blocks: int) -> t
         envelope_runs.averaged(r, rows, propagator.carry(p if w.mode != "forced" else _undamped(p), o))
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
-    series = side_by_side(thin, waves)
+    series = side_by_side([bridged(r) for r in thin], waves)
     shift = 2 * np.pi * (np.array([r.reference_frequency_hz for r in runs]) - series.reference_frequency_hz)
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
 
@@ -80,6 +83,30 @@ def guess(runs: list[EnvelopeRun], free: list[EnvelopeRun], waves: Sequence[Wave
         p[5] = p[5] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
     p[6] = 1.0
     return p, offsets
+
+
+def bridged(run: EnvelopeRun) -> EnvelopeRun:
+    """The run with empty rows (σ = ∞) in its gaps, so that no step of the Runge–Kutta rule is longer than the others."""
+    steps = np.diff(run.time_s)
+    usual = float(np.median(steps))
+    wide = np.flatnonzero(steps > GAP * usual)
+    if not len(wide):
+        return run
+    counts = np.ceil(steps[wide] / usual).astype(int)
+    times = np.concatenate([run.time_s[k] + steps[k] * np.arange(1, n) / n for k, n in zip(wide, counts, strict=True)])
+    place = np.repeat(wide + 1, counts - 1)
+
+    def filled(values: Array) -> Array:
+        return np.insert(values, place, np.interp(times, run.time_s, values))
+
+    return replace(
+        run,
+        time_s=np.insert(run.time_s, place, times),
+        envelope=np.insert(run.envelope, place, run.envelope[place - 1], axis=0),
+        std=np.insert(run.std, place, np.inf),
+        turn_rad=filled(run.turn_rad),
+        temperature_degc=None if run.temperature_degc is None else filled(run.temperature_degc),
+    )
 
 
 def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
