@@ -5,7 +5,11 @@ A user's own effects are `Effect` objects of a Python file, brought in by `load_
 
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import HrgError
+from ..physics.plant import SlowState
+from ..physics.resonator import Mechanics
 from . import (
     ageing,
     anisotropic_cubic_stiffness,
@@ -117,7 +121,47 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     found = tuple({id(v): v for v in names.values() if isinstance(v, Effect)}.values())
     if not found:
         raise HrgError(f"{path}: holds no Effect; define one: from hrg_cli.effects import Effect, Parameter")
+    for effect in found:
+        _check(effect, path)
     return found
+
+
+def _check(effect: Effect, path: Path) -> None:
+    """HrgError: a name of the catalogue, nothing to fit, or a slow term that fails or is not of the shape of u."""
+    if any(effect.name == known.name for known in EFFECTS):
+        raise HrgError(f"{path}: {effect.name} is an effect of the catalogue already; give yours another name")
+    if not effect.fitted():
+        raise HrgError(f"{path}: {effect.name} has no parameter that a fit may move; give it one")
+    rows = (2, 3)
+    one = np.ones(rows)
+    state = SlowState(
+        mechanics=Mechanics(5000.0, 0.3, 0.01, 0.3, 0.1, 0.9, 0.55),
+        time_s=np.broadcast_to(np.arange(3.0), rows),
+        temperature_degc=25 * one,
+        temperature_rate_degc_s=one,
+        branch=one,
+        rate_rad_s=one,
+        table_angle_rad=one,
+        drive=np.zeros((*rows, 2), complex),
+        forced=0 * one,
+        phase_rad=0 * one,
+        omega_r_rad_s=2 * np.pi * 5000.0,
+    )
+    u = np.ones((*rows, 2)) * np.array([1 + 0.1j, 0.5])
+    values = {p.name: p.neutral + p.typical for p in effect.parameters}
+    try:
+        seen = effect.slow_environment(values, state)
+        for name, term in (("slow", effect.slow), ("slow_readout", effect.slow_readout)):
+            shape, finite = np.shape(out := term(values, u, seen)), bool(np.all(np.isfinite(out)))
+            if shape != u.shape or not finite:
+                found = f"of shape {shape}" if finite else "not finite"
+                raise HrgError(
+                    f"{path}: {effect.name}.{name} gives a result {found} for u of shape {u.shape}; as many finite values were expected"
+                )
+    except HrgError:
+        raise
+    except Exception as error:
+        raise HrgError(f"{path}: the slow terms of {effect.name} fail ({type(error).__name__}: {error}); correct them") from error
 
 
 __all__ = ["EFFECTS", "Effect", "Parameter", "find", "load_effects", "page"]
