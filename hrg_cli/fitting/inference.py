@@ -12,8 +12,12 @@ from .likelihood import Fit, real, triangle
 Array = np.ndarray
 FLAT_FRACTION = 0.3
 """A direction known no better than this part of its natural scale is flat."""
+LEAST_SHARE = 0.01
+"""Part of the information on a direction that a run and the others must have for the one to contradict the others in it."""
 MIN_BLOCKS = 24
 """Fewest blocks of residuals from which a noise level at that scale is believed."""
+MANY_BLOCKS = 1000
+"""Sums of residuals from which their level is known well enough (3 % of a standard deviation) to be taken in any case."""
 
 
 @dataclass(frozen=True)
@@ -28,27 +32,31 @@ def inflation(fit: Fit) -> tuple[float, float]:
     """(variance factor over the nominal noise, its part due to colour): residuals summed over ever longer blocks, as white noise
     would be 1.
 
-    The factor at the longest scale with enough blocks counts when it exceeds the white one by 4 of its errors; else χ²/dof does.
+    Parameters move with what is slow, so the factor is the level at the longest scale that still has a thousand sums, be it above or
+    below the white one (windows that share samples anticorrelate); a level at a still longer scale counts when it exceeds that by 4 of
+    its errors. Sums lost to the fitted parameters are allowed for.
     """
     white = fit.chi2 / fit.dof
     residual = fit.response.residual()
-    worst = white
-    size = 2
+    own = 4 + fit.response.state.phase.shape[1]
+    worst, size = white, 2
     while True:
-        sums = []
+        sums, lost = [], len(fit.freedom.names)
         for run, record in enumerate(fit.response.batch.runs):
             n = len(record) // size * size
             if n:
                 blocks = residual[run, :n].reshape(-1, size, 2).sum(axis=1)
                 sums.append(np.concatenate([blocks.real.ravel(), blocks.imag.ravel()]))
+                lost += own
         joined = np.concatenate(sums) if sums else np.zeros(0)
-        if len(joined) < 4 * MIN_BLOCKS:
+        left = len(joined) - lost
+        if left < 3 * MIN_BLOCKS or len(joined) < 4 * MIN_BLOCKS:
             break
-        level = float(np.mean(joined**2) / size)
-        if level > white * (1 + 4 * np.sqrt(2 / len(joined))):
-            worst = max(worst, level)
+        level = float(np.sum(joined**2) / size / left)
+        if left > MANY_BLOCKS or level > worst * (1 + 4 * np.sqrt(2 / left)):
+            worst = level
         size *= 2
-    return worst, worst / white if white > 0 else 1.0
+    return worst, max(1.0, worst / white) if white > 0 else 1.0
 
 
 def natural_scales(fit: Fit) -> Array:
@@ -119,24 +127,24 @@ def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Arr
 
 
 def run_shifts(fit: Fit, factor: float) -> Array:
-    """How far each run alone pulls z from what the other runs say, as a χ² per judged degree of freedom; 0 where the others say nothing."""
-    scales = natural_scales(fit)
-    judged = np.flatnonzero(scales > 0)
+    """How far each run alone pulls z from what the other runs say, as a χ² a direction; 0 where the others say nothing.
+
+    In directions of unit total information, the others having λ of it: (gradient of the run)²/λ(1 − λ).
+    """
     parts = _run_information(fit)
     total = _prior_information(fit) + sum(information for information, _ in parts)
     out = np.zeros(len(parts))
-    if len(parts) < 3:
+    size = np.sqrt(np.maximum(np.diag(total), 1e-300))
+    value, vector = np.linalg.eigh(total / np.outer(size, size))
+    if len(parts) < 2 or value[0] < 1e-12:
         return out
+    whiten = vector / np.sqrt(value) / size[:, None]
     for i, (information, gradient) in enumerate(parts):
-        rest = total - information
-        size = np.sqrt(np.maximum(np.diag(rest), 1e-300))
-        value = np.linalg.eigvalsh(rest / np.outer(size, size))
-        if value[0] < 1e-9:
-            continue
-        shift = np.linalg.solve(rest, -gradient)
-        spread = np.linalg.inv(rest) - np.linalg.inv(total)
-        part = spread[np.ix_(judged, judged)] * factor
-        out[i] = float(shift[judged] @ np.linalg.pinv(part, hermitian=True, rcond=1e-8) @ shift[judged]) / len(judged)
+        share, direction = np.linalg.eigh(whiten.T @ information @ whiten)
+        pull = direction.T @ whiten.T @ gradient
+        both = (share > LEAST_SHARE) & (share < 1 - LEAST_SHARE)
+        if both.any():
+            out[i] = float(np.mean(pull[both] ** 2 / (share * (1 - share))[both])) / factor
     return out
 
 

@@ -1,13 +1,15 @@
 """The rate from a reference model (seed A's last task): Ω(t) fitted to a run's envelopes with the identified resonator held.
 
 Ω(t) is a cubic spline through its values at even nodes. The envelopes are fitted as a whole (likelihood.py), so the drift of the
-wave is taken out by the model
-itself, not by a table; the run keeps its own start state and frequency. Beside it stands −m·(dθ/dt)/K, which has the drift in it.
+wave is taken out by the model itself, not by a table; the run keeps its own start state and frequency. The start is linear in Ω and
+knows no axes, so circular orbits do no harm: in the Stokes form (PHYSICS §0), with the known resonator's part A,
+S₁' = A₁ + 2KΩS₂, S₂' = A₂ − 2KΩS₁, both integrated from the run's first row. Beside it stands −m·(dθ/dt)/K, which has the drift in it.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,11 +20,22 @@ from ..physics.resonator import Mechanics
 from ..records import Resonator, Wave
 from . import coordinates, propagator
 from .envelope_runs import EnvelopeRun, from_wave
-from .likelihood import Batch, State, batch, real, respond
+from .likelihood import Response, State, batch, real, respond, triangle
 
 Array = np.ndarray
-ITERATIONS = 8
+ITERATIONS = 20
 ROWS_A_NODE = 6
+START_ROWS = 8000
+"""Rows from which the start is taken at most."""
+FEWEST_NODES, USUAL_NODES, MOST_NODES = 4, 20, 160
+ROWS = 2000
+"""Averaged rows of the run that are fitted, the same for any number of nodes."""
+HOPELESS = 1000.0
+"""χ² a degree of freedom from which the fit has not found the rate at all (another resonator, another gyro)."""
+TOO_COARSE = 5.0
+"""Standard deviations of a fall of χ² with twice as many nodes from which the rate changes faster than the nodes follow."""
+POOR_START = 1.5
+"""χ² a degree of freedom above which other starts are tried as well."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,9 @@ class RateEstimate:
     covariance: Array
     plain_rate_rad_s: Array
     chi2_per_dof: float
+    dof: int
+    finer_z: float = 0.0
+    """By how many of its standard deviations χ² falls more than by chance with twice as many nodes."""
 
     @property
     def rate_rad_s_std(self) -> Array:
@@ -41,28 +57,94 @@ class RateEstimate:
         return np.sqrt(np.diag(self.covariance))
 
 
-def rate_from_model(wave: Wave, resonator: Resonator, nodes: int = 20) -> RateEstimate:
+def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) -> RateEstimate:
     """Ω(t) of a free run on `nodes` even times, given the resonator; its standard deviations are those of the noise alone.
 
+    nodes None: 20, fewer for a short run, and twice as many again and again while χ² asks for them.
     HrgError: the resonator has no scale factor, or too few windows for the nodes.
     """
     values = {name: value for name, (value, _, _) in resonator.parameters().items()}
     if "scale_factor" not in values:
         raise HrgError(f"{resonator.gyro_id or 'the resonator'}: has no scale_factor, which a rate needs; identify it with rotated runs")
     run = from_wave(wave, 0.0)
-    if len(run) < ROWS_A_NODE * nodes:
+    most = len(run) // ROWS_A_NODE
+    count = nodes if nodes is not None else int(np.clip(most // 2, FEWEST_NODES, USUAL_NODES))
+    if count > most:
         raise HrgError(
-            f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * nodes} were expected for {nodes} nodes; ask for fewer"
+            f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * count} were expected for {count} nodes; ask for fewer"
         )
     mechanics = Mechanics(**{k: values.get(k, 0.0) for k in ("frequency_hz", *_SHARED)}, mode_number=run.mode_number)
     p = coordinates.from_mechanics(mechanics)
-    angle, _ = ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)
-    run = dataclasses.replace(run, turn_rad=-(_smooth(angle, max(1, len(run) // (4 * nodes)))) / p[5])
-    offset = propagator.mean_frequency(run)
-    run = propagator.thinned([run], p, np.array([offset]), max(2 * ROWS_A_NODE * nodes, 400))[0]
+    p[6] = float(json.loads(resonator.details or "{}").get("second_order", {}).get("value", 1.0))
+    found = _best(run, count, p)
+    while True:
+        finer_count = 2 * len(found.time_s) - 1
+        if finer_count > min(most, MOST_NODES) or found.chi2_per_dof > HOPELESS:
+            return found
+        finer = _fitted(run, *_again(run, found, finer_count, p[5]), p)
+        fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(1.0, finer.chi2_per_dof)
+        extra = found.dof - finer.dof
+        found = dataclasses.replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
+        if nodes is not None or found.finer_z < TOO_COARSE:
+            return found
+        found = finer
+
+
+def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
+    """The best fit from the Stokes start, and where that is poor, from a constant and from the plain rate."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
-    plain = np.gradient(np.interp(grid, run.time_s, run.turn_rad), grid)
-    return _fitted(run, grid, plain, p, offset)
+    plain = _plain(run, grid, p[5])
+    best: RateEstimate | None = None
+    for rate in (stokes_start(run, grid, p), np.full(nodes, plain.mean()), plain):
+        found = _fitted(run, grid, rate, plain, p)
+        if best is None or found.chi2_per_dof < best.chi2_per_dof:
+            best = found
+        if best.chi2_per_dof < POOR_START:
+            break
+    assert best is not None
+    return best
+
+
+def _again(run: EnvelopeRun, found: RateEstimate, nodes: int, scale_factor: float) -> tuple[Array, Array, Array]:
+    """A finer grid, the rate found on it, and the plain rate on it."""
+    grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
+    return grid, found.rate_rad_s @ _cardinal(grid, found.time_s), _plain(run, grid, scale_factor)
+
+
+def _plain(run: EnvelopeRun, grid: Array, scale_factor: float) -> Array:
+    """−m·(dθ/dt)/K on the grid, the angle smoothed over a quarter of a node's distance."""
+    angle, _ = ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)
+    turned = -_smooth(angle, max(1, len(run) // (4 * len(grid)))) / scale_factor
+    return np.asarray(np.gradient(np.interp(grid, run.time_s, turned), grid))
+
+
+def stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
+    """Rate on the nodes by linear least squares on S₁ and S₂ of the run, the rest of the resonator known; valid through circles."""
+    run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
+    t = run.time_s
+    s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
+    nu, dc, ds, wc, ws, factor = p[:6]
+    shape = 2 * factor * _cardinal(t, grid)
+    std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))
+    design, target = [], []
+    for value, known, turning in (
+        (s1, -2 * nu * s1 - 2 * dc * s0 + 2 * ws * s3, s2),
+        (s2, -2 * nu * s2 - 2 * ds * s0 - 2 * wc * s3, -s1),
+    ):
+        rows = np.column_stack([_integrated(shape * turning, t).T, value - _integrated(known, t)]) / std[:, None]
+        level = (1 / std) / np.linalg.norm(1 / std)
+        rows -= np.outer(level, level @ rows)  # the first value is free
+        design.append(rows[:, :-1])
+        target.append(rows[:, -1])
+    return np.asarray(np.linalg.lstsq(np.concatenate(design), np.concatenate(target), rcond=1e-6)[0])
+
+
+def _integrated(values: Array, time_s: Array) -> Array:
+    """∫ from the first row along the last axis, trapezium rule with its end correction."""
+    step = np.diff(time_s)
+    slope = np.gradient(values, time_s, axis=-1)
+    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(slope, axis=-1) * step**2 / 12
+    return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
 
 
 _SHARED = ("damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
@@ -83,31 +165,66 @@ def _cardinal(time_s: Array, grid: Array) -> Array:
     return np.asarray(CubicSpline(grid, np.eye(len(grid)))(time_s)).T
 
 
-def _fitted(run: EnvelopeRun, grid: Array, plain: Array, p: Array, offset: float) -> RateEstimate:
+def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array) -> RateEstimate:
+    """Gauss–Newton with step halving from a rate; the rows are averaged along the motion twice, the second time along the better one."""
+    result = None
+    for _ in range(2):
+        turn = _integrated(_cardinal(whole.time_s, grid).T @ rate, whole.time_s)
+        run = dataclasses.replace(whole, turn_rad=turn)
+        offset = _offset(run, p)
+        run = propagator.thinned([run], p, np.array([offset]), ROWS)[0]
+        result = _from(run, grid, rate, plain, p, offset)
+        rate = result.rate_rad_s
+    assert result is not None
+    return result
+
+
+def _offset(run: EnvelopeRun, p: Array) -> float:
+    """Mean angular frequency above the reference of a run whose turning is known, rad/s: what its phase runs ahead of the model."""
+    run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
+    data = batch([run])
+    model = respond(data, State(p, run.envelope[:1], np.zeros((1, 1)))).model[0]
+    ahead = np.sum(run.envelope * model.conj(), axis=1)
+    step = np.diff(run.time_s)
+    near = step < 1.5 * np.median(step)
+    return float(np.angle(np.sum((ahead[1:] * ahead[:-1].conj())[near])) / np.mean(step[near]))
+
+
+def _from(run: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array, offset: float) -> RateEstimate:
     step = np.diff(run.time_s)
     begin, end = _cardinal(run.time_s[:-1], grid), _cardinal(run.time_s[1:], grid)
     middle = _cardinal(run.time_s[:-1] + step / 2, grid)
     turning = np.concatenate([np.zeros((len(grid), 1)), np.cumsum((begin + 4 * middle + end) * step / 6, axis=1)], axis=1)
-    rate, start, phase = plain.copy(), run.envelope[:1].copy(), np.array([[offset * (run.time_s[-1] - run.time_s[0])]])
-    data: Batch = batch([run])
-    residual, covariance = np.zeros(0), np.zeros((len(grid),) * 2)
-    for _ in range(ITERATIONS):
-        data = batch([dataclasses.replace(run, turn_rad=rate @ turning)])
-        response = respond(data, State(p, start, phase))
-        shared = response.turning_sensitivity(*(p[5] * h[:, None] for h in (begin, middle, end)))
-        own = response.run_sensitivities()
-        design = real(np.concatenate([own, shared])[:, 0], data.weight[0])
-        residual = response.residual()[0].ravel()
-        scale = np.linalg.norm(design, axis=0)
-        scale[scale == 0] = 1.0
-        inverse = np.linalg.pinv(design / scale, rcond=1e-12)
-        change = inverse @ np.concatenate([residual.real, residual.imag]) / scale
-        start = start + change[[0, 2]] + 1j * change[[1, 3]]
-        phase = phase + change[4 : 4 + phase.shape[1]]
-        rate = rate + change[4 + phase.shape[1] :]
-        covariance = (inverse @ inverse.T / np.outer(scale, scale))[4 + phase.shape[1] :, 4 + phase.shape[1] :]
-        if np.all(np.abs(change[4 + phase.shape[1] :]) < 0.01 * np.sqrt(np.diag(covariance))):
-            break
-    final = respond(batch([dataclasses.replace(run, turn_rad=rate @ turning)]), State(p, start, phase))
-    dof = max(1, 4 * len(run) - len(grid) - 4 - phase.shape[1])
-    return RateEstimate(grid, rate, covariance * max(1.0, final.chi2 / dof), plain, final.chi2 / dof)
+    span, count = run.time_s[-1] - run.time_s[0], len(grid)
+
+    def at(x: Array) -> Response:
+        data = batch([dataclasses.replace(run, turn_rad=x[5:] @ turning)])
+        return respond(data, State(p, np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]]), x[4:5][None]))
+
+    first = run.envelope[0]
+    x = np.concatenate([[first[0].real, first[0].imag, first[1].real, first[1].imag, offset * span], rate])
+    covariance = np.zeros((count, count))
+    with np.errstate(over="ignore", invalid="ignore"):
+        response = at(x)
+        for _ in range(ITERATIONS):
+            shared = response.turning_sensitivity(*(p[5] * h[:, None] for h in (begin, middle, end)))
+            design = real(np.concatenate([response.run_sensitivities(), shared])[:, 0], response.batch.weight[0])
+            residual = response.residual()[0].ravel()
+            scale = np.linalg.norm(design, axis=0)
+            scale[scale == 0] = 1.0
+            R = triangle(np.column_stack([design / scale, np.concatenate([residual.real, residual.imag])]))
+            inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
+            change = inverse @ R[:-1, -1] / scale
+            covariance = (inverse @ inverse.T / np.outer(scale, scale))[5:, 5:]
+            size, trial = 1.0, at(x + change)
+            while not trial.chi2 <= response.chi2 * (1 + 1e-9) and size > 1e-3:
+                size /= 2
+                trial = at(x + size * change)
+            if not trial.chi2 <= response.chi2 * (1 + 1e-9):
+                break
+            x, response = x + size * change, trial
+            if np.all(np.abs(change[5:]) < 0.01 * np.sqrt(np.diag(covariance))):
+                break
+    dof = max(1, 4 * len(run) - count - 5)
+    chi2 = response.chi2 / dof
+    return RateEstimate(grid, x[5:], covariance * max(1.0, chi2), plain, chi2, dof)

@@ -10,22 +10,22 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.rate_from_model import ROWS_A_NODE, RateEstimate, rate_from_model
+from ..fitting.rate_from_model import HOPELESS, TOO_COARSE, RateEstimate, rate_from_model
 from ..records import Compensated, Resonator, Wave
 
 Array = np.ndarray
 POOR_FIT = 1.5
 """χ² a degree of freedom above which the reference model does not hold within the noise."""
-HOPELESS = 1000.0
-"""χ² a degree of freedom from which the fit has not found the rate at all (a wave that passes through circles, another resonator)."""
-MOST_NODES = 20
 
 
 def rate(
     wave: Wave,
     resonator: Resonator,
     *,
-    nodes: Annotated[int | None, Field(ge=4, description="times at which the rate is fitted; by default 20, fewer for a short run")] = None,
+    nodes: Annotated[
+        int | None,
+        Field(ge=4, description="times at which the rate is fitted; by default 20 or more, as the run asks; fewer for a short one"),
+    ] = None,
 ) -> Compensated:
     """Ω(t) of a free run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
 
@@ -42,8 +42,8 @@ def rate(
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
     if wave.mode == "forced":
         raise HrgError(f"{name}: is driven; a reference model without the drive describes free runs only, use compensate")
-    count = nodes if nodes is not None else int(np.clip(len(wave) // (2 * ROWS_A_NODE), 4, MOST_NODES))
-    found = rate_from_model(wave, resonator, count)
+    found = rate_from_model(wave, resonator, nodes)
+    count = len(found.time_s)
     result = Compensated(
         time_s=found.time_s,
         rate_estimate_rad_s=found.rate_rad_s,
@@ -64,6 +64,14 @@ def rate(
                 f"changes faster than {count} nodes follow); the errors are inflated by it"
             ],
             "suspect" if found.chi2_per_dof < HOPELESS else "refused",
+        )
+    if found.finer_z > TOO_COARSE:
+        result = result.judged(
+            [
+                f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by {found.finer_z:.2g} of its standard "
+                "deviations more than by chance, so the errors hold at smooth places only; ask for more nodes"
+            ],
+            "suspect",
         )
     return result
 

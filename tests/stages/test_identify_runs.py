@@ -84,6 +84,32 @@ def test_rate_stage_sees_the_rate_without_the_drift():
     assert rate(wave, other, nodes=8).status in ("suspect", "refused")
 
 
+@pytest.mark.parametrize(("split", "ratio"), [(0.3, 0.95), (2.0, 1.0), (6.0, 0.5)])
+def test_rate_through_circular_orbits(split, ratio):
+    """A wave that starts round, or that the frequency split rounds on its way: −mθ'/K is useless, the reference model is not."""
+    gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, split, 0.9, 0.55)
+    resonator = identify(programme(gyro, std=1e-5, window=4e-3))
+    course = lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2  # noqa: E731
+    record = rate(run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11, ratio=ratio), resonator, nodes=16)
+    error = record.rate_estimate_rad_s - course(record.time_s)
+    assert record.status == "valid" and np.sqrt(np.mean(error**2)) < 0.003
+    assert np.mean((error / record.rate_estimate_rad_s_std) ** 2) < 4
+    assert summary(record)["plain_error_rms_rad_s"] > 0.1
+
+
+def test_a_quick_rate_takes_more_nodes_or_says_they_are_too_few():
+    gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, 0.3, 0.9, 0.55)
+    resonator = identify(programme(gyro, std=1e-5, window=4e-3))
+    course = lambda t: 3 * np.sin(2 * np.pi * t / 1.5) + 1  # noqa: E731
+    wave = run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11)
+    few = rate(wave, resonator, nodes=10)
+    assert few.status != "valid" and any("nodes follow" in s for s in few.status_reasons)
+    record = rate(wave, resonator)
+    error = record.rate_estimate_rad_s - course(record.time_s)
+    assert record.status == "valid" and len(record.time_s) > 20
+    assert np.mean((error / record.rate_estimate_rad_s_std) ** 2) < 2.5
+
+
 def test_frequency_split_under_a_ring_electrode_through_raw_samples():
     """The pump damps the quadrature about twice as fast as the wave; the split comes out without bias all the same."""
     device = {
