@@ -29,6 +29,17 @@ def test_a_wrong_rate_log_is_refused_and_its_run_named():
     assert without.status == "valid"
 
 
+def test_two_or_three_runs_say_that_they_contradict_but_not_always_which_is_wrong():
+    wrong = {"rate_rad_s": np.full(2000, 1.4), "run_id": "the wrong log"}
+    rotated = [(0.1, 2.0), (0.5, -2.0), (0.9, 2.0), (0.3, 0.0)]
+    waves = programme(std=1e-4, seed=3, runs=rotated)
+    two = identify([waves[0].replace(**wrong), waves[1]])
+    assert two.status == "refused" and any("two runs contradict" in s and "third" in s for s in two.status_reasons)
+    three = identify([waves[0].replace(**wrong), *waves[1:3]])
+    assert three.status == "refused" and any("contradict" in s and "the wrong log" in s for s in three.status_reasons)
+    assert identify(waves[:2]).status == identify(waves[:3]).status == "valid"
+
+
 def test_errors_hold_the_runs_disagreement():
     """Every run of a slightly different gyro: the model is wrong everywhere, the runs' scatter is the error."""
     rng = np.random.default_rng(5)

@@ -196,6 +196,11 @@ def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: fl
         )
     shifts = inference.run_shifts(fit, verdict.details["variance_factor"])
     typical = np.median(verdict.run_chi2_per_dof)
+    if len(runs) == 2 and shifts.max() > 6:
+        verdict.suspect.append(
+            f"the two runs disagree (pull {shifts.max():.2g}); two cannot tell which is wrong: check both rate logs, or add a third run"
+        )
+        return
     for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof):
         if shift > 6 or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT):
             verdict.suspect.append(
@@ -206,9 +211,10 @@ def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: fl
 def contradictions(verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callable[[Sequence[EnvelopeRun]], Fit]) -> None:
     """Refuse a fit that one run spoils: each of the worst left out in turn, those named without which the rest agree.
 
-    With only two runs left the rest agree easily, so at least four are needed.
+    Two runs can only say that they contradict each other, and of three, two left over agree easily: then none is named, or all that
+    may be the wrong one.
     """
-    if len(runs) < 4 or verdict.chi2_per_dof < CONTRADICTION:
+    if len(runs) < 2 or verdict.chi2_per_dof < CONTRADICTION:
         return
     found = []
     for i in np.argsort(-verdict.run_chi2_per_dof)[:CANDIDATES]:
@@ -218,10 +224,21 @@ def contradictions(verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callabl
             continue
         if fit.chi2 / fit.dof < verdict.chi2_per_dof / CONTRADICTION:
             found.append(f"{runs[i].run_id or f'run {i + 1}'} (χ²/dof {fit.chi2 / fit.dof:.3g} without it)")
-    if found:
+    if not found:
+        return
+    bad = f"χ²/dof = {verdict.chi2_per_dof:.3g}: the"
+    if len(runs) == 2:
         verdict.refused.append(
-            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the runs contradict each other; leave out {' or '.join(found)}, or correct its rate log"
+            f"{bad} two runs contradict each other, though each alone is a resonator's; two cannot tell which is wrong: "
+            "check both rate logs, or add a third run"
         )
+    elif len(runs) == 3 and len(found) > 1:
+        verdict.refused.append(
+            f"{bad} three runs contradict each other; without {' or '.join(found)} the other two agree, so it cannot be told which is "
+            "wrong: check the rate logs, or add a run"
+        )
+    else:
+        verdict.refused.append(f"{bad} runs contradict each other; leave out {' or '.join(found)}, or correct its rate log")
 
 
 def _flat_in(fit: Fit, name: str) -> bool:
