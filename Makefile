@@ -32,8 +32,8 @@ test-browser: $(READY)  ## Test the report page in Debian's chromium (installed 
 study: $(READY)  ## Run the long statistical studies
 	$(BIN)/python -m pytest -n $(JOBS) -m slow tests
 
-bench: $(READY)  ## Print speed and accuracy ratios measured now
-	@for bench in benchmarks/bench_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done
+bench: $(READY)  ## Measure speed and accuracy now, as one page (PAGE=docs/BENCHMARKS.md keeps it)
+	$(BIN)/python benchmarks/page.py $(PAGE)
 
 lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff check .

@@ -173,7 +173,8 @@ def command(
         run.__signature__ = inspect.Signature([p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters])  # type: ignore[attr-defined]
         run.__annotations__ = {p.name: p.annotation for p in parameters}
         del run.__wrapped__  # type: ignore[attr-defined]
-        return app.command(name, epilog=f"Example: {example}")(run)
+        # given whole, it is wrapped in the list of commands; taken from the docstring, it would be cut off there
+        return app.command(name, epilog=f"Example: {example}", short_help=(function.__doc__ or "").splitlines()[0])(run)
 
     return register
 

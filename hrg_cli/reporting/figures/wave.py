@@ -67,7 +67,8 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
         line(ax, time * factor, values, k, "estimate")
         deviation = getattr(record, f"{name}_std", None)
         if deviation is not None and np.isfinite(deviation[:]).any():
-            note(ax, f"median σ {number(float(np.nanmedian(deviation[:])) * scale, 2)}")
+            unit_of = label.partition(", ")[2]
+            note(ax, f"median σ {number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}")
         expected = None if truth is None else getattr(truth, f"truth_{name}", None)
         if expected is not None and truth is not None and truth.truth_time_s is not None:
             shift = _branch(record, name, values, time, np.asarray(truth.truth_time_s), np.asarray(expected) * scale, scale)
