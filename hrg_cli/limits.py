@@ -24,9 +24,13 @@ class Row:
     minimum: float | None
     maximum: float | None
     passed: bool
+    words: tuple[str, str] | None = None
+    """Of a figure that is no number: what was found and what was wanted."""
 
     def sentence(self) -> str:
         """Why the figure does or does not pass."""
+        if self.words is not None:
+            return f"the file is {self.words[0]}, {self.words[1]} was wanted"
         if self.value is None:
             return f"{self.name} is not in the file"
         bounds = [f"at least {self.minimum:g}"] if self.minimum is not None else []
@@ -54,7 +58,8 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
         raise HrgError(f'limit status = {wanted!r}: "valid", "suspect" or "any" was expected')
     worst = {"valid": 0, "suspect": 1, "refused": 2}[record.status]
     allowed = {"valid": 0, "suspect": 1, "any": 2}[wanted]
-    rows.append(Row("status (0 valid, 1 suspect, 2 refused)", float(worst), None, float(allowed), worst <= allowed))
+    at_worst = {"valid": "valid", "suspect": "suspect at the worst", "any": "anything"}[wanted]
+    rows.append(Row("status", float(worst), None, float(allowed), worst <= allowed, (record.status, at_worst)))
     for name, limit in table.items():
         if name == "status":
             continue

@@ -42,7 +42,8 @@ def check_file(file: Path | None, limits: Path | None, run: Common) -> Shown:
         "passed": passed,
         "rows": [vars(row) for row in rows],
     }
-    lines = [(r.name, r.value, r.minimum, r.maximum, "yes" if r.passed else "NO") for r in rows]
+    told = [(r.words[0], None, r.words[1]) if r.words else (r.value, r.minimum, r.maximum) for r in rows]
+    lines = [(r.name, *figures, "yes" if r.passed else "NO") for r, figures in zip(rows, told)]
     return run.kept(report), lambda: console.print_table("", ("figure", "value", "minimum", "maximum", "passed"), lines)
 
 

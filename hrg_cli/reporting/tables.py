@@ -39,7 +39,7 @@ def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], l
 
 def facts(record: Record) -> dict[str, Any]:
     """The figures `hrg info` prints of a record."""
-    found: dict[str, Any] = {"rows": len(record)}
+    found: dict[str, Any] = {"rows": len(record)} if len(record) else {}
     for name, spec in record.columns().items():
         value = getattr(record, name)
         if spec.dims is None and value not in (None, "") and spec.group != "/truth" and not (isinstance(value, str) and len(value) > 60):
