@@ -180,32 +180,31 @@ class HeldOut:
         return float(self.ratio * logs.std(ddof=1) / np.sqrt(len(logs))) if len(logs) > 1 else float("inf")
 
 
-def held_out(residual: Array, shared: Array, own: Mapping[int, Array], folds: Sequence[Array], prior: Array | None = None) -> Array:
-    """Mean squared residual of each fold when the shared columns are fitted on the other folds, linearised at the optimum.
+def predicted(residual: Array, shared: Array, own: Mapping[int, Array], folds: Sequence[Array], prior: Array | None = None) -> Array:
+    """Residual (N,) of every fold when the shared columns are fitted on the other folds, linearised at the optimum.
 
     residual (N,) at the joint optimum; shared (N, k); own[f] (N_f, q) columns that belong to fold f alone (fitted on it in both
     cases); folds: index arrays. The joint optimum is moved to the optimum without the fold by one exact linear step.
     """
-    out = []
-    everything = np.arange(len(residual))
-    for number, fold in enumerate(folds):
-        rest = np.setdiff1d(everything, fold)
-        parts, right = [], []
-        for other, rows in enumerate(folds):
-            if other == number:
-                continue
-            basis = orthonormal(own[other]) if own[other].shape[1] else np.zeros((len(rows), 0))
-            parts.append(shared[rows] - basis @ (basis.T @ shared[rows]))
-            right.append(residual[rows] - basis @ (basis.T @ residual[rows]))
-        if prior is not None:
-            parts.append(prior)
-            right.append(np.zeros(len(prior)))
-        step, _ = solve(np.concatenate(parts), np.concatenate(right)) if len(rest) else (np.zeros(shared.shape[1]), None)
+    out = residual.copy()
+    bases = [orthonormal(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0)) for f, rows in enumerate(folds)]
+    parts = [shared[rows] - basis @ (basis.T @ shared[rows]) for rows, basis in zip(folds, bases, strict=True)]
+    right = [residual[rows] - basis @ (basis.T @ residual[rows]) for rows, basis in zip(folds, bases, strict=True)]
+    pull = [] if prior is None else [prior]
+    for number, (fold, basis) in enumerate(zip(folds, bases, strict=True)):
+        others = [k for k in range(len(folds)) if k != number]
+        design = np.concatenate([parts[k] for k in others] + pull) if others or pull else np.zeros((0, shared.shape[1]))
+        known = np.concatenate([right[k] for k in others] + [np.zeros(len(p)) for p in pull]) if others or pull else np.zeros(0)
+        step = solve(design, known)[0] if others else np.zeros(shared.shape[1])
         left = residual[fold] - shared[fold] @ step
-        basis = orthonormal(own[number]) if own[number].shape[1] else np.zeros((len(fold), 0))
-        left = left - basis @ (basis.T @ left)
-        out.append(float(np.mean(left**2)))
-    return np.array(out)
+        out[fold] = left - basis @ (basis.T @ left)
+    return out
+
+
+def held_out(residual: Array, shared: Array, own: Mapping[int, Array], folds: Sequence[Array], prior: Array | None = None) -> Array:
+    """Mean squared residual of each fold as `predicted` from the others."""
+    left = predicted(residual, shared, own, folds, prior)
+    return np.array([float(np.mean(left[fold] ** 2)) for fold in folds])
 
 
 def smooth_power(residual: Array, Q: Array, smooth: Array) -> tuple[float, int]:

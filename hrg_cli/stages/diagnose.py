@@ -6,6 +6,7 @@ open search for the rest, gain on data held out, upper limits of what was not fo
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,6 +27,7 @@ from .diagnosis.data import prepare
 from .diagnosis.gain import held_out
 from .diagnosis.model import simulation_file
 from .diagnosis.orientation import oriented
+from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder, adequacy, describe
 from .diagnosis.report import report as report_of
 from .diagnosis.search import SIGNIFICANT, WORTH, Search, Variant, adopted, select, variants
@@ -58,34 +60,42 @@ def diagnose(
     waves: runs of one gyro, free and forced together; resonator: the values the user believes. HrgError: no usable run.
     """
     waves = [_with_clipped(w) for w in waves]
+
+    def fitted(pieces: Sequence[Wave]) -> Fit:
+        series, point, _ = prepare(pieces, scale_factor, blocks)
+        series = replace(series, free_phase=free_phase)
+        return settled(extended_fit.fit(series, point, _freedom(series, point, scale_factor)))
+
     steps = phase_steps(waves)
     pieces, origin = split_at(waves, steps)
-    series, point, _ = prepare(pieces, scale_factor, blocks)
-    series = replace(series, free_phase=free_phase)
-    freedom = _freedom(series, point, scale_factor)
-    base = extended_fit.fit(series, point, freedom)
+    base = fitted(pieces)
+    untouched, own = base, origin
+    if steps:
+        with contextlib.suppress(extended_fit.DivergedError):
+            untouched, own = fitted(waves), list(range(len(waves)))
     tones: list[Tone] = []
     while len(tones) < MOST_TONES and (tone := strongest(base, pieces)) is not None:
         tones.append(tone)
         pieces = without(pieces, tone)
-        series, point, _ = prepare(pieces, scale_factor, blocks)
-        series = replace(series, free_phase=free_phase)
-        base = extended_fit.fit(series, point, freedom)
+        base = fitted(pieces)
     candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
     base = oriented(base, candidates)
     search, remainder, noise_factor = _explain(base, candidates, most_effects)
     level = _noise_level(search.final, remainder)
     if level is not None:
-        base = extended_fit.fit(replace(base.series, weight=base.series.weight / level), base.point, freedom)
+        base = _reweighted(base, level)
+        untouched = _reweighted(untouched, level)
         search, remainder, noise_factor = _explain(base, candidates, most_effects)
     search, frequencies = between_runs(search, candidates, noise_factor)
     verdict, search, remainder = _verdict(search, remainder, noise_factor)
-    frequency = series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)
+    frequency = base.series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)
     shown, lines = causes(waves, steps, tones, frequency, [f.variant.effect.name for f in search.found])
     if shown and verdict in ("adequate", "unexplained"):
         verdict = "explained" if verdict == "adequate" else "partly explained"
-    kind, gain = held_out(search.base, search.final)
-    report = report_of(verdict, search, remainder, kind, gain, noise_factor, resonator, candidates)
+    if not steps and not tones:
+        untouched = search.base
+    gain = held_out(untouched, search.final, own, origin)
+    report = report_of(verdict, search, remainder, gain, noise_factor, resonator, candidates, untouched)
     report["effects"] = shown + report["effects"]
     report["lines"] = lines
     report["frequencies"] = frequencies
@@ -111,6 +121,11 @@ def _freedom(series: Series, point: Point, scale_factor: float | None) -> Freedo
     if scale_factor is not None:
         std[5] = 0.0
     return Freedom(np.array([0, 0, 0, 0, 0, nominal_scale_factor(series.mode_number), 0.5]), std)
+
+
+def _reweighted(fit: Fit, level: float) -> Fit:
+    """The fit again with every σ times `level`."""
+    return extended_fit.fit(replace(fit.series, weight=fit.series.weight / level), fit.point, fit.freedom)
 
 
 def _noise_level(fit: Fit, remainder: Remainder | None) -> float | None:

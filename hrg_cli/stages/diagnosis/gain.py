@@ -2,30 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
+from ...effects.effect import frame
 from ...fitting import evidence
 from ...fitting.evidence import HeldOut
+from ...fitting.extended import imaginary
 from ...fitting.extended_fit import Fit
+from ...units import DEGREE_PER_HOUR
 
 Array = np.ndarray
 FEWEST_RUNS = 4
 TIME_BLOCKS = 5
+PIECES = 4
+"""Pieces of a run, over each of which the angle's error is taken as a drift."""
+PPM = 1e6
 
 
-def folds_of(fit: Fit) -> tuple[str, list[Array]]:
-    """("runs", one fold a run) with four runs or more, else ("time", blocks of time across all runs): indices into the residual."""
+@dataclass(frozen=True)
+class Gain:
+    """Held out by whole "runs" or blocks of "time": squared errors over σ, and what they are as drift, angle and amplitude."""
+
+    kind: str
+    errors: HeldOut
+    quantities: dict[str, dict[str, float]]
+
+
+def folds_of(fit: Fit, origin: Sequence[int] | None = None, fewest_runs: int = FEWEST_RUNS) -> tuple[str, list[Array]]:
+    """("runs", one fold a run) with four runs or more, else ("time", blocks of time across all runs): indices into the residual.
+
+    `origin`: which recorded run each of the fit's runs is a piece of.
+    """
     run, row = fit.rows[:, 0], fit.rows[:, 1]
-    runs = np.unique(run)
-    if len(runs) >= FEWEST_RUNS:
-        return "runs", [np.flatnonzero(run == k) for k in runs]
-    count = np.array([row[run == k].max() + 1 for k in runs])
-    block = np.minimum(row * TIME_BLOCKS // count[np.searchsorted(runs, run)], TIME_BLOCKS - 1)
+    whole = np.asarray(origin if origin is not None else range(len(fit.series.names)))[run]
+    runs = np.unique(whole)
+    if len(runs) >= fewest_runs:
+        return "runs", [np.flatnonzero(whole == k) for k in runs]
+    time = fit.series.time_s[run, row]
+    block = np.zeros(len(run), int)
+    for k in runs:
+        own = whole == k
+        first, last = time[own].min(), time[own].max()
+        block[own] = np.minimum((time[own] - first) / (last - first) * TIME_BLOCKS, TIME_BLOCKS - 1).astype(int)
     return "time", [np.flatnonzero(block == b) for b in range(TIME_BLOCKS)]
 
 
-def errors(fit: Fit, kind: str, folds: list[Array]) -> Array:
-    """Mean squared whitened error of every fold, predicted from the others (linearised at the optimum)."""
+def predicted(fit: Fit, kind: str, folds: list[Array]) -> Array:
+    """Whitened residual (N,) of every fold, predicted from the others (linearised at the optimum)."""
     own_columns = np.array([name.startswith("run") and "." in name for name in fit.names])
     shared = ~own_columns if kind == "runs" else np.ones(len(own_columns), bool)
     own = {}
@@ -39,10 +66,73 @@ def errors(fit: Fit, kind: str, folds: list[Array]) -> Array:
             row = np.zeros(len(names))
             row[k] = 1 / fit.freedom.std[int(name[1:])]
             prior.append(row)
-    return evidence.held_out(fit.residual, fit.design[:, shared], own, folds, np.array(prior) if prior else None)
+    return evidence.predicted(fit.residual, fit.design[:, shared], own, folds, np.array(prior) if prior else None)
 
 
-def held_out(before: Fit, after: Fit) -> tuple[str, HeldOut]:
-    """Held-out errors of two fits of the same data on the same folds."""
-    kind, folds = folds_of(before)
-    return kind, HeldOut(errors(before, kind, folds), errors(after, kind, folds))
+def held_out(before: Fit, after: Fit, origin_before: Sequence[int] | None = None, origin_after: Sequence[int] | None = None) -> Gain:
+    """Held-out errors of two fits of the same runs; `origin_…`: the recorded run of each of their pieces."""
+    found, squares = [], []
+    for fit, origin in ((before, origin_before), (after, origin_after)):
+        kind, folds = folds_of(fit, origin)
+        left = predicted(fit, kind, folds)
+        squares.append(np.array([float(np.mean(left[fold] ** 2)) for fold in folds]))
+        found.append(_quantities(fit, left, folds))
+    old, new = found
+    quantities = {
+        name: {"before": old[name][0], "before_std": old[name][1], "after": new[name][0], "after_std": new[name][1]} for name in old
+    }
+    return Gain(kind, HeldOut(*squares), quantities)
+
+
+def predicts_better(before: Fit, after: Fit) -> bool:
+    """Whether what was left out is predicted better by runs, or, where single runs alone show a cause, by blocks of time."""
+    kinds = (FEWEST_RUNS, len(before.series.names) + 1)
+    for fewest in kinds:
+        kind, folds = folds_of(before, fewest_runs=fewest)
+        if np.sum(predicted(after, kind, folds) ** 2) < np.sum(predicted(before, kind, folds) ** 2):
+            return True
+    return False
+
+
+def _quantities(fit: Fit, left: Array, folds: list[Array]) -> dict[str, tuple[float, float]]:
+    """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle mθ and of the amplitude (ppm)."""
+    series, u = fit.series, fit.prediction.seen
+    errors = np.zeros((*series.weight.shape, 4))
+    errors[tuple(fit.rows.T)] = left
+    weight = np.where(series.weight > 0, series.weight, np.inf)
+    difference = imaginary(errors / weight[..., None])
+    turn, e_A, e_B, a_A = frame(u, series.phase_rad)
+    angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
+    amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A
+    out: dict[str, list[float]] = {"drift_error_deg_h": [], "angle_error_ppm": [], "amplitude_error_ppm": []}
+    for fold in folds:
+        place = np.unique(fit.rows[fold][:, :2], axis=0)
+        run, row = place.T
+        slopes = []
+        for k in np.unique(run):
+            for piece in np.array_split(row[run == k], PIECES):
+                if len(piece) > 2:
+                    slopes.append(np.polyfit(series.time_s[k, piece] - series.time_s[k, piece].mean(), angle[k, piece], 1)[0])
+        out["drift_error_deg_h"].append(float(np.mean(np.square(slopes))) / DEGREE_PER_HOUR**2 if slopes else 0.0)
+        out["angle_error_ppm"].append(float(np.mean(angle[run, row] ** 2)) * PPM**2)
+        out["amplitude_error_ppm"].append(float(np.mean(amplitude[run, row] ** 2)) * PPM**2)
+    return {name: _root(np.array(squares)) for name, squares in out.items()}
+
+
+def _root(squares: Array) -> tuple[float, float]:
+    """Root of the mean of squares over folds, and its standard deviation from their scatter."""
+    rms = float(np.sqrt(squares.mean()))
+    spread = float(squares.std(ddof=1) / np.sqrt(len(squares))) if len(squares) > 1 else 0.0
+    return rms, spread / (2 * rms) if rms > 0 else 0.0
+
+
+def figures(gain: Gain) -> dict[str, Any]:
+    """The JSON of a gain."""
+    errors = gain.errors
+    return {
+        "held_out": gain.kind,
+        "before": float(np.sqrt(errors.before.mean())),
+        "after": float(np.sqrt(errors.after.mean())),
+        "ratio": errors.ratio,
+        "std": errors.std if np.isfinite(errors.std) else None,
+    } | gain.quantities

@@ -9,10 +9,11 @@ import numpy as np
 
 from ...fitting import evidence
 from ...fitting.coordinates import physical
-from ...fitting.evidence import HeldOut, Score
+from ...fitting.evidence import Score
 from ...fitting.extended_fit import Fit
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
+from .gain import Gain, figures
 from .remainder import Remainder, Term
 from .search import Found, Search, Variant
 
@@ -30,28 +31,22 @@ def report(
     verdict: str,
     search: Search,
     remainder: Remainder | None,
-    held_out: str,
-    gain: HeldOut,
+    gain: Gain,
     noise_factor: float,
     resonator: Resonator | None,
     candidates: Sequence[Variant],
+    untouched: Fit,
 ) -> dict[str, Any]:
-    """Everything the contract names, and the steps that led there."""
+    """Everything the contract names, and the steps that led there; `untouched`: the base fit before tones and steps were taken out."""
     by_name = {v.effect.name: v for v in candidates}
     return {
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
-        "baseline": _figures(search.base),
+        "baseline": _figures(untouched),
         "values": values(search.final, noise_factor, resonator),
         "effects": [_effect(one, search.final, noise_factor, by_name) for one in search.found],
         "after": _figures(search.final),
-        "gain": {
-            "held_out": held_out,
-            "before": float(np.sqrt(gain.before.mean())),
-            "after": float(np.sqrt(gain.after.mean())),
-            "ratio": gain.ratio,
-            "std": gain.std if np.isfinite(gain.std) else None,
-        },
+        "gain": figures(gain),
         "tested": _tested(search, noise_factor, by_name),
         "not_separable": _not_separable(search),
         "noise_factor": noise_factor,

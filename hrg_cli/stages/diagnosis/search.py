@@ -12,6 +12,7 @@ from ...effects.effect import Effect
 from ...fitting import evidence, extended_fit
 from ...fitting.evidence import Score
 from ...fitting.extended_fit import Fit
+from .gain import predicts_better
 
 Array = np.ndarray
 SIGNIFICANT = 1e-3
@@ -171,6 +172,8 @@ def best_step(
         rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
         return best_step(fit, rest, noise_factor, rounds - 1) if rounds > 1 and rest else None
     level, chosen, score, variant = trials[0]
+    if not predicts_better(fit, chosen):
+        return None
     margin = WORTH * noise_factor
     rivals = [t[3].effect.name for t in trials[1:] if t[0] < level + margin]
     rivals += [

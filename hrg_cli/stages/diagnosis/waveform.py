@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...effects import find
+from ...physics import ellipse
 from ...records import Wave
 from .tones import Tone
 
@@ -107,12 +108,19 @@ def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wa
             piece = wave.rows(begin, stop)
             if cuts:
                 # the window over the step has spoilt the noise estimate of those it was pooled with
-                piece = piece.replace(signal_std=np.full(len(piece), np.median(wave.signal_std)))
+                piece = piece.replace(signal_std=np.minimum(piece.signal_std, _rough(piece)))
             if not cuts or int(np.count_nonzero(piece.good())) >= FEWEST_ROWS:
                 pieces.append(piece)
                 origin.append(number)
             begin = start
     return pieces, origin
+
+
+def _rough(wave: Wave) -> float:
+    """Noise of one signal coefficient from the envelopes' third differences."""
+    good = wave.good()
+    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[good]
+    return float(np.sqrt(np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2) / (20 * 2 * np.log(2)))) if len(u) > 3 else np.inf
 
 
 def lines(waves: Sequence[Wave]) -> list[Line]:
@@ -249,13 +257,12 @@ def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str
     scatter = np.sum(np.abs(tone.vector - mean) ** 2 * weight[:, None])
     common = scatter < 0.2 * tone.gain
     vector, std = (mean, weight.sum() ** -0.5) if common else (tone.vector[0], tone.std[0])
-    parameters = {
-        "c_cos": (float(vector[0].real), float(std), "amplitude"),
-        "c_sin": (float(-vector[0].imag), float(std), "amplitude"),
-        "s_cos": (float(vector[1].real), float(std), "amplitude"),
-        "s_sin": (float(-vector[1].imag), float(std), "amplitude"),
-        "frequency_hz": (tone.frequency_hz, float(np.sqrt(12 / tone.gain) / (2 * np.pi * longest)), "Hz"),
-    }
+    frequency_std = float(np.sqrt(12 / tone.gain) / (2 * np.pi * longest))
+    turn = np.pi * longest * frequency_std  # phase at t = 0 that goes with the frequency's error, known best in the middle of the run
+    parts = {"c_cos": vector[0].real, "c_sin": -vector[0].imag, "s_cos": vector[1].real, "s_sin": -vector[1].imag}
+    beside = {"c_cos": "c_sin", "c_sin": "c_cos", "s_cos": "s_sin", "s_sin": "s_cos"}
+    parameters = {name: (float(v), float(np.hypot(std, parts[beside[name]] * turn)), "amplitude") for name, v in parts.items()}
+    parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
     return _entry("mains_tone", float(np.sqrt(tone.gain)), parameters, tone.gain) | {"same_phase_in_all_runs": bool(common)}
 
 
