@@ -29,7 +29,8 @@ def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
 def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
     """L of coordinates p (7,) for rates (...), against the run's own frequency ω; second order times p₆.
 
-    The correction is −(L² + 2ΓL)/2jω twice, Γ = −Re L₀, from L₀ with the mean of (ω ± δω)², ω² + δω²   (solvent of resonator.py).
+    The correction is −(L² + 2ΓL)/2jω three times over, Γ = −Re L₀, from L₀ with the mean of (ω ± δω)², ω² + δω²
+    (solvent of resonator.py).
     """
     along, across, turning = -p[1] + 1j * p[3], -p[2] + 1j * p[4], p[5] * rate_rad_s
     first = (along - p[0], across + turning, across - turning, -along - p[0])
@@ -40,7 +41,7 @@ def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
     first = (first[0] - shift, first[1], first[2], first[3] - shift)
     twice = tuple(-2 * np.real(m) for m in first)
     L = first
-    for _ in range(2):
+    for _ in range(3):
         sum_ = (L[0] + twice[0], L[1] + twice[1], L[2] + twice[2], L[3] + twice[3])
         change = product(sum_, L)
         L = (first[0] - factor * change[0], first[1] - factor * change[1], first[2] - factor * change[2], first[3] - factor * change[3])
@@ -91,3 +92,18 @@ def wrap(axis_rad: float, mode_number: int) -> float:
     """A physical axis angle in [0, π/m)."""
     wrapped = float(np.mod(axis_rad, np.pi / mode_number))
     return 0.0 if np.isclose(wrapped, np.pi / mode_number, rtol=0, atol=1e-15) else wrapped
+
+
+def axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
+    """Standard deviation of the axis ½m·arg(x + jy) of normal components (2,), covariance (2, 2), about their own; at most a uniform one's.
+
+    By Gauss–Hermite quadrature: where the components are lost in noise, and the better known of them makes the tangent look sharp, the
+    slope says too little.
+    """
+    size, vector = np.linalg.eigh(covariance)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(48)
+    offset = np.sqrt(np.maximum(size, 0.0))[:, None, None] * np.stack(np.meshgrid(nodes, nodes, indexing="ij"))
+    x, y = components[:, None, None] + np.tensordot(vector, offset, 1)
+    turned = np.angle((x + 1j * y) * complex(components[0], -components[1]))
+    weight = np.outer(weights, weights) / np.sum(weights) ** 2
+    return float(min(np.sqrt(np.sum(weight * turned**2)) / (2 * mode_number), np.pi / mode_number / np.sqrt(12)))

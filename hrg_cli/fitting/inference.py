@@ -12,6 +12,8 @@ from .likelihood import Fit, real, triangle
 Array = np.ndarray
 FLAT_FRACTION = 0.3
 """A direction known no better than this part of its natural scale is flat."""
+CLEAR = 8.0
+"""Size of a split over its standard deviation from which its axis moves with its components as the slope says."""
 LEAST_SHARE = 0.01
 """Part of the information on a direction that a run and the others must have for the one to contradict the others in it."""
 MIN_BLOCKS = 24
@@ -110,19 +112,21 @@ def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Arr
 
     `between` (k, k): what the runs' disagreement adds to the covariance of z.
 
-    The size of a split that is lost in noise keeps the standard deviation of a component, and its axis at most a uniform one's.
+    The size of a split that is lost in noise keeps the standard deviation of a component; its axis has the spread of its components'.
     """
     values, slopes = coordinates.physical(fit.p, mode_number)
     cov_z = covariance_z(fit, factor) + (0.0 if between is None else between)
     cov_p = fit.freedom.directions @ cov_z @ fit.freedom.directions.T
     covariance = slopes @ cov_p @ slopes.T
-    uniform = np.pi / mode_number / np.sqrt(12)
-    for axis in (2, 4):
-        std = np.sqrt(max(0.0, covariance[axis, axis]))
-        if not std < uniform:
-            covariance[axis] *= uniform / std if np.isfinite(std) and std > 0 else 0.0
-            covariance[:, axis] *= uniform / std if np.isfinite(std) and std > 0 else 0.0
-            covariance[axis, axis] = uniform**2
+    for axis, first in ((2, 1), (4, 3)):
+        part = cov_p[first : first + 2, first : first + 2]
+        std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(fit.p[first] ** 2 + fit.p[first + 1] ** 2)
+        if not np.any(part) or size2 > CLEAR**2 * np.trace(part):
+            continue
+        spread = coordinates.axis_spread(fit.p[first : first + 2], part, mode_number)
+        covariance[axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
+        covariance[:, axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
+        covariance[axis, axis] = spread**2
     return values, covariance
 
 

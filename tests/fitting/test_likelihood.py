@@ -35,6 +35,16 @@ def test_coordinates_are_the_generator_of_the_resonator():
         assert np.allclose((coordinates.physical(q, 2)[0] - values) / 1e-7, slopes[:, k], atol=1e-4)
 
 
+def test_the_axis_of_a_split_lost_in_noise_is_as_uncertain_as_its_components():
+    rng = np.random.default_rng(3)
+    for components, stds in (([2.0, 1.0], [0.01, 0.02]), ([0.1, 1.0], [0.05, 1.0]), ([0.3, 0.2], [1.0, 1.0])):
+        covariance = np.diag(np.square(stds))
+        draws = np.array(components) + np.array(stds) * rng.standard_normal((200_000, 2))
+        turned = np.angle((draws[:, 0] + 1j * draws[:, 1]) * complex(components[0], -components[1]))
+        want = min(np.sqrt(np.mean(turned**2)) / 4, np.pi / 2 / np.sqrt(12))
+        assert coordinates.axis_spread(np.array(components), covariance, 2) == pytest.approx(want, rel=0.05)
+
+
 def test_chain_is_the_running_product():
     rng = np.random.default_rng(0)
     steps = rng.standard_normal((3, 17, 2, 2)) + 1j * rng.standard_normal((3, 17, 2, 2))
