@@ -47,7 +47,7 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
     failed = [r for r in recordings if r["status"] == "failed"]
     broken = [c for c in gyro.get("checks", []) if not c["passed"]]
     why = [gyro.get("error") or ""]
-    why += [f"{r['name']}: {r['error']}" for r in failed]
+    why += [r["error"] if r["name"] in r["error"] else f"{r['name']}: {r['error']}" for r in failed]
     why += [f"{stage} is refused: {'; '.join(r['status_reasons'])}" for stage, r in results.items() if r["status"] == "refused"]
     why += [c["sentence"] for c in broken]
     if not results and not failed and not gyro.get("error"):

@@ -26,6 +26,9 @@ from .text import plain
 FOLDER = Path(__file__).parent
 NAMED = 12
 """Outliers that a figure names one by one."""
+NARROW = 1e-3
+"""Spread over median below which a figure shows the difference to the median."""
+UNITS = (("_rad_s", "rad/s"), ("_1_s", "1/s"), ("_rad", "rad"), ("_hz", "Hz"), ("_ppm", "ppm"))
 BARS = 200
 """Gyros up to which standard deviations are drawn."""
 Row = Mapping[str, Any]
@@ -83,39 +86,56 @@ def distribution(rows: Sequence[Row], name: str) -> Plot | None:
     share = 100 * (np.arange(len(value)) + 0.5) / len(value)
     middle = median(value)
     spread = 1.4826 * median(np.abs(value - middle))
+    title, unit = _worded(name)
+    digits = _digits(middle, spread)
+    origin = float(f"{middle:.{digits}g}") if 0 < spread < NARROW * abs(middle) else 0.0
     figure, axes = panels(height=2.4)
     ax = axes[0, 0]
     if spread > 0:
         at = np.linspace(-3.5, 3.5, 60)
         expected = [100 * NormalDist().cdf(z) for z in at]
-        ax.plot(middle + spread * at, expected, color=MUTED, lw=0.9, ls="--", label="normal, same median and MAD")
+        ax.plot(middle - origin + spread * at, expected, color=MUTED, lw=0.9, ls="--", label="normal, same median and MAD")
+    off = value - origin
     if len(value) <= BARS:
-        ax.errorbar(value, share, xerr=np.where(np.isfinite(std), std, 0.0), fmt="none", ecolor=MUTED, elinewidth=0.7)
-    dots(ax, value[~far], share[~far], 0, points=len(value), size=4.0, alpha=0.9)
-    dots(ax, value[far], share[far], 1, points=len(value), size=6.0, alpha=1.0)
+        ax.errorbar(off, share, xerr=np.where(np.isfinite(std), std, 0.0), fmt="none", ecolor=MUTED, elinewidth=0.7)
+    dots(ax, off[~far], share[~far], 0, points=len(value), size=4.0, alpha=0.9)
+    dots(ax, off[far], share[far], 1, points=len(value), size=6.0, alpha=1.0)
     ax.plot([], [], "o", color=SERIES[0], ms=3, label="gyro")
     if far.any():
         ax.plot([], [], "o", color=SERIES[1], ms=4, label="outlier")
-    for row, x, y in [(r, x, y) for r, x, y, out in zip(known, value, share, far) if out][:NAMED]:
+    for row, x, y in [(r, x, y) for r, x, y, out in zip(known, off, share, far) if out][:NAMED]:
+        left = x + origin < middle
         ax.annotate(
             plain(row["gyro_id"])[:24],
             (x, y),
-            xytext=(4, 4) if x < middle else (-4, 4),
-            ha="left" if x < middle else "right",
+            xytext=(4, 4) if left else (-4, 4),
+            ha="left" if left else "right",
             textcoords="offset points",
             fontsize=8,
             color=INK,
         )
-    labels(ax, name, "gyros at or below, %", name)
-    note(ax, f"median {number(middle, _digits(middle, spread))}, 1.4826·MAD {number(spread)}")
+    ax.xaxis.set_major_formatter(lambda x, _: number(x, 6))
+    from_where = f" less {number(origin, digits)}" if origin else ""
+    labels(ax, f"{title}{from_where}, {unit or '1'}", "gyros at or below, %", title)
+    said = f" {unit}" if unit else ""
+    note(ax, f"median {number(middle, digits)}{said}, 1.4826·MAD {number(spread, 2)}{said}")
     legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
     named = ", ".join(plain(row["gyro_id"]) for row, out in zip(known, far) if out)
     words = (
-        f"{len(value)} gyros from {number(value[0], 7)} to {number(value[-1], 7)}, median {number(middle, 7)}, "
-        f"robust spread {number(spread)}; "
-        + (f"{int(far.sum())} outliers: {named}." if far.any() else "no outlier.")
+        f"{len(value)} gyros from {number(value[0], digits)} to {number(value[-1], digits)}{said}, median {number(middle, digits)}, "
+        f"robust spread {number(spread, 2)}; "
+        + (f"{int(far.sum())} outlier{'s' if far.sum() > 1 else ''}: {named}." if far.any() else "no outlier.")
     )
-    return Plot(name.replace("_", "-"), f"Distribution of {name}", words, figure)
+    return Plot(name.replace("_", "-"), f"Distribution of {title}", words, figure)
+
+
+def _worded(name: str) -> tuple[str, str]:
+    """A figure's name in words, and its unit."""
+    name, _, when = name.partition("_rms_rad_s_") if "_rms_rad_s_" in name else name.partition("_rms_ppm_")
+    if when:
+        return f"{name.replace('_', ' ')} rms {when.replace('_', ' ')}", "ppm" if name.startswith("scale") else "rad/s"
+    suffix, unit = next(((suffix, unit) for suffix, unit in UNITS if name.endswith(suffix)), ("", ""))
+    return name.removesuffix(suffix).replace("_", " "), unit
 
 
 def _cell(row: Row, name: str) -> Cell:

@@ -102,7 +102,7 @@ def test_hostile_names_are_text(page):
 def test_distribution_says_the_lot(report):
     assert parameters(report["rows"]) == ["frequency_hz", "frequency_split_rad_s", "stiffness_axis_rad"]
     plot = distribution(report["rows"], "frequency_split_rad_s")
-    assert f"{GYROS + 1} gyros from" in plot.words and "to 0.5," in plot.words and "1 outliers: SN-007." in plot.words
+    assert f"{GYROS + 1} gyros from" in plot.words and "to 0.5 rad/s," in plot.words and "1 outlier: SN-007." in plot.words
     (axis,) = plot.figure.axes
     assert any(text.get_text() == "SN-007" for text in axis.texts) and axis.get_xlim()[1] > 0.5
 
