@@ -5,13 +5,14 @@ A layout is told by its own words, never by a file's name alone; what is not kno
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import HrgError
-from .dialect import Dialect, cell_kind, split_line
+from .dialect import Dialect, split_line
 from .log import ONE_DEMODULATOR, Channel
 from .quantities import time_factor
 
@@ -56,28 +57,34 @@ def _sequence(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> La
     """Rigol DS1000Z: samples are numbered, start and increment stand beside the titles (X,CH1,CH2,Start,Increment)."""
     above = [[cell.lower() for cell in split_line(line, dialect.separator)] for line in dialect.preamble]
     column = next((cells.index("increment") for cells in above if "increment" in cells), None)
-    steps = [
-        cells[column]
-        for cells in above
-        if column is not None and len(cells) > column and cell_kind(cells[column], dialect.decimal) == "number"
-    ]
-    if not steps or not float(steps[-1].replace(",", ".")) > 0:
+    if column is None:
         return None
-    idle = ("x", "start", "increment", "")
-    kept = (
-        Channel(c.name, "", kind="text") if c.name.lower() in idle and (i == 0 or c.name.lower() != "x") else c
-        for i, c in enumerate(channels)
-    )
-    return Layout(tuple(kept), 1 / float(steps[-1].replace(",", ".")))
+    steps = [step for cells in above if len(cells) > column and (step := _positive(cells[column].replace(",", ".")))]
+    if not steps:
+        return None
+    numbers = channels[0].name.lower() == "x"
+    idle = [i for i, c in enumerate(channels) if c.name.lower() in ("start", "increment", "") or (numbers and i == 0)]
+    kept = (Channel(c.name, kind="text") if i in idle else c for i, c in enumerate(channels))
+    return Layout(tuple(kept), 1 / steps[-1])
 
 
 def _increment_in_title(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
     """Rigol MSO5000: CH1(V),CH2(V),t0 = -1e-3, tInc = 1e-6 above rows without times."""
     found = next((m for line in dialect.preamble if (m := re.search(rf"\btInc\s*=\s*{_NUMBER}", line))), None)
-    if found is None or not float(found[1]) > 0:
+    step = None if found is None else _positive(found[1])
+    if step is None:
         return None
     idle = re.compile(r"^(t0|tinc)\b", re.IGNORECASE)
-    return Layout(tuple(replace(c, kind="text") if idle.match(c.name) else c for c in channels), 1 / float(found[1]))
+    return Layout(tuple(replace(c, kind="text") if idle.match(c.name) else c for c in channels), 1 / step)
+
+
+def _positive(text: str) -> float | None:
+    """A number above zero whose inverse is a number too; None otherwise."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if 0 < value < math.inf and 1 / value < math.inf else None
 
 
 def _data_below(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
@@ -100,11 +107,8 @@ def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) ->
         return None
     with open(beside, encoding="latin-1") as file:
         told = {cells[0].lower(): cells[1:] for line in file.read(HEADER_BYTES).splitlines() if len(cells := line.strip().split(":")) > 1}
-    try:
-        step = float(told["resolution"][0])
-    except (KeyError, ValueError):
-        return None
-    if not step > 0:
+    step = _positive(next(iter(told.get("resolution", [])), ""))
+    if step is None:
         return None
     sources = [name for name in told.get("multichannelsource", told.get("source", [])) if name]
     timed = len(channels) == len(sources) + 1 or channels[0].rising
@@ -165,13 +169,10 @@ def _preamble_rate(dialect: Dialect) -> float | None:
         value = re.match(rf"^\s*{_NUMBER}\s*([a-zA-Zµ/]*)", values[0])
         if value is None:
             continue
-        try:
-            number = float(value[1])
-        except ValueError:
+        number = _positive(value[1])
+        if number is None:
             continue
         unit = value[2] or next((c.strip("()[] ") for c in values[1:2]), "")
-        if number <= 0:
-            continue
         if re.search(r"sampl\w*[ _]?(interval|period|time)|\bx?increment|\bxinc\b|\bdelta[ _]?[xt]|\bdt\b", key):
             try:
                 return 1 / (number * time_factor(unit or "s"))

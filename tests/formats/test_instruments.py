@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 import soundfile
+from test_text_logs import mutated
 
 from hrg_cli import settings as hrg_settings
 from hrg_cli.errors import HrgError
@@ -202,6 +203,24 @@ def test_times_of_both_files_must_agree(tmp_path):
         whole(tmp_path / "c.csv", s_file="CH9=CH2")
     (tmp_path / "s.csv").write_text(shifted)
     np.testing.assert_allclose(whole(tmp_path / "c.csv", s_file="s.csv", time="none", sample_rate_hz=RATE).s, S, atol=1e-5)
+
+
+def test_mutated_files_never_give_anything_but_a_sentence(tmp_path):
+    rng = np.random.default_rng(0)
+    texts = [(text, None) for text in TWO.values()] + [(one, two) for _, _, _, one, two, _ in PAIRS.values()]
+    refused = 0
+    for _ in range(4):
+        for one, two in texts:
+            # the first lines are where a layout stands
+            (tmp_path / "one").write_bytes(mutated(rng, one[:1500].encode()) + one[1500:].encode())
+            (tmp_path / "two").write_bytes(mutated(rng, (two or one).encode()))
+            try:
+                r = whole(tmp_path / "one", s_file=None if two is None else "two")
+                assert len(r.c) == len(r.s) and (r.sample_rate_hz is None) == (r.time_s is not None)
+            except HrgError as error:
+                refused += 1
+                assert "\n" not in str(error)
+    assert refused > 10
 
 
 def test_a_saved_mapping_serves_a_lot_of_pairs(tmp_path, hrg):
