@@ -417,7 +417,7 @@ def warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool) -> 
     if eliminate_rate and method in ("fixed-axes", "fixed-axes-weighted", "products"):
         out.append(
             "the published elimination KΩ := −mθ̇ deletes the drift it seeks: the damping split comes out halved "
-            "(PHYSICS §4); use the true rate"
+            "(with quadrature or rotation its axis is wrong as well); use the true rate"
         )
     if method in USES_AXES and quadrature_significance(runs) < 3:
         out.append("the quadrature is lost in the noise: the frequency split is skipped")

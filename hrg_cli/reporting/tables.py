@@ -9,6 +9,7 @@ import numpy as np
 
 from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
 from ..units import to_deg_per_hour
+from . import identification
 from .console import print_table
 from .json_text import json_object
 
@@ -18,6 +19,8 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
     head, rows = table(record, report)
     if rows:
         print_table("", head, rows)
+    if isinstance(record, Resonator):
+        identification.show(report)
 
 
 def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
