@@ -270,6 +270,10 @@ def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
     return np.asarray(white).reshape(columns.shape), 2 * float(np.log(factor[0]).sum())
 
 
+NEEDED_GAIN = 6.0
+"""Fall of −2 ln L that a run's own random walk must bring, the walk common to all runs apart."""
+
+
 def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> Noise:
     """White angle noise and angle random walk of a run by maximum likelihood from residual increments (n,).
 
@@ -291,7 +295,7 @@ def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> No
     best = grid[int(np.argmin([level(g)[1] for g in grid]))]
     found = minimize_scalar(lambda g: level(g)[1], bounds=(best - 3.0, best + 3.0), method="bounded", options={"xatol": 0.05})
     log_ratio = float(found.x)
-    if level(-40.0)[1] <= level(log_ratio)[1] + 0.5:
+    if level(-40.0)[1] <= level(log_ratio)[1] + NEEDED_GAIN:
         return Noise(level(-40.0)[0], 0.0)
     variance = level(log_ratio)[0]
     return Noise(variance, variance * float(np.exp(log_ratio)) / time)

@@ -241,6 +241,8 @@ def held_out_chi_square(pieces: Pieces, folds: Array, model: Model, penalty: Arr
 
 
 COARSE_BLOCKS = 64
+NEEDED_GAIN = 2.0
+"""Fall of −2 ln L that a common random walk must bring: half of all gyros without one would otherwise show one."""
 
 
 @dataclass(frozen=True)
@@ -297,7 +299,7 @@ def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
     costs = [cost(unit * 10.0**x) for x in powers]
     best = powers[int(np.argmin(costs))]
     found = minimize_scalar(lambda x: cost(unit * 10.0**x), bounds=(best - 1, best + 1), method="bounded", options={"xatol": 0.05})
-    return 0.0 if cost(0.0) <= float(found.fun) else float(unit * 10.0**found.x)
+    return 0.0 if cost(0.0) <= float(found.fun) + NEEDED_GAIN else float(unit * 10.0**found.x)
 
 
 def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start: Fitted | None = None, sweeps: int = 2) -> Fitted:
@@ -334,6 +336,10 @@ def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start
             noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
             offset = 0.0 if model.start is None else X @ model.start
             coarse.append(coarsened(path, noises[r], X @ model.matrix, turns[r] - offset))
+        if sweep == 0 and start is None:
+            # the first weights are a walk's: what such a fit leaves looks like a walk even where there is none
+            noises = [Noise(n.white, 0.0) for n in noises]
+            continue
         walk = common_walk(coarse, float(np.median([p.time_s[-1] - p.time_s[0] for p in paths])))
         noises = [Noise(n.white, max(n.walk, walk)) for n in noises]
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)

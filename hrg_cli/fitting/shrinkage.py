@@ -9,6 +9,7 @@ doubt in the covariance.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,45 +18,67 @@ from .joint import Layout, Solution
 Array = np.ndarray
 COMMON_SHARE = 0.75
 """Share of a harmonic's prior variance that is the same at all nodes."""
-SCALES = (0.05, 1.0, 4.0, 16.0, 64.0)
-"""τ of the grid in standard deviations of the harmonic when all else is known (the first: absent); the largest is at least the
-harmonic's own size."""
-ABSENT_BEFORE = 2.0
-"""Absent harmonics counted before the data, against one that is there; the harmonics of a table tell one another how many are absent."""
+DRIFT_SIZES = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
+"""τ of the drift's grid in standard deviations of the harmonic when all else is known. A drift has no natural size: as likely in one
+decade as in another; the largest is at least the harmonic's own size."""
+SCALE_FACTOR_SIZES = (2e-5, 2e-4, 2e-3, 2e-2)
+"""τ of the scale factor's grid relative to K₀: what read-outs have (PHYSICS §1(a): mismatch 1e-4…1e-2, gap nonlinearity of 1 to 10 % of
+the gap). What the data would have shown, were it there, leaves no doubt; what they are too noisy to show does. Harmonics below 20 ppm
+that the data do not show count as absent."""
+ABSENT = 0.01
+"""τ of an absent harmonic, in the same standard deviations."""
+ABSENT_TO_PRESENT = {"drift": (1.0, 4.0, 20.0), "scale": (0.1, 0.1, 5.0)}
+"""Odds before the data of harmonic 1, 2 and all higher ones of 2mθ (PHYSICS §0, harmonic theorem): one linear defect makes the first, two
+of them or a cubic term the second, more are needed above. Read-outs have some mismatch as a rule; absent harmonics within the sizes above
+are refuted by clean data whatever the odds."""
 SWEEPS, BURN_IN = 16, 4
 
 
-def groups_of(layout: Layout, kinds: Sequence[str]) -> list[Array]:
-    """Places (J, 2) in the coefficients of each harmonic k ≥ 1 of the given kinds ("drift", "scale")."""
+@dataclass(frozen=True)
+class Doubtful:
+    """A harmonic that may be absent: places (J, 2) in the coefficients, the odds of that before the data, and the sizes it may have."""
+
+    places: Array
+    odds: float
+    sizes: Array
+    relative: bool
+    """Whether the sizes are in standard deviations of the harmonic."""
+
+
+def doubtful_harmonics(layout: Layout, kinds: Sequence[str], scale_factor: float) -> list[Doubtful]:
+    """Every harmonic k ≥ 1 of the given kinds ("drift", "scale"); scale_factor: K₀."""
     out = []
     for kind in kinds:
-        limit, part = (layout.drift_harmonics, layout.drift) if kind == "drift" else (layout.scale_harmonics, layout.scale)
+        drift = kind == "drift"
+        limit, part = (layout.drift_harmonics, layout.drift) if drift else (layout.scale_harmonics, layout.scale)
+        sizes = np.array(DRIFT_SIZES) if drift else np.array(SCALE_FACTOR_SIZES) * abs(scale_factor)
         for k in range(1, limit + 1):
-            out.append(np.array([part(j).start + np.array([2 * k - 1, 2 * k]) for j in range(len(layout.nodes))]))
+            places = np.array([part(j).start + np.array([2 * k - 1, 2 * k]) for j in range(len(layout.nodes))])
+            out.append(Doubtful(places, ABSENT_TO_PRESENT[kind][min(k, 3) - 1], sizes, drift))
     return out
 
 
-def averaged(information: Array, vector: Array, seen: Array, groups: Sequence[Array], seed: int) -> Solution:
-    """Posterior mean and covariance of the coefficients with the groups' prior scales integrated out.
+def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[Doubtful], seed: int) -> Solution:
+    """Posterior mean and covariance of the coefficients with the doubtful harmonics' prior scales integrated out.
 
     information, vector: normal equations with unit noise; seen (size, p): the model's map, whose other directions stay at zero.
     """
     generator = np.random.default_rng(seed)
     active = np.flatnonzero(np.abs(seen).sum(axis=1) > 0)
     place = {int(full): i for i, full in enumerate(active)}
-    groups = [np.vectorize(place.__getitem__)(g) for g in groups]
+    groups = [np.vectorize(place.__getitem__)(d.places) for d in doubtful]
     A, b = information[np.ix_(active, active)], vector[active]
     diagonal = np.diag(A)
     # directions that no data see keep a finite, very wide variance
     A = A + np.diag(1e-10 * np.maximum(diagonal, 1e-12 * diagonal.max()))
     flat = np.linalg.solve(A, b)
     grids, scale = [], []
-    for g in groups:
-        common = float(np.mean([A[np.ix_(g[:, a], g[:, a])].sum() for a in (0, 1)]))
-        sizes = np.array(SCALES) / np.sqrt(common)
+    for g, harmonic in zip(groups, doubtful):
+        one_std = 1 / np.sqrt(float(np.mean([A[np.ix_(g[:, a], g[:, a])].sum() for a in (0, 1)])))
+        sizes = np.append(ABSENT * one_std, harmonic.sizes * (one_std if harmonic.relative else 1.0))
         sizes[-1] = max(sizes[-1], float(np.sqrt(np.mean(flat[g] ** 2))))
         grids.append(sizes**2)
-        scale.append(len(SCALES) - 1)
+        scale.append(len(sizes) - 1)
     nodes = len(groups[0]) if groups else 1
     one = COMMON_SHARE * np.ones((nodes, nodes)) + (1 - COMMON_SHARE) * np.eye(nodes)
     prior = np.kron(one, np.eye(2))
@@ -76,10 +99,8 @@ def averaged(information: Array, vector: Array, seen: Array, groups: Sequence[Ar
                 whitened = np.linalg.solve(factor, np.column_stack([mean[own], gain.T]))
                 logs.append(-0.5 * float(whitened[:, 0] @ whitened[:, 0]) - float(np.log(np.diag(factor)).sum()))
                 steps.append(whitened)
-            absent = sum(i == 0 for j, i in enumerate(scale) if j != n)
-            share = (ABSENT_BEFORE + absent) / (ABSENT_BEFORE + 1 + len(groups) - 1)
-            before = np.full(len(SCALES), (1 - share) / (len(SCALES) - 1))
-            before[0] = share
+            before = np.full(len(grids[n]), 1 / (len(grids[n]) - 1))
+            before[0] = doubtful[n].odds
             weights = before * np.exp(np.array(logs) - max(logs))
             weights /= weights.sum()
             if sweep >= BURN_IN:

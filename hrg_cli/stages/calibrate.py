@@ -12,7 +12,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.increments import path_of
 from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
-from ..fitting.shrinkage import averaged, groups_of
+from ..fitting.shrinkage import averaged, doubtful_harmonics
 from ..records import Calibration, Resonator, Wave
 from .calibration.checks import interpolation_doubt, noisy_angles, quadrature_left, stray_harmonics
 from .calibration.factors import build, measured_details, physical_covariance, variant
@@ -135,9 +135,9 @@ def calibrate(
             (layout.drift_harmonics if harmonics is None else drift_limit),
             (layout.scale_harmonics if scale_factor_harmonics is None else scale_limit),
         )
-        groups = groups_of(layout, doubtful)
+        in_doubt = doubtful_harmonics(layout, doubtful, float(np.mean(layout.tables(solution.coefficients)[1][:, 0])))
         everything = variant("table", layout, *stored).matrix
-        solution = averaged(A if penalty is None else A + penalty, b, everything, groups, seed)
+        solution = averaged(A if penalty is None else A + penalty, b, everything, in_doubt, seed)
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     scale_factor = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
 
@@ -212,6 +212,9 @@ def summary(record: Calibration) -> dict[str, Any]:
     }
     if "trade" in details:
         out["trade"] = details["trade"]
+    if "final_analysis" in details:
+        analysis = details["final_analysis"]
+        out |= {key: analysis[key] for key in ("loops", "readout_matrix", "factors", "significant", "correlated", "false_rate")}
     if "variants" in details:
         out["variants"] = [{"model": s["stage"], "coefficients": s["coefficients"], **_values(s)} for s in details["variants"]]
     return out

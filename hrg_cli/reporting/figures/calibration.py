@@ -51,9 +51,15 @@ def _node_axis(record: Calibration) -> str:
 
 def _map(record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str) -> Plot:
     node, angle = np.asarray(record.node), np.degrees(np.asarray(record.wave_angle_rad))
-    several = len(node) > 1
+    several = len(node) > 1 and len(angle) > 1
     figure, axes = panels(1, 2 if several else 1, height=2.9, width=8.2 if several else 7.2)
     ax = axes[0, 0]
+    if len(angle) == 1:
+        # a gyro without a wave angle: its bias and scale factor stand over the nodes
+        ax.errorbar(node, values[:, 0], deviation[:, 0], fmt="o-", ms=3.2, lw=1.1, capsize=2, color=SERIES[0])
+        labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
+        words = f"{label} over {len(node)} nodes ({_node_axis(record)} {spread(node)}): {spread(values[:, 0])}."
+        return Plot(key, f"{'Bias' if symbol == 'D' else 'Scale factor'} {symbol} against {record.axis}", words, figure)
     picked = np.unique(np.linspace(0, len(node) - 1, min(5, len(node))).round().astype(int))
     for k, i in enumerate(picked):
         colour = SERIES[k % len(SERIES)]

@@ -18,9 +18,20 @@ from ...records import Resonator
 Array = np.ndarray
 
 
+LEAST_FLATNESS = 0.1
+"""Least 1 − r²: a nearly circular orbit has no wave angle, and no drift formula."""
+
+
 def quadrature(path: Path) -> Array:
-    """r·(cos 2mθ, sin 2mθ): seed A (11), D = −2rδω cos ζ; coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
-    return np.asarray(path.middle(path.ratio)[:, None] * path.angle_basis(1)[:, 1:])
+    """r/(1 − r²)·(cos 2mθ, sin 2mθ): seed A (11), exact in r: D = −2rδω cos ζ/(1 − r²); coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
+    ratio = path.middle(path.ratio)
+    return np.asarray((ratio / np.maximum(1 - ratio**2, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:])
+
+
+def ellipticity(path: Path) -> Array:
+    """2r²/(1 − r²)·(cos 2mθ, sin 2mθ): what the damping anisotropy adds in an ellipse, νδμ sin χ·(1 + r²)/(1 − r²) (PHYSICS §4, (8))."""
+    square = path.middle(path.ratio) ** 2
+    return np.asarray((2 * square / np.maximum(1 - square, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:])
 
 
 def phase(path: Path) -> Array:
@@ -40,15 +51,20 @@ def mean_frequency(nodes: Array, axis: str, interpolation: str) -> Factor:
 
 
 def quadrature_drive(path: Path) -> Array:
-    """a_ΦB/a_A: phase error of the quadrature loop's force, D = −(a_ΦB/a_A)Δφ_B (PHYSICS C1)."""
-    assert path.drive_quadrature is not None
-    return path.middle(path.drive_quadrature / path.main_amplitude)[:, None]
+    """a_ΦB/a_A: phase error of the quadrature loop's force, D = −(a_ΦB/a_A)Δφ_B (PHYSICS C1); zero in free runs."""
+    return _a_second(path, path.drive_quadrature)[:, None]
 
 
 def main_drive(path: Path) -> Array:
-    """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): rotation, non-orthogonality and gain mismatch of the drive (PHYSICS C5, C4, C3)."""
-    assert path.drive_main is not None
-    return np.asarray(path.middle(path.drive_main / path.main_amplitude)[:, None] * path.angle_basis(1))
+    """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): the drive matrix, coefficients ρ, ε/2 and −g/2 (PHYSICS C5, C4, C3); zero in free runs."""
+    return np.asarray(_a_second(path, path.drive_main)[:, None] * path.angle_basis(1))
+
+
+def _a_second(path: Path, drive: Array | None) -> Array:
+    """A drive's log against the amplitude, 1/s (n,); a free run needs none."""
+    if drive is None or not path.forced:
+        return np.zeros(len(path))
+    return path.middle(np.divide(drive, path.main_amplitude, out=np.zeros(len(drive)), where=path.main_amplitude > 0))
 
 
 def forced_only(path: Path) -> Array:
@@ -60,13 +76,20 @@ def build(
     paths: Sequence[Path], nodes: Array, axis: str, interpolation: str, wanted: Sequence[str]
 ) -> tuple[dict[str, Factor], dict[str, int]]:
     """(factors, their widths) of the wanted names that these runs can carry."""
-    available: dict[str, tuple[Factor, int]] = {"quadrature": (quadrature, 2), "drive_matrix": (forced_only, 3)}
+    available: dict[str, tuple[Factor, int]] = {
+        "quadrature": (quadrature, 2),
+        "drive_matrix": (forced_only, 3),
+        "ellipticity": (ellipticity, 2),
+    }
     if all(np.isfinite(p.frequency_hz).all() for p in paths):
         available |= {"phase": (phase, 1), "mean_frequency": (mean_frequency(nodes, axis, interpolation), len(nodes))}
-    if all(p.drive_quadrature is not None and np.any(p.drive_quadrature) for p in paths):
-        available["quadrature_drive"] = (quadrature_drive, 1)
-    if all(p.drive_main is not None and np.any(p.drive_main) for p in paths):
-        available["main_drive"] = (main_drive, 3)
+    forced = [p for p in paths if p.forced]
+    for name, logs, factor, width in (
+        ("quadrature_drive", [p.drive_quadrature for p in forced], quadrature_drive, 1),
+        ("main_drive", [p.drive_main for p in forced], main_drive, 3),
+    ):
+        if forced and all(log is not None and np.isfinite(log).all() for log in logs) and any(np.any(log) for log in logs):
+            available[name] = (factor, width)
     chosen = {name: available[name] for name in wanted if name in available}
     return {name: f for name, (f, _) in chosen.items()}, {name: width for name, (_, width) in chosen.items()}
 

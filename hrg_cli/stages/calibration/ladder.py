@@ -19,12 +19,19 @@ LOOP_FACTORS = ("quadrature_drive", "main_drive")
 MEANING = {
     "quadrature": "measured quadrature, (11)",
     "quadrature_drive": "phase error of the quadrature loop",
-    "main_drive": "rotation, non-orthogonality and gain mismatch of the drive, by its log",
+    "main_drive": "drive matrix, by the drive's log",
     "drive_matrix": "drive matrix, forced runs against free ones",
 }
+EFFECTS = (("drive_rotation", 1.0, "rad"), ("drive_nonorthogonality", 2.0, "rad"), ("drive_gain_mismatch", -2.0, "1"))
+"""What the three coefficients of the drive matrix are, in the catalogue's names: ρ, ε/2, −g/2 of a_ΦA/a_A·(1, cos 2mθ, sin 2mθ)."""
+BESIDE = "ellipticity"
+"""Fitted beside the tables where free runs with their larger quadrature take part, not a factor of its own."""
 LEAST_INDEPENDENCE = 0.02
 """A factor with a smaller part of its columns outside the others' span is not told from them."""
 SIGNIFICANT = 3.0
+"""z above which a factor counts, if it also lowers the held-out χ²."""
+FALSE_RATE = 1.35e-3
+"""Part of absent factors that reach `SIGNIFICANT` by chance (upper tail of the normal distribution)."""
 
 
 @dataclass(frozen=True)
@@ -113,14 +120,26 @@ def _with_free_runs(
     layout, joint = forced.layout, forced
     factors = list(accepted)
     if free:
-        names = ["drive_matrix", "quadrature"] + [n for n in layout.factors if n in LOOP_FACTORS and n in accepted and _logged(free, n)]
+        names = ["quadrature", *LOOP_FACTORS, BESIDE]
         made, widths = build([*forced.paths, *free], layout.nodes, layout.axis, layout.interpolation, names)
+        if "main_drive" not in made:
+            unlogged = build([*forced.paths, *free], layout.nodes, layout.axis, layout.interpolation, ["drive_matrix"])
+            made, widths = made | unlogged[0], widths | unlogged[1]
         wide = Layout(
             layout.nodes, layout.axis, layout.mode_number, settings.drift_limit, settings.scale_limit, layout.interpolation, made, widths
         )
         joint = fit([*forced.paths, *free], wide)
-        factors = list(made)
+        tables = first_stages(wide, settings.drift_limit, settings.scale_limit)[-1].matrix
+        factors = []
+        for name in (n for n in made if n != BESIDE):
+            if (
+                _independence(joint, np.concatenate([tables, wide.of_factors(*factors)], axis=1), wide.of_factors(name))
+                > LEAST_INDEPENDENCE
+            ):
+                factors.append(name)
     base = first_stages(joint.layout, settings.drift_limit, settings.scale_limit)[-1].matrix
+    if BESIDE in joint.layout.factors:
+        base = np.concatenate([base, joint.layout.of_factors(BESIDE)], axis=1)
     final = Model("final", np.concatenate([base, joint.layout.of_factors(*factors)], axis=1))
     folds = time_folds(joint) if free else choose_folds(joint, 1)[0]
     groups = _groups(joint, settings, factors)
@@ -156,17 +175,42 @@ def _with_free_runs(
     analysis = {
         "factors": table,
         "significant": significant,
+        "false_rate": FALSE_RATE,
         "correlated": _correlated(joint, groups),
         "readout_matrix": _readout(joint, solution.coefficients, solution.covariance * joint.chi2_per_dof),
+        "loops": _loops(joint, factors, solution.coefficients, solution.covariance * joint.chi2_per_dof),
         "row": rows[0],
     }
     return ({**rows[0]} if free else None), analysis
 
 
-def _logged(paths: Sequence[Path], name: str) -> bool:
-    return all(
-        getattr(p, name.replace("quadrature_drive", "drive_quadrature").replace("main_drive", "drive_main")) is not None for p in paths
-    )
+def _loops(joint: Fitted, factors: Sequence[str], coefficients: Array, covariance: Array) -> list[dict[str, Any]]:
+    """What is wrong with the loops, in the catalogue's names: value, standard deviation, z (two-sided) of each element.
+
+    The drive matrix is seen in the pick-off's axes: a read-out matrix that also feeds the loops adds its own elements to it. Without
+    a log of the drive its elements come in rad/s and are divided by the damping rate, which the free runs show.
+    """
+    rows: list[tuple[str, float, float, str]] = []
+    std = np.sqrt(np.maximum(np.diag(covariance), 0))
+    if "quadrature_drive" in factors:
+        place = joint.layout.factor("quadrature_drive").start
+        rows.append(("quadrature_drive_phase_error", -coefficients[place], std[place], "rad"))
+    for name in ("main_drive", "drive_matrix"):
+        if name in factors:
+            damping = 1.0 if name == "main_drive" else _damping_rate(joint.paths)
+            first = joint.layout.factor(name).start
+            for k, (effect, factor, unit) in enumerate(EFFECTS):
+                rows.append((effect, factor * coefficients[first + k] / damping, abs(factor) * std[first + k] / damping, unit))
+    return [
+        {"name": effect, "value": float(value), "std": float(sigma), "units": unit, "z": float(value / sigma) if sigma > 0 else 0.0}
+        for effect, value, sigma, unit in rows
+    ]
+
+
+def _damping_rate(paths: Sequence[Path]) -> float:
+    """ν = −d ln a_A/dt of the free runs, 1/s."""
+    slopes = [float(np.polyfit(p.time_s, np.log(np.maximum(p.main_amplitude, 1e-300)), 1)[0]) for p in paths if not p.forced]
+    return max(-float(np.mean(slopes)), 1e-300)
 
 
 def _groups(joint: Fitted, settings: Settings, factors: Sequence[str]) -> dict[str, tuple[Array, str]]:

@@ -11,6 +11,7 @@ from ...errors import HrgError
 from ...fitting.fourier import coefficients_at, evaluate, harmonic_basis, node_weights
 from ...fitting.increments import Path
 from ...records import Calibration
+from .factors import quadrature
 
 Array = np.ndarray
 
@@ -74,9 +75,8 @@ def measured_drift(calibration: Calibration, path: Path) -> Array:
     part: dict[str, Any] | None = json.loads(calibration.details).get("measured")
     if not part:
         return np.zeros(len(path))
-    ratio = path.middle(path.ratio)
     if part["kind"] == "quadrature":
-        return np.asarray(ratio * (path.angle_basis(1)[:, 1:] @ np.array(part["coefficients"])))
+        return np.asarray(quadrature(path) @ np.array(part["coefficients"]))
     x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
     mean = coefficients_at(x, calibration.node, np.array(part["mean_frequency_hz"])[:, None], calibration.interpolation)[:, 0]
-    return np.asarray(-2 * ratio * 2 * np.pi * (path.middle(path.frequency_hz) - mean))
+    return np.asarray(-2 * path.middle(path.ratio) * 2 * np.pi * (path.middle(path.frequency_hz) - mean))
