@@ -24,6 +24,8 @@ WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
 
 SECOND_ORDER_REACH = 3.0
 """Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at 1."""
+MISFIT = 1.5
+"""χ² a degree of freedom above which something else than noise moves the scale of the second order."""
 SECOND_ORDER_DECIDED = 16.0
 """Difference of χ² between the scales 0 and 1 for which the better one is held, and distance² up to which it counts as met."""
 
@@ -150,7 +152,8 @@ def second_order(result: Fit) -> float | None:
     near = int(np.argmin(distance2))
     if distance2[near] < SECOND_ORDER_DECIDED < distance2[1 - near] - distance2[near]:
         return float(near)
-    return 1.0 if abs(result.p[6] - 0.5) > SECOND_ORDER_REACH else None
+    misfit = result.chi2 / result.dof > MISFIT
+    return 1.0 if misfit or abs(result.p[6] - 0.5) > SECOND_ORDER_REACH else None
 
 
 def _from_start(runs: Sequence[EnvelopeRun], known: Known, blocks: int, p: Array, offsets: Array) -> Fit | None:
