@@ -35,8 +35,18 @@ def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate
         "recording": {"duration_s": length},
     }
     if wave.mode == "forced":
-        run["control"] = {"mode": "forced"} | _loops(wave, max(float(fit.point.p[0]), 0.0))
+        run["control"] = {"mode": "forced"} | _loops(_moving(fit, own, wave), max(float(fit.point.p[0]), 0.0))
     return run
+
+
+def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
+    """The wave with the modelled motion's amplitudes: the simulated loops see those, without noise and the read-out's defects."""
+    good = [fit.series.weight[k] > 0 for k in own]
+    times = np.concatenate([fit.series.time_s[k][g] for k, g in zip(own, good, strict=True)])
+    u = np.concatenate([fit.prediction.motion[k][g] for k, g in zip(own, good, strict=True)])
+    a_A, a_B = ellipse.wave(u, fit.series.mode_number)[:2]
+    t = np.asarray(wave.time_s, float)
+    return wave.replace(main_amplitude=np.interp(t, times, a_A), quadrature_amplitude=np.interp(t, times, a_B))
 
 
 def _start(fit: Fit, k: int) -> Array:
