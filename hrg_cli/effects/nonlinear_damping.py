@@ -1,26 +1,54 @@
-"""Damping that grows with displacement squared.
+"""Damping that grows with a power of the displacement, by default its square.
 
-Physics: z'' = … − 2ν₂|z|² v (gap squeeze film, contact, nonlinear loss).
-Equation: u' = −ν₂[½(u†u) u − ¼(uᵀu) u*]; d ln a_A/dt = −ν₂(a_A² + 3a_B²)/4, d ln a_B/dt = −ν₂(3a_A² + a_B²)/4   (PHYSICS M6).
-The parameter is the damping ν₂/4 it adds at unit amplitude.
+Physics: z'' = … − 2ν₂|z|² v (gap squeeze film, contact, nonlinear loss); another `power` p: z'' = … − 2c|z|^p v (p = 1: drag that
+grows with the swing).
+Equation: u' = −ν₂[½(u†u) u − ¼(uᵀu) u*]; d ln a_A/dt = −ν₂(a_A² + 3a_B²)/4, d ln a_B/dt = −ν₂(3a_A² + a_B²)/4   (PHYSICS M6);
+of any power, u' = 2jc⟨|z|^p v e^{−jτ}⟩ over a period, z = Re u e^{jτ}, v = Re ju e^{jτ}, which is −c N_p a^p u for a_B = 0,
+N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter is the damping c N_p it adds at unit amplitude (ν₂/4 for p = 2).
 Size: 1e-4 … 1e-2 of ν.
 Mistaken for: drift of the damping in time or with temperature, cubic of the pick-off. What separates it: a long ring-down: curvature of
 ln a in a², not in t; ring-downs from two amplitudes.
 """
 
+import math
+
 import numpy as np
 
+from ..errors import HrgError
 from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
 from .effect import Array, Effect, Parameter, Values
 
+TURNS = np.exp(1j * np.pi * (np.arange(32) + 0.5) / 32)
+"""e^{jτ} over half a period, after which |z|^p v e^{−jτ} repeats."""
+
+
+def mean(power: float) -> float:
+    """N_p = 2⟨|cos|^p sin²⟩."""
+    return 2 * math.gamma((power + 1) / 2) / (math.sqrt(math.pi) * (power + 2) * math.gamma(power / 2 + 1))
+
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
-    """z'' −= 2ν₂|z|² v."""
-    plant.polynomial[POLYNOMIAL.index("r2_v")] -= 8 * p["damping_1_s"]
+    """z'' −= 2c|z|^p v."""
+    if p["power"] == 2:
+        plant.polynomial[POLYNOMIAL.index("r2_v")] -= 8 * p["damping_1_s"]
+        return
+    if plant.extra is not None:
+        raise HrgError(f"effects.nonlinear_damping: power {p['power']:g} stands beside another acceleration; only power 2 can")
+    factor, half = 2 * p["damping_1_s"] / mean(p["power"]), p["power"] / 2
+
+    def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+        loss = factor * (x * x + y * y) ** half
+        return -loss * vx, -loss * vy
+
+    plant.extra = acceleration
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
-    """−ν₂[½(u†u) u − ¼(uᵀu) u*]."""
+    """−ν₂[½(u†u) u − ¼(uᵀu) u*] for the square, else the mean over a period."""
+    if p["power"] != 2:
+        turned = u[..., None] * TURNS
+        size = np.sum(turned.real**2, axis=-2, keepdims=True) ** (p["power"] / 2)
+        return -2j * p["damping_1_s"] / mean(p["power"]) * np.mean(size * turned.imag * np.conj(TURNS), axis=-1)
     size, square = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
     return -p["damping_1_s"] * (2 * size * u - square * np.conj(u))
 
@@ -29,7 +57,10 @@ EFFECT = Effect(
     name="nonlinear_damping",
     family="resonator",
     page=__doc__,
-    parameters=(Parameter("damping_1_s", "s-1", 1e-3, "damping ν₂/4 added at unit amplitude", amplitude_power=-2),),
+    parameters=(
+        Parameter("damping_1_s", "s-1", 1e-3, "damping ν₂/4 added at unit amplitude", amplitude_power=-2),
+        Parameter("power", "1", 2.0, "power p of the amplitude", neutral=2.0, fitted=False),
+    ),
     mistaken_for=("damping_drift", "thermal_damping", "pickoff_nonlinearity"),
     next_experiment="ring-downs from two amplitudes at one temperature: this damping follows a², a drift follows time",
     plant=plant,

@@ -136,6 +136,10 @@ class Prediction:
         """Reals (R, n, 4, K) over σ as the fit weighs them: as they are, or through the filter of the noise's colour."""
         return x if self.series.colour is None else self.series.colour.whitened(x, self.seen)
 
+    def uncoloured(self) -> Prediction:
+        """The same with residuals over σ as they are."""
+        return replace(self, series=replace(self.series, colour=None))
+
     def judged(self, change: Array) -> Array:
         """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn of both channels."""
         change = change * self.series.weight[..., None, None]

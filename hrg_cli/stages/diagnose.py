@@ -23,7 +23,9 @@ from ..fitting.extended import Point, Series
 from ..fitting.extended_fit import Fit, Freedom
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
+from .diagnosis.closing import completed, opened
 from .diagnosis.data import prepare
+from .diagnosis.form import better
 from .diagnosis.gain import held_out
 from .diagnosis.model import simulation_file
 from .diagnosis.orientation import oriented
@@ -32,6 +34,7 @@ from .diagnosis.remainder import Remainder, adequacy, describe
 from .diagnosis.report import report as report_of
 from .diagnosis.search import SIGNIFICANT, WORTH, Search, Variant, adopted, select, variants
 from .diagnosis.tones import Tone, strongest, without
+from .diagnosis.wander import wandering
 from .diagnosis.waveform import causes, phase_steps, split_at
 
 Array = np.ndarray
@@ -79,15 +82,23 @@ def diagnose(
         pieces = without(pieces, tone)
         base = fitted(pieces)
     candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
-    base = oriented(base, candidates)
-    search, remainder, noise_factor = _explain(base, candidates, most_effects)
+    base = wandering(oriented(base, candidates), candidates)
+    most = most_effects if base.series.colour is None else min(2, most_effects)
+    search, remainder, noise_factor = _explain(base, candidates, most)
     level = _noise_level(search.final, remainder)
     if level is not None:
         base = _reweighted(base, level)
         untouched = _reweighted(untouched, level)
         search, remainder, noise_factor = _explain(base, candidates, most_effects)
     search, frequencies = between_runs(search, candidates, noise_factor)
-    verdict, search, remainder = _verdict(search, remainder, noise_factor)
+    wanders = base.series.colour is not None
+    search, form = better(search, candidates, noise_factor, most_effects) if wanders else (search, None)
+    if form is None:
+        verdict, search, remainder = _verdict(search, remainder, noise_factor)
+        search, form = (search, None) if wanders else better(search, candidates, noise_factor, most_effects)
+    if form is not None:
+        verdict, remainder = "partly explained", _rest(search.final, noise_factor)
+    verdict = opened(verdict, search, form)
     frequency = base.series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)
     shown, lines = causes(waves, steps, tones, frequency, [f.variant.effect.name for f in search.found])
     if shown and verdict in ("adequate", "unexplained"):
@@ -99,6 +110,7 @@ def diagnose(
     report["effects"] = shown + report["effects"]
     report["lines"] = lines
     report["frequencies"] = frequencies
+    report = completed(report, search, form, candidates)
     return _record(search, waves, pieces, origin, verdict, report)
 
 
@@ -130,6 +142,8 @@ def _reweighted(fit: Fit, level: float) -> Fit:
 
 def _noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None where they agree."""
+    if fit.series.colour is not None:
+        return None
     values = np.zeros((*fit.series.weight.shape, 4))
     values[tuple(fit.rows.T)] = (remainder.fit if remainder else fit).residual
     ok = fit.series.weight > 0
@@ -208,7 +222,7 @@ def _record(
     good = series.weight > 0
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]
     measured = series.envelope[good]
-    before, after = search.base.prediction.residual()[good], search.final.prediction.residual()[good]
+    before, after = (f.prediction.uncoloured().residual()[good] for f in (search.base, search.final))
     from ..physics import ellipse
 
     a_A, _, angle, phase = ellipse.wave(measured, series.mode_number)

@@ -244,7 +244,7 @@ def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, 
     seen_at_once = [pair for pair in pairs if pair[0].readout]
     direct = _columns(seen_at_once, flow.prediction.seen, fit.series)
     for (place, covariate), part in zip(seen_at_once, direct, strict=True):
-        columns[place.name, covariate.formula] = flat(fit.series, part * fit.series.weight[..., None, None])
+        columns[place.name, covariate.formula] = flat(fit.series, flow.prediction.judged(part))
     parts = [columns[place.name, covariate.formula] for place, covariate in pairs]
     found = evidence.scores([f"{place.name} × {covariate.formula}" for place, covariate in pairs], residual, parts, Q)
     return [Term(place, covariate, score, part) for (place, covariate), score, part in zip(pairs, found, parts, strict=True)]
@@ -355,7 +355,7 @@ def smooth_columns(fit: Fit) -> Array:
             for vector in (along[k], 1j * along[k], across[k], 1j * across[k]):
                 out[k, :, :, column] = real(g * vector)
                 column += 1
-    return flat(series, out)
+    return flat(series, fit.flow.prediction.whitened(out * series.weight[..., None, None]) if series.colour is not None else out)
 
 
 def adequacy(fit: Fit) -> tuple[float, float]:

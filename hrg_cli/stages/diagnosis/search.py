@@ -106,8 +106,8 @@ def _thinkable(score: Score, variant: Variant, amplitude: float) -> bool:
     return bool(np.all((np.abs(score.estimate) - 5 * score.std <= limits)[known]))
 
 
-def adopted(fit: Fit, score: Score, variant: Variant) -> Fit:
-    """The fit again with one more effect, from the score's estimate."""
+def adopted(fit: Fit, score: Score, variant: Variant, most: int = 15) -> Fit:
+    """The fit again with one more effect, from the score's estimate, in at most so many steps."""
     values = dict(variant.values)
     for (name, _), estimate in zip(variant.steps.items(), score.estimate, strict=True):
         if np.isfinite(estimate):
@@ -115,7 +115,7 @@ def adopted(fit: Fit, score: Score, variant: Variant) -> Fit:
     if variant.effect.name == "saturation":
         values["inverse_level"] = variant.steps["inverse_level"]
     point = extended_fit.with_effect(fit.point, variant.effect, values)
-    return extended_fit.fit(fit.series, point, fit.freedom)
+    return extended_fit.fit(fit.series, point, fit.freedom, most)
 
 
 def bic(fit: Fit) -> float:
