@@ -19,6 +19,8 @@ from ..physics import ellipse
 from ..physics.plant import Control, Environment, Plant, Readout, SlowState
 
 Array = np.ndarray
+ROUNDING = 1e-9
+"""Part of a temperature's range below which a change from row to row is none."""
 Values = Mapping[str, float]
 
 
@@ -133,8 +135,9 @@ def along(vector: Array, direction: Array) -> Array:
 
 
 def branch(temperature: Array) -> Array:
-    """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change."""
+    """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change; rounding is no change."""
     steps = np.diff(temperature)
+    steps = np.where(np.abs(steps) > ROUNDING * np.ptp(temperature), steps, 0.0)
     sign = np.sign(np.concatenate([steps[:1], steps]))
     last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
     return sign[last]
