@@ -19,12 +19,11 @@ from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .likelihood import Freedom
+from .method_ranges import out_of_range, warnings
 
 Array = np.ndarray
 WIDE_STEP = 3.0
 """Step over the median from which two rows are no neighbours: a gap."""
-CIRCULAR = 0.9
-"""|a_B/a_A| above which the axes of the ellipse are too ill-defined for a method that uses them."""
 
 
 @dataclass(frozen=True)
@@ -288,7 +287,6 @@ METHODS: dict[str, Callable[..., Equations]] = {
     "products": products,
     "stokes": stokes,
 }
-USES_AXES = ("moving-axes", "moving-axes-small-quadrature", "increments", "rotation-integrals")
 
 
 @dataclass(frozen=True)
@@ -380,45 +378,3 @@ def _covariance(
         total += covariance
         squares.append(misfit(run)[variance > 0] ** 2 / variance[variance > 0])
     return total * float(np.concatenate(squares).mean())
-
-
-def roundness(runs: Sequence[EnvelopeRun]) -> float:
-    """Largest median |a_B/a_A| of the runs."""
-    worst = 0.0
-    for run in runs:
-        a, b, _, _ = ellipse.wave(run.envelope, 1)
-        worst = max(worst, float(np.quantile(np.abs(b) / np.maximum(a, 1e-300), 0.95)))
-    return worst
-
-
-def quadrature_significance(runs: Sequence[EnvelopeRun]) -> float:
-    """Mean (a_B/σ)² above the 1 of pure noise, in its standard errors."""
-    x = np.concatenate([ellipse.wave(r.envelope, 1)[1] / r.std for r in runs])
-    return float((np.mean(x**2) - 1) * np.sqrt(len(x) / 2))
-
-
-def out_of_range(runs: Sequence[EnvelopeRun], method: str) -> str:
-    """Why a method cannot answer with these runs; empty: it can."""
-    r = roundness(runs)
-    if method in USES_AXES and r > CIRCULAR:
-        return f"{method} needs an elongated wave, |a_B/a_A| reaches {r:.2g}; use stokes or likelihood"
-    return ""
-
-
-def warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool) -> list[str]:
-    """Sentences about known biases of a method on these runs."""
-    out = []
-    r = roundness(runs)
-    if method == "moving-axes-small-quadrature" and r > 0.03:
-        out.append(
-            f"moving-axes-small-quadrature drops terms in a_B/a_A, which reaches {r:.2g}: ν and the damping split "
-            "are biased (seed A 14, 16)"
-        )
-    if eliminate_rate and method in ("fixed-axes", "fixed-axes-weighted", "products"):
-        out.append(
-            "the published elimination KΩ := −mθ̇ deletes the drift it seeks: the damping split comes out halved "
-            "(with quadrature or rotation its axis is wrong as well); use the true rate"
-        )
-    if method in USES_AXES and quadrature_significance(runs) < 3:
-        out.append("the quadrature is lost in the noise: the frequency split is skipped")
-    return out

@@ -15,7 +15,8 @@ import numpy as np
 from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
-from .regressions import USES_AXES, Ellipse, Regression, ellipse_of, out_of_range, quadrature_significance
+from .method_ranges import USES_AXES, out_of_range, quadrature_significance
+from .regressions import Ellipse, Regression, ellipse_of
 
 Array = np.ndarray
 METHOD = "rotation-integrals"

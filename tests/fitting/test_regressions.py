@@ -90,6 +90,13 @@ def test_small_quadrature_is_biased_and_says_so():
     assert any("biased" in w for w in answer.warnings)
 
 
+def test_a_wave_lost_in_noise_is_said():
+    runs, space = thin(programme(std=0.1, window=2e-2), blocks=200)
+    assert any("below 10 standard deviations" in w for w in regressions.solve(runs, space, "products").warnings)
+    runs, space = thin(programme(std=0.01, window=2e-2), blocks=200)
+    assert not regressions.solve(runs, space, "products").warnings
+
+
 def test_circular_orbits_leave_only_the_methods_without_axes():
     runs, space = thin(programme(std=1e-4, ratio=0.97))
     assert "elongated" in regressions.solve(runs, space, "moving-axes").refused

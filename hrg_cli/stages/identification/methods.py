@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting import coordinates, envelope_runs, propagator, regressions, resampling, rotation_integrals, working_mode
+from ...fitting import coordinates, envelope_runs, method_ranges, propagator, regressions, resampling, rotation_integrals, working_mode
 from ...fitting.base_fit import Known, base_fit, check, nominal_scale_factor, start
 from ...fitting.envelope_runs import EnvelopeRun
 from ...fitting.likelihood import Fit, Freedom, State, batch, fit, respond
@@ -84,7 +84,7 @@ def regression(method: str, thin: Sequence[EnvelopeRun], p: Array, covariance: A
     """One method's answer."""
     if method == "propagator":
         full = space.directions @ covariance @ space.directions.T
-        return Regression(p, full)
+        return Regression(p, full, method_ranges.warnings(thin, method, False))
     if method == "rotation-integrals":
         return rotation_integrals.solve(thin)
     return regressions.solve(thin, space, method, eliminate_rate)
@@ -149,7 +149,7 @@ def _physical(
             present.add(name)
     if known.scale_factor is not None or max(float(np.ptp(r.turn_rad)) for r in thin) == 0:
         present.discard("scale_factor")
-    if method in regressions.USES_AXES and any("frequency split is skipped" in w for w in answer.warnings):
+    if method in method_ranges.USES_AXES and any("frequency split is skipped" in w for w in answer.warnings):
         present -= {"frequency_split_rad_s", "stiffness_axis_rad"}
     values = {n: float(v) for n, v in zip(ORDER, [0.0, *numbers]) if n in present}
     std = dict(zip(ORDER, map(float, np.sqrt(np.maximum(0.0, np.diag(covariance))))))
