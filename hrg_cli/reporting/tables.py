@@ -78,6 +78,8 @@ def _diagnosis(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[A
             rows.append(("  next", effect["next_experiment"], "", "", ""))
     if report.get("remainder"):
         rows.append(("remainder", report["remainder"]["description"], "", "", ""))
+    if report.get("forecast"):
+        rows.append(("forecast", report["forecast"]["sentence"], "", "", ""))
     before, after = report.get("baseline", {}), report.get("after", {})
     rows.append(
         (

@@ -24,6 +24,7 @@ from .drawing import (
     scatter_with_mean,
     time_unit,
 )
+from .forecast import forecast_plots
 
 
 def diagnosis_plots(record: Diagnosis) -> list[Plot]:
@@ -34,6 +35,7 @@ def diagnosis_plots(record: Diagnosis) -> list[Plot]:
         found.append(_ranking(report))
     if isinstance(report.get("gain"), dict):
         found.append(_gain(report))
+    found += forecast_plots(report)
     if len(record):
         for k, name in enumerate(json_list(record.series)):
             if k < record.residual_before.shape[1]:

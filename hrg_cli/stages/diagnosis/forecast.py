@@ -85,7 +85,7 @@ def forecast(search: Search, form: Form | None, candidates: Sequence[Variant], s
         if fit is not None:
             there = _errors(fit, series, train)
             alternatives.append({"name": rival, "instead_of": one, **there.figures(series.mode_number), **_gain(before, there, rng)})
-    return {
+    found = {
         "train_fraction": TRAIN,
         "before": before.figures(series.mode_number),
         "after": now.figures(series.mode_number),
@@ -94,6 +94,7 @@ def forecast(search: Search, form: Form | None, candidates: Sequence[Variant], s
         "alternatives": alternatives,
         "course": _course(before, now, series),
     }
+    return found | {"sentence": sentence(found)}
 
 
 @dataclass(frozen=True)
@@ -192,10 +193,8 @@ def _course(before: Errors, after: Errors, series: Series) -> list[dict[str, Any
     return out
 
 
-def sentence(report: Mapping[str, Any] | None) -> str:
+def sentence(report: Mapping[str, Any]) -> str:
     """The forecast in one line."""
-    if not report:
-        return ""
     b, a = report["before"], report["after"]
     return (
         f"last {100 * (1 - report['train_fraction']):.0f} % of the run from the first: "

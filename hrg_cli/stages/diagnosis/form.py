@@ -17,6 +17,7 @@ import numpy as np
 from ...effects import nonlinear_damping
 from ...effects.effect import Effect, Parameter
 from ...fitting import extended_fit
+from ...fitting.evidence import Score
 from ...fitting.extended_fit import Fit
 from ...physics.plant import SlowState
 from .search import Found, Search, Variant, adopted, bic, scored
@@ -215,7 +216,7 @@ def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         trials = []
         for score, variant in ranked[:SHORTLIST]:
             with contextlib.suppress(extended_fit.DivergedError):
-                trials.append((adopted(fit, score, variant, QUICK), score, variant))
+                trials.append((_tried(fit, score, variant), score, variant))
         trials = [t for t in trials if bic(fit) - bic(t[0]) > WORTH * noise_factor]
         if not trials:
             break
@@ -226,6 +227,14 @@ def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         found.append(Found(variant, score, len(ranked), (bic(fit) - bic(best)) / noise_factor, rivals))
         fit = extended_fit.fit(best.series, best.point, best.freedom)
     return fit, found
+
+
+def _tried(fit: Fit, score: Score, variant: Variant) -> Fit:
+    """The fit with one more cause, from its score's estimate, in a few steps."""
+    values = dict(variant.values)
+    for name, estimate in zip(variant.steps, score.estimate, strict=True):
+        values[name] += float(estimate) if np.isfinite(estimate) else 0.0
+    return extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, variant.effect, values), fit.freedom, QUICK)
 
 
 def _edge(passive: Fit, direction: Array) -> Fit | None:
