@@ -143,7 +143,7 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
 
 
 def figure(study: dict[str, Any]) -> Figure:
-    """Scatter over the Cramér–Rao bound of every method and parameter, and how often its 95 % interval holds the truth."""
+    """Scatter over the Cramér–Rao bound of every method and parameter, and how often its 68 and 95 % intervals hold the truth."""
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(11, 6), layout="constrained")
@@ -153,12 +153,18 @@ def figure(study: dict[str, Any]) -> Figure:
         rows = {r["method"]: r for r in study["rows"] if r["parameter"] == name}
         place = [methods.index(m) + 0.1 * (k - 2.5) for m in rows]
         left.plot([r["scatter"] for r in rows.values()], place, "o", color=f"C{k}", label=name, markersize=4)
-        right.plot([r["coverage_95"] for r in rows.values()], place, "o", color=f"C{k}", markersize=4)
+        for key, fill in (("coverage_68", "none"), ("coverage_95", "full")):
+            right.plot([r[key] for r in rows.values()], place, "o", color=f"C{k}", markersize=4, fillstyle=fill)
+    scatters = [r["scatter"] for r in study["rows"]]
     left.set_xscale("log")
+    left.set_xlim(min(0.5, 0.8 * min(scatters)), max(5.0, 1.5 * max(scatters)))
     left.axvline(1.0, color="0.5", linewidth=0.8)
     left.set_yticks(range(len(methods)), methods)
+    left.set_ylim(-0.5, len(methods) - 0.5)
     left.set(xlabel="rms error / Cramér–Rao bound", title=f"{study['draws']} programmes, noise {study['noise']:g}")
-    right.axvline(95.0, color="0.5", linewidth=0.8)
-    right.set(xlabel="truth inside the 95 % interval, %")
+    for level in (68.3, 95.0):
+        right.axvline(level, color="0.5", linewidth=0.8)
+    right.set_xlim(0, 101)
+    right.set(xlabel="truth inside the 68 % (open) and 95 % (full) interval, %")
     left.legend(fontsize=7)
     return drawing
