@@ -24,6 +24,10 @@ STEP_ANGLE = 0.05
 FEWEST, MOST = 120, 1500
 GAP = 2.5
 """Steps over the usual one from which a gap is bridged by empty rows."""
+DEGREES, ENDS = 3, 3
+"""Highest power of time by which a temperature log is smoothed, and rows at its ends that do not count."""
+EXACT = 1e-6
+"""Misfit, as a part of its range, below which a temperature log is the polynomial."""
 QUIET = 1e-3
 """Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
@@ -179,8 +183,20 @@ def _amplitude(u: Array) -> Array:
 
 
 def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -> Array:
-    """Temperature by lines through about `pieces` local means where the thermometer is noisy: its slope is not the noise's."""
+    """Temperature by a line or a low polynomial, else by lines through about `pieces` local means where the thermometer is noisy.
+
+    Its slope is then not the noise's.
+    """
     rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
+    if np.ptp(values) == 0:
+        return values
+    if not always and len(t) > 4 * ENDS:
+        x, inner = (t - t.mean()) / np.ptp(t), slice(ENDS, -ENDS)  # a log's first and last value may have been held beyond it
+        for degree in range(1, DEGREES + 1):
+            curve = np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x[inner], values[inner], degree))
+            # second differences of white noise are √6 times as large
+            if np.median(np.abs(values - curve)) <= max(1.2 * rough / np.sqrt(6), EXACT * float(np.ptp(values))):
+                return curve
     if len(t) < 2 * min(pieces, 40) or (not always and rough < QUIET * float(np.ptp(values))):
         return values
     parts = np.array_split(np.arange(len(t)), pieces)

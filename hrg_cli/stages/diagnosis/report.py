@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting import evidence
+from ...effects import find
+from ...fitting import evidence, extended_fit
 from ...fitting.coordinates import physical
 from ...fitting.evidence import Score
 from ...fitting.extended_fit import Fit
@@ -15,10 +16,14 @@ from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .gain import Gain, figures
 from .remainder import Remainder, Term
-from .search import Found, Search, Variant
+from .search import IN_THE_LOG, Found, Search, Variant
 
 Array = np.ndarray
 ONE_SIDED = 1.645
+FAINT = 0.02
+"""Independence beside the base model below which a cause is told from it only by what no model is exact enough for."""
+BASE = ("damping", "damping split", "damping split", "frequency split", "frequency split", "scale factor", "second order of the model")
+"""The fitted coordinates in words."""
 WRONG = 4.0
 """σ from which a base value counts as wrong."""
 SAME_AS_BASE = {
@@ -48,7 +53,7 @@ def report(
         "after": _figures(search.final),
         "gain": figures(gain),
         "tested": _tested(search, noise_factor, by_name),
-        "not_separable": _not_separable(search),
+        "not_separable": _not_separable(search, by_name),
         "noise_factor": noise_factor,
         "correlations": _correlations(search),
         "remainder": None if remainder is None else describe(remainder, search.final),
@@ -171,19 +176,55 @@ def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float |
     return float(max(sizes[j] for j in same)), units[names[k]]
 
 
-def _not_separable(search: Search) -> list[dict[str, Any]]:
-    """Pairs the runs cannot tell apart: exact ones with the base model, and candidates whose spaces coincide."""
+def _not_separable(search: Search, by_name: dict[str, Variant]) -> list[dict[str, Any]]:
+    """What the runs cannot tell apart: causes from the base model, causes from one another, and the experiment that would."""
     out: list[dict[str, Any]] = []
-    turning = bool(np.abs(search.base.series.rate_rad_s).max() > 0)
     for score in search.first:
-        if not score.visible and score.name in SAME_AS_BASE and (turning or score.name != "table_rate_error"):
-            out.append({"effects": [score.name], "base": SAME_AS_BASE[score.name]})
+        if score.visible and score.independence > FAINT:
+            continue
+        variant = by_name[score.name]
+        base = SAME_AS_BASE.get(score.name) or _hidden_behind(search.base, variant)
+        if base and (score.name != "table_rate_error" or np.any(search.base.series.rate_rad_s)):
+            out.append({"effects": [score.name], "base": base, "next_experiment": variant.effect.next_experiment})
+    if np.any(search.base.series.quadrature_drive):
+        gain, std = _loop_gain(search.base)
+        base = f"the logged command of the quadrature loop, which holds all it does; by the log its gain is {gain:.3g} ± {std:.1g} 1/s"
+        out.append({"effects": [IN_THE_LOG], "base": base, "next_experiment": find(IN_THE_LOG).next_experiment})
     visible = [s for s in search.first if s.visible]
     for i, a in enumerate(visible):
         alike = [b.name for b in visible[i + 1 :] if a.rank == b.rank and evidence.alike(a, b) > 0.999]
         if alike:
-            out.append({"effects": [a.name, *alike], "base": None})
+            sentences = dict.fromkeys(by_name[name].effect.next_experiment for name in (a.name, *alike))
+            out.append({"effects": [a.name, *alike], "base": None, "next_experiment": "; ".join(s for s in sentences if s)})
     return out
+
+
+def _hidden_behind(fit: Fit, variant: Variant) -> str:
+    """Base parameters that do what the effect would, largest first; empty where the effect does nothing in these runs."""
+    S = extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps)
+    size = np.linalg.norm(S, axis=0)
+    if not np.all(np.isfinite(size)) or not size.any():
+        return ""
+    part = np.abs(fit.covariance @ (fit.design.T @ (S / np.where(size > 0, size, 1.0)))) * np.linalg.norm(fit.design, axis=0)[:, None]
+    shares: dict[str, float] = {}
+    for name, share in zip(fit.names, part.max(axis=1), strict=True):
+        word = BASE[int(name[1:])] if name[0] == "p" and name[1:].isdigit() else "the runs' own frequencies" if name.endswith(".4") else ""
+        if word:
+            shares[word] = max(shares.get(word, 0.0), float(share))
+    largest = max(shares.values(), default=0.0)
+    named = [word for word, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share > 0.3 * largest and share > 0.1]
+    return ", ".join(named[:3])
+
+
+def _loop_gain(fit: Fit) -> tuple[float, float]:
+    """Gain k of the logged command −k a_B of the forced runs, and its σ, 1/s."""
+    from ...physics import ellipse
+
+    good = (fit.series.weight > 0) & (fit.series.forced > 0)
+    quadrature, command = ellipse.wave(fit.series.envelope[good], 1)[1], fit.series.quadrature_drive[good]
+    power = float(quadrature @ quadrature)
+    gain = -float(quadrature @ command) / power
+    return gain, float(np.sqrt(np.mean((command + gain * quadrature) ** 2) / power))
 
 
 def _correlations(search: Search) -> dict[str, Any]:

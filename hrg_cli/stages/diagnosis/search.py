@@ -24,6 +24,8 @@ MOST_TYPICAL = 1000.0
 SHORTLIST = 3
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
+IN_THE_LOG = "finite_quadrature_gain"
+"""No candidate where the loop's command is logged: the log holds whatever the loop does."""
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
 
@@ -73,6 +75,8 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
         if "reference_temperature_degc" in values:
             values["reference_temperature_degc"] = middle
         steps = extended_fit.steps_of(effect, amplitude)
+        if effect.name == IN_THE_LOG and np.any(series.quadrature_drive):
+            continue
         if effect.name == "saturation":
             for share in (0.7, 0.8, 0.88, 0.94, 0.98):
                 out.append(Variant(effect, values, {"inverse_level": 1 / (share * float(np.quantile(seen, 0.999)))}))
@@ -106,16 +110,24 @@ def _thinkable(score: Score, variant: Variant, amplitude: float) -> bool:
     return bool(np.all((np.abs(score.estimate) - 5 * score.std <= limits)[known]))
 
 
-def adopted(fit: Fit, score: Score, variant: Variant, most: int = 15) -> Fit:
-    """The fit again with one more effect, from the score's estimate, in at most so many steps."""
-    values = dict(variant.values)
+def adopted(fit: Fit, score: Score, variant: Variant) -> Fit:
+    """The fit again with one more effect, from the score's estimate; parameters these runs do not show stay neutral."""
+    values, effect = dict(variant.values), variant.effect
+    unseen = {name for name, std in zip(variant.steps, score.std, strict=True) if not np.isfinite(std)}
+    if unseen and len(unseen) < len(variant.steps):
+        effect = replace(effect, parameters=tuple(replace(p, fitted=p.fitted and p.name not in unseen) for p in effect.parameters))
     for (name, _), estimate in zip(variant.steps.items(), score.estimate, strict=True):
         if np.isfinite(estimate):
             values[name] += float(estimate)
-    if variant.effect.name == "saturation":
+    if effect.name == "saturation":
         values["inverse_level"] = variant.steps["inverse_level"]
-    point = extended_fit.with_effect(fit.point, variant.effect, values)
-    return extended_fit.fit(fit.series, point, fit.freedom, most)
+    point = extended_fit.with_effect(fit.point, effect, values)
+    return extended_fit.fit(fit.series, point, fit.freedom)
+
+
+def as_fitted(variant: Variant, fit: Fit) -> Variant:
+    """The variant with its effect as it stands in the fit: unseen parameters held."""
+    return replace(variant, effect=next(effect for effect, _ in fit.point.active if effect.name == variant.effect.name))
 
 
 def bic(fit: Fit) -> float:
@@ -142,9 +154,7 @@ def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
     return Search(base, fit, tuple(found), first, tuple(s for s, _ in scored(fit, candidates)), tuple(narrate))
 
 
-def best_step(
-    fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: float, rounds: int = ROUNDS
-) -> tuple[Fit, Found] | None:
+def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: float, rounds: int = ROUNDS) -> tuple[Fit, Found] | None:
     """The best next effect, its rivals refitted too; None when nothing is significant.
 
     Far from a linear residual the best score may belong to an effect whose refit fails; then the next ones are tried.
@@ -181,20 +191,37 @@ def best_step(
         for s, _ in ranked
         if s.name != score.name and s.visible and s.name not in rivals and evidence.alike(s, score) > TOGETHER and s.rank == score.rank
     ]
-    return chosen, Found(variant, score, tried, gain, tuple(rivals))
+    return chosen, Found(as_fitted(variant, chosen), score, tried, gain, tuple(rivals))
 
 
 def exchanged(fit: Fit, found: list[Found], candidates: Sequence[Variant], noise_factor: float) -> tuple[Fit, list[Found]]:
-    """Replace an earlier effect by another where the later ones have made that better."""
+    """Every effect against all others beside the rest of those found: what is better takes its place, what is as good is its rival.
+
+    An effect may become visible only beside the later ones (a lag beside a temperature dependence), so its turn comes here.
+    """
     if len(found) < 2:
         return fit, found
-    for k, old in enumerate(found[:-1]):
+    for k, old in enumerate(found):
         reduced = extended_fit.fit(fit.series, extended_fit.without(fit.point, old.variant.effect.name), fit.freedom)
-        ranked = [pair for pair in scored(reduced, candidates)]
-        step = best_step(reduced, ranked, noise_factor)
-        if step is not None and step[1].variant.effect.name != old.variant.effect.name and bic(step[0]) < bic(fit) - WORTH * noise_factor:
-            fit = step[0]
-            found = [*found[:k], step[1], *found[k + 1 :]]
+        lost = reduced.chi2 - fit.chi2
+        needed = min(0.9 * lost, lost - 2 * WORTH * noise_factor)
+        others = [pair for pair in scored(reduced, candidates) if pair[0].visible and pair[0].name != old.variant.effect.name]
+        trials = []
+        for score, variant in [pair for pair in others if pair[0].gain > needed][:SHORTLIST]:
+            with contextlib.suppress(extended_fit.DivergedError):
+                trial = adopted(reduced, score, variant)
+                trials.append((bic(trial), trial, Found(as_fitted(variant, trial), score, old.tried, old.delta_bic, ())))
+        trials.sort(key=lambda t: t[0])
+        here = bic(fit)
+        if trials and trials[0][0] < here:
+            level, fit, new = trials.pop(0)
+            trials.append((here, fit, old))
+            old = new
+        else:
+            level = here
+        close = [t[2].variant.effect.name for t in trials if t[0] < level + WORTH * noise_factor]
+        rivals = tuple(dict.fromkeys([*(r for r in old.rivals if r != old.variant.effect.name), *close]))
+        found = [*found[:k], replace(old, rivals=rivals), *found[k + 1 :]]
     return fit, found
 
 
