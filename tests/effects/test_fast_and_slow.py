@@ -95,6 +95,15 @@ def test_fast_and_slow_agree(effect):
     )  # its branch jumps between grid rows
 
 
+@pytest.mark.parametrize("power", (1.0, 3.0))
+def test_a_damping_of_another_power_is_the_same_in_both_engines(power):
+    given = {"nonlinear_damping": {"damping_1_s": 0.2, "power": power}}
+    fast, slow, plain_fast, plain_slow = envelopes(*(wave(model, table, False) for table in (given, {}) for model in ("fast", "slow")))
+    changed_fast, changed_slow = fast - plain_fast, slow - plain_slow
+    assert np.abs(changed_fast).max() > 1e-3
+    assert np.abs(changed_fast - changed_slow).max() < 0.01 * np.abs(changed_fast).max() + np.abs(plain_fast - plain_slow).max()
+
+
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 def test_neutral_values_do_nothing(effect):
     from hrg_cli.physics.plant import SlowState
