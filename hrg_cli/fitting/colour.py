@@ -22,6 +22,8 @@ SLOWEST = 20
 """Part of the run a wander's rate may stay correlated: what is slower cannot be told from a fault of the model."""
 FEWEST, MOST_ROWS = 40, 240
 """Rows from which a colour is estimated, and rows to which the residual is averaged for that."""
+LARGEST = 20_000_000
+"""Elements of all filters together: more rows than that are judged as white."""
 CLEAR = 30.0
 """2 ln of the likelihood ratio from which noise counts as coloured."""
 
@@ -137,7 +139,7 @@ def coloured(time_s: Array, weight: Array, envelope: Array, residual: Array) -> 
     good = unit > 0
     longest = int(np.argmax([np.ptp(t[g]) if g.any() else 0.0 for t, g in zip(time_s, good, strict=True)]))
     rows = np.flatnonzero(good[longest])
-    if len(rows) < FEWEST:
+    if len(rows) < FEWEST or 4 * unit.size * unit.shape[1] > LARGEST:
         return None
     parts = np.array_split(rows, min(len(rows), MOST_ROWS))
     t = np.array([time_s[longest, p].mean() for p in parts])
