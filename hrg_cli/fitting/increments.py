@@ -11,7 +11,8 @@ a harmonic nθ is damped by exp(−n²s²/2m²).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -86,6 +87,13 @@ class Path:
         travel = np.diff(self.angle_rad)
         within = travel * np.minimum(self.middle(self.width_s) / self.interval_s, 1.0)
         return harmonic_basis(self.middle(self.angle_rad), harmonics, self.mode_number, travel, within)
+
+    def part(self, rows: slice) -> Path:
+        """The path of the increments `rows` alone."""
+        blocks = slice(rows.start, rows.stop + 1)
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        columns: dict[str, Any] = {name: v[blocks] for name, v in values.items() if isinstance(v, np.ndarray)}
+        return replace(self, **columns)
 
     def without_jumps(self, half_turns: Array) -> Path:
         """The path with (n,) half turns of mθ taken out of its increments."""
@@ -259,15 +267,41 @@ def covariance_bands(path: Path, noise: Noise) -> Array:
     return bands
 
 
+NOT_POSITIVE = "the covariance of the increments is not positive; times or widths of the windows do not fit together"
+
+
 def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
     """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the result are independent, variance one."""
     from scipy.linalg.lapack import dpbtrf, dtbtrs
 
     factor, failed = dpbtrf(bands, lower=1)
     if failed:
-        raise HrgError("the covariance of the increments is not positive; times or widths of the windows do not fit together")
+        raise HrgError(NOT_POSITIVE)
     white, _ = dtbtrs(factor, columns, uplo="L")
     return np.asarray(white).reshape(columns.shape), 2 * float(np.log(factor[0]).sum())
+
+
+class Whitener:
+    """`whiten` a stretch of rows at a time: the factor is two numbers a row, only the columns are large."""
+
+    def __init__(self, bands: Array) -> None:
+        from scipy.linalg.lapack import dpbtrf
+
+        self.factor, failed = dpbtrf(bands, lower=1)
+        if failed:
+            raise HrgError(NOT_POSITIVE)
+        self.row, self.last = 0, np.zeros(0)
+
+    def next(self, columns: Array) -> Array:
+        """The next rows of L⁻¹·columns."""
+        from scipy.linalg.lapack import dtbtrs
+
+        first, stop = self.row, self.row + len(columns)
+        if first:
+            columns[0] -= self.factor[1, first - 1] * self.last
+        white, _ = dtbtrs(self.factor[:, first:stop], columns, uplo="L")
+        self.row, self.last = stop, white[-1].copy()
+        return np.asarray(white)
 
 
 NEEDED_GAIN = 6.0

@@ -14,9 +14,11 @@ from typing import Literal
 import numpy as np
 
 from .fourier import monotone_weights, node_weights
-from .increments import Noise, Path, covariance_bands, estimate_noise, whiten
+from .increments import Noise, Path, Whitener, covariance_bands, estimate_noise, whiten
 
 Array = np.ndarray
+ROWS_AT_ONCE = 1 << 12
+"""Increments of a run whose design is held at once."""
 PIECES = 5
 """Pieces of time a run is cut into."""
 Factor = Callable[[Path], Array]
@@ -122,8 +124,9 @@ class Model:
         return int(self.matrix.shape[1])
 
 
-def design(path: Path, layout: Layout, previous: Array | None = None) -> Array:
-    """Columns (n, size) of m·Δθ for one run. `previous` coefficients linearise the monotone interpolation."""
+def design(run: Path, layout: Layout, previous: Array | None, rows: slice) -> Array:
+    """Columns (n, size) of m·Δθ for the increments `rows` of a run. `previous` coefficients linearise the monotone interpolation."""
+    path = run.part(rows)
     x = layout.abscissa(path)
     basis = path.angle_basis(max(layout.drift_harmonics, layout.scale_harmonics))
     columns = np.empty((len(path), layout.size))
@@ -136,7 +139,8 @@ def design(path: Path, layout: Layout, previous: Array | None = None) -> Array:
             psi = weights if tables is None else monotone_weights(x, layout.nodes, tables[kind][:, h])
             table[:, :, start + h] = psi * (time[kind] * basis[:, h])[:, None]
     for name, factor in layout.factors.items():
-        columns[:, layout.factor(name)] = factor(path) * path.interval_s[:, None]
+        # of the whole run: a factor may look at its neighbours in time
+        columns[:, layout.factor(name)] = factor(run)[rows] * path.interval_s[:, None]
     return columns
 
 
@@ -174,14 +178,28 @@ def accumulate(
     shape = (len(paths), PIECES)
     pieces = Pieces(np.zeros((*shape, layout.size, layout.size)), np.zeros((*shape, layout.size)), np.zeros(shape), np.zeros(shape, int))
     for r, (path, noise, turn) in enumerate(zip(paths, noises, turns)):
-        columns, _ = whiten(covariance_bands(path, noise), np.column_stack([design(path, layout, previous), turn]))
         piece = piece_of(len(path))
-        for s in range(PIECES):
-            rows = columns[piece == s]
-            X, y = rows[:, :-1], rows[:, -1]
-            pieces.information[r, s], pieces.vector[r, s] = X.T @ X, X.T @ y
-            pieces.square[r, s], pieces.rows[r, s] = y @ y, len(y)
+        whitener = Whitener(covariance_bands(path, noise))
+        for rows in stretches(len(path)):
+            white = whitener.next(np.column_stack([design(path, layout, previous, rows), turn[rows]]))
+            for s in np.unique(piece[rows]):
+                own = white[piece[rows] == s]
+                X, y = own[:, :-1], own[:, -1]
+                pieces.information[r, s] += X.T @ X
+                pieces.vector[r, s] += X.T @ y
+                pieces.square[r, s] += y @ y
+                pieces.rows[r, s] += len(y)
     return pieces
+
+
+def stretches(length: int) -> list[slice]:
+    """Increments a run is worked through at once, so that memory holds one stretch of the design."""
+    return [slice(first, min(first + ROWS_AT_ONCE, length)) for first in range(0, length, ROWS_AT_ONCE)]
+
+
+def predicted(path: Path, layout: Layout, coefficients: Array, previous: Array | None = None) -> Array:
+    """m·Δθ (n, …) of given coefficients (size, …), a stretch at a time."""
+    return np.concatenate([design(path, layout, previous, rows) @ coefficients for rows in stretches(len(path))])
 
 
 @dataclass(frozen=True)
@@ -261,11 +279,21 @@ class Coarse:
         return bands
 
 
-def coarsened(path: Path, noise: Noise, columns: Array, turn: Array) -> Coarse:
+def coarsened(path: Path, noise: Noise, turn: Array, layout: Layout, model: Model, previous: Array | None) -> Coarse:
+    """The run's model columns and turn, averaged to some sixty blocks, a stretch at a time."""
     many = max(1, (len(path) + 1) // COARSE_BLOCKS)
     count = (len(path) + 1) // many
-    summed = np.concatenate([np.zeros((1, columns.shape[1] + 1)), np.cumsum(np.column_stack([columns, turn]), axis=0)])
-    means = summed[: count * many].reshape(count, many, -1).mean(axis=1)
+    means, angle = np.zeros((count, model.free + 1)), np.zeros(model.free + 1)
+    for rows in stretches(len(path)):
+        X = design(path, layout, previous, rows)
+        rest = turn[rows] - (0.0 if model.start is None else X @ model.start)
+        summed = angle + np.cumsum(np.column_stack([X @ model.matrix, rest]), axis=0)
+        angle = summed[-1].copy()
+        block = np.arange(rows.start + 1, rows.stop + 1) // many
+        summed, block = summed[block < count], block[block < count]
+        if len(block):
+            own, first = np.unique(block, return_index=True)
+            means[own] += np.add.reduceat(summed, first, axis=0) / many
     time = path.time_s[: count * many].reshape(count, many).mean(axis=1)
     return Coarse(np.diff(means, axis=0), noise.white / many, np.diff(time), many * float(np.median(path.width_s)))
 
@@ -323,19 +351,17 @@ def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start
             break
         coarse = []
         for r, path in enumerate(paths):
-            X = design(path, layout, linearised)
-            residual = turns[r] - X @ solution.coefficients
+            residual = turns[r] - predicted(path, layout, solution.coefficients, linearised)
             jump = np.round(residual / np.pi)
             if jump.any():
                 # (mθ, φ) and (mθ + π, φ + π) are the same wave: a gap may hide half a turn of mθ
                 jumps += int(np.count_nonzero(jump))
                 path = paths[r] = path.without_jumps(jump)
-                turns[r], X = path.turn, design(path, layout, linearised)
-                residual = turns[r] - X @ solution.coefficients
+                turns[r] = path.turn
+                residual = turns[r] - predicted(path, layout, solution.coefficients, linearised)
             lost = float(np.trace(solution.covariance @ pieces.information[r].sum(axis=0)))
             noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
-            offset = 0.0 if model.start is None else X @ model.start
-            coarse.append(coarsened(path, noises[r], X @ model.matrix, turns[r] - offset))
+            coarse.append(coarsened(path, noises[r], turns[r], layout, model, linearised))
         if sweep == 0 and start is None:
             # the first weights are a walk's: what such a fit leaves looks like a walk even where there is none
             noises = [Noise(n.white, 0.0) for n in noises]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..fitting.increments import path_of
 from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
 from ..fitting.shrinkage import averaged, doubtful_harmonics
 from ..records import Calibration, Resonator, Wave
-from .calibration.checks import interpolation_doubt, noisy_angles, quadrature_left, stray_harmonics
+from .calibration.checks import interpolation_doubt, noisy_angles, quadrature_left, rate_left, stray_harmonics
 from .calibration.factors import build, measured_details, physical_covariance, variant
 from .calibration.figures import cells, figure_rows, predictions
 from .calibration.folds import choose_folds, choose_limits, choose_smoothness
@@ -129,6 +129,7 @@ def calibrate(
     A, b, square, rows = fitted.pieces.sum()
     solution = solve(A, b, chosen, penalty)
     stored = drift_limit, scale_limit
+    written: Callable[[Array, Array], Solution] | None = None
     doubtful = [kind for kind, given in (("drift", harmonics), ("scale", scale_factor_harmonics)) if given is None]
     if chosen.name == "table" and doubtful and not dropped and not refusals:
         stored = (
@@ -137,7 +138,13 @@ def calibrate(
         )
         in_doubt = doubtful_harmonics(layout, doubtful, float(np.mean(layout.tables(solution.coefficients)[1][:, 0])))
         everything = variant("table", layout, *stored).matrix
-        solution = averaged(A if penalty is None else A + penalty, b, everything, in_doubt, seed)
+
+        added = 0.0 if penalty is None else penalty
+
+        def written(information: Array, vector: Array) -> Solution:
+            return averaged(information + added, vector, everything, in_doubt, seed)
+
+        solution = written(A, b)
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     scale_factor = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
 
@@ -145,11 +152,19 @@ def calibrate(
         *first_stages(layout, drift_limit, scale_limit)[:2],
         Model("3 drift and scale factor over temperature and angle", chosen.matrix, chosen.start),
     ]
-    found = cells(fitted, *predictions(fitted, stages, folds, penalty), folds)
+    whole, held = predictions(fitted, stages, folds, penalty)
+    if written is not None:
+        # the figures are those of the tables that are written: made again, the same way, without each fold
+        whole[:, -1] = solution.coefficients
+        for f in range(held.shape[2]):
+            A_f, b_f, _, _ = fitted.pieces.sum(folds == f)
+            held[:, -1, f] = written(A - A_f, b - b_f).coefficients
+    found = cells(fitted, whole, held, folds)
     steps = figure_rows([m.name for m in stages], *found, scale_factor, bootstrap, seed)
     remarks += noisy_angles(fitted, drift_limit)
-    if chosen.name == "table" and (moved := quadrature_left(fitted, solution)) is not None:
-        remarks.append(moved)
+    if chosen.name == "table":
+        moved = quadrature_left(fitted, solution) or rate_left(fitted, variant("table", layout, drift_limit, scale_limit))
+        remarks += [moved] if moved is not None else []
     strays = stray_harmonics(fitted, solution)
     remarks += [s["sentence"] for s in strays if s["significant"]]
     details: dict[str, Any] = {

@@ -171,3 +171,26 @@ def test_two_sweep_speeds_tell_lag_from_hysteresis(lag, hysteresis):
     for name, truth in (("lag", lag), ("hysteresis", hysteresis)):
         assert found[name]["value"] == pytest.approx(truth, abs=5 * found[name]["std"] + 0.03 * (lag + hysteresis))
         assert found[name]["std"] < 0.2
+
+
+def test_a_drift_that_moves_with_the_quadrature_is_said(free_runs):
+    """−2rδω cos ζ stays in the residual of a table; the quadrature variant takes it and is silent."""
+    words = "moves with the measured quadrature"
+    assert any(words in reason for reason in calibrate(free_runs, harmonics=1, scale_factor_harmonics=0, bootstrap=0).status_reasons)
+    model = calibrate(free_runs, model="quadrature", scale_factor_harmonics=0, bootstrap=0)
+    assert not any(words in reason for reason in model.status_reasons)
+    plain = calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=15), bootstrap=0)
+    assert plain.status == "valid", plain.status_reasons
+
+
+def test_a_drift_that_moves_with_the_rate_alone_is_said():
+    """An asymmetric scale factor, K₊ ≠ K₋, is an even function of the rate: no table over temperature and angle holds it."""
+    truth, waves = Truth(4, curved=False), []
+    for i, rate in enumerate((-0.5, -0.2, 0.02, 0.2, 0.5)):
+        wave = forced_run(truth, 20.0, rate * (1 + 2e-4 * (rate > 0)), 20, 30 + i, run_id=f"r{i}")
+        waves.append(wave.replace(rate_rad_s=np.full(len(wave), rate)))
+    record = calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0)
+    assert any("moves with the rate itself" in reason for reason in record.status_reasons), record.status_reasons
+    clean = [forced_run(truth, 20.0, rate, 20, 40 + i, run_id=f"r{i}") for i, rate in enumerate((-0.5, -0.2, 0.02, 0.2, 0.5))]
+    silent = calibrate(clean, harmonics=2, scale_factor_harmonics=2, bootstrap=0)
+    assert not any("rate itself" in reason for reason in silent.status_reasons)

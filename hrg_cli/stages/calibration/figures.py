@@ -15,7 +15,7 @@ import numpy as np
 
 from ...fitting.fourier import node_weights
 from ...fitting.increments import Path, covariance_bands
-from ...fitting.joint import PIECES, Fitted, Model, design, piece_of, solve
+from ...fitting.joint import Fitted, Model, design, piece_of, solve, stretches
 
 Array = np.ndarray
 CELLS_A_PERIOD = 16
@@ -54,13 +54,15 @@ def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cell
     low_limit = max(0.1 * fastest, 1.05 * slowest)
     inside: list[tuple[Array, ...]] = []
     for r, path in enumerate(fitted.paths):
-        X = design(path, fitted.layout, fitted.solution.coefficients)
-        used = fitted.turns[r][:, None] - X @ whole
-        unseen = np.empty_like(used)
+        used = np.repeat(fitted.turns[r][:, None], whole.shape[1], axis=1)
+        unseen = used.copy()
         piece = piece_of(len(path))
-        for s in range(PIECES):
-            rows = piece == s
-            unseen[rows] = fitted.turns[r][rows, None] - X[rows] @ held[:, :, folds[r, s]]
+        for rows in stretches(len(path)):
+            X = design(path, fitted.layout, fitted.solution.coefficients, rows)
+            used[rows] -= X @ whole
+            for s in np.unique(piece[rows]):
+                own = np.flatnonzero(piece[rows] == s)
+                unseen[rows.start + own] -= X[own] @ held[:, :, folds[r, s]]
         rate = path.rate_rad_s
         kind = np.where(np.abs(rate) <= low_limit, 0, np.where(np.abs(rate) >= 0.5 * fastest, 1, 2))
         period = np.pi / path.mode_number
