@@ -2,7 +2,7 @@
 
 A phase that wanders says nothing of the dynamics: judged are the wave angle, the main amplitude and the quadrature over it, each apart,
 and together as the wave's error √(δ(ln a)² + δ(mθ)² + δr²). The terms stand in the order of what each adds; the interval of a gain is
-that of a bootstrap over blocks of the part predicted.
+that of a bootstrap over blocks of the part predicted; what another first part would have taught is not in it.
 """
 
 from __future__ import annotations
