@@ -9,6 +9,7 @@ import inspect
 import json
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -201,6 +202,8 @@ def unread_is_no_failure() -> Iterator[None]:
 
 def guarded(body: Callable[[], None], verbose: bool = False) -> None:
     """Run a command's body; every failure becomes one line on standard error and an exit status."""
+    if not verbose:
+        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy in steps that are judged by their result
     try:
         with unread_is_no_failure():
             body()

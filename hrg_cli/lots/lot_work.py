@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import threading
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -181,7 +182,9 @@ def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """A result that turns every failure of the work into its `error`."""
     result: dict[str, Any] = dict(told)
     try:
-        yield result
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of numpy in steps that are judged by their result
+            yield result
     except HrgError as error:
         result |= {"status": "failed", "error": str(error)}
     except Exception as error:

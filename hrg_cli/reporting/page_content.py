@@ -26,6 +26,7 @@ STEPS = (
 )
 """Kind of file, commands that make it, name of the step; in the order of the work."""
 
+
 @dataclass(frozen=True)
 class Step:
     """One step of the chain: `state` is "run", "suspect", "failed" or "skipped", `note` says why."""
@@ -171,6 +172,7 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
                 )
             )
         found.append(Table("Causes found", ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"), rows))
+    found += _gain_tables(report)
     if child(report, "remainder"):
         found.append(Table("What is left unexplained", ("", ""), [(plain(k), cell(v)) for k, v in child(report, "remainder").items()]))
     if entries(report, "not_separable"):
@@ -181,6 +183,38 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
         rows = [tuple(map(plain, (e.get("name"), cell(e.get("z")), cell(e.get("upper_limit")), e.get("units", "")))) for e in tested]
         found.append(Table("Causes tested", ("effect", "z", "upper limit", "unit"), rows))
     return found
+
+
+QUANTITIES = (
+    ("drift_error_deg_h", "drift error, °/h"),
+    ("angle_error_ppm", "error of the wave angle, ppm of a radian"),
+    ("amplitude_error_ppm", "error of the amplitude, ppm"),
+)
+FORECAST = (("angle_deg", "wave angle, °"), ("amplitude_percent", "amplitude, %"), ("quadrature_percent", "quadrature, % of the amplitude"))
+
+
+def _gain_tables(report: dict[str, Any]) -> list[Table]:
+    """What the extended model gains where it was not fitted: held-out errors in physical units, the forecast cause by cause."""
+    found, gain, forecast = [], child(report, "gain"), child(report, "forecast")
+    rows = [
+        (words, *(f"{cell(part.get(when))} ± {cell(part.get(f'{when}_std'))}" for when in ("before", "after")))
+        for key, words in QUANTITIES
+        if (part := child(gain, key))
+    ]
+    if rows:
+        found.append(Table(f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms", ("quantity", "before", "after"), rows))
+    if forecast:
+        steps = [("base model", child(forecast, "before"))]
+        steps += [(f"+ {plain(step.get('name'))}", step) for step in entries(forecast, "steps")]
+        steps += [(f"{plain(e.get('name'))} instead of {plain(e.get('instead_of'))}", e) for e in entries(forecast, "alternatives")]
+        head = ("model", *(words for _, words in FORECAST), "errors smaller by")
+        rows = [(name, *(cell(step.get(key)) for key, _ in FORECAST), _ratio(step)) for name, step in steps]
+        found.append(Table("Forecast of the last part of every run from the first, rms errors", head, rows))
+    return found
+
+
+def _ratio(step: Mapping[str, Any]) -> str:
+    return "–" if step.get("ratio") is None else f"{cell(step['ratio'])} ± {cell(step.get('std'))}"
 
 
 def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
@@ -265,7 +299,8 @@ def headline(record: Record) -> list[tuple[str, str]]:
         causes = [str(e.get("name")) for e in entries(report, "effects")]
         found.append(("causes found", plain(", ".join(causes)) or "none"))
         if gain:
-            found.append(("held-out gain", f"{cell(gain.get('ratio'))} ± {cell(gain.get('std'))}"))
+            of = "gain of the forecast" if gain.get("of") == "forecast" else "held-out gain"
+            found.append((of, f"{cell(gain.get('ratio'))} ± {cell(gain.get('std'))}"))
         return found
     if isinstance(record, Compensated) and record.residual_before_rad_s is not None and record.residual_after_rad_s is not None:
         series = (record.residual_before_rad_s, record.residual_after_rad_s)

@@ -226,6 +226,32 @@ def compensated() -> Compensated:
     )
 
 
+def forecast() -> dict[str, object]:
+    """The last part of a run predicted: an angle that drifts away under the base model."""
+    time = np.linspace(42, 60, 40)
+    names = ("angle_deg", "amplitude_percent", "quadrature_percent")
+    course = {
+        "run": "run-1",
+        "time_s": time.tolist(),
+        "before": {name: (size * (time - 42)).tolist() for name, size in zip(names, (0.02, 0.05, -0.01))},
+        "after": {name: (size * np.sin(time)).tolist() for name, size in zip(names, (0.01, 0.05, 0.02))},
+    }
+    rms = [dict(zip((*names, "wave_percent"), v)) for v in ((0.2, 0.5, 0.1, 0.6), (0.02, 0.2, 0.05, 0.2), (0.01, 0.05, 0.02, 0.06))]
+    steps = [{"name": name, **r, "ratio": 4.0, "std": 0.3} for name, r in zip(("pickoff_nonlinearity", "gain_mismatch"), rms[1:])]
+    other = [{"name": "damping_drift", "instead_of": "gain_mismatch", **rms[1], "ratio": 2.0, "std": 0.2}]
+    ends = {"before": rms[0], "after": rms[2], "sentence": "wave angle 0.2° → 0.01°"}
+    return {
+        "train_fraction": 0.7,
+        **ends,
+        "ratio": 9.0,
+        "std": 0.5,
+        "steps": steps,
+        "alternatives": other,
+        "course": [course],
+        "sentence": "last 30 % of the run from the first",
+    }
+
+
 def diagnosis() -> Diagnosis:
     rng = np.random.default_rng(9)
     count = 3000
@@ -257,7 +283,17 @@ def diagnosis() -> Diagnosis:
             },
         ],
         "after": {"chi2_per_dof": 1.03, "residual_rms": 1.01},
-        "gain": {"held_out": "runs", "before": 2.4, "after": 1.02, "ratio": 2.35, "std": 0.08},
+        "gain": {
+            "held_out": "runs",
+            "before": 2.4,
+            "after": 1.02,
+            "ratio": 2.35,
+            "std": 0.08,
+            "drift_error_deg_h": {"before": 41.0, "before_std": 6.0, "after": 4.2, "after_std": 0.7},
+            "angle_error_ppm": {"before": 310.0, "before_std": 40.0, "after": 31.0, "after_std": 5.0},
+            "amplitude_error_ppm": {"before": 120.0, "before_std": 11.0, "after": 90.0, "after_std": 9.0},
+        },
+        "forecast": forecast(),
         "tested": [
             {"name": n, "z": z, "upper_limit": 1e-4, "units": "1"}
             for n, z in (("mains_tone", 1.2), ("saturation", -0.4), ("thermal_damping", 2.1), ("rate_bias", 0.1))

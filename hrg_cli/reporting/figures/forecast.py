@@ -22,13 +22,15 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
     courses = entries(forecast, "course")
     if not courses:
         return []
-    factor, unit = time_unit(max(float(np.max(c["time_s"])) for c in courses))
+    times = [_numbers(course.get("time_s")) for course in courses]
+    factor, unit = time_unit(max((float(np.nanmax(t)) for t in times if np.isfinite(t).any()), default=1.0))
     figure, axes = panels(1, 4, height=2.5, width=10.0)
     for ax, (key, label) in zip(axes[0], QUANTITIES):
-        for k, course in enumerate(courses):
-            t = np.asarray(course["time_s"], float) * factor
-            ax.plot(t, course["before"][key], color=SERIES[1], label="linear" if k == 0 else None)
-            ax.plot(t, course["after"][key], color=SERIES[0], label="extended" if k == 0 else None)
+        for k, (t, course) in enumerate(zip(times, courses)):
+            for when, colour, name in (("before", 1, "linear"), ("after", 0, "extended")):
+                error = _numbers(child(course, when).get(key))
+                if len(error) == len(t):
+                    ax.plot(t * factor, error, color=SERIES[colour], label=name if k == 0 else None)
         ax.axhline(0, color=INK, lw=0.5)
         labels(ax, x=f"time, {unit}", y=label)
     legend(axes[0, 0])
@@ -42,4 +44,9 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
     ax.invert_yaxis()
     labels(ax, x="error of the wave, %")
     note(ax, f"ratio {number(as_float(forecast.get('ratio')), 3)}")
-    return [Plot("forecast", "Forecast of what was not fitted", f"{forecast.get('sentence')}.", figure)]
+    return [Plot("forecast", "Forecast of what was not fitted", f"{forecast.get('sentence', '')}.", figure)]
+
+
+def _numbers(values: Any) -> np.ndarray:
+    """The numbers of a JSON list; NaN for anything else in it."""
+    return np.array([as_float(v) for v in values] if isinstance(values, list) else [], dtype=float)
