@@ -111,7 +111,17 @@ def diagnose(
     report["lines"] = lines
     report["frequencies"] = frequencies
     report = completed(report, search, form, candidates)
-    return _record(search, waves, pieces, origin, verdict, report)
+    return _record(search, waves, pieces, origin, verdict, report).judged(_doubts(search.final))
+
+
+def _doubts(fit: Fit) -> list[str]:
+    """What makes the runs themselves suspect."""
+    if "p5" in fit.names and fit.point.p[5] < -5 * fit.std("p5"):
+        K = fit.point.p[5]
+        return [
+            f"the scale factor came out negative, {K:.4g}: the logged rate has the wrong sign or the channels are swapped; turn one of them"
+        ]
+    return []
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -1,7 +1,9 @@
 """Between the runs: a frequency that differs from run to run is named where a cause follows it, and only said where none does."""
 
 import numpy as np
-from diagnosis_programme import programme, verdict
+from diagnosis_programme import programme, verdict, waves
+
+from hrg_cli.stages.diagnose import diagnose, summary
 
 
 def test_a_stiffness_lowered_by_rotation_is_found_from_runs_of_one_rate_each():
@@ -40,3 +42,40 @@ def test_a_wander_that_nothing_follows_is_said_and_blamed_on_nothing():
 def test_frequencies_that_agree_are_said_to():
     _, out = verdict(programme(6, runs=4))
     assert out["frequencies"]["sentence"] == "the runs' frequencies agree within their errors"
+
+
+def test_one_sign_of_rotation_hides_a_gain_behind_the_damping_split():
+    """PHYSICS gauge theorem: the group and the next experiment, not a name."""
+    table = programme(7, {"gain_mismatch": {"gain": 2e-3}}, runs=4)
+    for run in table["run"]:
+        run["environment"]["rate_rad_s"] = 2.0
+    out = summary(diagnose(waves(table)))
+    entry = next(g for g in out["not_separable"] if g["effects"] == ["gain_mismatch"])
+    assert out["effects"] == [] and entry["base"] == "damping split" and "rotating" in entry["next_experiment"]
+
+
+def test_a_logged_loop_is_measured_and_not_named():
+    _, out = verdict(programme(7, {"finite_quadrature_gain": {"gain_1_s": 5.0}}, runs=4, forced=True))
+    entry = next(g for g in out["not_separable"] if g["effects"] == ["finite_quadrature_gain"])
+    assert out["effects"] == [] and "its gain is 5 ±" in entry["base"] and entry["next_experiment"]
+
+
+def test_a_gradient_beside_a_temperature_dependence_has_its_own_size():
+    """Slopes that stand still in every run show the split's gradient; the frequency's is hidden and stays at nothing."""
+    warm = {"reference_temperature_degc": 22.0}
+    effects = {
+        "thermal_frequency": {"relative_1_k": 3e-7} | warm,
+        "split_temperature": {"cos_rad_s_k": 0.008, "sin_rad_s_k": 0.006} | warm,
+        "thermal_gradient": {"split_cos_rad_k": 4e-3},
+    }
+    _, out = verdict(programme(6, effects))
+    assert sorted(e["name"] for e in out["effects"]) == sorted(effects)
+    gradient = next(e for e in out["effects"] if e["name"] == "thermal_gradient")
+    assert abs(gradient["parameters"]["split_cos_rad_k"]["value"] - 4e-3) < 4 * gradient["parameters"]["split_cos_rad_k"]["std"]
+    assert gradient["held"]["frequency_s_k"]["value"] == 0
+
+
+def test_a_rate_of_the_wrong_sign_is_suspect():
+    found = [w.replace(rate_rad_s=-w.rate_rad_s) for w in waves(programme(8, runs=4))]
+    diagnosis = diagnose(found)
+    assert diagnosis.status == "suspect" and "wrong sign" in diagnosis.status_reasons[0]

@@ -71,15 +71,18 @@ def predicted(fit: Fit, kind: str, folds: list[Array]) -> Array:
 
 def held_out(before: Fit, after: Fit, origin_before: Sequence[int] | None = None, origin_after: Sequence[int] | None = None) -> Gain:
     """Held-out errors of two fits of the same runs; `origin_…`: the recorded run of each of their pieces."""
-    found, squares = [], []
+    found: list[dict[str, tuple[float, float]]] = []
+    squares = []
     for fit, origin in ((before, origin_before), (after, origin_after)):
         kind, folds = folds_of(fit, origin)
         left = predicted(fit, kind, folds)
         squares.append(np.array([float(np.mean(left[fold] ** 2)) for fold in folds]))
-        found.append(_quantities(fit, left, folds))
+        # whitened by its colour a residual is no angle any more
+        found.append(_quantities(fit, left, folds) if fit.series.colour is None else {})
     old, new = found
+    names = [name for name in old if name in new]
     quantities = {
-        name: {"before": old[name][0], "before_std": old[name][1], "after": new[name][0], "after_std": new[name][1]} for name in old
+        name: {"before": old[name][0], "before_std": old[name][1], "after": new[name][0], "after_std": new[name][1]} for name in names
     }
     return Gain(kind, HeldOut(*squares), quantities)
 

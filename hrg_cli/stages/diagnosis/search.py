@@ -24,6 +24,8 @@ MOST_TYPICAL = 1000.0
 SHORTLIST = 3
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
+GROSS = 10.0
+"""χ² a degree of freedom above which what was found is too far from the data to be weighed against all others."""
 IN_THE_LOG = "finite_quadrature_gain"
 """No candidate where the loop's command is logged: the log holds whatever the loop does."""
 TOGETHER = 0.999
@@ -199,7 +201,7 @@ def exchanged(fit: Fit, found: list[Found], candidates: Sequence[Variant], noise
 
     An effect may become visible only beside the later ones (a lag beside a temperature dependence), so its turn comes here.
     """
-    if len(found) < 2:
+    if len(found) < 2 or fit.chi2 > GROSS * noise_factor * fit.dof:
         return fit, found
     for k, old in enumerate(found):
         reduced = extended_fit.fit(fit.series, extended_fit.without(fit.point, old.variant.effect.name), fit.freedom)
