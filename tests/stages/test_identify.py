@@ -77,6 +77,15 @@ def test_all_methods_in_one_table_and_each_alone():
         identify(programme(std=1e-3, runs=[(0.1, 0.0), (0.3, 0.1)]), method="rotation-integrals")
 
 
+@pytest.mark.parametrize("method", ["moving-axes", "increments"])
+def test_a_quadrature_lost_in_noise_skips_the_frequency_split(method):
+    gyro = Mechanics(5000.0, 0.31, 0.03, 0.35, 1e-5, 0.9, 0.55)
+    runs = [(0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (0.3, 1.0), (0.5, -1.0)]
+    record = identify(programme(gyro, std=3e-3, ratio=0.0, window=1e-2, runs=runs), method=method)
+    assert not {"frequency_split_rad_s", "stiffness_axis_rad"} & set(record.parameters())
+    assert record.status == "suspect" and any("frequency split is skipped" in s for s in record.status_reasons)
+
+
 def test_without_rotation_the_scale_factor_is_left_out():
     record = identify(programme(std=1e-3, runs=PROGRAMME[:4]))
     assert "scale_factor" not in record.parameters()
