@@ -39,17 +39,23 @@ $(BUILD)/resonator.h5: $(FREE:%=$(BUILD)/%.wave.h5) $(CONFIG)
 $(BUILD)/diagnosis.h5: $(FREE:%=$(BUILD)/%.wave.h5) $(CONFIG)
 	$(HRG) diagnose $(filter %.wave.h5,$^) -o $@ --force -q $(SETTINGS) $(KEEP)
 
+# Refused tables are applied to nothing and exported nowhere: the mark beside them says so, and the report shows their reasons.
+REFUSED := $(BUILD)/calibration.refused
+UNLESS_REFUSED = [ -e $(REFUSED) ] ||
+
 $(BUILD)/calibration.h5: $(FORCED:%=$(BUILD)/%.wave.h5) $(CONFIG)
-	$(HRG) calibrate $(filter %.wave.h5,$^) -o $@ --force -q $(SETTINGS) $(KEEP)
+	rm -f $(REFUSED)
+	$(HRG) calibrate $(filter %.wave.h5,$^) -o $@ --force -q $(SETTINGS); status=$$?; \
+	if [ $$status -eq 3 ]; then touch $(REFUSED); else exit $$status; fi
 
 $(BUILD)/calibration.csv: $(BUILD)/calibration.h5
-	$(HRG) export $< -o $@ --force -q $(KEEP)
+	$(UNLESS_REFUSED) $(HRG) export $< -o $@ --force -q
 
 $(BUILD)/%.compensated.h5: $(BUILD)/%.wave.h5 $(BUILD)/calibration.h5 $(CONFIG)
-	$(HRG) compensate $< --calibration $(BUILD)/calibration.h5 -o $@ --force -q $(SETTINGS) $(KEEP)
+	$(UNLESS_REFUSED) { $(HRG) compensate $< --calibration $(BUILD)/calibration.h5 -o $@ --force -q $(SETTINGS) $(KEEP); }
 
 $(BUILD)/report.html: $(RUNS:%=$(RECORDINGS)/%.h5) $(WAVES) $(RESULTS)
-	$(HRG) report $(filter %.h5,$^) -o $@ --force -q $(KEEP)
+	$(HRG) report $$(ls $(filter %.h5,$^) 2>/dev/null) -o $@ --force -q $(KEEP)
 
 clean:
 	rm -rf $(BUILD)
