@@ -17,6 +17,7 @@ from pydantic import Field
 
 from ..effects import EFFECTS
 from ..effects.effect import Effect
+from ..errors import HrgError
 from ..fitting import evidence, extended_fit
 from ..fitting.base_fit import nominal_scale_factor
 from ..fitting.extended import Point, Series
@@ -71,16 +72,25 @@ def diagnose(
 
     steps = phase_steps(waves)
     pieces, origin = split_at(waves, steps)
-    base = fitted(pieces)
+    try:
+        base = fitted(pieces)
+    except extended_fit.DivergedError as error:
+        raise HrgError(
+            f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs together; "
+            "diagnose free and forced runs apart, or leave out the run that differs most"
+        ) from error
     untouched, own = base, origin
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):
             untouched, own = fitted(waves), list(range(len(waves)))
     tones: list[Tone] = []
     while len(tones) < MOST_TONES and (tone := strongest(base, pieces)) is not None:
+        try:
+            base = fitted(without(pieces, tone))
+        except extended_fit.DivergedError:  # what is left has no fit: it was no tone
+            break
         tones.append(tone)
         pieces = without(pieces, tone)
-        base = fitted(pieces)
     candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
     base = wandering(oriented(base, candidates), candidates)
     most = most_effects if base.series.colour is None else min(2, most_effects)
