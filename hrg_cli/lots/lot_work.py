@@ -92,7 +92,7 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
     checks: list[dict[str, Any]] = []
     with _stamped(task.epoch):
         for stage in task.stages:
-            inputs = {"identify": task.free, "calibrate": task.forced, "diagnose": (*task.free, *task.forced)}[stage]
+            inputs = {"identify": task.free, "calibrate": task.forced, "diagnose": task.free or task.forced}[stage]
             if not inputs:
                 continue
             takes = "identify" in results and "resonator" in pipeline.STAGES[stage].beside
