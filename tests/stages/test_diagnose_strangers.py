@@ -124,7 +124,7 @@ STRANGERS = {
     "following stiffness": Stranger({"plant": following_stiffness}, 3e-3, "frequency split", "wave angle", "harmonic", np.nan, {}),
     "twelve theta": Stranger({"plant": twelve_theta}, 2e-3, "damping", "wave angle", "harmonic", 2e-3, {}),
 }
-QUICK = ("stiffness step", "rippling rate")
+QUICK = ("rippling rate",)
 SHORT = {
     "split step": "described as (t/T)² of the frequency split: steps are looked for at the isotropic places only",
     "warm channel": "the first term is gain split × amplitude (z 227), temperature comes second (z 117): no place is one channel's gain",
