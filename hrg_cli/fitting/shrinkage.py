@@ -32,6 +32,8 @@ ABSENT_TO_PRESENT = {"drift": (1.0, 4.0, 20.0), "scale": (0.1, 0.1, 5.0)}
 of them or a cubic term the second, more are needed above. Read-outs have some mismatch as a rule; absent harmonics within the sizes above
 are refuted by clean data whatever the odds."""
 SWEEPS, BURN_IN = 16, 4
+FEWER_SWEEPS = 7
+"""Enough where the mean alone is wanted."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def doubtful_harmonics(layout: Layout, kinds: Sequence[str], scale_factor: float
     return out
 
 
-def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[Doubtful], seed: int) -> Solution:
+def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[Doubtful], seed: int, sweeps: int = SWEEPS) -> Solution:
     """Posterior mean and covariance of the coefficients with the doubtful harmonics' prior scales integrated out.
 
     information, vector: normal equations with unit noise; seen (size, p): the model's map, whose other directions stay at zero.
@@ -87,7 +89,7 @@ def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[
     for g, grid, i in zip(groups, grids, scale):
         precision[np.ix_(g.ravel(), g.ravel())] += inverse_prior / grid[i]
     first, second, count = np.zeros(len(b)), np.zeros_like(A), 0
-    for sweep in range(SWEEPS):
+    for sweep in range(sweeps):
         for n in generator.permutation(len(groups)):
             own = groups[n].ravel()
             precision[np.ix_(own, own)] -= inverse_prior / grids[n][scale[n]]

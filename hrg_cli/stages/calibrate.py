@@ -12,7 +12,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.increments import path_of
 from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
-from ..fitting.shrinkage import averaged, doubtful_harmonics
+from ..fitting.shrinkage import FEWER_SWEEPS, SWEEPS, averaged, doubtful_harmonics
 from ..records import Calibration, Resonator, Wave
 from .calibration.checks import interpolation_doubt, noisy_angles, quadrature_left, rate_left, stray_harmonics
 from .calibration.factors import build, measured_details, physical_covariance, variant
@@ -129,7 +129,7 @@ def calibrate(
     A, b, square, rows = fitted.pieces.sum()
     solution = solve(A, b, chosen, penalty)
     stored = drift_limit, scale_limit
-    written: Callable[[Array, Array], Solution] | None = None
+    written: Callable[[Array, Array, int], Solution] | None = None
     doubtful = [kind for kind, given in (("drift", harmonics), ("scale", scale_factor_harmonics)) if given is None]
     if chosen.name == "table" and doubtful and not dropped and not refusals:
         stored = (
@@ -141,10 +141,10 @@ def calibrate(
 
         added = 0.0 if penalty is None else penalty
 
-        def written(information: Array, vector: Array) -> Solution:
-            return averaged(information + added, vector, everything, in_doubt, seed)
+        def written(information: Array, vector: Array, sweeps: int) -> Solution:
+            return averaged(information + added, vector, everything, in_doubt, seed, sweeps)
 
-        solution = written(A, b)
+        solution = written(A, b, SWEEPS)
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     scale_factor = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
 
@@ -158,7 +158,7 @@ def calibrate(
         whole[:, -1] = solution.coefficients
         for f in range(held.shape[2]):
             A_f, b_f, _, _ = fitted.pieces.sum(folds == f)
-            held[:, -1, f] = written(A - A_f, b - b_f).coefficients
+            held[:, -1, f] = written(A - A_f, b - b_f, FEWER_SWEEPS).coefficients
     found = cells(fitted, whole, held, folds)
     steps = figure_rows([m.name for m in stages], *found, scale_factor, bootstrap, seed)
     remarks += noisy_angles(fitted, drift_limit)
