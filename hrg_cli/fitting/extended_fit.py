@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..effects.effect import Effect
+from ..errors import HrgError
 from . import evidence
 from .coordinates import COUNT
 from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitivities, effect_sensitivity, imaginary, predict, propagation
@@ -16,7 +17,7 @@ from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitiv
 Array = np.ndarray
 
 
-class DivergedError(ArithmeticError):
+class DivergedError(HrgError, ArithmeticError):
     """The start is so far off that the model's motion has no end there."""
 
 
@@ -192,7 +193,11 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
         prediction = predict(series, point)
         value = cost(prediction)
         if not np.isfinite(value):
-            raise DivergedError(", ".join(effect.name for effect, _ in point.active))
+            taken = ", ".join(effect.name for effect, _ in point.active)
+            raise DivergedError(
+                f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no fit to these runs together; "
+                "diagnose free and forced runs apart, or leave out the run that differs most"
+            )
         settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
         converged = False
         for _ in range(most):
