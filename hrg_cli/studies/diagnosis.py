@@ -34,6 +34,8 @@ NEEDS_DRIVE = {
     "quadrature_drive_phase_error",
 }
 NEEDS_CYCLE = {"thermal_gradient", "thermal_hysteresis"}
+NEEDS_STEPS = {"centrifugal_stiffness"}
+"""Seen within a run only where its rate changes."""
 LEFT_OUT = {"clock_error", "table_rate_error", "finite_quadrature_gain", "thermal_lag", "dropped_samples", "mains_tone", "saturation"}
 """Not separable from base values, seen only beside another effect, or named by the waveform."""
 RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0)
@@ -53,7 +55,7 @@ def diagnosis_study(
     names = effects or [e.name for e in EFFECTS if e.name not in LEFT_OUT]
     if set(names) & LEFT_OUT:
         raise UsageError(f"{', '.join(sorted(set(names) & LEFT_OUT))}: no programme of this study separates it")
-    alarms = sum(_report(_programme(seed + 1000 + k, None, False, False), seed + k)["verdict"] != "adequate" for k in range(controls))
+    alarms = sum(_report(_programme(seed + 1000 + k, None, ""), seed + k)["verdict"] != "adequate" for k in range(controls))
     power: dict[str, dict[str, float]] = {}
     confusion: dict[str, dict[str, int]] = {}
     for name in names:
@@ -65,7 +67,7 @@ def diagnosis_study(
             for draw in range(draws):
                 values = {p.name: size * unit[p.name] for p in effect.fitted()}
                 values |= {p.name: 22.5 for p in effect.parameters if p.name == "reference_temperature_degc"}
-                table = _programme(seed + draw, {name: values}, name in NEEDS_DRIVE, name in NEEDS_CYCLE)
+                table = _programme(seed + draw, {name: values}, name)
                 found = _report(table, seed + draw)["effects"]
                 first = found[0]["name"] if found else "none"
                 group = [first, *(found[0]["indistinguishable_from"] if found else [])]
@@ -90,7 +92,7 @@ def _ideal(size: float) -> float:
 
 def _unit(effect: Effect, seed: int) -> dict[str, float]:
     """One σ of the effect's parameters in its clean programme; with several, the typical shape scaled to joint one σ by the largest σ."""
-    report = _report(_programme(seed, None, effect.name in NEEDS_DRIVE, effect.name in NEEDS_CYCLE), seed)
+    report = _report(_programme(seed, None, effect.name), seed)
     row = next(t for t in report["tested"] if t["name"] == effect.name)
     std = [s for s in row["std"] if s is not None]
     if not std:
@@ -98,8 +100,11 @@ def _unit(effect: Effect, seed: int) -> dict[str, float]:
     return {p.name: s / np.sqrt(len(row["std"])) if s is not None else 0.0 for p, s in zip(effect.fitted(), row["std"], strict=True)}
 
 
-def _programme(seed: int, effects: Mapping[str, Any] | None, forced: bool, cycle: bool) -> dict[str, Any]:
-    """Six runs of two seconds of a random device: several angles, two amplitudes, both signs of rotation, temperature ramps or cycles."""
+def _programme(seed: int, effects: Mapping[str, Any] | None, shown: str) -> dict[str, Any]:
+    """Six runs of two seconds of a random device: several angles, two amplitudes, both signs of rotation, temperature ramps.
+
+    Drives, cycles of temperature or steps of the rate where the effect `shown` needs them to be seen.
+    """
     random = np.random.default_rng([seed, 77])
     device = {
         "frequency_hz": random.uniform(4500, 5500),
@@ -113,9 +118,9 @@ def _programme(seed: int, effects: Mapping[str, Any] | None, forced: bool, cycle
     runs = []
     for k, rate in enumerate(RATES):
         warm = {"kind": "ramp", "start_degc": 22.0 + k % 3, "stop_degc": 22.0 + k % 3 + (1.0, -0.8, 0.5)[k % 3]}
-        if cycle:
+        if shown in NEEDS_CYCLE:
             warm = {"kind": "cycle", "low_degc": 22.0, "high_degc": 23.0, "period_s": (1.0, 1.5, 2.0)[k % 3], "shape": "sine"}
-        driven = forced and k % 2 == 0
+        driven = shown in NEEDS_DRIVE and k % 2 == 0
         run: dict[str, Any] = {
             "run_id": f"run{k}",
             "start": {
@@ -126,6 +131,8 @@ def _programme(seed: int, effects: Mapping[str, Any] | None, forced: bool, cycle
             },
             "environment": {"rate_rad_s": rate, "temperature": warm},
         }
+        if shown in NEEDS_STEPS:
+            run["environment"] |= {"rate": {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}, "rate_rad_s": 0.0}
         if driven:
             run["control"] = {"mode": "forced", "quadrature_loop": "finite"}
         runs.append(run)
