@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 
-from hrg_cli.fitting import envelope_runs
-from hrg_cli.fitting.base_fit import base_fit
+from hrg_cli.fitting.envelopes import envelope_runs
+from hrg_cli.fitting.envelopes.base_fit import base_fit
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Wave

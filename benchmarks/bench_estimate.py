@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares
 
-from hrg_cli.fitting.closed_form import closed_form
+from hrg_cli.fitting.ellipse.closed_form import closed_form
 from hrg_cli.physics.signals import signals
 from hrg_cli.records import Periods
 from hrg_cli.stages.estimate import estimate

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from hrg_cli.fitting.base_fit import base_fit
-from hrg_cli.fitting.envelope_runs import EnvelopeRun
+from hrg_cli.fitting.envelopes.base_fit import base_fit
+from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 

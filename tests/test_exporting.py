@@ -12,7 +12,7 @@ from forced_runs import Truth, programme
 
 from hrg_cli.errors import HrgError
 from hrg_cli.exporting import export
-from hrg_cli.fitting.fourier import evaluate
+from hrg_cli.fitting.tables.fourier import evaluate
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.calibration.table import values
 

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.increments import path_of
-from ..fitting.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
-from ..fitting.shrinkage import FEWER_SWEEPS, SWEEPS, averaged, doubtful_harmonics
+from ..fitting.tables.increments import path_of
+from ..fitting.tables.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
+from ..fitting.tables.shrinkage import FEWER_SWEEPS, SWEEPS, averaged, doubtful_harmonics
 from ..records import Calibration, Resonator, Wave
 from .calibration.checks import interpolation_doubt, noisy_angles, quadrature_left, rate_left, stray_harmonics
 from .calibration.factors import build, measured_details, physical_covariance, variant

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.increments import ROWS_AT_ONCE, Path, path_of
+from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
 from .calibration.table import in_range, measured_drift, values

@@ -16,10 +16,10 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.demodulator import Demodulator, Rows
-from ..fitting.even import even_rows
-from ..fitting.survey import survey
-from ..fitting.uneven import uneven_rows
+from ..fitting.samples.demodulator import Demodulator, Rows
+from ..fitting.samples.even import even_rows
+from ..fitting.samples.survey import survey
+from ..fitting.samples.uneven import uneven_rows
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods, Recording
 
 SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1

@@ -18,10 +18,10 @@ from pydantic import Field
 from ..effects import EFFECTS
 from ..effects.effect import Effect
 from ..errors import HrgError
-from ..fitting import evidence, extended_fit
-from ..fitting.base_fit import nominal_scale_factor
-from ..fitting.extended import Point, Series
-from ..fitting.extended_fit import Fit, Freedom
+from ..fitting.causes import evidence, extended_fit
+from ..fitting.causes.extended import Point, Series
+from ..fitting.causes.extended_fit import Fit, Freedom
+from ..fitting.envelopes.base_fit import nominal_scale_factor
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
 from .diagnosis.closing import completed, opened

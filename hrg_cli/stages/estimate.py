@@ -14,11 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.closed_form import canonical, closed_form
-from ..fitting.continuity import CONTEXT_ROWS, continued, local_slope, nearest_copy
-from ..fitting.gauss_newton import gauss_newton
-from ..fitting.levenberg_marquardt import levenberg_marquardt
-from ..fitting.uncertainty import standard_deviations
+from ..fitting.ellipse.closed_form import canonical, closed_form
+from ..fitting.ellipse.continuity import CONTEXT_ROWS, continued, local_slope, nearest_copy
+from ..fitting.ellipse.gauss_newton import gauss_newton
+from ..fitting.ellipse.levenberg_marquardt import levenberg_marquardt
+from ..fitting.ellipse.uncertainty import standard_deviations
 from ..physics.signals import envelopes_of_direct, from_sidebands
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Array, Periods, Wave
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import HrgError
-from ..fitting.increments import Path, path_of
+from ..fitting.tables.increments import Path, path_of
 from ..records import Calibration, Wave
 from .calibration.table import values
 
@@ -146,7 +146,7 @@ def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
     """
     from scipy.optimize import nnls
 
-    from ..fitting.allan import allan_deviation
+    from ..fitting.tables.allan import allan_deviation
 
     rate = np.asarray(rate_rad_s, float)
     if len(rate) < 30 or not np.isfinite(rate).all():

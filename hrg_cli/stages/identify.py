@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting import envelope_runs, free_windows
-from ..fitting.base_fit import Known, check
+from ..fitting.envelopes import envelope_runs, free_windows
+from ..fitting.envelopes.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
 from .identification.methods import by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate

@@ -19,8 +19,8 @@ from pydantic import Field
 from ..effects import EFFECTS, find
 from ..effects.effect import Effect
 from ..errors import HrgError
-from ..fitting.base_fit import nominal_scale_factor
-from ..fitting.coordinates import COUNT, from_mechanics, physical
+from ..fitting.envelopes.base_fit import nominal_scale_factor
+from ..fitting.envelopes.coordinates import COUNT, from_mechanics, physical
 from ..physics.resonator import PARAMETERS, Mechanics
 from ..records import Diagnosis, Resonator, Status, Wave
 from .planning.information import Layout, information, left_over, wave_of

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.rate_from_model import HOPELESS, TOO_COARSE, RateEstimate, rate_from_model
+from ..fitting.envelopes.rate_from_model import HOPELESS, TOO_COARSE, RateEstimate, rate_from_model
 from ..records import Compensated, Resonator, Wave
 
 Array = np.ndarray

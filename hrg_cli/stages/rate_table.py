@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.fourier import coefficients_at, node_weights
+from ..fitting.tables.fourier import coefficients_at, node_weights
 from ..records import Calibration
 
 Array = np.ndarray

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..fitting.closed_form import closed_form
-from ..fitting.gauss_newton import gauss_newton, step
+from ..fitting.ellipse.closed_form import closed_form
+from ..fitting.ellipse.gauss_newton import gauss_newton, step
 from ..physics.signals import signals
 
 if TYPE_CHECKING:

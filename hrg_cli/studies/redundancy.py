@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..fitting.closed_form import closed_form
+from ..fitting.ellipse.closed_form import closed_form
 from ..physics.signals import from_sidebands, sidebands, signals
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.allan import allan_deviation
+from hrg_cli.fitting.tables.allan import allan_deviation
 
 
 def test_agrees_with_allantools():

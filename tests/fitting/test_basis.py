@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.basis import columns, window_basis
+from hrg_cli.fitting.samples.basis import columns, window_basis
 
 
 @pytest.mark.parametrize("moving", [False, True])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrg_cli.fitting.closed_form import canonical, closed_form
+from hrg_cli.fitting.ellipse.closed_form import canonical, closed_form
 from hrg_cli.physics.signals import signals, symmetries
 
 

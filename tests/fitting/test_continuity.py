@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrg_cli.fitting.continuity import continued, local_slope
+from hrg_cli.fitting.ellipse.continuity import continued, local_slope
 
 TIME = np.arange(600) * 0.01
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting import evidence
+from hrg_cli.fitting.causes import evidence
 
 
 def problem(seed=0, rows=400, base=5, size=0.0):

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
-from hrg_cli.fitting.fourier import amplitude_and_angle, coefficients_at, evaluate, harmonic_basis, monotone_weights, node_weights
+from hrg_cli.fitting.tables.fourier import amplitude_and_angle, coefficients_at, evaluate, harmonic_basis, monotone_weights, node_weights
 
 
 @pytest.mark.parametrize("mode_number", [1, 2, 3])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting import frequency as finding
+from hrg_cli.fitting.samples import frequency as finding
 
 
 def start(time: np.ndarray, y: np.ndarray, rate: float) -> float:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.closed_form import canonical, closed_form
-from hrg_cli.fitting.gauss_newton import amplitudes, gauss_newton, half_products, modelled, step
+from hrg_cli.fitting.ellipse.closed_form import canonical, closed_form
+from hrg_cli.fitting.ellipse.gauss_newton import amplitudes, gauss_newton, half_products, modelled, step
 from hrg_cli.physics.signals import signals
 
 

@@ -5,8 +5,8 @@ import pytest
 from forced_runs import Truth, forced_run, wave_of
 
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting import increments
-from hrg_cli.fitting.increments import Noise, covariance_bands, estimate_noise, path_of, whiten
+from hrg_cli.fitting.tables import increments
+from hrg_cli.fitting.tables.increments import Noise, covariance_bands, estimate_noise, path_of, whiten
 
 
 def noisy(seed, white, walk, n=3000, dt=0.01):

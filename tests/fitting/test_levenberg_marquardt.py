@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from hrg_cli.fitting.closed_form import canonical, closed_form
-from hrg_cli.fitting.levenberg_marquardt import levenberg_marquardt
+from hrg_cli.fitting.ellipse.closed_form import canonical, closed_form
+from hrg_cli.fitting.ellipse.levenberg_marquardt import levenberg_marquardt
 from hrg_cli.physics.signals import signals
 
 

@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from synthetic_waves import GYRO, programme, run_down
 
-from hrg_cli.fitting import coordinates, envelope_runs, propagator
-from hrg_cli.fitting.base_fit import Known, base_fit, start
-from hrg_cli.fitting.likelihood import State, batch, respond
-from hrg_cli.fitting.matrices import chain
+from hrg_cli.fitting.envelopes import coordinates, envelope_runs, propagator
+from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, start
+from hrg_cli.fitting.envelopes.likelihood import State, batch, respond
+from hrg_cli.fitting.envelopes.matrices import chain
 from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
 

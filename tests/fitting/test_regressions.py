@@ -4,8 +4,17 @@ import numpy as np
 import pytest
 from synthetic_waves import GYRO, programme, run_down
 
-from hrg_cli.fitting import coordinates, envelope_runs, free_windows, propagator, regressions, rotation_integrals, two_modes, working_mode
-from hrg_cli.fitting.base_fit import Known, base_fit, freedom, start
+from hrg_cli.fitting.envelopes import (
+    coordinates,
+    envelope_runs,
+    free_windows,
+    propagator,
+    regressions,
+    rotation_integrals,
+    two_modes,
+    working_mode,
+)
+from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, freedom, start
 from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from forced_runs import Truth, programme
 
-from hrg_cli.fitting.joint import Layout
-from hrg_cli.fitting.shrinkage import averaged, doubtful_harmonics
+from hrg_cli.fitting.tables.joint import Layout
+from hrg_cli.fitting.tables.shrinkage import averaged, doubtful_harmonics
 from hrg_cli.stages.calibrate import calibrate
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.basis import window_basis
-from hrg_cli.fitting.spectrum import AveragedSpectrum, colour, lines, look_residual
+from hrg_cli.fitting.samples.basis import window_basis
+from hrg_cli.fitting.samples.spectrum import AveragedSpectrum, colour, lines, look_residual
 
 RATE, SEGMENT, SEGMENTS = 8000.0, 1024, 30
 

@@ -3,7 +3,7 @@
 import numpy as np
 from conftest import ringing
 
-from hrg_cli.fitting.survey import survey
+from hrg_cli.fitting.samples.survey import survey
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.closed_form import closed_form
-from hrg_cli.fitting.uncertainty import ANGLE_LIMIT, CARRIER_LIMIT, PHASE_LIMIT, standard_deviations
+from hrg_cli.fitting.ellipse.closed_form import closed_form
+from hrg_cli.fitting.ellipse.uncertainty import ANGLE_LIMIT, CARRIER_LIMIT, PHASE_LIMIT, standard_deviations
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.signals import envelopes_of_direct, signals
 

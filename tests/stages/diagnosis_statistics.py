@@ -7,8 +7,8 @@ import numpy as np
 from diagnosis_programme import programme, waves
 
 from hrg_cli.effects import find
-from hrg_cli.fitting import extended_fit
-from hrg_cli.fitting.extended import real
+from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.fitting.causes.extended import real
 from hrg_cli.stages.diagnose import _freedom
 from hrg_cli.stages.diagnosis.data import prepare
 from hrg_cli.stages.diagnosis.gain import held_out

@@ -7,7 +7,7 @@ import pytest
 from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting import joint
+from hrg_cli.fitting.tables import joint
 from hrg_cli.stages import calibrate as stage
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration.table import standard_deviations, values

@@ -9,7 +9,7 @@ import pytest
 from synthetic_waves import GYRO, NAMES, PROGRAMME, as_wave, envelope, errors, programme, run_down
 
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.rate_from_model import rate_from_model
+from hrg_cli.fitting.envelopes.rate_from_model import rate_from_model
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.identify import identify, summary
 

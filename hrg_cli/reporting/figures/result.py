@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.allan import allan_deviation
+from ...fitting.tables.allan import allan_deviation
 from ...records import Array, Compensated, Resonator
 from ...units import DEGREE_PER_HOUR
 from .drawing import (

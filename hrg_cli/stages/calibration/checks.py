@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.fourier import harmonic_basis, node_weights
-from ...fitting.increments import Path, covariance_bands, whiten
-from ...fitting.joint import Factor, Fitted, Model, Solution, fit, predicted
+from ...fitting.tables.fourier import harmonic_basis, node_weights
+from ...fitting.tables.increments import Path, covariance_bands, whiten
+from ...fitting.tables.joint import Factor, Fitted, Model, Solution, fit, predicted
 from .factors import quadrature
 
 Array = np.ndarray

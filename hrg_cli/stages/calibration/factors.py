@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.fourier import node_weights
-from ...fitting.increments import Path
-from ...fitting.joint import Factor, Layout, Model
+from ...fitting.tables.fourier import node_weights
+from ...fitting.tables.increments import Path
+from ...fitting.tables.joint import Factor, Layout, Model
 from ...records import Resonator
 
 Array = np.ndarray

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.fourier import node_weights
-from ...fitting.increments import Path, covariance_bands
-from ...fitting.joint import Fitted, Model, design, piece_of, solve, stretches
+from ...fitting.tables.fourier import node_weights
+from ...fitting.tables.increments import Path, covariance_bands
+from ...fitting.tables.joint import Fitted, Model, design, piece_of, solve, stretches
 
 Array = np.ndarray
 CELLS_A_PERIOD = 16

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.joint import PIECES, Fitted, Layout, Model, held_out_chi_square, roughness
+from ...fitting.tables.joint import PIECES, Fitted, Layout, Model, held_out_chi_square, roughness
 from .factors import variant
 from .programme import examine
 

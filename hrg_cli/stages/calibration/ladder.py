@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...fitting.increments import Path
-from ...fitting.joint import Fitted, Layout, Model, chi_square, fit, held_out_chi_square, solve
+from ...fitting.tables.increments import Path
+from ...fitting.tables.joint import Fitted, Layout, Model, chi_square, fit, held_out_chi_square, solve
 from .factors import build
 from .figures import cells, figure_rows, of_runs, predictions
 from .folds import choose_folds, time_folds

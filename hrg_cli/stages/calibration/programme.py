@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.fourier import node_weights
-from ...fitting.increments import Path
+from ...fitting.tables.fourier import node_weights
+from ...fitting.tables.increments import Path
 
 Array = np.ndarray
 ANGLE_BINS = 36

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.fourier import harmonic_basis
-from ...fitting.joint import Fitted, Solution
+from ...fitting.tables.fourier import harmonic_basis
+from ...fitting.tables.joint import Fitted, Solution
 from ...records import Calibration, Wave
 
 Array = np.ndarray

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.fourier import coefficients_at
-from ...fitting.increments import Path
-from ...fitting.joint import PIECES, Fitted, Layout, Model, fit, piece_of, solve
+from ...fitting.tables.fourier import coefficients_at
+from ...fitting.tables.increments import Path
+from ...fitting.tables.joint import PIECES, Fitted, Layout, Model, fit, piece_of, solve
 from .ladder import solve_columns
 
 Array = np.ndarray

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.fourier import coefficients_at, evaluate, harmonic_basis, node_weights
-from ...fitting.increments import Path
+from ...fitting.tables.fourier import coefficients_at, evaluate, harmonic_basis, node_weights
+from ...fitting.tables.increments import Path
 from ...records import Calibration
 from .factors import quadrature
 

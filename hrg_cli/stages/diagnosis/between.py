@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting import evidence, extended_fit
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.extended_fit import Fit
 from .search import Found, Search, Variant
 
 Array = np.ndarray

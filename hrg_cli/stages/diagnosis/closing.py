@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.extended_fit import flat
+from ...fitting.causes.extended_fit import flat
 from . import forecast, wander
 from .form import Form
 from .search import Search, Variant

@@ -10,11 +10,11 @@ import numpy as np
 
 from ...effects.effect import branch
 from ...errors import HrgError
-from ...fitting import envelope_runs, propagator
-from ...fitting.base_fit import Known, freedom, start
-from ...fitting.coordinates import COUNT
-from ...fitting.envelope_runs import EnvelopeRun
-from ...fitting.extended import Point, Series
+from ...fitting.causes.extended import Point, Series
+from ...fitting.envelopes import envelope_runs, propagator
+from ...fitting.envelopes.base_fit import Known, freedom, start
+from ...fitting.envelopes.coordinates import COUNT
+from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...physics import ellipse
 from ...records import Wave
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting import colour, extended_fit
-from ...fitting.extended import Series
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import colour, extended_fit
+from ...fitting.causes.extended import Series
+from ...fitting.causes.extended_fit import Fit
 from ...physics import ellipse
 from .form import NAME as DAMPING
 from .form import Form, refitted

@@ -16,9 +16,9 @@ import numpy as np
 
 from ...effects import nonlinear_damping
 from ...effects.effect import Effect, Parameter
-from ...fitting import extended_fit
-from ...fitting.evidence import Score
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import extended_fit
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended_fit import Fit
 from ...physics.plant import SlowState
 from .search import Found, Search, Variant, adopted, bic, scored
 

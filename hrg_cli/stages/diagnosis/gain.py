@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import frame
-from ...fitting import evidence
-from ...fitting.evidence import HeldOut
-from ...fitting.extended import imaginary
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import evidence
+from ...fitting.causes.evidence import HeldOut
+from ...fitting.causes.extended import imaginary
+from ...fitting.causes.extended_fit import Fit
 from ...units import DEGREE_PER_HOUR
 
 Array = np.ndarray

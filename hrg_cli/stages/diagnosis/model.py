@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.coordinates import physical
-from ...fitting.extended_fit import Fit
+from ...fitting.causes.extended_fit import Fit
+from ...fitting.envelopes.coordinates import physical
 from ...records import Wave
 from ...settings import to_toml
 from .orientation import COHERENT

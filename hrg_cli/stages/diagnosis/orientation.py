@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fitting import evidence, extended_fit
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.extended_fit import Fit
 from .search import Variant, scored
 
 Array = np.ndarray

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fitting import extended_fit
-from ...fitting.extended import Series, real
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import extended_fit
+from ...fitting.causes.extended import Series, real
+from ...fitting.causes.extended_fit import Fit
 
 Array = np.ndarray
 ABOVE = 10.0

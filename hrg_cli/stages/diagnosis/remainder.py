@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect, Parameter
-from ...fitting import evidence, extended_fit
-from ...fitting.evidence import Score
-from ...fitting.extended import Series, real
-from ...fitting.extended_fit import Fit, flat
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended import Series, real
+from ...fitting.causes.extended_fit import Fit, flat
 from ...physics import ellipse
 
 Array = np.ndarray

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from ...effects import find
-from ...fitting import evidence, extended_fit
-from ...fitting.coordinates import physical
-from ...fitting.evidence import Score
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended_fit import Fit
+from ...fitting.envelopes.coordinates import physical
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .gain import Gain, figures

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.extended import generators
-from ...fitting.extended_fit import Fit
+from ...fitting.causes.extended import generators
+from ...fitting.causes.extended_fit import Fit
 from ...physics import ellipse
 from ...physics.resonator import exponential
 from ...records import Wave

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...fitting import evidence, extended_fit
-from ...fitting.evidence import Score
-from ...fitting.extended_fit import Fit
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended_fit import Fit
 from .gain import predicts_better
 
 Array = np.ndarray

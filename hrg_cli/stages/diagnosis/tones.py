@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.extended_fit import Fit
+from ...fitting.causes.extended_fit import Fit
 from ...physics import ellipse
 from ...records import Wave
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting import colour, evidence, extended_fit
-from ...fitting.extended_fit import Fit, flat
+from ...fitting.causes import colour, evidence, extended_fit
+from ...fitting.causes.extended_fit import Fit, flat
 from .remainder import adequacy, terms
 from .search import Variant
 

@@ -11,11 +11,20 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting import coordinates, envelope_runs, method_ranges, propagator, regressions, resampling, rotation_integrals, working_mode
-from ...fitting.base_fit import Known, base_fit, check, nominal_scale_factor, start
-from ...fitting.envelope_runs import EnvelopeRun
-from ...fitting.likelihood import Fit, Freedom, State, batch, fit, respond
-from ...fitting.regressions import Regression
+from ...fitting.envelopes import (
+    coordinates,
+    envelope_runs,
+    method_ranges,
+    propagator,
+    regressions,
+    resampling,
+    rotation_integrals,
+    working_mode,
+)
+from ...fitting.envelopes.base_fit import Known, base_fit, check, nominal_scale_factor, start
+from ...fitting.envelopes.envelope_runs import EnvelopeRun
+from ...fitting.envelopes.likelihood import Fit, Freedom, State, batch, fit, respond
+from ...fitting.envelopes.regressions import Regression
 from ...physics import ellipse
 from ...records import Wave
 from .modes import free_modes, one_channel

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...fitting import two_modes
-from ...fitting.envelope_runs import EnvelopeRun, averaged
+from ...fitting.envelopes import two_modes
+from ...fitting.envelopes.envelope_runs import EnvelopeRun, averaged
 from .verdict import ORDER, Verdict
 
 Array = np.ndarray

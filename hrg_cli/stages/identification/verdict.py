@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting import coordinates, inference
-from ...fitting.base_fit import Known, nominal_scale_factor
-from ...fitting.envelope_runs import EnvelopeRun
-from ...fitting.likelihood import Fit
+from ...fitting.envelopes import coordinates, inference
+from ...fitting.envelopes.base_fit import Known, nominal_scale_factor
+from ...fitting.envelopes.envelope_runs import EnvelopeRun
+from ...fitting.envelopes.likelihood import Fit
 from ...physics import ellipse
 
 Array = np.ndarray

@@ -13,10 +13,10 @@ from functools import partial
 import numpy as np
 
 from ...effects.effect import Effect
-from ...fitting import evidence, extended_fit
-from ...fitting.coordinates import COUNT, from_mechanics
-from ...fitting.extended import OWN, Point, base_sensitivities, predict, propagation
-from ...fitting.extended_fit import Freedom
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.extended import OWN, Point, base_sensitivities, predict, propagation
+from ...fitting.causes.extended_fit import Freedom
+from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics import ellipse, slow_engine
 from ...physics.plant import linear_plant
 from ...physics.resonator import Mechanics

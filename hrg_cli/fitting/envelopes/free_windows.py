@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import HrgError
-from ..physics import ellipse
-from ..records import Wave
+from ...errors import HrgError
+from ...physics import ellipse
+from ...records import Wave
 from .envelope_runs import MIN_ROWS, EnvelopeRun
 
 Array = np.ndarray

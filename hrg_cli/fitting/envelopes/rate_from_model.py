@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import HrgError
-from ..physics import ellipse
-from ..physics.resonator import Mechanics
-from ..records import Resonator, Wave
-from . import coordinates, propagator
+from ...errors import HrgError
+from ...physics import ellipse
+from ...physics.resonator import Mechanics
+from ...records import Resonator, Wave
+from ..envelopes import coordinates, propagator
 from .envelope_runs import EnvelopeRun, from_wave
 from .likelihood import Response, State, batch, real, respond, triangle
 

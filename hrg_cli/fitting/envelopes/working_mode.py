@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics import ellipse
+from ...physics import ellipse
 from .envelope_runs import EnvelopeRun
 from .regressions import derivative
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import HrgError
-from ..records import Recording
-from . import frequency as finding
+from ...errors import HrgError
+from ...records import Recording
+from ..samples import frequency as finding
 from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HrgError
-from ..records import Wave
+from ...errors import HrgError
+from ...records import Wave
 from .fourier import harmonic_basis
 
 Array = np.ndarray

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..physics import ellipse
+from ...physics import ellipse
 from .envelope_runs import EnvelopeRun
 
 USES_AXES = ("moving-axes", "moving-axes-small-quadrature", "increments", "rotation-integrals")

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import HrgError
-from ..physics import ellipse
-from ..records import Wave
+from ...errors import HrgError
+from ...physics import ellipse
+from ...records import Wave
 from .matrices import Matrix, applied
 
 Array = np.ndarray

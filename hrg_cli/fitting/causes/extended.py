@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects.effect import Effect, frame
-from ..physics.plant import SlowState
-from ..physics.resonator import Mechanics
-from . import coordinates
+from ...effects.effect import Effect, frame
+from ...physics.plant import SlowState
+from ...physics.resonator import Mechanics
+from ..envelopes import coordinates
+from ..envelopes.coordinates import COUNT
 from .colour import Colour
-from .coordinates import COUNT
 
 Array = np.ndarray
 CLEAR = 10.0

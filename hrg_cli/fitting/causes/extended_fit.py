@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..effects.effect import Effect
-from ..errors import HrgError
-from . import evidence
-from .coordinates import COUNT
+from ...effects.effect import Effect
+from ...errors import HrgError
+from ..causes import evidence
+from ..envelopes.coordinates import COUNT
 from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitivities, effect_sensitivity, imaginary, predict, propagation
 
 Array = np.ndarray

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..physics.resonator import Mechanics
+from ...physics.resonator import Mechanics
 from .matrices import Matrix, product
 
 Array = np.ndarray

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..errors import HrgError
-from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
+from ...errors import HrgError
+from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
 from .basis import columns, pairs, pull, window_basis
 from .demodulator import Demodulator, Rows
 from .windows import NEIGHBOURS, Fits, pool_rows

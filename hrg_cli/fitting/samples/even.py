@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from ..records import FLAG_CLIPPED, FLAG_NOT_FINITE
+from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import window_basis
 from .demodulator import Demodulator, Rows
 from .windows import NEIGHBOURS, Fits, fit_even, pool_rows

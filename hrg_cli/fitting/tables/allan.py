@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..records import Array
+from ...records import Array
 
 
 def allan_deviation(rate: Array, interval_s: float, points: int = 40) -> tuple[Array, Array, Array]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..errors import HrgError
-from ..records import FLAG_CLIPPED, Recording
+from ...errors import HrgError
+from ...records import FLAG_CLIPPED, Recording
 from .basis import WindowBasis, columns, window_basis
 from .frequency import bands, nuisances
 from .spectrum import colour

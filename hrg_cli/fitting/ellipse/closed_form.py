@@ -8,8 +8,8 @@ Any u is an ellipse, so no further constraint remains and A, B, θ, φ follow fr
 
 import numpy as np
 
-from ..physics import ellipse
-from ..physics.signals import sidebands
+from ...physics import ellipse
+from ...physics.signals import sidebands
 
 Array = np.ndarray
 CHUNK_ROWS = 8192

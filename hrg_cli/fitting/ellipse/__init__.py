@@ -1,0 +1,1 @@
+"""Signals to the ellipse of the wave, and its errors."""

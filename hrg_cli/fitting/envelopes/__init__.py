@@ -1,0 +1,1 @@
+"""Envelopes of runs to the resonator: likelihood, linear methods, inference."""

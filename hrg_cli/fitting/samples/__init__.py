@@ -1,0 +1,1 @@
+"""Samples to rows of signals: what demodulation is made of."""

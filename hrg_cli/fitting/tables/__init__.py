@@ -1,0 +1,1 @@
+"""Increments of the angle to tables over angle and temperature."""
