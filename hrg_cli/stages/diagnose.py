@@ -25,6 +25,7 @@ from ..fitting.envelopes.base_fit import nominal_scale_factor
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
 from .diagnosis.closing import completed, opened
+from .diagnosis.contradiction import contradicting_logs
 from .diagnosis.data import prepare
 from .diagnosis.form import better
 from .diagnosis.gain import held_out
@@ -79,6 +80,8 @@ def diagnose(
             f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs together; "
             "diagnose free and forced runs apart, or leave out the run that differs most"
         ) from error
+    if contradiction := contradicting_logs(pieces, base, fitted):
+        raise HrgError(contradiction)
     untouched, own = base, origin
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):

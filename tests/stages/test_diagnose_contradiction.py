@@ -1,0 +1,32 @@
+"""A log whose rate contradicts the motion is a fault of the log, named by run; a great effect is none."""
+
+import numpy as np
+import pytest
+from diagnosis_programme import programme, waves
+
+from hrg_cli.errors import HrgError
+from hrg_cli.stages.diagnose import diagnose, summary
+
+
+def turned(runs, k):
+    return [w.replace(rate_rad_s=-w.rate_rad_s) if i == k else w for i, w in enumerate(runs)]
+
+
+def test_a_rate_of_the_wrong_sign_is_named_by_its_run():
+    with pytest.raises(HrgError, match=r"run2: -2 rad/s is logged, its wave turns as at 2") as told:
+        diagnose(turned(waves(programme(5)), 2))
+    assert "run3" not in str(told.value)
+
+
+def test_rotation_without_a_log_is_told_from_a_cause():
+    unlogged = [w.replace(rate_rad_s=None) for w in waves(programme(6))]
+    with pytest.raises(HrgError, match="run2: 0 rad/s is logged") as told:
+        diagnose(unlogged)
+    rates = [float(part.split()[0].strip(");:")) for part in str(told.value).split("turns as at ")[1:]]
+    assert np.allclose(rates, [2.0, -2.0], rtol=0.2)
+
+
+def test_an_effect_of_many_thousand_sigma_is_a_cause_and_no_contradiction():
+    out = summary(diagnose(waves(programme(7, {"gain_mismatch": {"gain": 0.05}}))))
+    assert out["baseline"]["chi2_per_dof"] > 1e3
+    assert out["effects"][0]["name"] == "gain_mismatch"
