@@ -34,7 +34,7 @@ from .diagnosis.orientation import oriented
 from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder, adequacy, describe
 from .diagnosis.report import report as report_of
-from .diagnosis.search import SIGNIFICANT, WORTH, Search, Variant, adopted, select, variants
+from .diagnosis.search import GROSS, SIGNIFICANT, WORTH, Search, Variant, adopted, select, variants
 from .diagnosis.tones import Tone, strongest, without
 from .diagnosis.wander import wandering
 from .diagnosis.waveform import causes, phase_steps, split_at
@@ -44,6 +44,8 @@ INADEQUATE = 1e-4
 """Chance at which a clean model would be called inadequate by the residual's smooth part, and again by the open terms."""
 OPEN_TERMS = 3
 MOST_TONES = 4
+TONE_LEAVES = 0.8
+"""Part of a gross misfit's χ² that a tone may leave."""
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
 """Effects named by the waveform view alone."""
 CLEARLY = 16.0
@@ -89,9 +91,12 @@ def diagnose(
     tones: list[Tone] = []
     while len(tones) < MOST_TONES and (tone := strongest(base, pieces)) is not None:
         try:
-            base = fitted(without(pieces, tone))
+            rest = fitted(without(pieces, tone))
         except extended_fit.DivergedError:  # what is left has no fit: it was no tone
             break
+        if base.chi2 > GROSS * base.dof and rest.chi2 > TONE_LEAVES * base.chi2:
+            break  # a line of a gross misfit of the motion
+        base = rest
         tones.append(tone)
         pieces = without(pieces, tone)
     candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)

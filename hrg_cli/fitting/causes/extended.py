@@ -49,6 +49,8 @@ class Series:
     held_amplitude: Array
     """Main amplitude that a drive without a log keeps up; NaN where the command is logged or the run is free."""
     held_slope: Array
+    turn_rad_s: Array
+    """Mean turn of every run's phase (R,), which the steps take exactly."""
     reference_frequency_hz: float
     mode_number: int
     has_temperature: bool = True
@@ -67,7 +69,7 @@ class Series:
         index = list(index)
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
         colour = None if self.colour is None else self.colour.runs(index)
-        return replace(self, names=tuple(self.names[i] for i in index), colour=colour, **cut)
+        return replace(self, names=tuple(self.names[i] for i in index), turn_rad_s=self.turn_rad_s[index], colour=colour, **cut)
 
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""
@@ -267,11 +269,11 @@ class _Stage:
 
 
 def generators(series: Series, point: Point) -> Array:
-    """L (R, n, 2, 2) with the runs' frequency offsets."""
+    """L (R, n, 2, 2) with the runs' frequency offsets beside their mean turn, which the steps take exactly."""
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
     plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
     full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
-    offset = 1j * point.offset_rad_s[:, None, None, None] * np.eye(2)
+    offset = 1j * (point.offset_rad_s - series.turn_rad_s)[:, None, None, None] * np.eye(2)
     return plain + point.p[6] * (full - plain) + offset
 
 
@@ -281,8 +283,9 @@ def times(L: Array, u: Array) -> Array:
 
 
 def predict(series: Series, point: Point) -> Prediction:
-    """All runs from their start states by the Runge–Kutta rule of fourth order."""
+    """All runs from their start states by the Runge–Kutta rule of fourth order, each run's mean turn taken exactly (Lawson)."""
     h = series.step_s[..., None]
+    turn = half_turns(series)[..., None]
     centre = series.middle()
     rows, halves = _Stage(series, point), _Stage(centre, point)
     L, M = generators(series, point), generators(centre, point)
@@ -290,25 +293,30 @@ def predict(series: Series, point: Point) -> Prediction:
     u = motion[:, 0] = point.start
     idle, ahead = rows.idle, None
     for k in range(h.shape[1]):
-        step, before, mid, after = h[:, k], L[:, k], M[:, k], L[:, k + 1]
+        step, E, before, mid, after = h[:, k], turn[:, k], L[:, k], M[:, k], L[:, k + 1]
         if idle:
             k1 = times(before, u)
-            k2 = times(mid, u + step / 2 * k1)
-            k3 = times(mid, u + step / 2 * k2)
-            k4 = times(after, u + step * k3)
+            k2 = times(mid, E * (u + step / 2 * k1))
+            k3 = times(mid, E * u + step / 2 * k2)
+            k4 = times(after, E * (E * u + step * k3))
         else:
             a, b, c = ahead or rows.at(k), halves.at(k), rows.at(k + 1)
             ahead = c
             k1 = times(before, u) + a.beside(u)
-            v = u + step / 2 * k1
+            v = E * (u + step / 2 * k1)
             k2 = times(mid, v) + b.beside(v)
-            v = u + step / 2 * k2
+            v = E * u + step / 2 * k2
             k3 = times(mid, v) + b.beside(v)
-            v = u + step * k3
+            v = E * (E * u + step * k3)
             k4 = times(after, v) + c.beside(v)
-        u = u + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        u = E * (E * (u + step / 6 * k1) + step / 3 * (k2 + k3)) + step / 6 * k4
         motion[:, k + 1] = u
     return Prediction(series, point, motion, rows.seen(motion))
+
+
+def half_turns(series: Series) -> Array:
+    """e^{jδh/2} of every step (R, n − 1), δ the run's mean turn."""
+    return np.exp(0.5j * series.turn_rad_s[:, None] * series.step_s)
 
 
 def real_matrix(L: Array) -> Array:
@@ -364,8 +372,8 @@ def propagation(prediction: Prediction) -> Propagation:
     L, M = generators(series, point), generators(centre, point)
     rows, halves = _Stage(series, point), _Stage(centre, point)
     slope_rows = times(L, u) + rows.beside(u)
-    hh = series.step_s[..., None]
-    middle = (u[:, 1:] + u[:, :-1]) / 2 + hh / 8 * (slope_rows[:, :-1] - slope_rows[:, 1:])
+    hh, E = series.step_s[..., None], half_turns(series)[..., None]
+    middle = (np.conj(E) * u[:, 1:] + E * u[:, :-1]) / 2 + hh / 8 * (E * slope_rows[:, :-1] - np.conj(E) * slope_rows[:, 1:])
     A, B = real_matrix(L), real_matrix(M)
     view = None
     if not rows.idle:
@@ -374,11 +382,12 @@ def propagation(prediction: Prediction) -> Propagation:
     eye = np.eye(4)
 
     def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
+        E = real_matrix(np.exp(0.5j * series.turn_rad_s[:, None, None, None] * h) * np.eye(2))
         k1 = first
-        k2 = mid @ (eye + h / 2 * k1)
-        k3 = mid @ (eye + h / 2 * k2)
-        k4 = last @ (eye + h * k3)
-        return eye + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        k2 = mid @ E @ (eye + h / 2 * k1)
+        k3 = mid @ (E + h / 2 * k2)
+        k4 = last @ E @ (E + h * k3)
+        return E @ (E @ (eye + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
 
     step = flow(A[:, :-1], B, A[:, 1:], h)
     half = flow(B, (B + A[:, 1:]) / 2, A[:, 1:], h / 2)

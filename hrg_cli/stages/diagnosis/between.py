@@ -148,7 +148,9 @@ def _adopted(fit: Fit, best: Pattern, ranked: Sequence[Pattern], offsets: Offset
         values[name] += float(value)
     own = float(np.sqrt(np.median(np.diag(offsets.covariance))))
     freedom = replace(fit.freedom, offset_std=max(best.wander, LEAST * own))
-    again = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, best.variant.effect, values), freedom)
+    # what the cause does to the frequencies leaves the offsets, or a great one would start many turns away
+    point = replace(fit.point, offset_rad_s=fit.point.offset_rad_s - best.response @ estimate)
+    again = extended_fit.fit(fit.series, extended_fit.with_effect(point, best.variant.effect, values), freedom)
     S = extended_fit.sensitivity(fit.flow, best.variant.effect, best.variant.values, best.variant.steps)
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
     level = offsets.misfit(best.wander, best.response)[0]

@@ -56,7 +56,7 @@ def contradicting_logs(waves: Sequence[Wave], base: Fit, fitted: Callable[[Seque
         best, changed[k], trial_waves[k] = found, (logged, rate), wave
         if best.chi2 / best.dof < max(2.0, level / FALL**2):
             break
-    if not changed or best.chi2 / best.dof > level / FALL:
+    if not changed or best.chi2 / best.dof > min(level / FALL, GROSS):
         return None
     runs = "; ".join(f"{waves[k].run_id}: {a:.4g} rad/s is logged, its wave turns as at {b:.4g}" for k, (a, b) in changed.items())
     return (

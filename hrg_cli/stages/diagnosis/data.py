@@ -154,6 +154,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
     return Series(
         names=tuple(w.run_id or f"run {k}" for k, w in enumerate(waves)),
         **stacked,
+        turn_rad_s=(stacked["phase_rad"][:, -1] - stacked["phase_rad"][:, 0]) / (stacked["time_s"][:, -1] - stacked["time_s"][:, 0]),
         reference_frequency_hz=reference,
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),

@@ -326,7 +326,10 @@ def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Re
             break
         effect = effect_of(best.place, best.covariate, number)
         values = {q.name: float(v) if np.isfinite(v) else 0.0 for q, v in zip(effect.parameters, best.score.estimate, strict=True)}
-        again = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, values), fit.freedom)
+        try:
+            again = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, values), fit.freedom)
+        except extended_fit.DivergedError:  # its linear gain is none
+            break
         if not again.chi2 < fit.chi2 - 10 * noise_factor:
             break
         fitted = np.array([dict((e.name, v) for e, v in again.point.active)[effect.name][q.name] for q in effect.parameters])

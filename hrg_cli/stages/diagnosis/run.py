@@ -54,7 +54,7 @@ def _start(fit: Fit, k: int) -> Array:
 
     The generator's own motion is taken back exactly; what drive and effects add to it is a parabola.
     """
-    L = generators(fit.series, fit.point)[k, 0]
+    L = generators(fit.series, fit.point)[k, 0] + 1j * fit.series.turn_rad_s[k] * np.eye(2)
     t = fit.series.time_s[k, :3]
     still = np.einsum("rij,rj->ri", exponential(L, -t), fit.prediction.motion[k, :3])
     weights = [np.prod([t[j] / (t[j] - t[i]) for j in range(3) if j != i]) for i in range(3)]

@@ -17,7 +17,7 @@ from ...records import Wave
 
 Array = np.ndarray
 NEAREST_CYCLES = 4.0
-"""Cycles of beat in the shortest run from which a tone is looked for."""
+"""Cycles of beat with every run's own frequency in the shortest run from which a tone is looked for."""
 ONE_SIDED = 6.0
 FINE = 41
 
@@ -84,7 +84,9 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
     mirror = np.interp(offset - distance, np.fft.fftshift(frequency), np.fft.fftshift(power), period=1 / step)
     # of a sum of 2·used exponentials, its median set to 1
     expected = 4 * used * np.maximum(relative, 0)
-    wanted = (np.abs(distance) * shortest > NEAREST_CYCLES) & (power > ONE_SIDED * mirror) & (chdtrc(4 * used, expected) < 1e-6 / size)
+    own = fit.point.offset_rad_s / (2 * np.pi)
+    nearest = np.min(np.abs(frequency[:, None] - own), axis=1)
+    wanted = (nearest * shortest > NEAREST_CYCLES) & (power > ONE_SIDED * mirror) & (chdtrc(4 * used, expected) < 1e-6 / size)
     if not wanted.any():
         return None
     best = float(frequency[np.argmax(np.where(wanted, power, 0))])
