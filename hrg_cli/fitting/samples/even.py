@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -28,47 +27,46 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     pool = pool_rows(samples - run.columns())
     chunk = run.chunk_windows(samples, pool)
     step = chunk * max(1, block_samples // (chunk * samples))
-    with ThreadPoolExecutor(2) as channels:  # both channels at once where a second core is idle: the products let go of the interpreter
-        for first in range(0, total, step):
-            last = min(first + step, total)
-            lead = max(0, first - NEIGHBOURS)
-            raw = [np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples]) for channel in (recording.c, recording.s)]
-            touching = [_touches(raw[k], run.survey.rails[k]) for k in range(2)]
-            block = run.empty(last - first)
-            for start in range(first, last, chunk):
-                stop = min(start + chunk, last)
-                low, high = max(0, start - NEIGHBOURS), min(stop + NEIGHBOURS, total)
-                times = (np.arange(low, high) * samples + (samples - 1) / 2) / rate
-                local = run.local_hz((start + chunk / 2) * samples / rate)
-                basis = run.basis(samples, rate, local)
-                keep, rows = slice(start - low, stop - low), slice(start - first, stop - first)
-                flags = block["flags"][rows]
-                envelope = np.empty((2, high - low, len(run.reference)), complex)
-                residual2 = np.empty((2, high - low))
-                pieces = [raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples) for k in range(2)]
-                for k, (fitted, left) in enumerate(channels.map(fit_even, pieces, (basis, basis))):
-                    piece, scale = pieces[k], run.scale(k)
-                    np.multiply(fitted, scale, out=envelope[k])
-                    np.multiply(left, scale**2, out=residual2[k])
-                    if not np.isfinite(left.sum()):
-                        bad = ~np.isfinite(left)
-                        envelope[k, bad] = np.nan
-                        residual2[k, bad] = np.nan
-                        flags[bad[keep]] |= FLAG_NOT_FINITE
-                    if touching[k]:
-                        lowest, highest = run.survey.rails[k]
-                        flags[(piece[keep] >= highest).any(1) | (piece[keep] <= lowest).any(1)] |= FLAG_CLIPPED
-                fits = Fits(
-                    envelope,
-                    residual2,
-                    np.asarray(basis.freedom),
-                    np.asarray(samples),
-                    basis.variance[None],
-                    basis.slope,
-                    basis.curvature,
-                )
-                run.fill(fits, times, local, keep, block, rows)
-            yield block
+    for first in range(0, total, step):
+        last = min(first + step, total)
+        lead = max(0, first - NEIGHBOURS)
+        raw = [np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples]) for channel in (recording.c, recording.s)]
+        touching = [_touches(raw[k], run.survey.rails[k]) for k in range(2)]
+        block = run.empty(last - first)
+        for start in range(first, last, chunk):
+            stop = min(start + chunk, last)
+            low, high = max(0, start - NEIGHBOURS), min(stop + NEIGHBOURS, total)
+            times = (np.arange(low, high) * samples + (samples - 1) / 2) / rate
+            local = run.local_hz((start + chunk / 2) * samples / rate)
+            basis = run.basis(samples, rate, local)
+            keep, rows = slice(start - low, stop - low), slice(start - first, stop - first)
+            flags = block["flags"][rows]
+            envelope = np.empty((2, high - low, len(run.reference)), complex)
+            residual2 = np.empty((2, high - low))
+            pieces = [raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples) for k in range(2)]
+            for k, (fitted, left) in enumerate(fit_even(piece, basis) for piece in pieces):
+                piece, scale = pieces[k], run.scale(k)
+                np.multiply(fitted, scale, out=envelope[k])
+                np.multiply(left, scale**2, out=residual2[k])
+                if not np.isfinite(left.sum()):
+                    bad = ~np.isfinite(left)
+                    envelope[k, bad] = np.nan
+                    residual2[k, bad] = np.nan
+                    flags[bad[keep]] |= FLAG_NOT_FINITE
+                if touching[k]:
+                    lowest, highest = run.survey.rails[k]
+                    flags[(piece[keep] >= highest).any(1) | (piece[keep] <= lowest).any(1)] |= FLAG_CLIPPED
+            fits = Fits(
+                envelope,
+                residual2,
+                np.asarray(basis.freedom),
+                np.asarray(samples),
+                basis.variance[None],
+                basis.slope,
+                basis.curvature,
+            )
+            run.fill(fits, times, local, keep, block, rows)
+        yield block
 
 
 def _touches(raw: Array, rail: tuple[float, float]) -> bool:
