@@ -173,6 +173,8 @@ def figure(study: dict[str, Any]) -> Figure:
         left.plot(sizes, list(row.values()), color="0.6", marker=".")
     left.plot(sizes, list(study["ideal"].values()), color="C1", label="ideal detector")
     left.set(xscale="log", xlabel="size over σ of an ideal detector", ylabel="chance of being named", ylim=(-0.02, 1.02))
+    left.set_xticks(sizes, [f"{size:g}" for size in sizes])
+    left.minorticks_off()
     left.legend()
     counts = np.array([[study["confusion"][a].get(b, 0) for b in named] for a in names], float)
     image = right.imshow(counts / np.maximum(counts.sum(1, keepdims=True), 1), cmap="Greys", vmin=0, vmax=1, aspect="auto")
