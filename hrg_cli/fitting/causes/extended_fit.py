@@ -10,8 +10,8 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import HrgError
-from ..causes import evidence
 from ..envelopes.coordinates import COUNT
+from . import evidence
 from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitivities, effect_sensitivity, imaginary, predict, propagation
 
 Array = np.ndarray

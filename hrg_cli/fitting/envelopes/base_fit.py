@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError
-from ..envelopes import propagator
+from . import propagator
 from .coordinates import COORDINATES, COUNT
 from .envelope_runs import EnvelopeRun
 from .likelihood import Batch, Fit, Freedom, batch, fit, free

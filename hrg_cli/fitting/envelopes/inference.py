@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..envelopes import coordinates
+from . import coordinates
 from .likelihood import Fit, real, triangle
 
 Array = np.ndarray

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..envelopes import coordinates, matrices
+from . import coordinates, matrices
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .matrices import Matrix, Vector, applied, product

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..envelopes import coordinates, matrices
+from . import coordinates, matrices
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun, averaged
 from .likelihood import Freedom

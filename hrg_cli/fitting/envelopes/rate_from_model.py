@@ -16,9 +16,9 @@ import numpy as np
 
 from ...errors import HrgError
 from ...physics import ellipse
-from ...physics.resonator import Mechanics
+from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Resonator, Wave
-from ..envelopes import coordinates, propagator
+from . import coordinates, propagator
 from .envelope_runs import EnvelopeRun, from_wave
 from .likelihood import Response, State, batch, real, respond, triangle
 
@@ -73,7 +73,7 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         raise HrgError(
             f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * count} were expected for {count} nodes; ask for fewer"
         )
-    mechanics = Mechanics(**{k: values.get(k, 0.0) for k in ("frequency_hz", *_SHARED)}, mode_number=run.mode_number)
+    mechanics = Mechanics(**{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number)
     p = coordinates.from_mechanics(mechanics)
     p[6] = float(json.loads(resonator.details or "{}").get("second_order", {}).get("value", 1.0))
     found = _best(run, count, p)
@@ -145,9 +145,6 @@ def _integrated(values: Array, time_s: Array) -> Array:
     slope = np.gradient(values, time_s, axis=-1)
     pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(slope, axis=-1) * step**2 / 12
     return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
-
-
-_SHARED = ("damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
 
 
 def _smooth(values: Array, width: int) -> Array:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...physics import ellipse
-from ..envelopes import noise_propagation
+from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .likelihood import Freedom

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..envelopes import coordinates
+from . import coordinates
 from .likelihood import Fit, Freedom, fit, real
 
 Array = np.ndarray

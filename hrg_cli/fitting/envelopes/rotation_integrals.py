@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..envelopes import noise_propagation
+from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .method_ranges import USES_AXES, out_of_range, quadrature_significance

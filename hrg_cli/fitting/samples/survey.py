@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import Recording
-from ..samples import frequency as finding
+from . import frequency as finding
 from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray

@@ -15,6 +15,7 @@ from ...fitting.envelopes.base_fit import Known, nominal_scale_factor
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...physics import ellipse
+from ...physics.resonator import PARAMETERS
 
 Array = np.ndarray
 POOR_FIT = 1.5
@@ -23,15 +24,7 @@ CONTRADICTION = 30.0
 """χ² a degree of freedom from which single runs are left out to see whether one contradicts the rest, and the fall that shows it."""
 CANDIDATES = 3
 """Runs at most that are left out one at a time."""
-ORDER = (
-    "frequency_hz",
-    "damping_rate_1_s",
-    "damping_split_1_s",
-    "damping_axis_rad",
-    "frequency_split_rad_s",
-    "stiffness_axis_rad",
-    "scale_factor",
-)
+ORDER = tuple(name for name, _ in PARAMETERS)
 """Parameters in the contract's order, as the covariance has them."""
 WORDS = {
     "damping": "the mean decay",
