@@ -17,7 +17,6 @@ from .stages.calibration.table import values
 
 Array = np.ndarray
 LARGEST_ANGLES, LARGEST_NODES = 192, 33
-FORMATS = (".csv", ".json", ".h")
 
 
 @dataclass(frozen=True)

@@ -15,15 +15,6 @@ from .resonator import Mechanics
 Array = np.ndarray
 
 
-def turned_mechanics(mechanics: Mechanics, axis_rad: float) -> Mechanics:
-    """The same resonator described in axes turned by θ_x."""
-    from dataclasses import replace
-
-    return replace(
-        mechanics, damping_axis_rad=mechanics.damping_axis_rad - axis_rad, stiffness_axis_rad=mechanics.stiffness_axis_rad - axis_rad
-    )
-
-
 def turn(vector: Array, axis_rad: float, mode_number: int = 2) -> Array:
     """(X, Y) = components of (C, S) in axes turned by θ_x: X = C cos mθ_x + S sin mθ_x   (seed A before (3)); pairs along the last axis."""
     c, s = np.cos(mode_number * axis_rad), np.sin(mode_number * axis_rad)

@@ -18,38 +18,29 @@ from pydantic import Field
 from ..effects import EFFECTS
 from ..effects.effect import Effect
 from ..errors import HrgError
-from ..fitting.causes import evidence, extended_fit
-from ..fitting.causes.extended import Point, Series
-from ..fitting.causes.extended_fit import Fit, Freedom
-from ..fitting.envelopes.base_fit import nominal_scale_factor
+from ..fitting.causes import extended_fit
+from ..fitting.causes.extended_fit import Fit
+from ..physics import ellipse
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
 from .diagnosis.closing import completed, opened
 from .diagnosis.contradiction import contradicting_logs
-from .diagnosis.data import prepare
+from .diagnosis.data import freedom_of, prepare
 from .diagnosis.form import better
 from .diagnosis.gain import held_out
 from .diagnosis.model import simulation_file
 from .diagnosis.orientation import oriented
 from .diagnosis.rate_steps import settled
-from .diagnosis.remainder import Remainder, adequacy, describe
 from .diagnosis.report import report as report_of
-from .diagnosis.search import GROSS, SIGNIFICANT, WORTH, Search, Variant, adopted, select, variants
-from .diagnosis.tones import Tone, strongest, without
+from .diagnosis.search import Search, variants
+from .diagnosis.tones import taken_out
+from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wandering
 from .diagnosis.waveform import causes, phase_steps, split_at
 
 Array = np.ndarray
-INADEQUATE = 1e-4
-"""Chance at which a clean model would be called inadequate by the residual's smooth part, and again by the open terms."""
-OPEN_TERMS = 3
-MOST_TONES = 4
-TONE_LEAVES = 0.8
-"""Part of a gross misfit's χ² that a tone may leave."""
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
 """Effects named by the waveform view alone."""
-CLEARLY = 16.0
-"""ΔBIC by which an open description must beat catalogued causes that leave nothing over."""
 
 
 def diagnose(
@@ -71,7 +62,7 @@ def diagnose(
     def fitted(pieces: Sequence[Wave]) -> Fit:
         series, point, _ = prepare(pieces, scale_factor, blocks)
         series = replace(series, free_phase=free_phase)
-        return settled(extended_fit.fit(series, point, _freedom(series, point, scale_factor)))
+        return settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
 
     steps = phase_steps(waves)
     pieces, origin = split_at(waves, steps)
@@ -88,37 +79,26 @@ def diagnose(
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):
             untouched, own = fitted(waves), list(range(len(waves)))
-    tones: list[Tone] = []
-    while len(tones) < MOST_TONES and (tone := strongest(base, pieces)) is not None:
-        try:
-            rest = fitted(without(pieces, tone))
-        except extended_fit.DivergedError:  # what is left has no fit: it was no tone
-            break
-        if base.chi2 > GROSS * base.dof and rest.chi2 > TONE_LEAVES * base.chi2:
-            break  # a line of a gross misfit of the motion
-        base = rest
-        tones.append(tone)
-        pieces = without(pieces, tone)
+    base, pieces, tones = taken_out(base, pieces, fitted)
     candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
     base = wandering(oriented(base, candidates), candidates)
     most = most_effects if base.series.colour is None else min(2, most_effects)
-    search, remainder, noise_factor = _explain(base, candidates, most)
-    level = _noise_level(search.final, remainder)
+    search, remainder, noise_factor = explain(base, candidates, most)
+    level = noise_level(search.final, remainder)
     if level is not None:
-        base = _reweighted(base, level)
-        untouched = _reweighted(untouched, level)
-        search, remainder, noise_factor = _explain(base, candidates, most_effects)
+        base = reweighted(base, level)
+        untouched = reweighted(untouched, level)
+        search, remainder, noise_factor = explain(base, candidates, most_effects)
     search, frequencies = between_runs(search, candidates, noise_factor)
     wanders = base.series.colour is not None
     search, form = better(search, candidates, noise_factor, most_effects) if wanders else (search, None)
     if form is None:
-        verdict, search, remainder = _verdict(search, remainder, noise_factor)
+        verdict, search, remainder = concluded(search, remainder, noise_factor)
         search, form = (search, None) if wanders else better(search, candidates, noise_factor, most_effects)
     if form is not None:
-        verdict, remainder = "partly explained", _rest(search.final, noise_factor)
+        verdict, remainder = "partly explained", rest(search.final, noise_factor)
     verdict = opened(verdict, search, form)
-    frequency = base.series.reference_frequency_hz + float(np.mean(search.final.point.offset_rad_s)) / (2 * np.pi)
-    shown, lines = causes(waves, steps, tones, frequency, [f.variant.effect.name for f in search.found])
+    shown, lines = causes(waves, steps, tones, float(np.mean(search.final.frequency_hz)), [f.variant.effect.name for f in search.found])
     if shown and verdict in ("adequate", "unexplained"):
         verdict = "explained" if verdict == "adequate" else "partly explained"
     if not steps and not tones:
@@ -152,97 +132,6 @@ def _with_clipped(wave: Wave) -> Wave:
     return wave.replace(flags=np.where(wave.flags == 1, 0, wave.flags).astype(wave.flags.dtype))
 
 
-def _freedom(series: Series, point: Point, scale_factor: float | None) -> Freedom:
-    """Weak priors: K where nothing turns, the second order's scale between plain averaging (0) and a real resonator (1)."""
-    span = float(series.time_s.max())
-    damping = max(abs(float(point.p[0])), 0.01 / span)
-    split = max(float(np.hypot(point.p[3], point.p[4])), damping, 1 / span)
-    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 1.0])
-    if scale_factor is not None:
-        std[5] = 0.0
-    return Freedom(np.array([0, 0, 0, 0, 0, nominal_scale_factor(series.mode_number), 0.5]), std)
-
-
-def _reweighted(fit: Fit, level: float) -> Fit:
-    """The fit again with every σ times `level`."""
-    return extended_fit.fit(replace(fit.series, weight=fit.series.weight / level), fit.point, fit.freedom)
-
-
-def _noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
-    """White noise over the stated one, from second differences of what is left in the end; None where they agree."""
-    if fit.series.colour is not None:
-        return None
-    values = np.zeros((*fit.series.weight.shape, 4))
-    values[tuple(fit.rows.T)] = (remainder.fit if remainder else fit).residual
-    ok = fit.series.weight > 0
-    rough = np.diff(values, n=2, axis=1)[ok[:, 2:]]
-    if len(rough) < 20:
-        return None
-    level = float(np.sqrt(np.median(rough**2) / (6 * 0.45494)))  # median of χ² with one degree of freedom
-    return level if abs(level - 1) > max(0.03, 8 / np.sqrt(rough.size)) and level > 1e-9 else None
-
-
-def _explain(base: Fit, candidates: Sequence[Variant], most: int) -> tuple[Search, Remainder | None, float]:
-    """Selection and open search; repeated with inflated noise where, after both, the residual is still not white."""
-    noise_factor = 1.0
-    for _ in range(2):
-        search = select(base, candidates, noise_factor, most, [])
-        remainder = _rest(search.final, noise_factor)
-        level, p = adequacy(remainder.fit if remainder else search.final)
-        if p > INADEQUATE or level < 1.2 * noise_factor:
-            break
-        noise_factor = level
-    return search, remainder, noise_factor
-
-
-def _rest(fit: Fit, noise_factor: float) -> Remainder | None:
-    """The open search where the fit is not adequate; None where it is.
-
-    Not adequate: the residual's smooth part is too large, or one open term of all those tried finds what is too quick for that part.
-    """
-    level, p = adequacy(fit)
-    if level < 1.2 * noise_factor and noise_factor > 1:
-        return None
-    if p > INADEQUATE:
-        found = describe(fit, noise_factor, OPEN_TERMS, INADEQUATE)
-        return found if found.terms else None
-    return describe(fit, noise_factor, OPEN_TERMS, SIGNIFICANT)
-
-
-def _verdict(search: Search, remainder: Remainder | None, noise_factor: float) -> tuple[str, Search, Remainder | None]:
-    """The word for it; catalogued causes that open terms outdo are dropped and not blamed."""
-    if not search.found:
-        return ("unexplained" if remainder is not None else "adequate"), search, remainder
-    alone = describe(search.base, noise_factor, OPEN_TERMS, SIGNIFICANT)
-    if alone.terms and not _is_catalogued(alone, search):
-        price = float(np.log(len(search.base.residual)))
-        spent = (search.final.basis.shape[1] - search.base.basis.shape[1] + (remainder.rank if remainder else 0)) * price
-        catalogued = (search.final.chi2 if remainder is None else remainder.chi2) + spent
-        described = alone.chi2 + alone.rank * price
-        # a negative damping says that the catalogue's form is not the right one;
-        # what the catalogue explains in full is given up only for something clearly better; what it explains in part must earn its place
-        margin = CLEARLY if remainder is None else -0.5 * WORTH
-        mimic = remainder is not None and _single(alone, search) < -CLEARLY * noise_factor
-        forbidden = search.base.point.p[0] > 0 > search.final.point.p[0] and alone.fit.point.p[0] > 0
-        if forbidden or mimic or described < catalogued - margin * noise_factor:
-            return "unexplained", replace(search, final=search.base, found=(), last=search.first), alone
-    return ("explained" if remainder is None else "partly explained"), search, remainder
-
-
-def _single(alone: Remainder, search: Search) -> float:
-    """χ² of the first open term alone less that of the first catalogued cause alone, each with its price."""
-    base, first, one = search.base, search.found[0], alone.terms[0]
-    price = float(np.log(len(base.residual)))
-    cause = adopted(base, first.score, first.variant)
-    return (base.chi2 - one.score.gain + one.score.rank * price) - (cause.chi2 + first.score.rank * price)
-
-
-def _is_catalogued(remainder: Remainder, search: Search) -> bool:
-    """Whether one of the open terms is only another spelling of a catalogued effect."""
-    visible = [s for s in search.first if s.visible]
-    return any(evidence.alike(t.score, s) > 0.995 and s.rank <= t.score.rank for t in remainder.terms for s in visible)
-
-
 def _record(
     search: Search, waves: Sequence[Wave], pieces: Sequence[Wave], origin: list[int], verdict: str, report: dict[str, Any]
 ) -> Diagnosis:
@@ -251,8 +140,6 @@ def _record(
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]
     measured = series.envelope[good]
     before, after = (f.prediction.uncoloured().residual()[good] for f in (search.base, search.final))
-    from ..physics import ellipse
-
     a_A, _, angle, phase = ellipse.wave(measured, series.mode_number)
     for k in range(len(series.names)):
         angle[run == k], _ = ellipse.unwrap(angle[run == k], phase[run == k], series.mode_number)

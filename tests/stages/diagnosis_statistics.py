@@ -8,9 +8,8 @@ from diagnosis_programme import programme, waves
 
 from hrg_cli.effects import find
 from hrg_cli.fitting.causes import extended_fit
-from hrg_cli.fitting.causes.extended import real
-from hrg_cli.stages.diagnose import _freedom
-from hrg_cli.stages.diagnosis.data import prepare
+from hrg_cli.fitting.causes.wave_frame import real
+from hrg_cli.stages.diagnosis.data import freedom_of, prepare
 from hrg_cli.stages.diagnosis.gain import held_out
 
 FORCED = {
@@ -34,7 +33,7 @@ IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
 def base_of(runs):
     """The base model's fit."""
     series, point, _ = prepare(runs, None, 120)
-    return extended_fit.fit(series, point, _freedom(series, point, None))
+    return extended_fit.fit(series, point, freedom_of(series, point, None))
 
 
 def table_for(name, seed):

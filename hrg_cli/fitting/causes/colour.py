@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .wave_frame import directions, real
+
 Array = np.ndarray
 COMPONENTS = ("amplitude", "phase", "angle", "ellipticity")
 SMOOTH = 10
@@ -62,15 +64,7 @@ class Colour:
 
 def components(x: Array, along: Array) -> Array:
     """Reals (R, n, 4, K) turned into the wave's frame: along it, its phase, across it (angle), and its quadrature."""
-    size = np.sqrt(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True))
-    e = along / np.where(size > 0, size, 1.0)
-    across = np.stack([-np.conj(e[..., 1]), np.conj(e[..., 0])], axis=-1)
-    frame = np.stack([_real(e), _real(1j * e), _real(across), _real(1j * across)], axis=-2)
-    return frame @ x
-
-
-def _real(u: Array) -> Array:
-    return np.concatenate([u.real, u.imag], axis=-1)
+    return real(directions(along)) @ x
 
 
 def wander(t: Array, q: float, tau: float) -> Array:

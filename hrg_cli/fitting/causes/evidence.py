@@ -140,15 +140,6 @@ def correlations(scores: Sequence[Score]) -> Array:
     return out
 
 
-def rivals(best: Score, scores: Sequence[Score], residual: Array, rows: int, margin: float = 10.0) -> list[str]:
-    """Candidates that explain what `best` explains nearly as well: criterion within `margin`, or spaces that coincide to the data's power.
-
-    A rival's fall of χ² may fall short of the best's by at most `margin`; what it leaves cannot then be told from noise.
-    """
-    level = criterion(best.gain, best.rank, rows)
-    return [s.name for s in scores if s.name != best.name and s.visible and criterion(s.gain, s.rank, rows) > level - margin]
-
-
 def solve(J: Array, residual: Array, prior: Array | None = None, prior_residual: Array | None = None) -> tuple[Array, Array]:
     """Least-squares step (k,) and covariance (k, k) of a whitened problem with optional prior rows; blind directions stay put."""
     if prior is not None and prior_residual is not None:
@@ -199,12 +190,6 @@ def predicted(residual: Array, shared: Array, own: Mapping[int, Array], folds: S
         left = residual[fold] - shared[fold] @ step
         out[fold] = left - basis @ (basis.T @ left)
     return out
-
-
-def held_out(residual: Array, shared: Array, own: Mapping[int, Array], folds: Sequence[Array], prior: Array | None = None) -> Array:
-    """Mean squared residual of each fold as `predicted` from the others."""
-    left = predicted(residual, shared, own, folds, prior)
-    return np.array([float(np.mean(left[fold] ** 2)) for fold in folds])
 
 
 def smooth_power(residual: Array, Q: Array, smooth: Array) -> tuple[float, int]:

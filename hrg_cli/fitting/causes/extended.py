@@ -19,6 +19,7 @@ from ...physics.resonator import Mechanics
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT
 from .colour import Colour
+from .wave_frame import imaginary, real
 
 Array = np.ndarray
 CLEAR = 10.0
@@ -165,16 +166,6 @@ class Prediction:
                 rows = np.flatnonzero(good)
                 out[k] = np.interp(np.arange(len(good)), rows, np.unwrap(np.angle(overlap[k, rows])))
         return np.where(np.abs(out).max(axis=1, keepdims=True) > 0.02, out, 0.0)
-
-
-def real(u: Array) -> Array:
-    """(..., 2) complex as (..., 4) reals: Re C, Re S, Im C, Im S."""
-    return np.concatenate([u.real, u.imag], axis=-1)
-
-
-def imaginary(x: Array) -> Array:
-    """Inverse of `real`."""
-    return x[..., :2] + 1j * x[..., 2:]
 
 
 def mechanics(p: Array, series: Series) -> Mechanics:

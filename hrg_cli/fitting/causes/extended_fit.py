@@ -12,9 +12,11 @@ from ...effects.effect import Effect
 from ...errors import HrgError
 from ..envelopes.coordinates import COUNT
 from . import evidence
-from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitivities, effect_sensitivity, imaginary, predict, propagation
+from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitivities, effect_sensitivity, predict, propagation
+from .wave_frame import imaginary
 
 Array = np.ndarray
+MOST_STEPS = 15
 
 
 class DivergedError(HrgError, ArithmeticError):
@@ -77,6 +79,11 @@ class Fit:
         """Degrees of freedom."""
         given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
         return max(1, len(self.residual) - given_up - self.design.shape[1])
+
+    @property
+    def frequency_hz(self) -> Array:
+        """Frequency of every run beside its effects, (R,)."""
+        return self.series.reference_frequency_hz + self.point.offset_rad_s / (2 * np.pi)
 
     @cached_property
     def basis(self) -> Array:
@@ -155,25 +162,34 @@ def moved(point: Point, names: Sequence[str], step: Array) -> Point:
     return Point(p, start, offset, tuple(active.values()))
 
 
-def prior_rows(freedom: Freedom, names: Sequence[str], point: Point, series: Series) -> tuple[Array, Array]:
-    """Rows that pull the coordinates and the runs' offsets to their priors: (m, k) and their residual (m,)."""
-    rows, right = [], []
-    for k in range(COUNT):
-        if np.isfinite(freedom.std[k]) and freedom.std[k] > 0:
-            row = np.zeros(len(names))
-            row[list(names).index(f"p{k}")] = 1 / freedom.std[k]
-            rows.append(row)
-            right.append((freedom.mean[k] - point.p[k]) / freedom.std[k])
-    own = [list(names).index(f"run{k}.{OWN - 1}") for k in range(len(series.names))]
-    for stray in freedom.strays(series):
-        row = np.zeros(len(names))
-        row[own] = stray
-        rows.append(row)
-        right.append(-float(stray @ point.offset_rad_s))
-    return np.array(rows).reshape(-1, len(names)), np.array(right)
+def pulled(freedom: Freedom) -> Array:
+    """Coordinates with a prior that is neither absent nor a value held."""
+    return np.flatnonzero(np.isfinite(freedom.std) & (freedom.std > 0))
 
 
-def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
+def coordinate_rows(freedom: Freedom, names: Sequence[str]) -> Array:
+    """Rows (m, k) of the coordinates' priors over the named columns."""
+    rows = np.zeros((len(pulled(freedom)), len(names)))
+    for row, k in zip(rows, pulled(freedom), strict=True):
+        row[list(names).index(f"p{k}")] = 1 / freedom.std[k]
+    return rows
+
+
+def prior_rows(freedom: Freedom, names: Sequence[str], series: Series) -> Array:
+    """Rows (m, k) that pull the coordinates and the runs' offsets to their priors."""
+    strays = freedom.strays(series)
+    rows = np.zeros((len(strays), len(names)))
+    rows[:, [list(names).index(f"run{k}.{OWN - 1}") for k in range(len(series.names))]] = strays
+    return np.concatenate([coordinate_rows(freedom, names), rows])
+
+
+def prior_residual(freedom: Freedom, point: Point, series: Series) -> Array:
+    """How far the point is from the priors, (m,) in the order of `prior_rows`."""
+    k = pulled(freedom)
+    return np.concatenate([(freedom.mean[k] - point.p[k]) / freedom.std[k], -(freedom.strays(series) @ point.offset_rad_s)])
+
+
+def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS) -> Fit:
     """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ² a degree of freedom."""
     amplitude = amplitude_of(series)
     free = [freedom.std[k] > 0 for k in range(COUNT)]
@@ -181,13 +197,8 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
     def cost(prediction: Prediction) -> float:
         if not np.all(np.isfinite(prediction.seen)):
             return np.inf
-        pull = [
-            (freedom.mean[k] - prediction.point.p[k]) / freedom.std[k]
-            for k in range(COUNT)
-            if np.isfinite(freedom.std[k]) and freedom.std[k] > 0
-        ]
-        pull += list(freedom.strays(series) @ prediction.point.offset_rad_s)
-        return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(np.square(pull)))
+        pull = prior_residual(freedom, prediction.point, series)
+        return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(pull**2))
 
     with np.errstate(over="ignore", invalid="ignore"):
         prediction = predict(series, point)
@@ -204,7 +215,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
             flow = propagation(prediction)
             design, names = design_of(flow, free, amplitude)
             residual = flat(series, prediction.residual())
-            rows, right = prior_rows(freedom, names, prediction.point, series)
+            rows, right = prior_rows(freedom, names, series), prior_residual(freedom, prediction.point, series)
             step, _ = evidence.solve(design, residual, rows, right)
             expected = float(np.sum((design @ step) ** 2))
             size = 1.0
@@ -223,7 +234,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = 15) -> Fit:
         flow = propagation(prediction)
         design, names = design_of(flow, free, amplitude)
     residual = flat(series, prediction.residual())
-    rows, right = prior_rows(freedom, names, prediction.point, series)
+    rows, right = prior_rows(freedom, names, series), prior_residual(freedom, prediction.point, series)
     _, covariance = evidence.solve(design, residual, rows, right)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
     return Fit(freedom, flow, design, residual, names, covariance, converged, index)

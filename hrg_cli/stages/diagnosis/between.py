@@ -177,7 +177,7 @@ def _said(fit: Fit, noise_factor: float, follows: Sequence[str]) -> dict[str, An
     hz = 1 / (2 * np.pi)
     std = np.sqrt(np.diag(offsets.covariance)) * hz
     out: dict[str, Any] = {
-        "hz": (fit.series.reference_frequency_hz + offsets.value * hz).tolist(),
+        "hz": free.frequency_hz.tolist(),
         "std_hz": std.tolist(),
         "follow": list(follows),
     }

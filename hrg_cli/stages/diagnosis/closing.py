@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from ...fitting.causes.extended_fit import flat
 from . import forecast, wander
 from .form import Form
 from .search import Search, Variant
@@ -36,10 +33,6 @@ def completed(report: dict[str, Any], search: Search, form: Form | None, candida
         out["effects"] = [form.amended(e) for e in report["effects"]]
         out["remainder"] = form.completed(report["remainder"])
     if coloured:
-        for key, fit in (("baseline", search.base), ("after", search.final)):
-            weight = fit.series.weight[fit.rows[:, 0], fit.rows[:, 1]]
-            plain = flat(fit.series, fit.prediction.uncoloured().residual()) / weight
-            out[key] = report[key] | {"residual_rms": float(np.sqrt(np.mean(plain**2)))}
         rest = out["remainder"] or {"covariate": "time", "harmonic": None, "formula": None, "terms": []}
         said = [rest["description"]] if out["remainder"] else []
         out["remainder"] = rest | {"description": "; ".join([*said, wander.sentence(search.base)])}

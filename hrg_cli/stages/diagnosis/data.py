@@ -11,8 +11,9 @@ import numpy as np
 from ...effects.effect import branch
 from ...errors import HrgError
 from ...fitting.causes.extended import Point, Series
+from ...fitting.causes.extended_fit import Freedom
 from ...fitting.envelopes import envelope_runs, propagator
-from ...fitting.envelopes.base_fit import Known, freedom, start
+from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor, start
 from ...fitting.envelopes.coordinates import COUNT
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...physics import ellipse
@@ -209,3 +210,14 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
     inside[left] = y[0] + slope[0] * (t[left] - x[0])
     inside[right] = y[-1] + slope[-1] * (t[right] - x[-1])
     return inside
+
+
+def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Freedom:
+    """Weak priors: K where nothing turns, the second order's scale between plain averaging (0) and a real resonator (1)."""
+    span = float(series.time_s.max())
+    damping = max(abs(float(point.p[0])), 0.01 / span)
+    split = max(float(np.hypot(point.p[3], point.p[4])), damping, 1 / span)
+    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 1.0])
+    if scale_factor is not None:
+        std[5] = 0.0
+    return Freedom(np.array([0, 0, 0, 0, 0, nominal_scale_factor(series.mode_number), 0.5]), std)

@@ -17,10 +17,9 @@ import numpy as np
 from ...effects import nonlinear_damping
 from ...effects.effect import Effect, Parameter
 from ...fitting.causes import extended_fit
-from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
 from ...physics.plant import SlowState
-from .search import Found, Search, Variant, adopted, bic, scored
+from .search import WORTH, Found, Search, Variant, adopted, as_fitted, bic, scored
 
 Array = np.ndarray
 NAME = "nonlinear_damping"
@@ -28,7 +27,6 @@ FORBIDDEN = 2.0
 """σ by which the least linear damping must be negative to count as forbidden."""
 DIFFERENT = 4.0
 """σ by which a fitted power must differ from the catalogue's."""
-WORTH = 10.0
 PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
 """Score in σ from which a cause is refitted beside the passive form, the most that are, and in how many steps."""
 LEAST, MOST = -0.5, 8.0
@@ -216,7 +214,7 @@ def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         trials = []
         for score, variant in ranked[:SHORTLIST]:
             with contextlib.suppress(extended_fit.DivergedError):
-                trials.append((_tried(fit, score, variant), score, variant))
+                trials.append((adopted(fit, score, variant, QUICK), score, variant))
         trials = [t for t in trials if bic(fit) - bic(t[0]) > WORTH * noise_factor]
         if not trials:
             break
@@ -224,17 +222,9 @@ def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         near = [t for t in trials if bic(t[0]) < level + WORTH * noise_factor]
         best, score, variant = min(near, key=lambda t: (t[1].rank, t[0].chi2))
         rivals = tuple(t[2].effect.name for t in near if t[0] is not best)
-        found.append(Found(variant, score, len(ranked), (bic(fit) - bic(best)) / noise_factor, rivals))
+        found.append(Found(as_fitted(variant, best), score, len(ranked), (bic(fit) - bic(best)) / noise_factor, rivals))
         fit = extended_fit.fit(best.series, best.point, best.freedom)
     return fit, found
-
-
-def _tried(fit: Fit, score: Score, variant: Variant) -> Fit:
-    """The fit with one more cause, from its score's estimate, in a few steps."""
-    values = dict(variant.values)
-    for name, estimate in zip(variant.steps, score.estimate, strict=True):
-        values[name] += float(estimate) if np.isfinite(estimate) else 0.0
-    return extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, variant.effect, values), fit.freedom, QUICK)
 
 
 def _edge(passive: Fit, direction: Array) -> Fit | None:

@@ -11,8 +11,8 @@ import numpy as np
 from ...effects.effect import frame
 from ...fitting.causes import evidence
 from ...fitting.causes.evidence import HeldOut
-from ...fitting.causes.extended import imaginary
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import Fit, coordinate_rows
+from ...fitting.causes.wave_frame import imaginary
 from ...units import DEGREE_PER_HOUR
 
 Array = np.ndarray
@@ -60,13 +60,7 @@ def predicted(fit: Fit, kind: str, folds: list[Array]) -> Array:
         block = fit.design[np.ix_(rows, np.flatnonzero(~shared))]
         own[number] = block[:, np.any(block != 0, axis=0)] if block.size else np.zeros((len(rows), 0))
     names = [name for name, keep in zip(fit.names, shared, strict=True) if keep]
-    prior = []
-    for k, name in enumerate(names):
-        if name.startswith("p") and name[1:].isdigit() and np.isfinite(fit.freedom.std[int(name[1:])]):
-            row = np.zeros(len(names))
-            row[k] = 1 / fit.freedom.std[int(name[1:])]
-            prior.append(row)
-    return evidence.predicted(fit.residual, fit.design[:, shared], own, folds, np.array(prior) if prior else None)
+    return evidence.predicted(fit.residual, fit.design[:, shared], own, folds, coordinate_rows(fit.freedom, names))
 
 
 def held_out(before: Fit, after: Fit, origin_before: Sequence[int] | None = None, origin_after: Sequence[int] | None = None) -> Gain:

@@ -14,7 +14,6 @@ from ...settings import to_toml
 from .orientation import COHERENT
 from .run import run_table
 
-Array = np.ndarray
 SAMPLES_A_PERIOD = 8
 
 
@@ -26,7 +25,7 @@ def simulation_file(
     The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces become the run's own effect.
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
-    frequency = _frequencies(fit)
+    frequency = fit.frequency_hz
     device: dict[str, Any] = {
         "frequency_hz": float(np.median(frequency)),
         "damping_rate_1_s": max(float(values[0]), 0.0),
@@ -90,8 +89,3 @@ def _unused(name: str, names: set[str]) -> str:
         name += "_"
     names.add(name)
     return name
-
-
-def _frequencies(fit: Fit) -> Array:
-    """Frequency of every run, Hz."""
-    return fit.series.reference_frequency_hz + fit.point.offset_rad_s / (2 * np.pi)

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import Series, real
+from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.wave_frame import real
 
 Array = np.ndarray
 ABOVE = 10.0

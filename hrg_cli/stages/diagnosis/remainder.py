@@ -15,8 +15,9 @@ import numpy as np
 from ...effects.effect import Effect, Parameter
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
-from ...fitting.causes.extended import Series, real
+from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit, flat
+from ...fitting.causes.wave_frame import directions, real
 from ...physics import ellipse
 
 Array = np.ndarray
@@ -343,10 +344,7 @@ def smooth_columns(fit: Fit) -> Array:
     """Slow cosines in time of all four components of the wave, run by run: what a deterministic misfit would look like, (N, m)."""
     series = fit.series
     runs, n = series.weight.shape
-    u = fit.flow.prediction.seen
-    size = np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True))
-    along = u / np.where(size > 0, size, 1.0)
-    across = np.stack([-np.conj(along[..., 1]), np.conj(along[..., 0])], -1)
+    frame = np.swapaxes(real(directions(fit.flow.prediction.seen)), -1, -2)
     out = np.zeros((runs, n, 4, runs * SMOOTH * 4))
     column = 0
     for k in range(runs):
@@ -355,9 +353,8 @@ def smooth_columns(fit: Fit) -> Array:
         x = (series.time_s[k] - first) / (last - first)
         for j in range(1, SMOOTH + 1):
             g = np.cos(np.pi * j * x)[:, None]
-            for vector in (along[k], 1j * along[k], across[k], 1j * across[k]):
-                out[k, :, :, column] = real(g * vector)
-                column += 1
+            out[k, :, :, column : column + 4] = g[..., None] * frame[k]
+            column += 4
     return flat(series, fit.flow.prediction.whitened(out * series.weight[..., None, None]) if series.colour is not None else out)
 
 

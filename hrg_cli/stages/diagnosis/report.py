@@ -10,7 +10,7 @@ import numpy as np
 from ...effects import find
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.envelopes.coordinates import physical
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
@@ -64,7 +64,8 @@ def report(
 def _figures(fit: Fit) -> dict[str, float]:
     """χ² a degree of freedom and the residual's rms in the signals' unit."""
     weight = fit.series.weight[fit.rows[:, 0], fit.rows[:, 1]]
-    return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean((fit.residual / weight) ** 2)))}
+    plain = flat(fit.series, fit.prediction.uncoloured().residual()) / weight
+    return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 
 def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[dict[str, Any]]:
@@ -75,7 +76,7 @@ def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[d
     there = [k for k in range(7) if index[k] >= 0]
     covariance[np.ix_(there, there)] = fit.covariance[np.ix_([index[k] for k in there], [index[k] for k in there])]
     stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * noise_factor)
-    frequency = fit.series.reference_frequency_hz + float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi)
+    frequency = float(np.mean(fit.frequency_hz))
     own = [fit.std(f"run{k}.4") for k in range(len(fit.series.names))]
     spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(own))
     frequency_std = max(float(np.sqrt(np.sum(np.square(own))) / len(own)), spread) / (2 * np.pi) * np.sqrt(noise_factor)

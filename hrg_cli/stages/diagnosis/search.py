@@ -112,8 +112,8 @@ def _thinkable(score: Score, variant: Variant, amplitude: float) -> bool:
     return bool(np.all((np.abs(score.estimate) - 5 * score.std <= limits)[known]))
 
 
-def adopted(fit: Fit, score: Score, variant: Variant) -> Fit:
-    """The fit again with one more effect, from the score's estimate; parameters these runs do not show stay neutral."""
+def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS) -> Fit:
+    """The fit again with one more effect, from the score's estimate, in `most` steps; parameters these runs do not show stay neutral."""
     values, effect = dict(variant.values), variant.effect
     unseen = {name for name, std in zip(variant.steps, score.std, strict=True) if not np.isfinite(std)}
     if unseen and len(unseen) < len(variant.steps):
@@ -124,7 +124,7 @@ def adopted(fit: Fit, score: Score, variant: Variant) -> Fit:
     if effect.name == "saturation":
         values["inverse_level"] = variant.steps["inverse_level"]
     point = extended_fit.with_effect(fit.point, effect, values)
-    return extended_fit.fit(fit.series, point, fit.freedom)
+    return extended_fit.fit(fit.series, point, fit.freedom, most)
 
 
 def as_fitted(variant: Variant, fit: Fit) -> Variant:

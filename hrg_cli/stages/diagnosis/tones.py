@@ -6,20 +6,24 @@ a modulation of the resonator or of the read-out has both sidebands and is left 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import DivergedError, Fit
 from ...physics import ellipse
 from ...records import Wave
+from .search import GROSS
 
 Array = np.ndarray
 NEAREST_CYCLES = 4.0
 """Cycles of beat with every run's own frequency in the shortest run from which a tone is looked for."""
 ONE_SIDED = 6.0
 FINE = 41
+MOST_TONES = 4
+TONE_LEAVES = 0.8
+"""Part of a gross misfit's χ² that a tone may leave."""
 
 
 @dataclass(frozen=True)
@@ -120,3 +124,19 @@ def without(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
         angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)
         out.append(wave.replace(main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase))
     return out
+
+
+def taken_out(fit: Fit, waves: Sequence[Wave], fitted: Callable[[Sequence[Wave]], Fit]) -> tuple[Fit, list[Wave], list[Tone]]:
+    """The fit and the waves without the tones found one after another, and these; `fitted`: the base model's fit to waves."""
+    left, tones = list(waves), list[Tone]()
+    while len(tones) < MOST_TONES and (tone := strongest(fit, left)) is not None:
+        cleaned = without(left, tone)
+        try:
+            rest = fitted(cleaned)
+        except DivergedError:  # what is left has no fit: it was no tone
+            break
+        if fit.chi2 > GROSS * fit.dof and rest.chi2 > TONE_LEAVES * fit.chi2:
+            break  # a line of a gross misfit of the motion
+        fit, left = rest, cleaned
+        tones.append(tone)
+    return fit, left, tones

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...fitting.causes import colour, evidence, extended_fit
 from ...fitting.causes.extended_fit import Fit, flat
+from ...fitting.causes.wave_frame import directions, real
 from .remainder import adequacy, terms
 from .search import Variant
 
@@ -60,9 +61,7 @@ def slow_columns(fit: Fit) -> Array:
     """A polynomial in time of every component of the wave in every run, over σ, (N, m)."""
     series, u = fit.series, fit.prediction.seen
     runs, n = series.weight.shape
-    e = u / np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True))
-    across = np.stack([-np.conj(e[..., 1]), np.conj(e[..., 0])], -1)
-    frame = np.stack([np.concatenate([v.real, v.imag], -1) for v in (e, 1j * e, across, 1j * across)], -1)
+    frame = np.swapaxes(real(directions(u)), -1, -2)
     out = np.zeros((runs, n, 4, runs, 4, colour.SMOOTH + 1))
     for k in range(runs):
         last = series.time_s[k][series.weight[k] > 0].max()

@@ -1,0 +1,25 @@
+"""Envelopes as reals, and the directions in which a wave can differ from another: along it, its phase, its angle, its quadrature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def real(u: Array) -> Array:
+    """(..., 2) complex as (..., 4) reals: Re C, Re S, Im C, Im S."""
+    return np.concatenate([u.real, u.imag], axis=-1)
+
+
+def imaginary(x: Array) -> Array:
+    """Inverse of `real`."""
+    return x[..., :2] + 1j * x[..., 2:]
+
+
+def directions(u: Array) -> Array:
+    """Unit changes (..., 4, 2) of envelopes u (..., 2): in relative amplitude, phase, angle (across the wave) and ellipticity."""
+    size = np.sqrt(np.sum(np.abs(u) ** 2, axis=-1, keepdims=True))
+    along = u / np.where(size > 0, size, 1.0)
+    across = np.stack([-np.conj(along[..., 1]), np.conj(along[..., 0])], axis=-1)
+    return np.stack([along, 1j * along, across, 1j * across], axis=-2)
