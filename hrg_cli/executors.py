@@ -117,9 +117,7 @@ class _Lost:
     """In place of a result: the process was killed."""
 
 
-def _round(
-    executor: Executor, work: Callable[[Any], Any], tasks: Sequence[Any], indexes: Sequence[int]
-) -> Iterator[tuple[int, Any]]:
+def _round(executor: Executor, work: Callable[[Any], Any], tasks: Sequence[Any], indexes: Sequence[int]) -> Iterator[tuple[int, Any]]:
     futures: dict[Future[Any], int] = {}
     for index in indexes:
         try:

@@ -98,9 +98,7 @@ def reference(lot, tmp_path_factory) -> tuple[Path, dict]:
 
 def content(folder: Path) -> dict[str, str]:
     """Digest of every file."""
-    return {
-        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()
-    }
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 def test_every_gyro_has_its_row(reference):
@@ -119,9 +117,7 @@ def test_every_gyro_has_its_row(reference):
     assert list(table["gyro_id"].fillna("")) == [row["gyro_id"] for row in report["rows"]]
     assert table.loc[1, "frequency_hz"] == report["rows"][1]["frequency_hz"]
     if (folder / "lot.parquet").exists():
-        pd.testing.assert_frame_equal(
-            pd.read_parquet(folder / "lot.parquet")[["frequency_hz"]].astype(float), table[["frequency_hz"]]
-        )
+        pd.testing.assert_frame_equal(pd.read_parquet(folder / "lot.parquet")[["frequency_hz"]].astype(float), table[["frequency_hz"]])
     assert str(folder) not in (folder / "lot.csv").read_text()
 
 
@@ -294,7 +290,5 @@ def test_outliers_stand_out_of_the_lot():
     rows = judged_rows(LotSettings(recordings=["x"]), [], gyros)
     assert [row["gyro_id"] for row in rows if row["outliers"]] == ["7"]
     z = np.array([row["frequency_hz_z"] for row in rows])
-    np.testing.assert_allclose(
-        z[7], (values[7] - np.median(values)) / np.hypot(1.4826 * np.median(abs(values - np.median(values))), 0.1)
-    )
+    np.testing.assert_allclose(z[7], (values[7] - np.median(values)) / np.hypot(1.4826 * np.median(abs(values - np.median(values))), 0.1))
     assert not any(row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros[:4]))

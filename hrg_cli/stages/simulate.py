@@ -317,5 +317,3 @@ def _rate_programme(r: Steps | Sine | Sweep | RatePoints, duration: float) -> be
     period = r.period_s or duration
     quarters = np.arange(4 * math.ceil(duration / period) + 5)
     return bench.polyline(quarters * period / 4, r.maximum_rad_s * np.array([0.0, 1.0, 0.0, -1.0])[quarters % 4])
-
-

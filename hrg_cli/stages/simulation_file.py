@@ -135,7 +135,7 @@ class ReadoutTable(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if (self.kind == "carrier") != (self.carrier_hz is not None):
-            raise ValueError("carrier_hz belongs to kind = \"carrier\" and is needed there; give both or neither")
+            raise ValueError('carrier_hz belongs to kind = "carrier" and is needed there; give both or neither')
         if (self.model == "full") != (self.gap is not None):
             raise ValueError('gap belongs to model = "full" and is needed there; give both or neither')
         if self.full_scale is not None and self.adc_bits == 0:
@@ -162,7 +162,7 @@ class ControlTable(Table):
     def _complete(self) -> Self:
         given = sorted(self.model_fields_set - {"mode"})
         if self.mode == "free" and given:
-            raise ValueError(f"a free run has no control, but {', '.join(given)} is set; set mode = \"forced\" or leave it out")
+            raise ValueError(f'a free run has no control, but {", ".join(given)} is set; set mode = "forced" or leave it out')
         if (self.quadrature_loop == "off") and self.quadrature_gain_1_s:
             raise ValueError('quadrature_gain_1_s belongs to quadrature_loop = "finite" or "spring"')
         for interval in self.off_s:
