@@ -43,7 +43,8 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
 
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for i, name in enumerate(head):
-        table.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
+        words = i == 0 or any(isinstance(row[i], str) and row[i] for row in rows)
+        table.add_column(name, justify="left" if words else "right", overflow="fold")
     for row in rows:
         table.add_row(*(cell(v) for v in row))
     console = Console(markup=False, highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160)

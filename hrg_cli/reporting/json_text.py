@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 
@@ -31,7 +32,7 @@ def entries(report: dict[str, Any], key: str) -> list[dict[str, Any]]:
     return [e for e in value if isinstance(e, dict)] if isinstance(value, list) else []
 
 
-def child(report: dict[str, Any], key: str) -> dict[str, Any]:
+def child(report: Mapping[str, Any], key: str) -> dict[str, Any]:
     """The object of that key, or an empty one."""
     value = report.get(key)
     return value if isinstance(value, dict) else {}

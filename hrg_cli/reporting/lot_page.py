@@ -20,8 +20,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import __version__
-from .figures.drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, note, number, panels, style, svg
-from .text import plain
+from .figures.drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, note, panels, style, svg
+from .text import number, plain
 
 FOLDER = Path(__file__).parent
 NAMED = 12

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
 from ..units import DEGREE_PER_HOUR
-from .figures.drawing import number
+from .diagnosis import gains
 from .json_text import calibration_rms, child, entries, figure_of_merit, json_list, json_object
-from .text import plain
+from .text import number, plain
 
 STEPS = (
     ("recording", ("import", "simulate"), "record, import or simulate"),
@@ -185,22 +185,13 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
     return found
 
 
-QUANTITIES = (
-    ("drift_error_deg_h", "drift error, °/h"),
-    ("angle_error_ppm", "error of the wave angle, ppm of a radian"),
-    ("amplitude_error_ppm", "error of the amplitude, ppm"),
-)
 FORECAST = (("angle_deg", "wave angle, °"), ("amplitude_percent", "amplitude, %"), ("quadrature_percent", "quadrature, % of the amplitude"))
 
 
 def _gain_tables(report: dict[str, Any]) -> list[Table]:
     """What the extended model gains where it was not fitted: held-out errors in physical units, the forecast cause by cause."""
     found, gain, forecast = [], child(report, "gain"), child(report, "forecast")
-    rows = [
-        (words, *(f"{cell(part.get(when))} ± {cell(part.get(f'{when}_std'))}" for when in ("before", "after")))
-        for key, words in QUANTITIES
-        if (part := child(gain, key))
-    ]
+    rows = gains(gain)
     if rows:
         found.append(Table(f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms", ("quantity", "before", "after"), rows))
     if forecast:

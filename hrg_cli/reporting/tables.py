@@ -9,26 +9,29 @@ import numpy as np
 
 from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
 from ..units import to_deg_per_hour
-from . import identification
+from . import diagnosis, identification
 from .console import print_table
 from .json_text import json_object
 
 
 def show(record: Record, report: Mapping[str, Any]) -> None:
     """Print the table of a record; `report` is the command's JSON."""
+    if isinstance(record, Diagnosis):
+        return diagnosis.show(report)
     head, rows = table(record, report)
     if rows:
         print_table("", head, rows)
     if isinstance(record, Resonator):
         identification.show(report)
+    head, rows = _faults(report)
+    if rows:
+        print_table("", head, rows)
 
 
 def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Head and rows of a record's table."""
     if isinstance(record, Resonator):
         return ("parameter", "value", "std", "unit"), [(n, v, s, u) for n, (v, s, u) in record.parameters().items()]
-    if isinstance(record, Diagnosis):
-        return _diagnosis(report)
     if isinstance(record, Calibration):
         return _calibration(report)
     rows = [
@@ -69,30 +72,6 @@ def facts(record: Record) -> dict[str, Any]:
     return found
 
 
-def _diagnosis(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    rows: list[tuple[Any, ...]] = [("verdict", report.get("verdict"), "", "", "")]
-    for effect in report.get("effects", []):
-        values = ", ".join(f"{k} = {p['value']:.4g} ± {p['std']:.2g} {p['units']}" for k, p in effect["parameters"].items())
-        rows.append((effect["name"], values, effect["z"], effect["p_value"], ", ".join(effect["indistinguishable_from"])))
-        if effect.get("next_experiment"):
-            rows.append(("  next", effect["next_experiment"], "", "", ""))
-    if report.get("remainder"):
-        rows.append(("remainder", report["remainder"]["description"], "", "", ""))
-    if report.get("forecast"):
-        rows.append(("forecast", report["forecast"]["sentence"], "", "", ""))
-    before, after = report.get("baseline", {}), report.get("after", {})
-    rows.append(
-        (
-            "χ² a degree of freedom",
-            f"{before.get('chi2_per_dof', float('nan')):.4g} → {after.get('chi2_per_dof', float('nan')):.4g}",
-            "",
-            "",
-            "",
-        )
-    )
-    return ("found", "size", "z", "p", "cannot be told from"), rows
-
-
 def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     rows: list[tuple[Any, ...]] = []
     drift, scale = report.get("drift_rms_rad_s", {}), report.get("scale_factor_rms_ppm", {})
@@ -107,6 +86,18 @@ def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
             continue
         rows.append((_words(key), to_deg_per_hour(value) if key.endswith("_rad_s") else "", "" if key.endswith("_rad_s") else value))
     return ("rms residual", "drift, °/h", "scale factor, ppm"), rows
+
+
+def _faults(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Faults of the loops and of the read-out that stages 5 and 6 of the ladder measure."""
+    rows = [(r["name"], r["value"], r["std"], r["units"]) for r in report.get("loops", [])]
+    seen = report.get("readout_matrix") or {}
+    rows += [
+        (name.removesuffix("_rad"), seen[name], seen[f"{name}_std"], "rad" if name.endswith("_rad") else "1")
+        for name in ("gain_mismatch", "electrode_nonorthogonality_rad")
+        if name in seen
+    ]
+    return ("fault", "value", "unit", "z"), [(n, f"{v:.4g} ± {s:.2g}", u, f"{v / s:.3g}") for n, v, s, u in rows if s > 0]
 
 
 def _words(key: str) -> str:

@@ -1,8 +1,10 @@
-"""Text from files, safe to show on a page or a terminal."""
+"""Text and numbers, safe to show on a page or a terminal."""
 
 from __future__ import annotations
 
+import math
 import re
+from numbers import Real
 from typing import Any
 
 UNREADABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ufffe\uffff\ud800-\udfff]")
@@ -12,3 +14,25 @@ UNREADABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\
 def plain(value: Any) -> str:
     """Text in which unreadable characters are a replacement mark."""
     return UNREADABLE.sub("\ufffd", str(value))
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number as a person reads it: plain between 1e-4 and 1e7, else as a power of ten; a dash for anything else."""
+    if not isinstance(value, Real) or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = int(exponent)
+    if -5 < power < 7:
+        text = f"{float(f'{mantissa}e{power}'):.{max(digits - 1 - power, 0)}f}"
+        text = text.rstrip("0").rstrip(".") if "." in text else text
+    else:
+        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+        text = f"{mantissa}×{ten(power)}"
+    return text.replace("-", "−")
+
+
+def ten(power: int) -> str:
+    """10 to a whole power, with raised digits."""
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -23,6 +23,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from ...records import Array
+from ..text import number, ten
 
 INK, MUTED, GRID, PAPER = "#1a2028", "#5b6673", "#d9dee4", "#fdfefe"
 SERIES = ("#0067a5", "#c8500a", "#00806a", "#a3418f", "#8a6d00", "#47617d")
@@ -226,28 +227,6 @@ def png(plot: Plot, path: Path) -> None:
     with style():
         _settle(plot.figure)
         plot.figure.savefig(path, format="png", dpi=150, facecolor="white", metadata={"Software": None})
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number as a person reads it: plain between 1e-4 and 1e7, else as a power of ten."""
-    if not np.isfinite(value):
-        return "–"
-    if value == 0:
-        return "0"
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    power = int(exponent)
-    if -5 < power < 7:
-        text = f"{float(f'{mantissa}e{power}'):.{max(digits - 1 - power, 0)}f}"
-        text = text.rstrip("0").rstrip(".") if "." in text else text
-    else:
-        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-        text = f"{mantissa}×{ten(power)}"
-    return text.replace("-", "−")
-
-
-def ten(power: int) -> str:
-    """10 to a whole power, with raised digits."""
-    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def log_axis(axis: Axis) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..json_text import as_float, child, entries
-from .drawing import INK, MUTED, SERIES, Plot, labels, legend, note, number, panels, time_unit
+from ..text import number
+from .drawing import INK, MUTED, SERIES, Plot, labels, legend, note, panels, time_unit
 
 QUANTITIES = (
     ("amplitude_percent", "error of the amplitude, %"),

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Array, Periods, Recording, Wave
-from .drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, line, log_axis, note, number, panels, spread, time_unit
+from ..text import number
+from .drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, line, log_axis, note, panels, spread, time_unit
 
 LOOKS, LOOK_SAMPLES = 48, 1 << 13
 SPECTRUM_BINS = 700

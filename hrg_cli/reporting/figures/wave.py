@@ -9,7 +9,8 @@ import numpy as np
 
 from ...records import Array, Recording, Wave
 from ...units import DEGREE_PER_HOUR
-from .drawing import INK, SERIES, Plot, envelope, labels, legend, line, note, number, panels, scatter_with_mean, spread, time_unit
+from ..text import number
+from .drawing import INK, SERIES, Plot, envelope, labels, legend, line, note, panels, scatter_with_mean, spread, time_unit
 from .recording import residual_spectrum
 
 INCREMENTS = 900

@@ -1,0 +1,61 @@
+"""What a person reads after `hrg diagnose` and `hrg calibrate --ladder`: every figure of the JSON that decides something."""
+
+from hrg_cli.records import Calibration
+from hrg_cli.reporting import diagnosis, tables
+
+REPORT = {
+    "verdict": "partly explained",
+    "values": [
+        {"name": "scale_factor", "value": 0.55, "std": 1e-5, "units": "1", "believed": 0.554, "sigma": -400.0, "wrong": True},
+        {"name": "damping_rate_1_s", "value": 0.3, "std": 1e-5, "units": "s-1", "believed": 0.3, "sigma": 0.1, "wrong": False},
+    ],
+    "effects": [
+        {
+            "name": "thermal_gradient",
+            "z": 31.25,
+            "parameters": {"frequency_s_k": {"value": 1.25e-6, "std": 4e-8, "units": "s K-1"}},
+            "indistinguishable_from": ["thermal_lag"],
+            "next_experiment": "ramps of two slopes",
+        }
+    ],
+    "gain": {
+        "held_out": "runs",
+        "drift_error_deg_h": {"before": 400.0, "before_std": 50.0, "after": 6.0, "after_std": 1.0},
+    },
+    "baseline": {"chi2_per_dof": 55.0},
+    "after": {"chi2_per_dof": 1.5},
+    "remainder": {"description": "damping × a step at t = 1.2 s"},
+}
+
+
+def test_a_diagnosis_shows_wrong_values_causes_gain_remainder_and_the_next_run(capsys):
+    diagnosis.show(REPORT)
+    shown = capsys.readouterr().out
+    lines = shown.splitlines()
+    assert lines[0] == "verdict: partly explained"
+    assert "scale_factor" in shown and "-400" in shown and "damping_rate_1_s" not in shown
+    assert any("1.25e-06 ± 4e-08 s K-1" in line and "thermal_lag" in line for line in lines)
+    assert any(line.startswith("drift error") and "400 ± 50" in line and "6 ± 1" in line for line in lines)
+    assert "remainder: damping × a step at t = 1.2 s" in lines
+    assert "next, for thermal_gradient or thermal_lag: ramps of two slopes" in lines
+
+
+def test_an_adequate_model_claims_no_gain(capsys):
+    diagnosis.show(REPORT | {"verdict": "adequate", "effects": [], "values": [], "remainder": None})
+    assert capsys.readouterr().out.splitlines() == ["verdict: adequate", "χ² a degree of freedom: 55 before, 1.5 after"]
+
+
+def test_the_ladder_shows_the_faults_of_loops_and_readout_that_it_could_measure(capsys):
+    report = {
+        "loops": [{"name": "quadrature_drive_phase_error", "value": 5e-3, "std": 5e-5, "units": "rad", "z": 100.0}],
+        "readout_matrix": {
+            "gain_mismatch": 2e-3,
+            "gain_mismatch_std": 1e-4,
+            "electrode_nonorthogonality_rad": 0.0,
+            "electrode_nonorthogonality_rad_std": 0.0,
+        },
+    }
+    tables.show(object.__new__(Calibration), report)
+    shown = capsys.readouterr().out
+    assert "0.005 ± 5e-05" in shown and "100" in shown and "0.002 ± 0.0001" in shown
+    assert "electrode_nonorthogonality" not in shown
