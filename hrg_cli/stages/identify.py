@@ -14,25 +14,12 @@ from ..fitting.envelopes import envelope_runs, free_windows
 from ..fitting.envelopes.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
-from .identification.methods import by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
+from .identification.methods import RegressionMethod, by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
 from .identification.verdict import Verdict
 
 Array = np.ndarray
 
-Method = Literal[
-    "likelihood",
-    "propagator",
-    "stokes",
-    "products",
-    "increments",
-    "moving-axes",
-    "moving-axes-small-quadrature",
-    "fixed-axes",
-    "fixed-axes-weighted",
-    "rotation-integrals",
-    "working-mode",
-    "all",
-]
+Method = Literal["likelihood", RegressionMethod, "working-mode", "all"]
 
 
 def identify(

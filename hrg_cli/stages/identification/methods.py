@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from .verdict import ORDER, POOR_FIT, Verdict, contradictions, from_fit, judged,
 
 Array = np.ndarray
 REGRESSION_ROWS = 300
-ALL = (
+RegressionMethod = Literal[
     "propagator",
     "stokes",
     "products",
@@ -42,7 +42,8 @@ ALL = (
     "fixed-axes",
     "fixed-axes-weighted",
     "rotation-integrals",
-)
+]
+ALL: tuple[RegressionMethod, ...] = get_args(RegressionMethod)
 
 
 def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
