@@ -195,11 +195,12 @@ def started(*arguments: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
 
 
-def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_path):
+@pytest.fixture
+def cluster(tmp_path):
+    """Address of a scheduler with two workers, and these."""
     pytest.importorskip("distributed")
     file = tmp_path / "scheduler.json"
-    scheduler = started("dask_scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file))
-    workers = []
+    processes = [started("dask_scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file))]
     try:
         deadline = time.monotonic() + 30
         while not file.exists() or not file.read_text():
@@ -207,34 +208,55 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_
             time.sleep(0.1)
         address = json.loads(file.read_text())["address"]
         options = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path))
-        workers = [started("dask_worker", address, *options) for _ in range(2)]
-        out = tmp_path / "out"
-
-        def kill_one() -> None:
-            while not list(out.rglob("*.periods.h5")) and time.monotonic() < deadline:
-                time.sleep(0.01)
-            workers[0].send_signal(signal.SIGKILL)
-
-        killer = threading.Thread(target=kill_one)
-        killer.start()
-        run_lot(lot / "lot.toml", out, open_executor=executor_for(2, scheduler=address))
-        killer.join()
-        assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
-        assert content(out) == content(reference[0])
+        processes += [started("dask_worker", address, *options) for _ in range(2)]
+        yield address, processes[1:]
     finally:
-        for process in (*workers, scheduler):
+        for process in processes:
             process.kill()
             process.wait()
 
 
-def test_an_interrupted_lot_is_resumed(reference, lot, tmp_path):
+def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_path, cluster):
+    address, workers = cluster
     out = tmp_path / "out"
-    program = f"from hrg_cli.lots.batch import run_lot; run_lot({str(lot / 'lot.toml')!r}, {str(out)!r})"
+    deadline = time.monotonic() + 30
+
+    def kill_one() -> None:
+        while not list(out.rglob("*.periods.h5")) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        workers[0].send_signal(signal.SIGKILL)
+
+    killer = threading.Thread(target=kill_one)
+    killer.start()
+    run_lot(lot / "lot.toml", out, open_executor=executor_for(2, scheduler=address))
+    killer.join()
+    assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
+    assert content(out) == content(reference[0])
+
+
+def interrupted(program: str, out: Path) -> None:
+    """Run a program and kill it when the first wave is written."""
     child = subprocess.Popen([sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
     while not list(out.rglob("*.wave.h5")) and child.poll() is None:
         time.sleep(0.01)
     child.kill()
-    child.wait()
+    assert child.wait() == -signal.SIGKILL, "the program ended before it could be killed"
+
+
+def test_a_cluster_whose_client_is_killed_takes_the_lot_up_again(reference, lot, tmp_path, cluster):
+    out = tmp_path / "out"
+    program = (
+        "from hrg_cli.lots.batch import executor_for, run_lot; "
+        f"run_lot({str(lot / 'lot.toml')!r}, {str(out)!r}, open_executor=executor_for(2, scheduler={cluster[0]!r}))"
+    )
+    interrupted(program, out)
+    run_lot(lot / "lot.toml", out, open_executor=executor_for(2, scheduler=cluster[0]))
+    assert content(out) == content(reference[0])
+
+
+def test_an_interrupted_lot_is_resumed(reference, lot, tmp_path):
+    out = tmp_path / "out"
+    interrupted(f"from hrg_cli.lots.batch import run_lot; run_lot({str(lot / 'lot.toml')!r}, {str(out)!r})", out)
     run_lot(lot / "lot.toml", out)
     assert content(out) == content(reference[0])
 
