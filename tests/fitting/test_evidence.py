@@ -11,8 +11,8 @@ def problem(seed=0, rows=400, base=5, size=0.0):
     J = random.standard_normal((rows, base))
     S = random.standard_normal((rows, 1))
     r = random.standard_normal(rows) + size * S[:, 0]
-    Q = evidence.orthonormal(J)
-    return J, Q, S, r - Q @ (Q.T @ r)
+    Q = evidence.factored(J).basis
+    return J, Q, S, Q.off(r)
 
 
 def test_score_is_the_estimate_over_its_deviation_of_a_full_fit():
@@ -63,6 +63,47 @@ def test_two_spellings_of_one_cause_are_alike():
     one, other = evidence.score("a", r, S, Q), evidence.score("b", r, 2 * S + J[:, :1], Q)
     assert evidence.alike(one, other) == pytest.approx(1, abs=1e-9)
     assert evidence.alike(one, evidence.score("c", r, np.random.default_rng(9).standard_normal(S.shape), Q)) < 0.3
+
+
+def in_runs(seed=0, runs=4, rows=50, own=3, common=2):
+    """A design whose first columns belong to one run each, and its blocks."""
+    random = np.random.default_rng(seed)
+    J = np.zeros((runs * rows, runs * own + common))
+    blocks = [(slice(k * rows, (k + 1) * rows), slice(k * own, (k + 1) * own)) for k in range(runs)]
+    for block in blocks:
+        J[block] = random.standard_normal((rows, own)) * 10.0 ** random.uniform(-6, 6, own)
+    J[:, runs * own :] = random.standard_normal((runs * rows, common))
+    return J, blocks, random
+
+
+def test_a_design_in_blocks_is_solved_as_the_whole():
+    J, blocks, random = in_runs()
+    J[blocks[1][0], blocks[1][1].start] = 0.0  # one run shows nothing of one of its parameters
+    J[:, -1] += 1e3 * J[:, 0] / np.linalg.norm(J[:, 0])
+    r, prior = random.standard_normal(len(J)), random.standard_normal((2, J.shape[1]))
+    parts = evidence.factored(J, blocks)
+    assert parts.basis.shape == (len(J), np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)))
+    np.testing.assert_allclose(parts.basis.along(parts.basis.off(J / 1e6)), 0, atol=1e-9)
+    step, covariance = parts.solve(r, 0 * prior, np.zeros(2))
+    whole, its = evidence.solve(J, r)
+    np.testing.assert_allclose(step, whole, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(covariance, its, rtol=1e-7, atol=1e-9 * np.abs(its).max())
+    assert evidence.score("s", r, r[:, None], parts.basis).gain == pytest.approx(np.sum((r - J @ whole) ** 2), rel=1e-9)
+
+
+def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
+    J, blocks, random = in_runs(3)
+    basis = evidence.factored(J, blocks).basis
+    r = random.standard_normal(len(J))
+    smooth = [(rows, random.standard_normal((50, 6))) for rows, _ in blocks]
+    smooth[0][1][:, 0] = J[blocks[0]][:, 0]  # one column that the run's own can do
+    smooth[2][1][:, 1] = smooth[2][1][:, 2]  # and two that are one
+    whole = np.zeros((len(J), 24))
+    for k, (rows, S) in enumerate(smooth):
+        whole[rows, 6 * k : 6 * k + 6] = S
+    one = evidence.score("smooth", r, whole, basis)
+    assert evidence.smooth_power(r, basis, smooth) == (pytest.approx(one.gain, rel=1e-9), one.rank)
+    assert one.rank == 22
 
 
 def test_corrected_p_counts_the_number_tried():

@@ -73,8 +73,7 @@ def sized(effect, fit, z, random):
         values["reference_temperature_degc"] = 22.5
 
     def beside(columns):
-        left = columns - fit.basis @ (fit.basis.T @ columns)
-        return left - fit.basis @ (fit.basis.T @ left)
+        return fit.basis.off(fit.basis.off(columns))
 
     if effect.name == "saturation":
         u, weight = fit.flow.prediction.seen, fit.series.weight[..., None]

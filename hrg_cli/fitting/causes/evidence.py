@@ -2,37 +2,111 @@
 
 Notation: r (N,) whitened residual of a base model with Jacobian J (N, k), S (N, m) a candidate's sensitivities, all over σ.
 With Q an orthonormal basis of J: s⊥ = S − Q Qᵀ S, T = |P_{s⊥} r|² is the fall of χ² the candidate buys with `rank` parameters.
+J is mostly blocks: what belongs to one run has rows of its own, and is taken off there alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 Array = np.ndarray
 BLIND = 3e-4
 """Independence |s⊥|/|s| below which a candidate counts as invisible beside the base model."""
-ONCE = 0.1
-"""Independence above which one projection off the base model is exact enough."""
-TOGETHER = 64
-"""Columns of candidates taken off the base model in one matrix product."""
+TOGETHER = 16
+"""Columns of candidates multiplied with one another in one matrix product."""
+
+
+Block = tuple[slice, slice]
+"""Rows and columns of a design that belong to one another alone: outside them the columns are zero."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """An orthonormal basis (N, k): parts that live on some rows alone, and `shared` ones (N, s) perpendicular to these."""
+
+    own: tuple[tuple[slice, Array], ...]
+    shared: Array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(N, k)."""
+        return len(self.shared), self.shared.shape[1] + sum(Q.shape[1] for _, Q in self.own)
+
+    def along(self, S: Array) -> Array:
+        """Components (k, …) of columns (N, …)."""
+        return np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
+
+    def off(self, S: Array) -> Array:
+        """Columns (N, …) less their part along the basis."""
+        out = S - self.shared @ (self.shared.T @ S)
+        for rows, Q in self.own:
+            out[rows] -= Q @ (Q.T @ S[rows])
+        return out
+
+
+@dataclass(frozen=True)
+class Factored:
+    """A design J (N, k) = Q T: its orthonormal basis and T (rank, k), in whose few rows all is solved that asks for J alone."""
+
+    basis: Basis
+    triangle: Array
+
+    def solve(self, residual: Array, prior: Array, prior_residual: Array) -> tuple[Array, Array]:
+        """Least-squares step (k,) and covariance (k, k) with prior rows (m, k); blind directions stay put."""
+        return solve(np.concatenate([self.triangle, prior]), np.concatenate([self.basis.along(residual), prior_residual]))
+
+
+def factored(J: Array, blocks: Sequence[Block] = (), tolerance: float = 1e-10) -> Factored:
+    """J (N, k) as basis times triangle, its blocks of rows and columns first; the rank is that of the columns at unit length."""
+    size = np.sqrt(np.einsum("ij,ij->j", J, J))
+    nothing = size == 0
+    size[nothing] = 1.0
+    alone = np.zeros(J.shape[1], bool)
+    own, upper = [], []
+    for rows, columns in blocks:
+        Q, part = _split(J[rows, columns] / size[columns], tolerance)
+        own.append((rows, Q))
+        upper.append(np.zeros((len(part), J.shape[1])))
+        upper[-1][:, columns] = part
+        alone[columns] = True
+    first = Basis(tuple(own), np.zeros((len(J), 0)))
+    left = J[:, ~alone] / size[~alone]
+    beside = first.along(left)
+    left = first.off(left)
+    again = first.along(left)  # what little is left holds the rounding of what was taken off
+    Q, part = _split(first.off(left), tolerance)
+    triangle = np.concatenate([*upper, np.zeros((len(part), J.shape[1]))])
+    triangle[: len(beside), ~alone] = beside + again
+    triangle[len(beside) :, ~alone] = part
+    # a column of nothing stays so: its rounding would be taken for a direction
+    return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
+
+
+def _split(J: Array, tolerance: float) -> tuple[Array, Array]:
+    """Orthonormal (N, r) and (r, k) whose product is J; directions weaker than `tolerance` of the strongest are none."""
+    if J.shape[1] == 0:
+        return J, np.zeros((0, 0))
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    keep = s > tolerance * s[0]
+    return U[:, keep], s[keep, None] * Vt[keep]
 
 
 def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
     """Orthonormal basis (N, rank) of the columns of J, each scaled to unit length first."""
-    size = np.linalg.norm(J, axis=0)
-    J = J[:, size > 0] / size[size > 0]
-    if J.shape[1] == 0:
-        return J
-    U, s, _ = np.linalg.svd(J, full_matrices=False)
-    return U[:, s > tolerance * s[0]]
+    return factored(J, (), tolerance).basis.shared
 
 
 @dataclass(frozen=True)
 class Score:
-    """A candidate against the base model: fall of χ² `gain` for `rank` parameters, estimates with σ, independence, its space."""
+    """A candidate's columns (N, m) beside a basis: fall of χ² `gain` for `rank` parameters, estimates with σ, independence.
+
+    `directions` (m, rank): the combinations of the columns whose parts beside the basis are orthonormal.
+    """
 
     name: str
     gain: float
@@ -42,76 +116,95 @@ class Score:
     estimate: Array
     std: Array
     independence: float
-    space: Array = field(repr=False)
+    columns: Array = field(repr=False)
+    directions: Array = field(repr=False)
+    basis: Basis = field(repr=False)
 
     @property
     def visible(self) -> bool:
         """Whether these data can show it at all."""
         return self.rank > 0
 
+    @cached_property
+    def space(self) -> Array:
+        """Orthonormal basis (N, rank) of what the candidate does beside the basis."""
+        return self.basis.off(self.basis.off(self.columns @ self.directions))
 
-def score(name: str, residual: Array, sensitivity: Array, Q: Array) -> Score:
-    """Score of one candidate's sensitivities (N, m) beside the basis Q (N, k)."""
-    return scores([name], residual, [sensitivity], Q)[0]
+
+def score(name: str, residual: Array, sensitivity: Array, basis: Basis) -> Score:
+    """Score of one candidate's sensitivities (N, m) beside the basis."""
+    return scores([name], residual, [sensitivity], basis)[0]
 
 
-def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array], Q: Array) -> list[Score]:
-    """Scores of many candidates: their columns (N, m) are taken off the basis Q (N, k) together, some `TOGETHER` at a time."""
-    out: list[Score] = []
+def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array], basis: Basis) -> list[Score]:
+    """Scores of many candidates, from the products of their columns (N, m) with one another, the basis and the residual alone.
+
+    With S of unit columns, B = Qᵀ S: s⊥ᵀ s⊥ = Sᵀ S − Bᵀ B and s⊥ᵀ r = Sᵀ r − Bᵀ Qᵀ r, exact to rounding over BLIND².
+    """
+    known = basis.along(residual)
+    products: dict[int, list[tuple[int, Array, Array, Array]]] = {}
     start = 0
     while start < len(names):
         stop, width = start, 0
         while stop < len(names) and (stop == start or width + sensitivities[stop].shape[1] <= TOGETHER):
             width += sensitivities[stop].shape[1]
             stop += 1
-        columns = np.concatenate(sensitivities[start:stop], axis=1)
+        columns = sensitivities[start] if stop == start + 1 else np.concatenate(sensitivities[start:stop], axis=1)
         with np.errstate(over="ignore", invalid="ignore"):
-            size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-        usable = np.isfinite(size) & (size > 0)
-        columns = np.where(usable, columns, 0.0) / np.where(usable, size, 1.0)
-        columns -= Q @ (Q.T @ columns)
-        weak = np.einsum("ij,ij->j", columns, columns) < ONCE**2  # what little is left holds the rounding of what was taken off
-        if weak.any():
-            columns[:, weak] -= Q @ (Q.T @ columns[:, weak])
-        ends = np.cumsum([s.shape[1] for s in sensitivities[start:stop]])[:-1]
-        parts = zip(names[start:stop], np.split(columns, ends, axis=1), np.split(size, ends), strict=True)
-        out += [_judged(name, residual, part, own) for name, part, own in parts]
+            G, B, c = columns.T @ columns, basis.along(columns), columns.T @ residual
+            size = np.sqrt(np.diag(G))
+            unit = np.where(np.isfinite(size) & (size > 0), size, 1.0)
+            P = (G - B.T @ B) / unit / unit[:, None]
+            c = (c - known @ B) / unit
+        first = 0
+        for number in range(start, stop):
+            own = slice(first, first := first + sensitivities[number].shape[1])
+            products.setdefault(own.stop - own.start, []).append((number, P[own, own], c[own], size[own]))
         start = stop
-    return out
+    out: dict[int, Score] = {}
+    for group in products.values():
+        numbers = [g[0] for g in group]
+        judged = _judged(*(np.stack([g[k] for g in group]) for k in (1, 2, 3)))
+        for number, (gain, rank, z, p, estimate, std, independence, directions) in zip(numbers, judged, strict=True):
+            columns = sensitivities[number]
+            out[number] = Score(names[number], gain, rank, z, p, estimate, std, independence, columns, directions, basis)
+    return [out[number] for number in range(len(names))]
 
 
-def _judged(name: str, residual: Array, perpendicular: Array, size: Array) -> Score:
-    """Score of columns of unit length (N, m) of which the base's part is taken off; their lengths before, `size` (m,)."""
-    m = perpendicular.shape[1]
-    if not np.all(np.isfinite(size)) or not np.any(size > 0):
-        return Score(name, 0.0, 0, 0.0, 1.0, np.full(m, np.nan), np.full(m, np.inf), 0.0, np.zeros((len(residual), 0)))
-    power, vectors = np.linalg.eigh(perpendicular.T @ perpendicular)
-    s, V = np.sqrt(np.maximum(power[::-1], 0.0)), vectors[:, ::-1]
+def _judged(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, ...]]:
+    """Of candidates with m columns each: s⊥ᵀ s⊥ (n, m, m) and s⊥ᵀ r (n, m) of unit columns, their lengths before (n, m)."""
+    usable = np.all(np.isfinite(size), axis=1) & np.any(size > 0, axis=1)
+    P, c = np.where(usable[:, None, None], P, 0.0), np.where(usable[:, None], c, 0.0)
+    power, V = np.linalg.eigh(P)
+    s = np.sqrt(np.maximum(power, 0.0))
     keep = s > BLIND
-    rank = int(keep.sum())
-    if rank == 0:
-        return Score(name, 0.0, 0, 0.0, 1.0, np.full(m, np.nan), np.full(m, np.inf), 0.0, np.zeros((len(residual), 0)))
-    directions = V[:, keep] / s[keep]
-    space = perpendicular @ directions
-    projected = space.T @ residual
-    gain = float(projected @ projected)
-    lost = np.sum(V[:, ~keep] ** 2, axis=1) > 0.5  # directions the data do not show
+    directions = np.where(keep[:, None, :], V / np.where(keep, s, 1.0)[:, None, :], 0.0)
+    projected = np.einsum("nij,ni->nj", directions, c)
+    gain, rank = np.sum(projected**2, axis=1), keep.sum(axis=1)
+    lost = np.sum(np.where(keep[:, None, :], 0.0, V**2), axis=2) > 0.5  # directions the data do not show
+    blind = lost | ~(size > 0) | (rank == 0)[:, None]
     safe = np.where(size > 0, size, 1.0)
-    blind = lost | (size == 0)
-    estimate = np.where(blind, np.nan, directions @ projected / safe)
-    std = np.where(blind, np.inf, np.sqrt(np.sum(directions**2, axis=1)) / safe)
-    z, p_value = significance(gain, rank)
-    return Score(name, gain, rank, z, p_value, estimate, std, float(s[0]), space)
+    with np.errstate(invalid="ignore"):
+        estimate = np.where(blind, np.nan, np.einsum("nij,nj->ni", directions, projected) / safe)
+        std = np.where(blind, np.inf, np.sqrt(np.sum(directions**2, axis=2)) / safe)
+    z, p = _significance(gain, rank)
+    for n in range(len(P)):
+        largest = float(s[n, -1]) if rank[n] else 0.0
+        to_unit = directions[n][:, keep[n]] / safe[n][:, None]
+        yield float(gain[n]), int(rank[n]), float(z[n]), float(p[n]), estimate[n], std[n], largest, to_unit
 
 
 def significance(gain: float, rank: int) -> tuple[float, float]:
     """(equivalent |z| of one normal variable, p) of a fall of χ² by `gain` with `rank` parameters."""
+    z, p = _significance(np.array(gain), np.array(rank))
+    return float(z), float(p)
+
+
+def _significance(gain: Array, rank: Array) -> tuple[Array, Array]:
     from scipy.special import chdtrc, ndtri
 
-    p = float(chdtrc(rank, gain))
-    if p > 1e-280:
-        return float(max(0.0, -ndtri(p / 2))), p
-    return float(np.sqrt(gain)), p
+    p = np.where(rank > 0, chdtrc(np.maximum(rank, 1), gain), 1.0)
+    return np.where(p > 1e-280, np.maximum(0.0, -ndtri(p / 2)), np.sqrt(gain)), p
 
 
 def corrected(p_value: float, tried: int) -> float:
@@ -140,10 +233,8 @@ def correlations(scores: Sequence[Score]) -> Array:
     return out
 
 
-def solve(J: Array, residual: Array, prior: Array | None = None, prior_residual: Array | None = None) -> tuple[Array, Array]:
-    """Least-squares step (k,) and covariance (k, k) of a whitened problem with optional prior rows; blind directions stay put."""
-    if prior is not None and prior_residual is not None:
-        J, residual = np.concatenate([J, prior]), np.concatenate([residual, prior_residual])
+def solve(J: Array, residual: Array) -> tuple[Array, Array]:
+    """Least-squares step (k,) and covariance (k, k) of a whitened problem; blind directions stay put."""
     size = np.linalg.norm(J, axis=0)
     size[size == 0] = 1.0
     U, s, Vt = np.linalg.svd(J / size, full_matrices=False)
@@ -178,21 +269,41 @@ def predicted(residual: Array, shared: Array, own: Mapping[int, Array], folds: S
     cases); folds: index arrays. The joint optimum is moved to the optimum without the fold by one exact linear step.
     """
     out = residual.copy()
+    both = np.column_stack([shared, residual])
     bases = [orthonormal(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0)) for f, rows in enumerate(folds)]
-    parts = [shared[rows] - basis @ (basis.T @ shared[rows]) for rows, basis in zip(folds, bases, strict=True)]
-    right = [residual[rows] - basis @ (basis.T @ residual[rows]) for rows, basis in zip(folds, bases, strict=True)]
-    pull = [] if prior is None else [prior]
+    parts = [both[rows] - basis @ (basis.T @ both[rows]) for rows, basis in zip(folds, bases, strict=True)]
+    parts = [np.linalg.qr(part, mode="r") for part in parts]
+    pull = [] if prior is None else [np.column_stack([prior, np.zeros(len(prior))])]
     for number, (fold, basis) in enumerate(zip(folds, bases, strict=True)):
-        others = [k for k in range(len(folds)) if k != number]
-        design = np.concatenate([parts[k] for k in others] + pull) if others or pull else np.zeros((0, shared.shape[1]))
-        known = np.concatenate([right[k] for k in others] + [np.zeros(len(p)) for p in pull]) if others or pull else np.zeros(0)
-        step = solve(design, known)[0] if others else np.zeros(shared.shape[1])
+        others = [parts[k] for k in range(len(folds)) if k != number]
+        equations = np.concatenate(others + pull) if others else np.zeros((0, both.shape[1]))
+        step = solve(equations[:, :-1], equations[:, -1])[0] if others else np.zeros(shared.shape[1])
         left = residual[fold] - shared[fold] @ step
         out[fold] = left - basis @ (basis.T @ left)
     return out
 
 
-def smooth_power(residual: Array, Q: Array, smooth: Array) -> tuple[float, int]:
-    """χ² of a whitened residual along the columns of `smooth` (N, m) beside the basis Q, and its degrees of freedom: the omnibus test."""
-    found = score("smooth", residual, smooth, Q)
-    return found.gain, found.rank
+def smooth_power(residual: Array, basis: Basis, smooth: Sequence[tuple[slice, Array]]) -> tuple[float, int]:
+    """χ² of a whitened residual along the columns of `smooth` beside the basis, and its degrees of freedom: the omnibus test.
+
+    `smooth`: columns that live on some rows alone, on those of each own part of the basis in turn. Within their rows they are made
+    orthonormal beside that part, A; with C = Qᵀ A of the shared part their products are I − Cᵀ C.
+    """
+    a, C = [], []
+    for (rows, S), (same, Q) in zip(smooth, basis.own, strict=True):
+        assert rows == same
+        S = S / np.maximum(np.sqrt(np.einsum("ij,ij->j", S, S)), 1e-300)
+        S = S - Q @ (Q.T @ S)
+        power, V = np.linalg.eigh(S.T @ S)
+        keep = power > BLIND**2
+        A = S @ (V[:, keep] / np.sqrt(power[keep]))
+        a.append(A.T @ residual[rows])
+        C.append(basis.shared[rows].T @ A)
+    together = np.concatenate(C, axis=1)
+    left = np.concatenate(a) - together.T @ (basis.shared.T @ residual)
+    _, s, Vt = np.linalg.svd(together, full_matrices=False)
+    power = 1 - s**2
+    hidden = power < BLIND**2
+    beside = Vt @ left
+    more = np.where(hidden, -1.0, 1 / np.where(hidden, 1.0, power) - 1)
+    return float(left @ left + np.sum(more * beside**2)), len(left) - int(hidden.sum())

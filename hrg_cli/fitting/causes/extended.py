@@ -1,4 +1,4 @@
-"""The slow model with effects: prediction of all runs side by side, its Jacobian, and Gauss–Newton over coordinates, runs and effects.
+"""The slow model with effects: the runs side by side and their prediction.
 
 u' = L(p, Ω) u + jδ_r u + drive(u) + Σ effects' slow terms, measured through the effects' read-outs. The prediction is the
 Runge–Kutta rule of fourth order over the rows; the Jacobian follows from the linearised equation along the prediction, so that any
@@ -10,22 +10,26 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from ...effects.effect import Effect, frame
+from ...effects.effect import Effect, frame, no_term
 from ...physics.plant import SlowState
 from ...physics.resonator import Mechanics
 from ..envelopes import coordinates
-from ..envelopes.coordinates import COUNT
 from .colour import Colour
-from .wave_frame import imaginary, real
+from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
 CLEAR = 10.0
 """Amplitude over σ from which a row's phase is unwrapped."""
 FOLLOWING = 10.0
 """Relaxations in a run by which a held amplitude is followed."""
+ALL = (slice(None, -1), slice(None), slice(1, None))
+"""Rows before, middles of and rows after all steps."""
+MOST_SWEEPS, DRIFTING, SETTLED = 12, 1e-2, 1e-12
+"""Sweeps of a motion over all its steps at once; relative change up to which it may grow from one to the next, and where it ends."""
 OWN = 5
 """Parameters of a run's own: start state (4 reals) and frequency offset."""
 
@@ -196,7 +200,7 @@ def state_of(series: Series, point: Point) -> SlowState:
 _SLICED = ("time_s", "temperature_degc", "temperature_rate_degc_s", "branch", "rate_rad_s", "table_angle_rad", "forced", "phase_rad")
 
 
-class _Stage:
+class Stage:
     """Everything beside L u at one set of instants: drive and effects; sliced from whole arrays for one Runge–Kutta stage."""
 
     def __init__(self, series: Series, point: Point) -> None:
@@ -209,9 +213,9 @@ class _Stage:
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
 
-    def at(self, k: int) -> _Stage:
-        """The instants of column k, (R,)."""
-        one = object.__new__(_Stage)
+    def at(self, k: int | slice) -> Stage:
+        """The instants of columns k."""
+        one = object.__new__(Stage)
         state = object.__new__(SlowState)
         state.__dict__.update(self.state.__dict__)
         for name in _SLICED:
@@ -231,24 +235,32 @@ class _Stage:
             main = np.where(np.isfinite(self.held), self.held_slope - loss + self.follow_1_s * (self.held - a_A), main)
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
 
+    def lit(self, u: Array) -> SlowState:
+        """What the effects look at beside the envelopes u, with the drive these call for."""
+        if not self.driven:
+            return self.state
+        state = copy.copy(self.state)
+        state.drive = self.drive(u)
+        return state
+
+    def without(self, effect: Effect) -> Stage:
+        """The same with one effect out of the equation; what it does to the environment stays."""
+        one = copy.copy(self)
+        one.active = tuple(pair for pair in self.active if pair[0].name != effect.name)
+        return one
+
     def beside(self, u: Array) -> Array:
         """du/dt beside L u."""
-        total = np.zeros_like(u)
-        state = self.state
-        if self.driven:
-            state = copy.copy(state)
-            state.drive = self.drive(u)
-            total = total + state.drive
+        state = self.lit(u)
+        total = state.drive.copy() if self.driven else np.zeros_like(u)
         for effect, values in self.active:
-            total = total + effect.slow(values, u, state)
+            if effect.slow is not no_term:
+                total += effect.slow(values, u, state)
         return total
 
     def seen(self, u: Array) -> Array:
         """Through the read-outs."""
-        state = self.state
-        if self.driven:
-            state = copy.copy(state)
-            state.drive = self.drive(u)
+        state = self.lit(u) if self.active else self.state
         for effect, values in self.active:
             u = effect.slow_readout(values, u, state)
         return u
@@ -270,188 +282,104 @@ def generators(series: Series, point: Point) -> Array:
 
 def times(L: Array, u: Array) -> Array:
     """L u over (..., 2, 2) and (..., 2)."""
-    return (L * u[..., None, :]).sum(-1)
+    c, s = u[..., 0], u[..., 1]
+    return np.stack([L[..., 0, 0] * c + L[..., 0, 1] * s, L[..., 1, 0] * c + L[..., 1, 1] * s], axis=-1)
 
 
-def predict(series: Series, point: Point) -> Prediction:
-    """All runs from their start states by the Runge–Kutta rule of fourth order, each run's mean turn taken exactly (Lawson)."""
-    h = series.step_s[..., None]
-    turn = half_turns(series)[..., None]
-    centre = series.middle()
-    rows, halves = _Stage(series, point), _Stage(centre, point)
-    L, M = generators(series, point), generators(centre, point)
-    motion = np.empty(series.envelope.shape, complex)
-    u = motion[:, 0] = point.start
-    idle, ahead = rows.idle, None
-    for k in range(h.shape[1]):
-        step, E, before, mid, after = h[:, k], turn[:, k], L[:, k], M[:, k], L[:, k + 1]
-        if idle:
-            k1 = times(before, u)
-            k2 = times(mid, E * (u + step / 2 * k1))
-            k3 = times(mid, E * u + step / 2 * k2)
-            k4 = times(after, E * (E * u + step * k3))
-        else:
-            a, b, c = ahead or rows.at(k), halves.at(k), rows.at(k + 1)
-            ahead = c
-            k1 = times(before, u) + a.beside(u)
-            v = E * (u + step / 2 * k1)
-            k2 = times(mid, v) + b.beside(v)
-            v = E * u + step / 2 * k2
-            k3 = times(mid, v) + b.beside(v)
-            v = E * (E * u + step * k3)
-            k4 = times(after, v) + c.beside(v)
-        u = E * (E * (u + step / 6 * k1) + step / 3 * (k2 + k3)) + step / 6 * k4
-        motion[:, k + 1] = u
-    return Prediction(series, point, motion, rows.seen(motion))
+Near = tuple[Array, Array]
+"""A motion close by over the same rows (R, n, 2) and its steps' propagators (R, n − 1, 4, 4)."""
+
+
+class _Rule:
+    """The Runge–Kutta rule of fourth order over the rows, each run's mean turn taken exactly (Lawson)."""
+
+    def __init__(self, series: Series, point: Point) -> None:
+        centre = series.middle()
+        self.rows, self.halves = Stage(series, point), Stage(centre, point)
+        self.L, self.M = generators(series, point), generators(centre, point)
+        self.h, self.E = series.step_s[..., None], half_turns(series)[..., None]
+
+    def step(self, u: Array, place: tuple[Any, Any, Any], stages: tuple[Stage, Stage, Stage] | None) -> Array:
+        """From envelopes at the rows before to those after (`place`: rows before, middles, rows after); without stages by L alone."""
+        before, k, after = place
+        h, E = self.h[:, k], self.E[:, k]
+
+        def slope(L: Array, stage: int, v: Array) -> Array:
+            return times(L, v) if stages is None else times(L, v) + stages[stage].beside(v)
+
+        k1 = slope(self.L[:, before], 0, u)
+        k2 = slope(self.M[:, k], 1, E * (u + h / 2 * k1))
+        k3 = slope(self.M[:, k], 1, E * u + h / 2 * k2)
+        k4 = slope(self.L[:, after], 2, E * (E * u + h * k3))
+        return E * (E * (u + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+
+    def linear(self) -> Array:
+        """The steps' propagators of L alone, (R, n − 1, 2, 2)."""
+        units = (np.broadcast_to(unit, (*self.h.shape[:2], 2)) for unit in np.eye(2, dtype=complex))
+        return np.stack([self.step(unit, ALL, None) for unit in units], axis=-1)
+
+    def settled(self, guess: Array, step: Array) -> Array | None:
+        """Motion (R, n, 2) that every step of the rule holds, from a guess with its start; None where it is not found.
+
+        All steps at once: what they miss of the next row is carried on by propagators (R, n − 1, 4, 4) near theirs and taken off.
+        """
+        u, stages = guess, (self.rows.at(ALL[0]), self.halves, self.rows.at(ALL[2]))
+        last, zero = np.inf, np.zeros((len(u), 4, 1))
+        for _ in range(MOST_SWEEPS):
+            missed = self.step(u[:, :-1], ALL, stages) - u[:, 1:]
+            change = imaginary(running(step, zero, real(missed)[..., None])[..., 0])
+            u = u + change
+            size = float(np.max(np.abs(change))) / float(np.max(np.abs(u)))
+            if not size < max(last, DRIFTING):
+                return None
+            if size < SETTLED:
+                return u
+            last = size
+        return None
+
+    def marched(self, start: Array) -> Array:
+        """The same row by row."""
+        motion = np.empty((*self.rows.state.time_s.shape, 2), complex)
+        u = motion[:, 0] = start
+        before = self.rows.at(0)
+        for k in range(motion.shape[1] - 1):
+            after = self.rows.at(k + 1)
+            u = motion[:, k + 1] = self.step(u, (k, k, k + 1), (before, self.halves.at(k), after))
+            before = after
+        return motion
+
+
+def running(step: Array, start: Array, source: Array) -> Array:
+    """x (R, n, d, K) with x₀ = start and x_{k+1} = step_k x_k + source_k, (R, n − 1, d, d) and (R, n − 1, d, K)."""
+    out = np.empty((source.shape[0], source.shape[1] + 1, *source.shape[2:]), source.dtype)
+    out[:, 0] = start
+    for k in range(source.shape[1]):
+        np.matmul(step[:, k], out[:, k], out=out[:, k + 1])
+        out[:, k + 1] += source[:, k]
+    return out
+
+
+def predict(series: Series, point: Point, near: Near | None = None) -> Prediction:
+    """All runs from their start states, each step by the Runge–Kutta rule; `near` finds them sooner."""
+    rule = _Rule(series, point)
+    if rule.rows.idle or near is None:
+        propagators = rule.linear()
+        u = np.empty((*series.time_s.shape, 2), complex)
+        u[:, 0] = point.start
+        for k in range(u.shape[1] - 1):
+            u[:, k + 1] = times(propagators[:, k], u[:, k])
+        if rule.rows.idle:
+            return Prediction(series, point, u, u)
+        step = real_matrix(propagators)
+    else:
+        u, step = near[0].copy(), near[1]
+        u[:, 0] = point.start
+    motion = rule.settled(u, step)
+    if motion is None:
+        motion = rule.marched(point.start)
+    return Prediction(series, point, motion, rule.rows.seen(motion))
 
 
 def half_turns(series: Series) -> Array:
     """e^{jδh/2} of every step (R, n − 1), δ the run's mean turn."""
     return np.exp(0.5j * series.turn_rad_s[:, None] * series.step_s)
-
-
-def real_matrix(L: Array) -> Array:
-    """Complex (..., 2, 2) as the real (..., 4, 4) that acts on `real` vectors."""
-    top = np.concatenate([L.real, -L.imag], axis=-1)
-    return np.concatenate([top, np.concatenate([L.imag, L.real], axis=-1)], axis=-2)
-
-
-def slope(function: object, u: Array) -> Array:
-    """∂function/∂u as real (..., 4, 4) by central differences."""
-    size = 1e-4 * np.maximum(np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True)), 1e-300)
-    columns = []
-    for unit in np.eye(4):
-        step = size * imaginary(unit)
-        columns.append(real((function(u + step) - function(u - step)) / (2 * size)))  # type: ignore[operator]
-    return np.stack(columns, axis=-1)
-
-
-@dataclass(frozen=True)
-class Propagation:
-    """The linearised flow along a prediction: step propagators (R, n−1, 4, 4), read-out slope (R, n, 4, 4), motion at rows and middles."""
-
-    prediction: Prediction
-    centre: Series
-    middle: Array
-    step: Array
-    half: Array
-    view: Array | None
-
-    def carried(self, at_rows: Array, at_middle: Array, start: Array | None = None) -> Array:
-        """Changes (R, n, 4, K) of the motion by source terms (R, n, 4, K), (R, n−1, 4, K) in u' and changes of the start (R, 4, K)."""
-        h = self.prediction.series.step_s[..., None, None]
-        source = h / 6 * (self.step @ at_rows[:, :-1] + 4 * self.half @ at_middle + at_rows[:, 1:])
-        out = np.zeros(at_rows.shape)
-        if start is not None:
-            out[:, 0] = start
-        for k in range(source.shape[1]):
-            out[:, k + 1] = self.step[:, k] @ out[:, k] + source[:, k]
-        return out
-
-    def seen(self, change: Array) -> Array:
-        """Through the read-out's slope and over σ, (R, n, 4, K)."""
-        if self.view is not None:
-            change = self.view @ change
-        return self.prediction.judged(change)
-
-
-def propagation(prediction: Prediction) -> Propagation:
-    """The linearised flow along a prediction."""
-    series, point, u = prediction.series, prediction.point, prediction.motion
-    centre = series.middle()
-    h = series.step_s[..., None, None]
-    L, M = generators(series, point), generators(centre, point)
-    rows, halves = _Stage(series, point), _Stage(centre, point)
-    slope_rows = times(L, u) + rows.beside(u)
-    hh, E = series.step_s[..., None], half_turns(series)[..., None]
-    middle = (np.conj(E) * u[:, 1:] + E * u[:, :-1]) / 2 + hh / 8 * (E * slope_rows[:, :-1] - np.conj(E) * slope_rows[:, 1:])
-    A, B = real_matrix(L), real_matrix(M)
-    view = None
-    if not rows.idle:
-        A, B = A + slope(rows.beside, u), B + slope(halves.beside, middle)
-        view = slope(rows.seen, u)
-    eye = np.eye(4)
-
-    def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
-        E = real_matrix(np.exp(0.5j * series.turn_rad_s[:, None, None, None] * h) * np.eye(2))
-        k1 = first
-        k2 = mid @ E @ (eye + h / 2 * k1)
-        k3 = mid @ (E + h / 2 * k2)
-        k4 = last @ E @ (E + h * k3)
-        return E @ (E @ (eye + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
-
-    step = flow(A[:, :-1], B, A[:, 1:], h)
-    half = flow(B, (B + A[:, 1:]) / 2, A[:, 1:], h / 2)
-    return Propagation(prediction, centre, middle, step, half, view)
-
-
-def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
-    """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and frequency (R, n, 4, 5)."""
-    prediction = flow.prediction
-    point, series = prediction.point, prediction.series
-    u, v = prediction.motion, flow.middle
-
-    def sources(series: Series, u: Array) -> Array:
-        omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
-        plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
-        full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
-        turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
-        columns = [times(b, u) for b in coordinates.BASIS] + [turning, times(full - plain, u), 1j * u]
-        held = np.isfinite(series.held_amplitude)
-        if held.any():
-            # the drive makes up for what the resonator loses along the wave, whatever its parameters
-            turn, e_A, _, _ = frame(u, series.phase_rad)
-            for c in columns:
-                c -= (held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn)[..., None] * e_A
-        return np.stack([real(c) for c in columns], axis=-1)
-
-    runs = len(series.names)
-    start = np.zeros((runs, 4, COUNT + 1 + 4))
-    start[:, :, COUNT + 1 :] = np.eye(4)
-    rows, mids = sources(series, u), sources(flow.centre, v)
-    pad = [(0, 0)] * 3 + [(0, 4)]
-    carried = flow.seen(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
-    own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
-    return carried[..., :COUNT], own
-
-
-def effect_sources(
-    flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
-) -> tuple[Array, Array, Array]:
-    """An effect's terms by its fitted parameters (those in `steps`): sources at rows and middles, direct changes; (R, n, 4, K).
-
-    `values`: where it stands (neutral for one that is not active). Differences are forward from a neutral value, else central.
-    """
-    prediction = flow.prediction
-    point, u = prediction.point, prediction.motion
-    others = tuple(pair for pair in point.active if pair[0].name != effect.name)
-
-    def terms(changed: Mapping[str, float]) -> tuple[Array, Array, Array]:
-        moved = replace(point, active=(*others, (effect, changed)))
-        rows, halves = _Stage(prediction.series, moved), _Stage(flow.centre, moved)
-        return rows.beside(u), halves.beside(flow.middle), rows.seen(u)
-
-    columns = []
-    here: tuple[Array, Array, Array] | None = None
-    for name, size in steps.items():
-        up, down = dict(values), dict(values)
-        up[name] += size
-        if values[name] == next(p.neutral for p in effect.parameters if p.name == name):
-            low = here = here or terms(values)
-        else:
-            down[name] -= size
-            low = terms(down)
-        span = up[name] - down[name]
-        high = terms(up)
-        columns.append([real(a - b) / span for a, b in zip(high, low, strict=True)])
-    first, second, third = ([c[i] for c in columns] for i in range(3))
-    return np.stack(first, -1), np.stack(second, -1), np.stack(third, -1)
-
-
-def effect_sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> Array:
-    """Over σ, (R, n, 4, K)."""
-    rows, mids, direct = effect_sources(flow, effect, values, steps)
-    direct = flow.prediction.judged(direct)
-    if not rows.any() and not mids.any():
-        return direct
-    return flow.seen(flow.carried(rows, mids)) + direct

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from ...effects.effect import Effect
 from ...errors import HrgError
 from ..envelopes.coordinates import COUNT
 from . import evidence
-from .extended import OWN, Point, Prediction, Propagation, Series, base_sensitivities, effect_sensitivity, predict, propagation
+from .evidence import Basis, Block, Factored
+from .extended import OWN, Near, Point, Prediction, Series, predict
+from .sensitivities import Propagation, Wanted, base_sensitivities, effect_sensitivities, propagation
 from .wave_frame import imaginary
 
 Array = np.ndarray
@@ -53,6 +56,7 @@ class Fit:
     covariance: Array
     converged: bool
     rows: Array = field(repr=False)
+    factored: Factored = field(repr=False)
 
     @property
     def prediction(self) -> Prediction:
@@ -85,10 +89,21 @@ class Fit:
         """Frequency of every run beside its effects, (R,)."""
         return self.series.reference_frequency_hz + self.point.offset_rad_s / (2 * np.pi)
 
-    @cached_property
-    def basis(self) -> Array:
+    @property
+    def basis(self) -> Basis:
         """Orthonormal basis of the design, the priors' rows left out."""
-        return evidence.orthonormal(self.design)
+        return self.factored.basis
+
+    @cached_property
+    def _known(self) -> dict[Any, Array]:
+        return {}
+
+    def sensitivities(self, wanted: Sequence[Wanted]) -> list[Array]:
+        """Of many effects at the optimum, (N, K) each; what was asked for once is remembered."""
+        keys = [(effect, tuple(values.items()), tuple(steps.items())) for effect, values, steps in wanted]
+        new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in self._known}
+        self._known.update(zip(new, sensitivities(self.flow, list(new.values())), strict=True))
+        return [self._known[key] for key in keys]
 
     def std(self, name: str) -> float:
         """Standard deviation of one fitted number."""
@@ -109,32 +124,42 @@ def amplitude_of(series: Series) -> float:
 
 def flat(series: Series, values: Array) -> Array:
     """(R, n, 4, …) -> rows with weight only, (N, …)."""
-    keep = np.broadcast_to((series.weight > 0)[..., None], values.shape[:3])
-    return values[keep]
+    keep = series.weight > 0
+    if keep.all():
+        return values.reshape(-1, *values.shape[3:])
+    return values[np.broadcast_to(keep[..., None], values.shape[:3])]
 
 
 def sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> Array:
     """An effect's sensitivities over σ, (N, K)."""
-    return flat(flow.prediction.series, effect_sensitivity(flow, effect, values, steps))
+    return sensitivities(flow, [(effect, values, steps)])[0]
 
 
-def design_of(flow: Propagation, free: Sequence[bool], amplitude: float) -> tuple[Array, tuple[str, ...]]:
-    """Whitened design (N, k) of coordinates, runs and active effects, with the columns' names."""
+def sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
+    """Of many effects, (N, K) each."""
+    return [flat(flow.prediction.series, columns) for columns in effect_sensitivities(flow, wanted)]
+
+
+def design_of(flow: Propagation, free: Sequence[bool], amplitude: float) -> tuple[Array, tuple[str, ...], list[Block]]:
+    """Whitened design (N, k) of coordinates, runs and active effects, the columns' names, and the blocks of the runs' own."""
     series, point = flow.prediction.series, flow.prediction.point
-    shared, own = base_sensitivities(flow)
-    runs, n = series.weight.shape
-    wide = np.zeros((runs, n, 4, runs * OWN))
-    for k in range(runs):
-        wide[k, :, :, k * OWN : (k + 1) * OWN] = own[k]
+    shared, own = (flat(series, values) for values in base_sensitivities(flow))
     index = [k for k in range(COUNT) if free[k]]
-    columns = [flat(series, shared[..., index]), flat(series, wide)]
+    wanted = [(e, v, steps) for e, v in point.active if (steps := _fitted_steps(e, v, amplitude))]
+    runs = len(series.names)
     names = [f"p{k}" for k in index] + [f"run{k}.{j}" for k in range(runs) for j in range(OWN)]
-    for effect, values in point.active:
-        steps = _fitted_steps(effect, values, amplitude)
-        if steps:
-            columns.append(sensitivity(flow, effect, values, steps))
-            names += [f"{effect.name}.{name}" for name in steps]
-    return np.concatenate(columns, axis=1), tuple(names)
+    names += [f"{effect.name}.{name}" for effect, _, steps in wanted for name in steps]
+    design = np.zeros((len(shared), len(names)))
+    design[:, : len(index)] = shared[:, index]
+    ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
+    blocks = []
+    for k in range(runs):
+        block = slice(int(ends[k]), int(ends[k + 1])), slice(len(index) + k * OWN, len(index) + (k + 1) * OWN)
+        design[block] = own[block[0]]
+        blocks.append(block)
+    if wanted:
+        design[:, len(index) + runs * OWN :] = np.concatenate(sensitivities(flow, wanted), axis=1)
+    return design, tuple(names), blocks
 
 
 def _fitted_steps(effect: Effect, values: Mapping[str, float], amplitude: float) -> dict[str, float]:
@@ -189,8 +214,11 @@ def prior_residual(freedom: Freedom, point: Point, series: Series) -> Array:
     return np.concatenate([(freedom.mean[k] - point.p[k]) / freedom.std[k], -(freedom.strays(series) @ point.offset_rad_s)])
 
 
-def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS) -> Fit:
-    """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ² a degree of freedom."""
+def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, near: Near | None = None) -> Fit:
+    """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ² a degree of freedom.
+
+    `near`: a motion close to that of the point, which is found sooner from it.
+    """
     amplitude = amplitude_of(series)
     free = [freedom.std[k] > 0 for k in range(COUNT)]
 
@@ -201,7 +229,7 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS) 
         return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(pull**2))
 
     with np.errstate(over="ignore", invalid="ignore"):
-        prediction = predict(series, point)
+        prediction = predict(series, point, near)
         value = cost(prediction)
         if not np.isfinite(value):
             taken = ", ".join(effect.name for effect, _ in point.active)
@@ -210,34 +238,33 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS) 
                 "diagnose free and forced runs apart, or leave out the run that differs most"
             )
         settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
-        converged = False
-        for _ in range(most):
+        converged, steps = False, 0
+        while True:
             flow = propagation(prediction)
-            design, names = design_of(flow, free, amplitude)
+            design, names, blocks = design_of(flow, free, amplitude)
             residual = flat(series, prediction.residual())
+            factored = evidence.factored(design, blocks)
             rows, right = prior_rows(freedom, names, series), prior_residual(freedom, prediction.point, series)
-            step, _ = evidence.solve(design, residual, rows, right)
+            step, covariance = factored.solve(residual, rows, right)
+            if converged or steps == most:
+                break
+            steps += 1
             expected = float(np.sum((design @ step) ** 2))
             size = 1.0
             while True:
-                trial = predict(series, moved(prediction.point, names, size * step))
+                trial = predict(series, moved(prediction.point, names, size * step), flow.near)
                 now = cost(trial)
-                if now <= value + 1e-9 * abs(value) or size < 1e-2:
+                if now <= value + settled * value or size < 1e-2:
                     break
                 size /= 2
-            if not np.isfinite(now) or now > value + 1e-6 * abs(value):
+            if not now <= value:
+                # a step that neither lowers nor raises χ² by more than matters has nowhere to go
+                converged = now <= value + settled * value
                 break
             gained, value, prediction = value - now, now, trial
-            if expected < settled * value or (gained < settled * value and size == 1.0):
-                converged = True
-                break
-        flow = propagation(prediction)
-        design, names = design_of(flow, free, amplitude)
-    residual = flat(series, prediction.residual())
-    rows, right = prior_rows(freedom, names, series), prior_residual(freedom, prediction.point, series)
-    _, covariance = evidence.solve(design, residual, rows, right)
+            converged = expected < settled * value or (gained < settled * value and size == 1.0)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
-    return Fit(freedom, flow, design, residual, names, covariance, converged, index)
+    return Fit(freedom, flow, design, residual, names, covariance, converged, index, factored)
 
 
 def with_effect(point: Point, effect: Effect, values: Mapping[str, float]) -> Point:

@@ -95,10 +95,8 @@ def patterns(fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[
 
     active = {effect.name for effect, _ in fit.point.active}
     out: dict[str, Pattern] = {}
-    for variant in candidates:
-        if variant.effect.name in active or variant.effect.name == "saturation":
-            continue
-        S = extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps)
+    open_ones = [v for v in candidates if v.effect.name not in active and v.effect.name != "saturation"]
+    for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):
         response = (fit.covariance @ (fit.design.T @ S))[index]
         if not np.all(np.isfinite(response)) or not response.any():
             continue
@@ -151,7 +149,7 @@ def _adopted(fit: Fit, best: Pattern, ranked: Sequence[Pattern], offsets: Offset
     # what the cause does to the frequencies leaves the offsets, or a great one would start many turns away
     point = replace(fit.point, offset_rad_s=fit.point.offset_rad_s - best.response @ estimate)
     again = extended_fit.fit(fit.series, extended_fit.with_effect(point, best.variant.effect, values), freedom)
-    S = extended_fit.sensitivity(fit.flow, best.variant.effect, best.variant.values, best.variant.steps)
+    S = fit.sensitivities([best.variant.wanted])[0]
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
     level = offsets.misfit(best.wander, best.response)[0]
     rivals = [o.variant.effect.name for o in ranked[1:] if offsets.misfit(best.wander, o.response)[0] < level + RIVAL]

@@ -30,8 +30,7 @@ def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
         return base
     rows = len(base.residual)
     best, signs = -np.inf, np.ones(runs)
-    for variant in own:
-        columns = extended_fit.sensitivity(base.flow, variant.effect, variant.values, variant.steps)
+    for columns in base.sensitivities([variant.wanted for variant in own]):
         gain, plain, trial, rank = _turned(columns, base, runs)
         if gain - plain > CLEARLY + 2 * runs * np.log(2) and evidence.criterion(gain, rank, rows) > best:
             best, signs = evidence.criterion(gain, rank, rows), trial
@@ -53,7 +52,7 @@ def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, 
     for k in range(runs):
         mine = base.rows[:, 0] == k
         wide[mine, k * count : (k + 1) * count] = columns[mine] / size
-    wide -= base.basis @ (base.basis.T @ wide)
+    wide = base.basis.off(wide)
     A = (wide.T @ wide).reshape(runs, count, runs, count)
     b = (wide.T @ base.residual).reshape(runs, count)
 

@@ -66,7 +66,7 @@ def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
         impulse[k, rows, :, j] = real(fit.point.p[5] * rate[:, None] * np.stack([v[:, 1], -v[:, 0]], -1))
         spread[j] = abs(series.rate_rad_s[k, last + 1] - series.rate_rad_s[k, first]) * h.sum() / 2
     columns = extended_fit.flat(series, flow.seen(flow.carried(np.zeros((*series.weight.shape, 4, len(places))), impulse)))
-    columns = columns - fit.basis @ (fit.basis.T @ columns)
+    columns = fit.basis.off(columns)
     spread = np.maximum(spread, 1e-9)
     angle = np.linalg.solve(columns.T @ columns + np.diag(1 / spread**2), columns.T @ fit.residual)
     turned, weight = series.table_angle_rad.copy(), series.weight.copy()

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...effects.effect import Effect, Parameter
 from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.evidence import Score
+from ...fitting.causes.evidence import Basis, Score
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.wave_frame import directions, real
@@ -230,7 +230,7 @@ def terms(fit: Fit) -> list[Term]:
     return sorted(out, key=lambda t: -evidence.criterion(t.score.gain, t.score.rank, rows))
 
 
-def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Array) -> list[Term]:
+def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis) -> list[Term]:
     """Terms with their scores: (place, covariate); the motion of all is carried in one sweep."""
     flow = fit.flow
     moving = [pair for pair in pairs if not pair[0].readout]
@@ -266,7 +266,7 @@ def _columns(pairs: Sequence[tuple[Place, Covariate]], u: Array, series: Series)
     return out
 
 
-def refined(fit: Fit, term: Term, residual: Array, Q: Array) -> Term:
+def refined(fit: Fit, term: Term, residual: Array, Q: Basis) -> Term:
     """A step's instant or a tone's frequency to a fiftieth of the first grid."""
     make, value = (step_at, term.covariate.instant) if term.covariate.instant is not None else (tone_of, term.covariate.cycles)
     if value is None:
@@ -340,22 +340,19 @@ def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Re
     return Remainder(tuple(chosen), fit, tried, fit.basis.shape[1] - start)
 
 
-def smooth_columns(fit: Fit) -> Array:
-    """Slow cosines in time of all four components of the wave, run by run: what a deterministic misfit would look like, (N, m)."""
+def smooth_columns(fit: Fit) -> list[tuple[slice, Array]]:
+    """Slow cosines in time of all four components of the wave, run by run: what a deterministic misfit would look like, (N_r, m) each."""
     series = fit.series
-    runs, n = series.weight.shape
     frame = np.swapaxes(real(directions(fit.flow.prediction.seen)), -1, -2)
-    out = np.zeros((runs, n, 4, runs * SMOOTH * 4))
-    column = 0
-    for k in range(runs):
-        last = series.time_s[k][series.weight[k] > 0].max()
-        first = series.time_s[k, 0]
-        x = (series.time_s[k] - first) / (last - first)
-        for j in range(1, SMOOTH + 1):
-            g = np.cos(np.pi * j * x)[:, None]
-            out[k, :, :, column : column + 4] = g[..., None] * frame[k]
-            column += 4
-    return flat(series, fit.flow.prediction.whitened(out * series.weight[..., None, None]) if series.colour is not None else out)
+    good = series.weight > 0
+    last, first = np.max(series.time_s, axis=1, where=good, initial=-np.inf), series.time_s[:, 0]
+    x = (series.time_s - first[:, None]) / (last - first)[:, None]
+    slow = np.cos(np.pi * np.arange(1, SMOOTH + 1) * x[..., None])
+    out = (slow[:, :, None, :, None] * frame[:, :, :, None, :]).reshape(*series.weight.shape, 4, -1)
+    if series.colour is not None:
+        out = fit.flow.prediction.whitened(out * series.weight[..., None, None])
+    blocks = fit.basis.own
+    return [(rows, out[k][good[k]].reshape(-1, out.shape[-1])) for k, (rows, _) in enumerate(blocks)]
 
 
 def adequacy(fit: Fit) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...effects import find
-from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.envelopes.coordinates import physical
@@ -202,7 +202,7 @@ def _not_separable(search: Search, by_name: dict[str, Variant]) -> list[dict[str
 
 def _hidden_behind(fit: Fit, variant: Variant) -> str:
     """Base parameters that do what the effect would, largest first; empty where the effect does nothing in these runs."""
-    S = extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps)
+    S = fit.sensitivities([variant.wanted])[0]
     size = np.linalg.norm(S, axis=0)
     if not np.all(np.isfinite(size)) or not size.any():
         return ""

@@ -12,6 +12,7 @@ from ...effects.effect import Effect
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.sensitivities import Wanted
 from .gain import predicts_better
 
 Array = np.ndarray
@@ -39,6 +40,11 @@ class Variant:
     effect: Effect
     values: Mapping[str, float]
     steps: Mapping[str, float]
+
+    @property
+    def wanted(self) -> Wanted:
+        """What its sensitivities are asked for by."""
+        return self.effect, self.values, self.steps
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,7 @@ def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
     open_ones = [variant for variant in candidates if variant.effect.name not in active]
-    columns = [extended_fit.sensitivity(fit.flow, variant.effect, variant.values, variant.steps) for variant in open_ones]
+    columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
     found = evidence.scores([variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis)
     amplitude = extended_fit.amplitude_of(fit.series)
@@ -124,7 +130,7 @@ def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.M
     if effect.name == "saturation":
         values["inverse_level"] = variant.steps["inverse_level"]
     point = extended_fit.with_effect(fit.point, effect, values)
-    return extended_fit.fit(fit.series, point, fit.freedom, most)
+    return extended_fit.fit(fit.series, point, fit.freedom, most, fit.flow.near)
 
 
 def as_fitted(variant: Variant, fit: Fit) -> Variant:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import colour, evidence, extended_fit
+from ...fitting.causes.evidence import Basis
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.wave_frame import directions, real
 from .remainder import adequacy, terms
@@ -38,10 +39,11 @@ def wandering(fit: Fit, candidates: Sequence[Variant]) -> Fit:
     if spare < 40 or quick @ quick < QUICK * spare:
         return fit
     columns = {f"{t.place.name} × {t.covariate.formula}": t.columns for t in terms(fit)}
-    columns |= {v.effect.name: extended_fit.sensitivity(fit.flow, v.effect, v.values, v.steps) for v in candidates}
+    catalogue = fit.sensitivities([v.wanted for v in candidates])
+    columns |= {v.effect.name: own for v, own in zip(candidates, catalogue, strict=True)}
     names = list(columns)
     for number in range(TERMS):
-        ranked = sorted(evidence.scores(names, quick, [columns[n] for n in names], Q), key=lambda s: -s.gain)
+        ranked = sorted(evidence.scores(names, quick, [columns[n] for n in names], Basis((), Q)), key=lambda s: -s.gain)
         if not ranked or not ranked[0].visible:
             break
         best = ranked[0].space

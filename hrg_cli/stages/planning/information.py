@@ -14,8 +14,9 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.extended import OWN, Point, base_sensitivities, predict, propagation
+from ...fitting.causes.extended import OWN, Point, predict
 from ...fitting.causes.extended_fit import Freedom
+from ...fitting.causes.sensitivities import base_sensitivities, propagation
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics import ellipse, slow_engine
 from ...physics.plant import linear_plant

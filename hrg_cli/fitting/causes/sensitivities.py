@@ -1,0 +1,213 @@
+"""The linearised flow along a prediction, and the sensitivities that follow from it: any number of them costs one sweep over the rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...effects.effect import Effect, frame, no_term, same_signal, same_state
+from ..envelopes import coordinates
+from ..envelopes.coordinates import COUNT
+from .extended import Near, Prediction, Series, Stage, generators, half_turns, running, times
+from .wave_frame import imaginary, real, real_matrix
+
+Array = np.ndarray
+ROUNDING = 1e-14
+"""Part of what a term stands beside (the drive it deflects, the signal it changes) below which it is rounding."""
+Wanted = tuple[Effect, Mapping[str, float], Mapping[str, float]]
+"""An effect, the values where it stands (neutral for one that is not active), and the difference steps of the parameters asked for."""
+
+
+def slope(function: object, u: Array) -> Array:
+    """∂function/∂u as real (..., 4, 4) by central differences."""
+    size = 1e-4 * np.maximum(np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True)), 1e-300)
+    columns = []
+    for unit in np.eye(4):
+        step = size * imaginary(unit)
+        columns.append(real((function(u + step) - function(u - step)) / (2 * size)))  # type: ignore[operator]
+    return np.stack(columns, axis=-1)
+
+
+@dataclass(frozen=True)
+class Propagation:
+    """The linearised flow along a prediction: step propagators (R, n−1, 4, 4), read-out slope (R, n, 4, 4), motion at rows and middles."""
+
+    prediction: Prediction
+    centre: Series
+    middle: Array
+    step: Array
+    half: Array
+    view: Array | None
+    rows: Stage = field(repr=False)
+    halves: Stage = field(repr=False)
+
+    @property
+    def near(self) -> Near:
+        """What finds a motion close by sooner."""
+        return self.prediction.motion, self.step
+
+    def carried(self, at_rows: Array, at_middle: Array, start: Array | None = None) -> Array:
+        """Changes (R, n, 4, K) of the motion by source terms (R, n, 4, K), (R, n−1, 4, K) in u' and changes of the start (R, 4, K)."""
+        h = self.prediction.series.step_s[..., None, None]
+        source = (h / 6 * self.step) @ at_rows[:, :-1]
+        source += (h * (4 / 6) * self.half) @ at_middle
+        source += h / 6 * at_rows[:, 1:]
+        return running(self.step, np.zeros(4)[:, None] if start is None else start, source)
+
+    def seen(self, change: Array) -> Array:
+        """Through the read-out's slope and over σ, (R, n, 4, K)."""
+        if self.view is not None:
+            change = self.view @ change
+        return self.prediction.judged(change)
+
+
+def propagation(prediction: Prediction) -> Propagation:
+    """The linearised flow along a prediction."""
+    series, point, u = prediction.series, prediction.point, prediction.motion
+    centre = series.middle()
+    h = series.step_s[..., None, None]
+    L, M = generators(series, point), generators(centre, point)
+    rows, halves = Stage(series, point), Stage(centre, point)
+    slope_rows = times(L, u) + rows.beside(u)
+    hh, E = series.step_s[..., None], half_turns(series)[..., None]
+    middle = (np.conj(E) * u[:, 1:] + E * u[:, :-1]) / 2 + hh / 8 * (E * slope_rows[:, :-1] - np.conj(E) * slope_rows[:, 1:])
+    A, B = real_matrix(L), real_matrix(M)
+    view = None
+    if not rows.idle:
+        A, B = A + slope(rows.beside, u), B + slope(halves.beside, middle)
+        view = slope(rows.seen, u)
+    eye = np.eye(4)
+
+    def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
+        E = real_matrix(np.exp(0.5j * series.turn_rad_s[:, None, None, None] * h) * np.eye(2))
+        k1 = first
+        k2 = mid @ E @ (eye + h / 2 * k1)
+        k3 = mid @ (E + h / 2 * k2)
+        k4 = last @ E @ (E + h * k3)
+        return E @ (E @ (eye + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+
+    step = flow(A[:, :-1], B, A[:, 1:], h)
+    half = flow(B, (B + A[:, 1:]) / 2, A[:, 1:], h / 2)
+    return Propagation(prediction, centre, middle, step, half, view, rows, halves)
+
+
+def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
+    """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and frequency (R, n, 4, 5)."""
+    prediction = flow.prediction
+    point, series = prediction.point, prediction.series
+    u, v = prediction.motion, flow.middle
+
+    def sources(series: Series, u: Array) -> Array:
+        omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
+        plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
+        full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
+        turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
+        columns = [times(b, u) for b in coordinates.BASIS] + [turning, times(full - plain, u), 1j * u]
+        held = np.isfinite(series.held_amplitude)
+        if held.any():
+            # the drive makes up for what the resonator loses along the wave, whatever its parameters
+            turn, e_A, _, _ = frame(u, series.phase_rad)
+            for c in columns:
+                c -= (held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn)[..., None] * e_A
+        return np.stack([real(c) for c in columns], axis=-1)
+
+    runs = len(series.names)
+    start = np.zeros((runs, 4, COUNT + 1 + 4))
+    start[:, :, COUNT + 1 :] = np.eye(4)
+    rows, mids = sources(series, u), sources(flow.centre, v)
+    pad = [(0, 0)] * 3 + [(0, 4)]
+    carried = flow.seen(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
+    own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
+    return carried[..., :COUNT], own
+
+
+_Pair = tuple[Mapping[str, float], Mapping[str, float], float]
+"""Values above and below, and the step between them."""
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """What an effect adds by its parameters (R, n, 4, K), None for none: sources in u' at rows and middles, changes of what is seen."""
+
+    at_rows: Array | None
+    at_middle: Array | None
+    direct: Array | None
+
+
+class _Seen:
+    """The motion at rows and middles with the state of everything that stands, in which single effects' terms are looked at."""
+
+    def __init__(self, flow: Propagation) -> None:
+        self.flow, self.u = flow, flow.prediction.motion
+        self.at_rows, self.at_middle = flow.rows.lit(self.u), flow.halves.lit(flow.middle)
+
+    def terms(self, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> _Terms:
+        """Differences are forward from a neutral value, else central."""
+        pairs = []
+        for name, size in steps.items():
+            up, down = {**values, name: values[name] + size}, {**values, name: values[name] - size}
+            if values[name] == next(p.neutral for p in effect.parameters if p.name == name):
+                down = dict(values)
+            pairs.append((up, down, up[name] - down[name]))
+        if effect.slow_environment is not same_state:
+            return self._through_the_environment(effect, pairs)
+        others = self.flow.rows.without(effect).seen(self.u)
+        rows = middles = direct = None
+        if effect.slow is not no_term:
+            rows = _differences(lambda p: effect.slow(p, self.u, self.at_rows), pairs, self.at_rows.drive)
+            middles = _differences(lambda p: effect.slow(p, self.flow.middle, self.at_middle), pairs, self.at_middle.drive)
+        if effect.slow_readout is not same_signal:
+            direct = _differences(lambda p: effect.slow_readout(p, others, self.at_rows), pairs, others)
+        return _Terms(rows, middles, direct)
+
+    def _through_the_environment(self, effect: Effect, pairs: Sequence[_Pair]) -> _Terms:
+        """Of an effect that changes what all others look at."""
+        point, series = self.flow.prediction.point, self.flow.prediction.series
+        others = tuple(pair for pair in point.active if pair[0].name != effect.name)
+
+        def stage(series: Series, changed: Mapping[str, float]) -> Stage:
+            return Stage(series, replace(point, active=(*others, (effect, changed))))
+
+        return _Terms(
+            _differences(lambda p: stage(series, p).beside(self.u), pairs, self.at_rows.drive),
+            _differences(lambda p: stage(self.flow.centre, p).beside(self.flow.middle), pairs, self.at_middle.drive),
+            _differences(lambda p: stage(series, p).seen(self.u), pairs, self.u),
+        )
+
+
+def _differences(term: Callable[[Mapping[str, float]], Array], pairs: Sequence[_Pair], beside: Array) -> Array | None:
+    """Of a term by its parameters as reals (R, n, 4, K); None where it does nothing beyond the rounding of what it stands beside."""
+    columns, low, before, largest = [], np.empty(0), None, 0.0
+    for up, down, span in pairs:
+        if down != before:
+            low, before = term(down), down
+        change = term(up) - low
+        largest = max(largest, float(np.max(np.abs(change))))
+        columns.append(real(change) / span)
+    return np.stack(columns, axis=-1) if not largest <= ROUNDING * float(np.max(np.abs(beside))) else None
+
+
+def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
+    """Every effect's over σ, (R, n, 4, K) each; the motion of all is carried in one sweep."""
+    if not wanted:
+        return []
+    seen = _Seen(flow)
+    terms = [seen.terms(*one) for one in wanted]
+    counts = [len(steps) for _, _, steps in wanted]
+    moving = [k for k, t in enumerate(terms) if t.at_rows is not None or t.at_middle is not None]
+    out = [np.zeros((*flow.prediction.series.weight.shape, 4, count)) for count in counts]
+    if moving:
+        rows = [_given(terms[k].at_rows, out[k]) for k in moving]
+        middles = [_given(terms[k].at_middle, out[k][:, 1:]) for k in moving]
+        carried = flow.carried(np.concatenate(rows, -1), np.concatenate(middles, -1))
+        if flow.view is not None:
+            carried = flow.view @ carried
+        for k, part in zip(moving, np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1), strict=True):
+            out[k] = part
+    return [flow.prediction.judged(o if t.direct is None else o + t.direct) for o, t in zip(out, terms, strict=True)]
+
+
+def _given(terms: Array | None, nothing: Array) -> Array:
+    return nothing if terms is None else terms

@@ -1,0 +1,88 @@
+"""The slow model with effects: all steps at once as row by row, and sensitivities as differences of whole predictions."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hrg_cli.effects import find
+from hrg_cli.fitting.causes import extended, extended_fit
+from hrg_cli.fitting.causes.extended import Point, Series
+from hrg_cli.fitting.causes.sensitivities import base_sensitivities, propagation
+
+STRONG = {
+    "cubic_stiffness": {"pull_rad_s": 3.0},
+    "nonlinear_damping": {"damping_1_s": 0.2},
+    "drive_rotation": {"electrical_angle_rad": 0.05},
+    "pickoff_nonlinearity": {"cubic": 0.02},
+    "thermal_lag": {"time_constant_s": 0.3},
+    "thermal_damping": {"relative_1_k": 0.05, "reference_temperature_degc": 25.0},
+}
+
+
+def programme(runs=3, rows=90):
+    """Runs side by side, the first driven, the last shorter than the others."""
+    random = np.random.default_rng(2)
+    t = np.broadcast_to(np.linspace(0, 2, rows), (runs, rows)).copy()
+    t[-1, rows // 2 :] = t[-1, rows // 2]
+    one = np.ones((runs, rows))
+    rate = np.array([0.0, 1.0, -2.0])[:, None] * one
+    start = np.array([[1.0 + 0.1j, 0.2j], [0.6, 0.5 + 0.02j], [0.1 + 0.02j, 0.9]])
+    forced = np.array([1.0, 0.0, 0.0])[:, None] * one
+    weight = np.where(np.diff(t, prepend=-1) > 0, 1e3, 0.0)
+    series = Series(
+        names=("a", "b", "c"), time_s=t, envelope=np.repeat(start[:, None], rows, axis=1), weight=weight,
+        rate_rad_s=rate, temperature_degc=24 + t, temperature_rate_degc_s=one, branch=one, table_angle_rad=rate * t, phase_rad=0.1 * one,
+        main_drive=0.3 * forced, quadrature_drive=0.01 * forced, forced=forced, held_amplitude=np.nan * one, held_slope=0 * one,
+        turn_rad_s=random.normal(size=runs), reference_frequency_hz=5000.0, mode_number=2,
+    )  # fmt: skip
+    active = tuple((find(name), find(name).values(values)) for name, values in STRONG.items())
+    p = np.array([0.3, 0.01, 0.004, 0.05, 0.08, 0.55, 1.0])
+    return series, Point(p, start, random.normal(size=runs), active)
+
+
+def test_all_steps_at_once_are_the_steps_row_by_row():
+    series, point = programme()
+    rule = extended._Rule(series, point)
+    marched = rule.marched(point.start)
+    motion = extended.predict(series, point).motion
+    np.testing.assert_allclose(motion, marched, atol=1e-11)
+    near = extended.predict(series, replace(point, p=point.p * 1.02, start=point.start * 0.98))
+    again = extended.predict(series, point, propagation(near).near).motion
+    np.testing.assert_allclose(again, marched, atol=1e-11)
+
+
+def test_sensitivities_are_differences_of_whole_predictions():
+    series, point = programme()
+    flow = propagation(extended.predict(series, point))
+    for effect, values in point.active:
+        steps = {p.name: 1e-3 * abs(values[p.name]) for p in effect.fitted()}
+        own = extended_fit.sensitivity(flow, effect, values, steps)
+        for k, (name, size) in enumerate(steps.items()):
+            seen = []
+            for sign in (1, -1):
+                changed = values | {name: values[name] + sign * size}
+                there = extended.predict(series, replace(point, active=tuple((e, changed if e is effect else v) for e, v in point.active)))
+                seen.append(extended_fit.flat(series, extended.real(there.seen * series.weight[..., None])))
+            difference = (seen[0] - seen[1]) / (2 * size)
+            assert np.linalg.norm(own[:, k] - difference) < 2e-3 * np.linalg.norm(difference), effect.name
+
+
+def test_sensitivities_of_the_coordinates_are_differences_too():
+    series, point = programme()
+    # what is relative to the damping moves with it in the prediction alone
+    point = replace(point, active=tuple(pair for pair in point.active if pair[0].name != "thermal_damping"))
+    shared, _ = base_sensitivities(propagation(extended.predict(series, point)))
+    for k in range(7):
+        size = 1e-4
+        p = np.eye(7)[k] * size
+        up, down = (extended.predict(series, replace(point, p=point.p + sign * p)).seen for sign in (1, -1))
+        difference = extended.real((up - down) * series.weight[..., None]) / (2 * size)
+        assert np.linalg.norm(shared[..., k] - difference) < 1e-3 * np.linalg.norm(difference) + 1e-6
+
+
+def test_an_effect_that_only_rounds_is_not_seen():
+    series, point = programme()
+    still = replace(series, quadrature_drive=0 * series.quadrature_drive)
+    flow = propagation(extended.predict(still, replace(point, active=())))
+    effect = find("quadrature_drive_phase_error")
+    assert not extended_fit.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()
