@@ -7,9 +7,9 @@ J is mostly blocks: what belongs to one run has rows of its own, and is taken of
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -98,14 +98,15 @@ def _split(J: Array, tolerance: float) -> tuple[Array, Array]:
 
 def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
     """Orthonormal basis (N, rank) of the columns of J, each scaled to unit length first."""
-    return factored(J, (), tolerance).basis.shared
+    size = np.linalg.norm(J, axis=0)
+    return _split(J[:, size > 0] / size[size > 0], tolerance)[0]
 
 
 @dataclass(frozen=True)
 class Score:
     """A candidate's columns (N, m) beside a basis: fall of χ² `gain` for `rank` parameters, estimates with σ, independence.
 
-    `directions` (m, rank): the combinations of the columns whose parts beside the basis are orthonormal.
+    `made`: what makes the columns; `directions` (m, rank): their combinations whose parts beside the basis are orthonormal.
     """
 
     name: str
@@ -116,7 +117,7 @@ class Score:
     estimate: Array
     std: Array
     independence: float
-    columns: Array = field(repr=False)
+    made: Callable[[], Array] = field(repr=False)
     directions: Array = field(repr=False)
     basis: Basis = field(repr=False)
 
@@ -124,6 +125,11 @@ class Score:
     def visible(self) -> bool:
         """Whether these data can show it at all."""
         return self.rank > 0
+
+    @cached_property
+    def columns(self) -> Array:
+        """The candidate's sensitivities (N, m)."""
+        return self.made()
 
     @cached_property
     def space(self) -> Array:
@@ -137,38 +143,54 @@ def score(name: str, residual: Array, sensitivity: Array, basis: Basis) -> Score
 
 
 def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array], basis: Basis) -> list[Score]:
-    """Scores of many candidates, from the products of their columns (N, m) with one another, the basis and the residual alone.
+    """Scores of many candidates by their columns (N, m)."""
+    ledger = Ledger(residual, basis)
+    ledger.enter(sensitivities)
+    return ledger.scores(names, [partial(np.asarray, S) for S in sensitivities])
+
+
+class Ledger:
+    """What the scores of many candidates beside a basis come from; their columns are looked at once and not kept.
 
     With S of unit columns, B = Qᵀ S: s⊥ᵀ s⊥ = Sᵀ S − Bᵀ B and s⊥ᵀ r = Sᵀ r − Bᵀ Qᵀ r, exact to rounding over BLIND².
     """
-    known = basis.along(residual)
-    products: dict[int, list[tuple[int, Array, Array, Array]]] = {}
-    start = 0
-    while start < len(names):
-        stop, width = start, 0
-        while stop < len(names) and (stop == start or width + sensitivities[stop].shape[1] <= TOGETHER):
-            width += sensitivities[stop].shape[1]
-            stop += 1
-        columns = sensitivities[start] if stop == start + 1 else np.concatenate(sensitivities[start:stop], axis=1)
-        with np.errstate(over="ignore", invalid="ignore"):
-            G, B, c = columns.T @ columns, basis.along(columns), columns.T @ residual
-            size = np.sqrt(np.diag(G))
-            unit = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-            P = (G - B.T @ B) / unit / unit[:, None]
-            c = (c - known @ B) / unit
-        first = 0
-        for number in range(start, stop):
-            own = slice(first, first := first + sensitivities[number].shape[1])
-            products.setdefault(own.stop - own.start, []).append((number, P[own, own], c[own], size[own]))
-        start = stop
-    out: dict[int, Score] = {}
-    for group in products.values():
-        numbers = [g[0] for g in group]
-        judged = _judged(*(np.stack([g[k] for g in group]) for k in (1, 2, 3)))
-        for number, (gain, rank, z, p, estimate, std, independence, directions) in zip(numbers, judged, strict=True):
-            columns = sensitivities[number]
-            out[number] = Score(names[number], gain, rank, z, p, estimate, std, independence, columns, directions, basis)
-    return [out[number] for number in range(len(names))]
+
+    def __init__(self, residual: Array, basis: Basis) -> None:
+        self.residual, self.basis = residual, basis
+        self.known = basis.along(residual)
+        self.entries: list[tuple[Array, Array, Array]] = []
+
+    def enter(self, sensitivities: Sequence[Array]) -> None:
+        """Candidates' columns (N, m) each."""
+        start = 0
+        while start < len(sensitivities):
+            stop, width = start, 0
+            while stop < len(sensitivities) and (stop == start or width + sensitivities[stop].shape[1] <= TOGETHER):
+                width += sensitivities[stop].shape[1]
+                stop += 1
+            S = np.concatenate(sensitivities[start:stop], axis=1)
+            with np.errstate(over="ignore", invalid="ignore"):
+                G, B, c = S.T @ S, self.basis.along(S), S.T @ self.residual
+                size = np.sqrt(np.diag(G))
+                unit = np.where(np.isfinite(size) & (size > 0), size, 1.0)
+                P, c = (G - B.T @ B) / unit / unit[:, None], (c - self.known @ B) / unit
+            first = 0
+            for one in sensitivities[start:stop]:
+                own = slice(first, first := first + one.shape[1])
+                self.entries.append((P[own, own], c[own], size[own]))
+            start = stop
+
+    def scores(self, names: Sequence[str], columns: Sequence[Callable[[], Array]]) -> list[Score]:
+        """Of all candidates in the order they were entered; `columns`: what makes their columns anew."""
+        alike: dict[int, list[int]] = {}
+        for number, (_, _, size) in enumerate(self.entries):
+            alike.setdefault(len(size), []).append(number)
+        out: dict[int, Score] = {}
+        for numbers in alike.values():
+            judged = _judged(*(np.stack([self.entries[n][k] for n in numbers]) for k in range(3)))
+            for n, (gain, rank, z, p, estimate, std, independence, directions) in zip(numbers, judged, strict=True):
+                out[n] = Score(names[n], gain, rank, z, p, estimate, std, independence, columns[n], directions, self.basis)
+        return [out[n] for n in range(len(names))]
 
 
 def _judged(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, ...]]:

@@ -30,6 +30,15 @@ def slope(function: object, u: Array) -> Array:
     return np.stack(columns, axis=-1)
 
 
+def spread(vectors: Array, g: Array) -> Array:
+    """Products (…, 4, C·J) of functions (…, C) and vectors (…, 4, J)."""
+    count = vectors.shape[-1]
+    out = np.empty((*vectors.shape[:-1], g.shape[-1] * count))
+    for j in range(count):
+        np.multiply(g[..., None, :], vectors[..., j, None], out=out[..., j::count])
+    return out
+
+
 @dataclass(frozen=True)
 class Propagation:
     """The linearised flow along a prediction: step propagators (R, n−1, 4, 4), read-out slope (R, n, 4, 4), motion at rows and middles."""
@@ -55,6 +64,14 @@ class Propagation:
         source += (h * (4 / 6) * self.half) @ at_middle
         source += h / 6 * at_rows[:, 1:]
         return running(self.step, np.zeros(4)[:, None] if start is None else start, source)
+
+    def carried_by(self, at_rows: Array, at_middle: Array, g_rows: Array, g_middle: Array) -> Array:
+        """The same for sources that are vectors (R, n, 4, J) times functions (R, n, C), columns of a function side by side."""
+        h = self.prediction.series.step_s[..., None, None]
+        source = spread(h / 6 * (self.step @ at_rows[:, :-1]), g_rows[:, :-1])
+        source += spread(h * (4 / 6) * (self.half @ at_middle), g_middle)
+        source += spread(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
+        return running(self.step, np.zeros((4, 1)), source)
 
     def seen(self, change: Array) -> Array:
         """Through the read-out's slope and over σ, (R, n, 4, K)."""

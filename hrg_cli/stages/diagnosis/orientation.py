@@ -60,6 +60,10 @@ def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, 
         right = s @ b
         return float(right @ np.linalg.pinv(np.einsum("r,ricj,c->ij", s, A, s), rcond=evidence.BLIND**2, hermitian=True) @ right)
 
+    plain = gain(np.ones(runs))
+    most = float(b.ravel() @ np.linalg.pinv(A.reshape(runs * count, -1), rcond=evidence.BLIND**2, hermitian=True) @ b.ravel())
+    if most - plain < CLEARLY:  # a vector of its own in every run would not earn it
+        return plain, plain, np.ones(runs), count
     alone = np.array([np.linalg.pinv(A[k, :, k], rcond=1e-6, hermitian=True) @ b[k] for k in range(runs)])
     clearest = int(np.argmax(np.sum(alone * b, axis=1)))
     best, signs = -np.inf, np.ones(runs)
@@ -78,4 +82,4 @@ def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, 
         if value > best:
             best, signs = value, s.copy()
     majority = np.sign(signs.sum()) or signs[0]  # the sign of all together is nobody's to know: the fewest turned
-    return best, gain(np.ones(runs)), signs * majority, count
+    return best, plain, signs * majority, count

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Basis, Score
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit, flat
+from ...fitting.causes.sensitivities import spread
 from ...fitting.causes.wave_frame import directions, real
 from ...physics import ellipse
 
@@ -24,6 +26,8 @@ Array = np.ndarray
 STEPS, TONES = 31, 48
 HARMONICS = (1, 2, 3, 4, 6, 8)
 SMOOTH = 6
+FEW = 128
+"""Columns of open terms, about, that are made at a time."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,6 @@ class Term:
     place: Place
     covariate: Covariate
     score: Score
-    columns: Array
 
     @property
     def size(self) -> float:
@@ -231,39 +234,64 @@ def terms(fit: Fit) -> list[Term]:
 
 
 def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis) -> list[Term]:
-    """Terms with their scores: (place, covariate); the motion of all is carried in one sweep."""
-    flow = fit.flow
-    moving = [pair for pair in pairs if not pair[0].readout]
-    columns: dict[tuple[str, str], Array] = {}
-    if moving:
-        at_rows = _columns(moving, flow.prediction.motion, fit.series)
-        at_middle = _columns(moving, flow.middle, flow.centre)
-        seen = flat(fit.series, flow.seen(flow.carried(np.concatenate(at_rows, -1), np.concatenate(at_middle, -1))))
-        ends = np.cumsum([a.shape[-1] for a in at_rows])[:-1]
-        for (place, covariate), part in zip(moving, np.split(seen, ends, axis=1), strict=True):
-            columns[place.name, covariate.formula] = part
-    seen_at_once = [pair for pair in pairs if pair[0].readout]
-    direct = _columns(seen_at_once, flow.prediction.seen, fit.series)
-    for (place, covariate), part in zip(seen_at_once, direct, strict=True):
-        columns[place.name, covariate.formula] = flat(fit.series, flow.prediction.judged(part))
-    parts = [columns[place.name, covariate.formula] for place, covariate in pairs]
-    found = evidence.scores([f"{place.name} × {covariate.formula}" for place, covariate in pairs], residual, parts, Q)
-    return [Term(place, covariate, score, part) for (place, covariate), score, part in zip(pairs, found, parts, strict=True)]
+    """Terms with their scores: (place, covariate)."""
+    ledger, order = evidence.Ledger(residual, Q), list[int]()
+    for numbers, columns in columns_of(fit, pairs):
+        ledger.enter(columns)
+        order += numbers
+    names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
+    made = [partial(_alone, fit, pairs[k]) for k in order]
+    found = dict(zip(order, ledger.scores(names, made), strict=True))
+    return [Term(place, covariate, found[k]) for k, (place, covariate) in enumerate(pairs)]
 
 
-def _columns(pairs: Sequence[tuple[Place, Covariate]], u: Array, series: Series) -> list[Array]:
-    """g·M u as reals (R, n, 4, k) of every pair; what pairs share is computed once."""
-    bases: dict[str, Array] = {}
-    values: dict[int, Array] = {}
-    out = []
-    for place, covariate in pairs:
-        if place.name not in bases:
-            bases[place.name] = np.stack([real(m) for m in matrices(place, u)], -1)
-        if id(covariate) not in values:
-            values[id(covariate)] = np.moveaxis(covariate.function(u, series), 0, -1)[..., None, :, None]
-        both = values[id(covariate)] * bases[place.name][..., None, :]
-        out.append(both.reshape(*u.shape[:-1], 4, -1))
-    return out
+def _alone(fit: Fit, pair: tuple[Place, Covariate]) -> Array:
+    """The columns of one term."""
+    ((_, columns),) = columns_of(fit, [pair])
+    return columns[0]
+
+
+def columns_of(fit: Fit, pairs: Sequence[tuple[Place, Covariate]]) -> Iterator[tuple[list[int], list[Array]]]:
+    """Sensitivities over σ (N, k) of the terms, a few at a time with their numbers: those of a place share its vectors and its flow."""
+    flow, series = fit.flow, fit.series
+    motion, seen = flow.prediction.motion, flow.prediction.seen
+    by_place: dict[str, list[int]] = {}
+    for k, (place, _) in enumerate(pairs):
+        by_place.setdefault(place.name, []).append(k)
+    known: dict[tuple[int, int], Array] = {}
+
+    def values(numbers: list[int], u: Array, where: Series) -> list[Array]:
+        for k in numbers:
+            if (k_key := (id(pairs[k][1]), id(u))) not in known:
+                known[k_key] = np.moveaxis(pairs[k][1].function(u, where), 0, -1)
+        return [known[id(pairs[k][1]), id(u)] for k in numbers]
+
+    for numbers in by_place.values():
+        place = pairs[numbers[0]][0]
+        at_rows = seen if place.readout else motion
+        vectors = _vectors(place, at_rows)
+        for some in _few(numbers, vectors.shape[-1]):
+            parts = values(some, at_rows, series)
+            g = np.concatenate(parts, axis=-1)
+            if place.readout:
+                wide = flow.prediction.judged(spread(vectors, g))
+            else:
+                g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
+                wide = flow.seen(flow.carried_by(vectors, _vectors(place, flow.middle), g, g_middle))
+            ends = np.cumsum([part.shape[-1] * vectors.shape[-1] for part in parts])[:-1]
+            yield some, np.split(flat(series, wide), ends, axis=1)
+
+
+def _vectors(place: Place, u: Array) -> Array:
+    """M u of a place as reals, (…, 4, columns)."""
+    return np.stack([real(m) for m in matrices(place, u)], -1)
+
+
+def _few(numbers: list[int], columns: int) -> Iterator[list[int]]:
+    """As many at a time as stay in the processor's cache together."""
+    count = max(1, FEW // columns)
+    for first in range(0, len(numbers), count):
+        yield numbers[first : first + count]
 
 
 def refined(fit: Fit, term: Term, residual: Array, Q: Basis) -> Term:

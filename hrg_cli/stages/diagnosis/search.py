@@ -157,9 +157,12 @@ def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         found.append(one)
         narrate.append(f"{one.variant.effect.name}: χ² falls by {one.delta_bic:.4g} beyond its price")
         ranked = scored(fit, candidates)
-    fit, found = exchanged(fit, found, candidates, noise_factor)
-    fit, found = pruned(fit, found, noise_factor)
-    return Search(base, fit, tuple(found), first, tuple(s for s, _ in scored(fit, candidates)), tuple(narrate))
+    chosen = fit
+    reduced: dict[str, Fit] = {}
+    fit, found = exchanged(fit, found, candidates, noise_factor, reduced)
+    fit, found = pruned(fit, found, noise_factor, reduced)
+    last = ranked if fit is chosen else scored(fit, candidates)
+    return Search(base, fit, tuple(found), first, tuple(s for s, _ in last), tuple(narrate))
 
 
 def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: float, rounds: int = ROUNDS) -> tuple[Fit, Found] | None:
@@ -202,15 +205,23 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
     return chosen, Found(as_fitted(variant, chosen), score, tried, gain, tuple(rivals))
 
 
-def exchanged(fit: Fit, found: list[Found], candidates: Sequence[Variant], noise_factor: float) -> tuple[Fit, list[Found]]:
+def leaving_out(fit: Fit, name: str) -> Fit:
+    """The fit again without an effect."""
+    return extended_fit.fit(fit.series, extended_fit.without(fit.point, name), fit.freedom, near=fit.flow.near)
+
+
+def exchanged(
+    fit: Fit, found: list[Found], candidates: Sequence[Variant], noise_factor: float, without: dict[str, Fit]
+) -> tuple[Fit, list[Found]]:
     """Every effect against all others beside the rest of those found: what is better takes its place, what is as good is its rival.
 
     An effect may become visible only beside the later ones (a lag beside a temperature dependence), so its turn comes here.
+    `without` is left with the fits without each effect that still stand.
     """
     if len(found) < 2 or fit.chi2 > GROSS * noise_factor * fit.dof:
         return fit, found
     for k, old in enumerate(found):
-        reduced = extended_fit.fit(fit.series, extended_fit.without(fit.point, old.variant.effect.name), fit.freedom)
+        reduced = without[old.variant.effect.name] = leaving_out(fit, old.variant.effect.name)
         lost = reduced.chi2 - fit.chi2
         needed = min(0.9 * lost, lost - 2 * WORTH * noise_factor)
         others = [pair for pair in scored(reduced, candidates) if pair[0].visible and pair[0].name != old.variant.effect.name]
@@ -223,6 +234,7 @@ def exchanged(fit: Fit, found: list[Found], candidates: Sequence[Variant], noise
         here = bic(fit)
         if trials and trials[0][0] < here:
             level, fit, new = trials.pop(0)
+            without.clear()
             trials.append((here, fit, old))
             old = new
         else:
@@ -233,20 +245,24 @@ def exchanged(fit: Fit, found: list[Found], candidates: Sequence[Variant], noise
     return fit, found
 
 
-def pruned(fit: Fit, found: list[Found], noise_factor: float) -> tuple[Fit, list[Found]]:
-    """Backward check: every effect must still be worth its price with the others there; its ΔBIC becomes that of leaving it out."""
+def pruned(fit: Fit, found: list[Found], noise_factor: float, without: Mapping[str, Fit]) -> tuple[Fit, list[Found]]:
+    """Backward check: every effect must still be worth its price with the others there; its ΔBIC becomes that of leaving it out.
+
+    `without`: fits without an effect that are known already.
+    """
     changed = True
     while changed and found:
         changed = False
         losses = []
         for one in found:
-            reduced = extended_fit.fit(fit.series, extended_fit.without(fit.point, one.variant.effect.name), fit.freedom)
+            name = one.variant.effect.name
+            reduced = without[name] if name in without else leaving_out(fit, name)
             losses.append(((bic(reduced) - bic(fit)) / noise_factor, reduced))
         worst = int(np.argmin([loss for loss, _ in losses]))
         if losses[worst][0] < WORTH:
             fit = losses[worst][1]
             found = [f for k, f in enumerate(found) if k != worst]
-            changed = True
+            changed, without = True, {}
         else:
             found = [replace(one, delta_bic=float(loss)) for one, (loss, _) in zip(found, losses, strict=True)]
     return fit, found

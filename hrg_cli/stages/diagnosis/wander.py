@@ -16,7 +16,7 @@ from ...fitting.causes import colour, evidence, extended_fit
 from ...fitting.causes.evidence import Basis
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.wave_frame import directions, real
-from .remainder import adequacy, terms
+from .remainder import adequacy, columns_of, terms
 from .search import Variant
 
 Array = np.ndarray
@@ -38,7 +38,10 @@ def wandering(fit: Fit, candidates: Sequence[Variant]) -> Fit:
     spare = len(quick) - Q.shape[1]
     if spare < 40 or quick @ quick < QUICK * spare:
         return fit
-    columns = {f"{t.place.name} × {t.covariate.formula}": t.columns for t in terms(fit)}
+    visible = terms(fit)
+    columns: dict[str, Array] = {}
+    for numbers, parts in columns_of(fit, [(t.place, t.covariate) for t in visible]):
+        columns |= {visible[k].score.name: part for k, part in zip(numbers, parts, strict=True)}
     catalogue = fit.sensitivities([v.wanted for v in candidates])
     columns |= {v.effect.name: own for v, own in zip(candidates, catalogue, strict=True)}
     names = list(columns)
