@@ -420,6 +420,8 @@ class Diagnosis(Record):
     temperature_degc: Array | None = column("degC", "temperature", optional=True)
     rate_rad_s: Array | None = column("rad s-1", "rate", optional=True)
     measured: Array = column("any", "measured series, columns named in `series`", ("row", "series"))
+    simulated_before: Array = column("any", "the same of the base model", ("row", "series"))
+    simulated_after: Array = column("any", "the same of the extended model", ("row", "series"))
     residual_before: Array = column("1", "whitened residual of the base model", ("row", "series"))
     residual_after: Array = column("1", "whitened residual of the extended model", ("row", "series"))
     series: str = attribute("JSON list: the columns' names")

@@ -11,10 +11,10 @@ import numpy as np
 from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..errors import HrgError
-from ..physics.resonator import PARAMETERS, Mechanics
-from ..records import Diagnosis, Resonator
+from ..physics.resonator import PARAMETERS
+from ..records import Diagnosis, Resonator, Wave
 from ..stages.diagnose import diagnose
-from ..stages.simulate import mechanics_of
+from ..stages.simulate import courses_of, mechanics_of
 from ..stages.simulation_file import runs_of
 from .frame import Common, command_line, existing
 
@@ -31,7 +31,7 @@ def diagnose_files(
     beside: dict[str, Path] = {}
     further: dict[str, Any] = {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
     if model is not None and model.suffix == ".toml":
-        further["resonator"] = believed(model)
+        further["resonator"] = believed(model, mean_temperature(waves))
     elif model is not None:
         beside["resonator"] = model
     outcome = pipeline.run_stage(
@@ -45,9 +45,22 @@ def diagnose_files(
     return pipeline.Outcome(outcome.record, {**outcome.json, "extended_model": str(extended)})
 
 
-def believed(file: Path) -> Resonator:
-    """The resonator of a simulation file, without errors: values the user holds for true."""
-    mechanics: Mechanics = mechanics_of(runs_of(settings.load_toml(file), str(file))[0])
+def mean_temperature(waves: Sequence[Path]) -> float | None:
+    """Mean of the runs' logged temperatures in °C; None where none is logged."""
+    means = []
+    for path in waves:
+        with store.open_record(path, Wave) as wave:
+            if wave.temperature_degc is not None and np.isfinite(logged := wave.temperature_degc[:]).any():
+                means.append(float(np.nanmean(logged)))
+    return float(np.mean(means)) if means else None
+
+
+def believed(file: Path, temperature_degc: float | None) -> Resonator:
+    """The resonator of a simulation file at the runs' temperature, without errors: values the user holds for true."""
+    settings_of_run = runs_of(settings.load_toml(file), str(file))[0]
+    mechanics = mechanics_of(settings_of_run)
+    if temperature_degc is not None:
+        mechanics = courses_of(settings_of_run).at(mechanics, temperature_degc)
     names = [name for name, _ in PARAMETERS]
     values = np.array([getattr(mechanics, name) for name in names])
     if not np.all(np.isfinite(values)):

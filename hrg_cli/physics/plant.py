@@ -9,7 +9,7 @@ by its own formula, so that one mistake cannot hide in both.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -76,6 +76,18 @@ class ThermalCourses:
         """1 + c₁ΔT + c₂ΔT² + …"""
         change = np.asarray(temperature_degc, float) - self.reference_degc
         return 1 + sum((c * change ** (k + 1) for k, c in enumerate(course)), np.zeros_like(change))
+
+    def at(self, mechanics: Mechanics, temperature_degc: float) -> Mechanics:
+        """The resonator as it is at a temperature."""
+        T = np.array(temperature_degc)
+        return replace(
+            mechanics,
+            frequency_hz=float(mechanics.frequency_hz * self.factor(self.frequency, T)),
+            damping_rate_1_s=float(mechanics.damping_rate_1_s * self.factor(self.damping_rate, T)),
+            damping_split_1_s=float(mechanics.damping_split_1_s * self.factor(self.damping_split, T)),
+            frequency_split_rad_s=float(mechanics.frequency_split_rad_s * self.factor(self.frequency_split, T)),
+            scale_factor=float(mechanics.scale_factor * self.factor(self.scale_factor, T)),
+        )
 
 
 def linear_plant(mechanics: Mechanics, courses: ThermalCourses, environment: Environment) -> Plant:

@@ -147,12 +147,25 @@ def _range(value: Any, factor: float) -> str:
 def _diagnosis(record: Diagnosis) -> list[Table]:
     report = json_object(record.report)
     found = []
+    values = [v for v in entries(report, "values") if v.get("believed") is not None]
+    if values:
+        moved: list[tuple[str, ...]] = [
+            (
+                plain(v.get("name")),
+                number(v["believed"], 8),
+                f"{number(v.get('value'), 8)} ± {number(v.get('std'), 2)} {plain(v.get('units', ''))}",
+                number(v.get("sigma"), 3),
+                "wrong" if v.get("wrong") else "agrees",
+            )
+            for v in values
+        ]
+        found.append(Table("Values of the supplied model", ("parameter", "believed", "measured", "moved by, σ", ""), moved))
     if entries(report, "effects"):
         rows = []
         for effect in entries(report, "effects"):
             parameters = child(effect, "parameters")
             sizes = "; ".join(
-                f"{k} = {cell(p.get('value'))} ± {cell(p.get('std'))} {p.get('units', '')}"
+                f"{k} = {number(p.get('value'))} ± {number(p.get('std'), 2)} {p.get('units', '')}"
                 for k, p in parameters.items()
                 if isinstance(p, dict)
             )
@@ -163,9 +176,9 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
                     for v in (
                         effect.get("name"),
                         sizes,
-                        cell(effect.get("z")),
-                        cell(effect.get("p_value")),
-                        cell(effect.get("delta_bic")),
+                        number(effect.get("z")),
+                        number(effect.get("p_value"), 2),
+                        number(effect.get("delta_bic")),
                         others,
                         effect.get("next_experiment") or "–",
                     )
@@ -291,7 +304,7 @@ def headline(record: Record) -> list[tuple[str, str]]:
         found.append(("causes found", plain(", ".join(causes)) or "none"))
         if gain:
             of = "gain of the forecast" if gain.get("of") == "forecast" else "held-out gain"
-            found.append((of, f"{cell(gain.get('ratio'))} ± {cell(gain.get('std'))}"))
+            found.append((of, f"{number(gain.get('ratio'))} ± {number(gain.get('std'), 2)}"))
         return found
     if isinstance(record, Compensated) and record.residual_before_rad_s is not None and record.residual_after_rad_s is not None:
         series = (record.residual_before_rad_s, record.residual_after_rad_s)

@@ -20,6 +20,7 @@ from ..effects.effect import Effect
 from ..errors import HrgError
 from ..fitting.causes import extended_fit
 from ..fitting.causes.extended_fit import Fit
+from ..fitting.causes.wave_frame import real
 from ..physics import ellipse
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
@@ -150,7 +151,9 @@ def _record(
         main_amplitude=a_A,
         temperature_degc=series.temperature_degc[good] if series.has_temperature else None,
         rate_rad_s=series.rate_rad_s[good],
-        measured=np.concatenate([measured.real, measured.imag], axis=1),
+        measured=real(measured),
+        simulated_before=real(search.base.prediction.seen[good]),
+        simulated_after=real(search.final.prediction.seen[good]),
         residual_before=before,
         residual_after=after,
         series=json.dumps(["C0 real", "S0 real", "C0 imaginary", "S0 imaginary"]),

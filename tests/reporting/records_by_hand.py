@@ -257,8 +257,10 @@ def diagnosis() -> Diagnosis:
     count = 3000
     time = np.linspace(0, 60, count)
     theta = 0.1 * time
-    after = rng.standard_normal((count, 2))
-    before = after + np.stack([4 * np.cos(8 * theta), 2 * np.sin(4 * theta)], 1)
+    amplitude, sigma = np.exp(-0.02 * time), 1e-4
+    after = rng.standard_normal((count, 4))
+    before = after + np.stack([4 * np.cos(8 * theta), 2 * np.sin(4 * theta), np.sin(4 * theta), 0 * theta], 1)
+    measured = amplitude[:, None] * np.stack([np.cos(2 * theta), np.sin(2 * theta), -0.05 * np.sin(2 * theta), 0.05 * np.cos(2 * theta)], 1)
     report = {
         "verdict": "explained",
         "baseline": {"chi2_per_dof": 6.2, "residual_rms": 2.5},
@@ -294,6 +296,11 @@ def diagnosis() -> Diagnosis:
             "amplitude_error_ppm": {"before": 120.0, "before_std": 11.0, "after": 90.0, "after_std": 9.0},
         },
         "forecast": forecast(),
+        "mode_number": 2,
+        "correlations": {
+            "names": ["pickoff_nonlinearity", "gain_mismatch", "rate_bias"],
+            "matrix": [[1.0, 0.2, 0.95], [0.2, 1.0, 0.0], [0.95, 0.0, 1.0]],
+        },
         "tested": [
             {"name": n, "z": z, "upper_limit": 1e-4, "units": "1"}
             for n, z in (("mains_tone", 1.2), ("saturation", -0.4), ("thermal_damping", 2.1), ("rate_bias", 0.1))
@@ -305,12 +312,14 @@ def diagnosis() -> Diagnosis:
         run=np.zeros(count, "i4"),
         time_s=time,
         wave_angle_rad=theta,
-        main_amplitude=np.exp(-0.02 * time),
+        main_amplitude=amplitude,
         temperature_degc=20 + 0.1 * time,
-        measured=before * 1e-4,
+        measured=measured,
+        simulated_before=measured - sigma * before,
+        simulated_after=measured - sigma * after,
         residual_before=before,
         residual_after=after,
-        series=json.dumps(["wave angle", "ln amplitude"]),
+        series=json.dumps(["C0 real", "S0 real", "C0 imaginary", "S0 imaginary"]),
         gyro_id="G-17",
         verdict="explained",
         report=json.dumps(report),

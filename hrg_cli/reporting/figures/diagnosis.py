@@ -1,34 +1,35 @@
-"""First look at a diagnosis: ranking of causes, gain, residuals before and after against everything."""
+"""First look at a diagnosis: ranking of the causes, what they gain, which of them look alike."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.ticker import MaxNLocator
 
 from ...records import Array, Diagnosis
-from ..json_text import as_float, child, entries, json_list, json_object
+from ..json_text import as_float, child, entries, json_object
+from .departure import departure_plots
 from .drawing import (
-    INK,
     MUTED,
     SERIES,
     Plot,
     chosen,
     labels,
-    legend,
     log_axis,
     note,
     number,
     panels,
-    scatter_with_mean,
-    time_unit,
 )
 from .forecast import forecast_plots
 
+ALIKE = 0.9
+"""Correlation from which two causes are named as alike."""
+
 
 def diagnosis_plots(record: Diagnosis) -> list[Plot]:
-    """Ranking of the causes found, the gain, and residuals before and after against θ, time, amplitude and temperature."""
+    """Ranking of the causes, gain, forecast, measured beside simulated against everything, and the map of what looks alike."""
     report = json_object(record.report)
     found = []
     if entries(report, "effects") or entries(report, "tested"):
@@ -36,10 +37,11 @@ def diagnosis_plots(record: Diagnosis) -> list[Plot]:
     if isinstance(report.get("gain"), dict):
         found.append(_gain(report))
     found += forecast_plots(report)
-    if len(record):
-        for k, name in enumerate(json_list(record.series)):
-            if k < record.residual_before.shape[1]:
-                found.append(_residuals(record, str(name), k))
+    if len(record) and record.measured.shape[1] == 4:
+        found += departure_plots(record, int(as_float(report.get("mode_number", 2))))
+    names, matrix = child(report, "correlations").get("names", []), child(report, "correlations").get("matrix", [])
+    if len(names) > 1 and np.shape(matrix) == (len(names), len(names)):
+        found.append(_correlation_map(names, np.array(matrix, float)))
     return found
 
 
@@ -104,29 +106,20 @@ def _gain(report: dict[str, Any]) -> Plot:
     return Plot("gain", "Gain of the extended model", "; ".join(said) + ".", figure)
 
 
-def _residuals(record: Diagnosis, name: str, k: int) -> Plot:
-    before, after = np.asarray(record.residual_before)[:, k], np.asarray(record.residual_after)[:, k]
-    factor, unit = time_unit(float(np.ptp(record.time_s)))
-    against: list[tuple[str, Array]] = [
-        ("θ modulo 180°", np.degrees(np.asarray(record.wave_angle_rad)) % 180),
-        (f"time, {unit}", np.asarray(record.time_s) * factor),
-        ("a_A", np.asarray(record.main_amplitude)),
-    ]
-    for values, label, scale in ((record.temperature_degc, "T, °C", 1.0), (record.rate_rad_s, "Ω, °/s", np.degrees(1.0))):
-        if values is not None and np.nanmax(values) > np.nanmin(values):
-            against.append((label, np.asarray(values) * scale))
-    figure, axes = panels(1, len(against), height=2.3, width=8.2, sharey=True)
-    for ax, (label, x) in zip(axes[0], against):
-        scatter_with_mean(ax, x, before, 1, "before")
-        scatter_with_mean(ax, x, after, 0, "after")
-        ax.axhline(0, color=INK, lw=0.5)
-        labels(ax, x=label)
-    both = np.concatenate([before, after])
-    low, high = np.nanpercentile(both, [0.5, 99.5])
-    if high > low:
-        axes[0, 0].set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
-    axes[0, 0].set_ylabel("residual, σ")
-    legend(axes[0, -1], above=True)
-    rms = [float(np.sqrt(np.nanmean(r**2))) for r in (before, after)]
-    words = f"Whitened residual of {name}: {number(rms[0])} σ rms before, {number(rms[1])} σ rms after the extended model."
-    return Plot(f"residual-{k}", f"Residual of {name} before and after", words, figure)
+def _correlation_map(names: list[Any], matrix: Array) -> Plot:
+    """How alike two causes are to these runs beside the base model, of those that can be seen at all."""
+    count = len(names)
+    shade = LinearSegmentedColormap.from_list("alike", [to_rgba(SERIES[0], 0.0), to_rgba(SERIES[0], 1.0)])
+    figure, axes = panels(1, 1, height=1.5 + 0.2 * count, width=2.6 + 0.26 * count)
+    ax = axes[0, 0]
+    ax.pcolormesh(np.arange(count + 1), np.arange(count + 1), np.abs(matrix), cmap=shade, vmin=0, vmax=1)
+    middle = np.arange(count) + 0.5
+    ax.set_xticks(middle, [str(n) for n in names], rotation=90)
+    ax.set_yticks(middle, [str(n) for n in names])
+    ax.grid(False)
+    ax.invert_yaxis()
+    note(ax, "blank: told apart; full: one cause to these runs")
+    pairs = [(abs(matrix[i, j]), names[j], names[i]) for i in range(count) for j in range(i)]
+    alike = [f"{a} and {b} {c:.3f}" for c, a, b in sorted(pairs, reverse=True) if c > ALIKE]
+    words = f"Correlations above {ALIKE}: {chosen(alike, 8)}." if alike else f"No two causes have a correlation above {ALIKE}."
+    return Plot("correlations", "Which causes look alike in these runs", words, figure)
