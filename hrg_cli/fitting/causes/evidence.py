@@ -145,7 +145,8 @@ def score(name: str, residual: Array, sensitivity: Array, basis: Basis) -> Score
 def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array], basis: Basis) -> list[Score]:
     """Scores of many candidates by their columns (N, m)."""
     ledger = Ledger(residual, basis)
-    ledger.enter(sensitivities)
+    if sensitivities:
+        ledger.enter(np.concatenate(sensitivities, axis=1), [S.shape[1] for S in sensitivities])
     return ledger.scores(names, [partial(np.asarray, S) for S in sensitivities])
 
 
@@ -156,28 +157,30 @@ class Ledger:
     """
 
     def __init__(self, residual: Array, basis: Basis) -> None:
-        self.residual, self.basis = residual, basis
+        self.basis = basis
+        self.beside = np.column_stack([basis.shared, residual])
         self.known = basis.along(residual)
         self.entries: list[tuple[Array, Array, Array]] = []
 
-    def enter(self, sensitivities: Sequence[Array]) -> None:
-        """Candidates' columns (N, m) each."""
+    def enter(self, S: Array, widths: Sequence[int]) -> None:
+        """Candidates' columns side by side, (N, Σ widths)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            shared = self.beside.T @ S
+            B = np.concatenate([*(Q.T @ S[rows] for rows, Q in self.basis.own), shared[:-1]])
+            c = shared[-1] - self.known @ B
+        ends = np.cumsum([0, *widths])
         start = 0
-        while start < len(sensitivities):
-            stop, width = start, 0
-            while stop < len(sensitivities) and (stop == start or width + sensitivities[stop].shape[1] <= TOGETHER):
-                width += sensitivities[stop].shape[1]
-                stop += 1
-            S = np.concatenate(sensitivities[start:stop], axis=1)
+        while start < len(widths):
+            stop = max(start + 1, int(np.searchsorted(ends, ends[start] + TOGETHER, "right")) - 1)
+            some = slice(ends[start], ends[stop])
             with np.errstate(over="ignore", invalid="ignore"):
-                G, B, c = S.T @ S, self.basis.along(S), S.T @ self.residual
+                G = S[:, some].T @ S[:, some]
                 size = np.sqrt(np.diag(G))
                 unit = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-                P, c = (G - B.T @ B) / unit / unit[:, None], (c - self.known @ B) / unit
-            first = 0
-            for one in sensitivities[start:stop]:
-                own = slice(first, first := first + one.shape[1])
-                self.entries.append((P[own, own], c[own], size[own]))
+                P, projected = (G - B[:, some].T @ B[:, some]) / unit / unit[:, None], c[some] / unit
+            for k in range(start, stop):
+                own = slice(ends[k] - ends[start], ends[k + 1] - ends[start])
+                self.entries.append((P[own, own], projected[own], size[own]))
             start = stop
 
     def scores(self, names: Sequence[str], columns: Sequence[Callable[[], Array]]) -> list[Score]:

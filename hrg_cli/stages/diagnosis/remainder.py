@@ -26,7 +26,7 @@ Array = np.ndarray
 STEPS, TONES = 31, 48
 HARMONICS = (1, 2, 3, 4, 6, 8)
 SMOOTH = 6
-FEW = 128
+FEW = 64
 """Columns of open terms, about, that are made at a time."""
 
 
@@ -236,8 +236,8 @@ def terms(fit: Fit) -> list[Term]:
 def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis) -> list[Term]:
     """Terms with their scores: (place, covariate)."""
     ledger, order = evidence.Ledger(residual, Q), list[int]()
-    for numbers, columns in columns_of(fit, pairs):
-        ledger.enter(columns)
+    for numbers, columns, widths in columns_of(fit, pairs):
+        ledger.enter(columns, widths)
         order += numbers
     names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
     made = [partial(_alone, fit, pairs[k]) for k in order]
@@ -247,12 +247,12 @@ def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, 
 
 def _alone(fit: Fit, pair: tuple[Place, Covariate]) -> Array:
     """The columns of one term."""
-    ((_, columns),) = columns_of(fit, [pair])
-    return columns[0]
+    ((_, columns, _),) = columns_of(fit, [pair])
+    return columns
 
 
-def columns_of(fit: Fit, pairs: Sequence[tuple[Place, Covariate]]) -> Iterator[tuple[list[int], list[Array]]]:
-    """Sensitivities over σ (N, k) of the terms, a few at a time with their numbers: those of a place share its vectors and its flow."""
+def columns_of(fit: Fit, pairs: Sequence[tuple[Place, Covariate]]) -> Iterator[tuple[list[int], Array, list[int]]]:
+    """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time; those of a place share its vectors."""
     flow, series = fit.flow, fit.series
     motion, seen = flow.prediction.motion, flow.prediction.seen
     by_place: dict[str, list[int]] = {}
@@ -278,8 +278,7 @@ def columns_of(fit: Fit, pairs: Sequence[tuple[Place, Covariate]]) -> Iterator[t
             else:
                 g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
                 wide = flow.seen(flow.carried_by(vectors, _vectors(place, flow.middle), g, g_middle))
-            ends = np.cumsum([part.shape[-1] * vectors.shape[-1] for part in parts])[:-1]
-            yield some, np.split(flat(series, wide), ends, axis=1)
+            yield some, flat(series, wide), [part.shape[-1] * vectors.shape[-1] for part in parts]
 
 
 def _vectors(place: Place, u: Array) -> Array:

@@ -40,7 +40,8 @@ def wandering(fit: Fit, candidates: Sequence[Variant]) -> Fit:
         return fit
     visible = terms(fit)
     columns: dict[str, Array] = {}
-    for numbers, parts in columns_of(fit, [(t.place, t.covariate) for t in visible]):
+    for numbers, wide, widths in columns_of(fit, [(t.place, t.covariate) for t in visible]):
+        parts = np.split(wide, np.cumsum(widths)[:-1], axis=1)
         columns |= {visible[k].score.name: part for k, part in zip(numbers, parts, strict=True)}
     catalogue = fit.sensitivities([v.wanted for v in candidates])
     columns |= {v.effect.name: own for v, own in zip(candidates, catalogue, strict=True)}
