@@ -13,10 +13,10 @@ from .effect import Array, Effect, Parameter, Values
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
-    """W (1 + α_t t)², N += t (m_c R(0) + m_s R(π/2))."""
+    """ω (1 + α_t t), N += t (m_c R(0) + m_s R(π/2))."""
     t = env.time_s[:, None, None]
     split = np.array([[p["split_cos_1_s2"], p["split_sin_1_s2"]], [p["split_sin_1_s2"], -p["split_cos_1_s2"]]])
-    plant.stiffness = plant.stiffness * (1 + p["frequency_1_s"] * t) ** 2
+    plant.stiffness = plant.retuned(1 + p["frequency_1_s"] * env.time_s)
     plant.damping = plant.damping + t * split
 
 

@@ -11,9 +11,8 @@ from .effect import Array, Effect, Parameter, Values
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
-    """W → W (1 + α ΔT)²."""
-    change = 1 + p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"])
-    plant.stiffness = plant.stiffness * (change**2)[:, None, None]
+    """ω → ω (1 + α ΔT), the split as it was."""
+    plant.stiffness = plant.retuned(1 + p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"]))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

@@ -13,10 +13,10 @@ from .effect import Array, Effect, Parameter, Values
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
-    """W (1 + γ dT/dt)² + 2ω dT/dt (g_c R(0) + g_s R(π/2))."""
-    rate = np.gradient(env.temperature_degc, env.time_s)[:, None, None]
+    """ω (1 + γ dT/dt), W += 2ω dT/dt (g_c R(0) + g_s R(π/2))."""
+    rate = np.gradient(env.temperature_degc, env.time_s)
     split = np.array([[p["split_cos_rad_k"], p["split_sin_rad_k"]], [p["split_sin_rad_k"], -p["split_cos_rad_k"]]])
-    plant.stiffness = plant.stiffness * (1 + p["frequency_s_k"] * rate) ** 2 + 2 * plant.mechanics.omega_rad_s * rate * split
+    plant.stiffness = plant.retuned(1 + p["frequency_s_k"] * rate) + 2 * plant.mechanics.omega_rad_s * rate[:, None, None] * split
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

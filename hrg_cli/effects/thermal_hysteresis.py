@@ -11,8 +11,8 @@ from .effect import Array, Effect, Parameter, Values, branch
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
-    """W (1 + h b)²."""
-    plant.stiffness = plant.stiffness * ((1 + p["relative"] * branch(env.temperature_degc)) ** 2)[:, None, None]
+    """ω (1 + h b)."""
+    plant.stiffness = plant.retuned(1 + p["relative"] * branch(env.temperature_degc))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

@@ -60,6 +60,15 @@ class Plant:
     polynomial: Array = field(default_factory=lambda: np.zeros(len(POLYNOMIAL)))
     extra: Acceleration | None = None
 
+    def retuned(self, factor: Array) -> Array:
+        """W of a frequency `factor` (k,) times as high, the split in rad/s as it was (so measured over temperature, PHYSICS M9).
+
+        W = ω²I + 2ωδω R, so the part common to both axes goes with the factor's square and their difference with the factor.
+        """
+        factor = np.asarray(factor)[:, None, None]
+        common = np.trace(self.stiffness, axis1=1, axis2=2)[:, None, None] / 2 * IDENTITY
+        return common * factor**2 + (self.stiffness - common) * factor
+
 
 @dataclass(frozen=True)
 class ThermalCourses:
