@@ -1,7 +1,7 @@
 """Frequency that follows temperature.
 
 Physics: Young's modulus depends on temperature, f = f₀ (1 + α (T − T₀)).
-Equation: φ̇ = ω α (T − T₀)   (PHYSICS M9).
+Equation: φ̇ = ω α (T − T₀), the split in rad/s stays   (PHYSICS M9).
 Size: +85 … 95 ppm/K for fused silica.
 Mistaken for: ageing, cubic stiffness (in a ring-down that warms up), hysteresis, lag. What separates it: a temperature cycle.
 """
