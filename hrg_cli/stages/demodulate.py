@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
+from ..fitting.samples.course import Course, course
 from ..fitting.samples.demodulator import Demodulator, Rows
 from ..fitting.samples.even import even_rows
 from ..fitting.samples.survey import survey
@@ -158,11 +159,12 @@ class _Judge:
         recording = self.run.recording
         time = recording.auxiliary_time_s
         self.log_time = np.asarray(time, float) if time is not None and len(time) else None
-        self.log: dict[str, Array] = {}
+        self.log: dict[str, Course] = {}
         if self.log_time is not None:
             if (np.diff(self.log_time) <= 0).any():
                 raise HrgError(f"{self.run.name}: the times of its auxiliary log do not increase; strictly increasing times were expected")
-            self.log = {name: np.asarray(getattr(recording, name), float) for name in AUXILIARY if getattr(recording, name) is not None}
+            logged = {name: getattr(recording, name) for name in AUXILIARY}
+            self.log = {name: course(self.log_time, values) for name, values in logged.items() if values is not None}
 
     def settling(self, rows: Rows) -> None:
         """Flag the leading rows whose residual is far above the run's, until the first that is not."""
@@ -195,7 +197,7 @@ class _Judge:
         reach = float(np.median(np.diff(log))) if len(log) > 1 else np.inf
         outside = (times < log[0] - reach) | (times > log[-1] + reach)
         self.outside_log += int(outside.sum())
-        values = {name: np.interp(times, log, series) for name, series in self.log.items()}
+        values = {name: series.at(times) for name, series in self.log.items()}
         if outside.any():
             for series in values.values():
                 series[outside] = np.nan

@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import HrgError
 from ...physics import ellipse
 from ...records import Wave
+from ..samples.course import course
 from .matrices import Matrix, applied
 
 Array = np.ndarray
@@ -89,12 +90,12 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
 
 
 def turned(time_s: Array, rate_rad_s: Array | None) -> Array:
-    """∫Ω dt from the first row by the trapezium rule; a rate that is not finite is bridged, none at all is zero."""
+    """∫Ω dt from the first row along the rate's course; a rate that is not finite is bridged, none at all is zero."""
     if rate_rad_s is None or not np.isfinite(rate_rad_s).any():
         return np.zeros(len(time_s))
     finite = np.isfinite(rate_rad_s)
     rate = np.interp(time_s, time_s[finite], np.asarray(rate_rad_s, float)[finite])
-    return np.concatenate([[0.0], np.cumsum(np.diff(time_s) * (rate[1:] + rate[:-1]) / 2)])
+    return course(time_s, rate).integral()
 
 
 def pooled_std(std: Array, u: Array) -> Array:

@@ -1,0 +1,77 @@
+"""A logged quantity between its rows: straight lines, bent to the cubic through four rows where the log shows the bend.
+
+In the interval from t_k, x = t − t_k, of length h: p = line + x (x − h)(α + β x), α and β from divided differences (Newton). The bend
+is taken where it exceeds twice the cubic's own error, |Π(t − t_i)|·|f[five rows]|, in the middle: it does so along a smooth course, not
+in noise, at jumps or between the steps of a converter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+FEWEST = 6
+"""Rows from which a bend is looked for."""
+STEADY = 0.5
+"""Relative change of the slope from one step to the next up to which a course counts as steady; noise alone changes it by more than 1."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Rows (n,), values (n,), and the coefficients α, β of every interval's bend (n − 1,)."""
+
+    time_s: Array
+    value: Array
+    alpha: Array
+    beta: Array
+
+    def at(self, time_s: Array) -> Array:
+        """Values at any times; beyond the ends a steady course goes on for one step, then (and any other at once) the last value holds."""
+        t = self.time_s
+        if len(t) == 1:
+            return np.full(np.shape(time_s), self.value[0])
+        inside = np.clip(time_s, t[0] - self._reach(0, 1, 2), t[-1] + self._reach(-1, -2, -3))
+        k = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)
+        x, h = inside - t[k], t[k + 1] - t[k]
+        return np.asarray(self.value[k] + x * ((self.value[k + 1] - self.value[k]) / h + (x - h) * (self.alpha[k] + self.beta[k] * x)))
+
+    def _reach(self, end: int, next_one: int, third: int) -> float:
+        """How far a course goes on beyond an end: one step where its last two steps are bent, or nearly as steep as each other."""
+        if len(self.time_s) < FEWEST:
+            return 0.0
+        rows = [end, next_one, third]
+        last, before = np.diff(self.value[rows]) / np.diff(self.time_s[rows])
+        steady = abs(last - before) <= STEADY * abs(last)
+        bent = bool(self.alpha[end] and self.alpha[next_one])
+        return abs(float(self.time_s[next_one] - self.time_s[end])) if steady or bent else 0.0
+
+    def integral(self) -> Array:
+        """∫ from the first row to each row, (n,)."""
+        h = np.diff(self.time_s)
+        bent = h**3 * (self.alpha / 6 + self.beta * h / 12)
+        return np.concatenate([[0.0], np.cumsum(h * (self.value[1:] + self.value[:-1]) / 2 - bent)])
+
+
+def course(time_s: Array, value: Array) -> Course:
+    """The course through a log's rows: times increasing, values finite."""
+    t, y = np.asarray(time_s, float), np.asarray(value, float)
+    n = max(0, len(t) - 1)
+    if len(t) < FEWEST:
+        return Course(t, y, np.zeros(n), np.zeros(n))
+    of = [y]
+    for order in range(1, 5):
+        of.append(np.diff(of[-1]) / (t[order:] - t[:-order]))
+    k = np.arange(n)
+    first = np.clip(k - 1, 0, len(t) - 4)
+    third_row = np.where(k > 0, k - 1, 2)
+    alpha = of[2][np.maximum(k - 1, 0)] + (t[k] - t[third_row]) * of[3][first]
+    beta = of[3][first]
+    middle, h = (t[:-1] + t[1:]) / 2, np.diff(t)
+    bend = h**2 / 4 * np.abs(alpha + beta * h / 2)
+    around = np.abs(of[4])
+    fourth = np.maximum(*(around[np.clip(first + j, 0, len(around) - 1)] for j in (-1, 0)))
+    error = np.prod([np.abs(middle - t[first + j]) for j in range(4)], axis=0) * fourth
+    bent = bend > 2 * error
+    return Course(t, y, np.where(bent, alpha, 0.0), np.where(bent, beta, 0.0))

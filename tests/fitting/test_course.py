@@ -1,0 +1,46 @@
+"""A log between its rows: smooth courses by the cubic, everything else by straight lines, integrals exact for cubics."""
+
+import numpy as np
+import pytest
+
+from hrg_cli.fitting.samples.course import course
+
+Q = np.linspace(0.0, 3.0, 4001)
+
+
+def rows(seed: int = 1) -> np.ndarray:
+    """Rows every 20 ms with jitter, not beginning or ending with the run."""
+    return np.sort(np.arange(0.004, 3.0, 0.02) + np.random.default_rng(seed).uniform(0, 0.004, 150))
+
+
+@pytest.mark.parametrize(
+    "f", [lambda t: 3 * np.sin(9 * t), lambda t: np.exp(-8 * t), lambda t: 1 + t - t**2 + t**3 / 3], ids=["sine", "decay", "cubic"]
+)
+def test_a_smooth_course_is_followed_far_better_than_by_lines(f) -> None:
+    t = rows()
+    assert np.abs(course(t, f(t)).at(Q) - f(Q)).max() < 0.1 * np.abs(np.interp(Q, t, f(t)) - f(Q)).max()
+
+
+def test_the_integral_is_that_of_the_cubic() -> None:
+    t = rows()
+    whole = t + t**2 / 2 - t**3 / 3 + t**4 / 12
+    assert course(t, 1 + t - t**2 + t**3 / 3).integral() == pytest.approx(whole - whole[0], abs=1e-11)
+
+
+def test_jumps_and_converter_steps_stay_lines() -> None:
+    t = rows()
+    for values in (np.where(t > 1.234, 2.0, -1.0), np.round(20 + 3 * t)):
+        assert course(t, values).at(t[0] + (t[-1] - t[0]) * Q / 3) == pytest.approx(np.interp(t[0] + (t[-1] - t[0]) * Q / 3, t, values))
+
+
+def test_noise_is_not_made_worse() -> None:
+    t, rng = rows(), np.random.default_rng(2)
+    noise = rng.standard_normal(len(t))
+    assert np.std(course(t, noise).at(Q)) < 1.1 * np.std(np.interp(Q, t, noise))
+
+
+def test_few_rows_and_the_ends() -> None:
+    assert course(np.array([1.0]), np.array([5.0])).at(Q) == pytest.approx(5.0)
+    assert course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).at(np.array([0.0, 1.5, 3.0])) == pytest.approx([5.0, 5.5, 6.0])
+    t = np.arange(10.0)
+    assert course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx([-2.0, -1.0, 19.0, 20.0])
