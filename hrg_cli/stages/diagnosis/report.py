@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,10 @@ Array = np.ndarray
 ONE_SIDED = 1.645
 FAINT = 0.02
 """Independence beside the base model below which a cause is told from it only by what no model is exact enough for."""
+SAME = 0.999
+"""Cosine from which two causes, or one and a part of the other, do the same in these runs."""
+NOTHING = 1e-5
+"""σ of all rows together that a difference step, a hundredth of the typical size, makes where it is more than rounding."""
 BASE = ("damping", "damping split", "damping split", "frequency split", "frequency split", "scale factor", "second order of the model")
 """The fitted coordinates in words."""
 WRONG = 4.0
@@ -178,38 +183,66 @@ def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float |
 
 
 def _not_separable(search: Search, by_name: dict[str, Variant]) -> list[dict[str, Any]]:
-    """What the runs cannot tell apart: causes from the base model, causes from one another, and the experiment that would."""
+    """What the runs cannot tell apart beside what was found: causes from the model, causes from one another; the run that would."""
     out: list[dict[str, Any]] = []
-    for score in search.first:
+    fit, found = search.final, {one.variant.effect.name for one in search.found}
+    open_ones = [s for s in search.last if s.name not in found]
+    hidden: dict[str, Array] = {}
+    for score in open_ones:
         if score.visible and score.independence > FAINT:
             continue
         variant = by_name[score.name]
-        base = SAME_AS_BASE.get(score.name) or _hidden_behind(search.base, variant)
-        if base and (score.name != "table_rate_error" or np.any(search.base.series.rate_rad_s)):
+        S = fit.sensitivities([variant.wanted])[0]
+        seen = np.linalg.norm(S, axis=0) * np.array(list(variant.steps.values())) > NOTHING
+        base = SAME_AS_BASE.get(score.name) or _hidden_behind(fit, S[:, seen])
+        if base and (score.name != "table_rate_error" or np.any(fit.series.rate_rad_s)):
             out.append({"effects": [score.name], "base": base, "next_experiment": variant.effect.next_experiment})
-    if np.any(search.base.series.quadrature_drive):
-        gain, std = _loop_gain(search.base)
+            hidden[score.name] = evidence.orthonormal(S[:, seen], 1e-6)
+    if np.any(fit.series.quadrature_drive):
+        gain, std = _loop_gain(fit)
         base = f"the logged command of the quadrature loop, which holds all it does; by the log its gain is {gain:.3g} ± {std:.1g} 1/s"
         out.append({"effects": [IN_THE_LOG], "base": base, "next_experiment": find(IN_THE_LOG).next_experiment})
-    visible = [s for s in search.first if s.visible]
-    for i, a in enumerate(visible):
-        alike = [b.name for b in visible[i + 1 :] if a.rank == b.rank and evidence.alike(a, b) > 0.999]
-        if alike:
-            sentences = dict.fromkeys(by_name[name].effect.next_experiment for name in (a.name, *alike))
-            out.append({"effects": [a.name, *alike], "base": None, "next_experiment": "; ".join(s for s in sentences if s)})
+    visible = [s for s in open_ones if s.visible and s.name not in hidden]
+    pairs = [(a.name, b.name) for a, b in combinations(visible, 2) if a.rank == b.rank and evidence.alike(a, b) > SAME]
+    pairs += [(a, b) for a, b in combinations((n for n in hidden if n not in SAME_AS_BASE), 2) if _within(hidden[a], hidden[b])]
+    groups = [[one.variant.effect.name, *one.rivals] for one in search.found if one.rivals]
+    for group in groups + _joined(pairs):
+        sentences = dict.fromkeys(by_name[name].effect.next_experiment for name in group if name in by_name)
+        out.append({"effects": group, "base": None, "next_experiment": "; ".join(s for s in sentences if s)})
     return out
 
 
-def _hidden_behind(fit: Fit, variant: Variant) -> str:
-    """Base parameters that do what the effect would, largest first; empty where the effect does nothing in these runs."""
-    S = fit.sensitivities([variant.wanted])[0]
+def _within(a: Array, b: Array) -> bool:
+    """Whether the smaller of two spans (orthonormal columns) lies in the other: nothing it does is beyond the other."""
+    overlap = np.linalg.svd(a.T @ b, compute_uv=False)
+    return bool(len(overlap) and overlap[-1] > SAME)
+
+
+def _joined(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:
+    """Groups of names connected by pairs."""
+    groups: list[list[str]] = []
+    for pair in pairs:
+        touched = [g for g in groups if set(g) & set(pair)]
+        groups = [g for g in groups if g not in touched] + [list(dict.fromkeys([*(n for g in touched for n in g), *pair]))]
+    return groups
+
+
+def _hidden_behind(fit: Fit, S: Array) -> str:
+    """What in the fit does what the effect of sensitivities S would, largest first; empty where the effect does nothing in these runs."""
     size = np.linalg.norm(S, axis=0)
-    if not np.all(np.isfinite(size)) or not size.any():
+    if not np.all(np.isfinite(size)) or not len(size):
         return ""
-    part = np.abs(fit.covariance @ (fit.design.T @ (S / np.where(size > 0, size, 1.0)))) * np.linalg.norm(fit.design, axis=0)[:, None]
+    part = np.abs(fit.covariance @ (fit.design.T @ (S / size))) * np.linalg.norm(fit.design, axis=0)[:, None]
+    causes = {effect.name for effect, _ in fit.point.active}
     shares: dict[str, float] = {}
     for name, share in zip(fit.names, part.max(axis=1), strict=True):
-        word = BASE[int(name[1:])] if name[0] == "p" and name[1:].isdigit() else "the runs' own frequencies" if name.endswith(".4") else ""
+        first = name.split(".")[0]
+        if first in causes:
+            word = first
+        elif name[0] == "p" and name[1:].isdigit():
+            word = BASE[int(name[1:])]
+        else:
+            word = "the runs' own frequencies" if name.endswith(".4") else ""
         if word:
             shares[word] = max(shares.get(word, 0.0), float(share))
     largest = max(shares.values(), default=0.0)
