@@ -30,6 +30,8 @@ Array = np.ndarray
 BASE = "the base model"
 TOLD = 3.0
 """σ from which a cause counts as told apart."""
+NOTHING = 1e-3
+"""σ that rounding alone may give."""
 THERMAL_MEMORY = {"thermal_lag", "thermal_hysteresis"}
 FOLLOW_TEMPERATURE = ("thermal_frequency", "thermal_damping", "split_temperature")
 """A thermometer's error shows only through one of these; where none was found, a frequency of typical coefficient is assumed."""
@@ -41,11 +43,12 @@ INHERENT = {
 
 @dataclass(frozen=True)
 class Question:
-    """A cause, its size in columns' units, and what it is to be told from (a cause or the base model)."""
+    """A cause, what it is to be told from (a cause or the base model), and the sizes of both in columns' units."""
 
     cause: str
     rival: str
     size: Array
+    rival_size: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -105,11 +108,12 @@ def plan(
     questions = _questions(sizes, groups, layout, [*made, *waves.values()])
     if criterion == "separate" and not questions:
         raise HrgError("nothing is to be separated: name causes (--causes), or give a diagnosis that left some open")
-    separate = bool(questions) and criterion != "variance"
-    worth: Callable[[Array], float] = (lambda M: _separated(M, questions, layout)) if separate else (lambda M: _sharp(M, mechanics))
+    everything = had + sum(offered.values())
+    askable = [q for q in questions if separation(everything, q, layout) >= TOLD]
+    separate = bool(askable) and criterion != "variance"
+    worth: Callable[[Array], float] = (lambda M: _separated(M, askable, layout)) if separate else (lambda M: _sharp(M, mechanics))
     names = _chosen(had, offered, min(runs, len(offered)), worth)
     total = had + sum(offered[name] for name in names)
-    everything = had + sum(offered.values())
     impossible = list(dict.fromkeys([*_impossible(everything, questions, layout), *_never(known)]))
     separations = tuple(
         {"causes": [q.cause, q.rival], "before_sigma": separation(had, q, layout), "after_sigma": separation(total, q, layout)}
@@ -117,7 +121,7 @@ def plan(
     )
     before, after = deviations(had, mechanics), deviations(total, mechanics)
     planned = tuple(
-        PlannedRun(n, tables[n], _reason(n, names, had, offered, questions if separate else (), layout, mechanics)) for n in names
+        PlannedRun(n, tables[n], _reason(n, names, had, offered, askable if separate else (), layout, mechanics)) for n in names
     )
     refused = _impossible(everything, questions, layout)
     reasons = tuple(refused) if questions and len(refused) >= len(questions) else ()
@@ -163,7 +167,11 @@ def _device(m: Mechanics) -> dict[str, Any]:
 
 
 def _open(known: Resonator | Diagnosis, causes: Sequence[str]) -> tuple[dict[str, dict[str, float]], list[list[str]]]:
-    """Sizes of the causes found, and groups [cause, rivals…] to be separated."""
+    """Sizes of the causes found, and groups [cause, rivals…] to be separated.
+
+    Open are the causes found that have rivals and those named by the user, or, where none is named, those that the diagnosis's runs could
+    not show; where there is none of these, the causes found are to be seen better.
+    """
     names = {effect.name for effect in EFFECTS}
     unknown = [name for name in causes if name not in names]
     if unknown:
@@ -172,22 +180,32 @@ def _open(known: Resonator | Diagnosis, causes: Sequence[str]) -> tuple[dict[str
     groups = [[a, *(b for b in causes if b != a)] for a in causes]
     if isinstance(known, Diagnosis):
         report = json.loads(known.report)
+        settled: list[list[str]] = []
         for found in report["effects"]:
             if found["name"] in names:
                 sizes[found["name"]] = {key: float(p["value"]) for key, p in (found["parameters"] | found.get("held", {})).items()}
-                groups.append([found["name"], *(r for r in found["indistinguishable_from"] if r in names)])
-        if not groups:
-            for name in _unseen(report):
-                sizes[name] = {}
-                groups.append([name])
+                rivals = [r for r in found["indistinguishable_from"] if r in names]
+                (groups if rivals else settled).append([found["name"], *rivals])
+        for group in _unseen(report) if not causes else ():
+            sizes |= {name: {} for name in group if name not in sizes}
+            groups.append(group)
+        groups = groups or settled
     return sizes, groups
 
 
-def _unseen(report: Mapping[str, Any]) -> list[str]:
-    """Causes that the diagnosis's runs could not tell from the base model, though others can."""
-    names = {effect.name for effect in EFFECTS}
-    told = [name for group in report.get("not_separable", []) if group.get("base") for name in group["effects"]]
-    return [name for name in dict.fromkeys(told) if name in names and name not in INHERENT]
+def _unseen(report: Mapping[str, Any]) -> list[list[str]]:
+    """Causes that the diagnosis's runs could not tell from the model, though others can, each with those that do the same in them."""
+    names = {effect.name for effect in EFFECTS} - set(INHERENT) - {found["name"] for found in report["effects"]}
+    entries = report.get("not_separable", [])
+    hidden = [name for group in entries if group.get("base") for name in group["effects"]]
+    alike = [group["effects"] for group in entries if not group.get("base")]
+    out = []
+    for name in dict.fromkeys(hidden):
+        if name in names:
+            out.append(
+                [name, *dict.fromkeys(other for group in alike if name in group for other in group if other != name and other in names)]
+            )
+    return out
 
 
 def _never(known: Resonator | Diagnosis) -> list[str]:
@@ -203,13 +221,16 @@ def _questions(
 ) -> list[Question]:
     amplitude = float(np.median([np.sqrt(np.mean(w.main_amplitude**2)) for w in waves]))
     effects = {effect.name: effect for effect in layout.causes}
+
+    def size(name: str) -> Array:
+        given = sizes.get(name, {})
+        return np.array([given.get(p.name, p.typical * amplitude**p.amplitude_power) for p in effects[name].fitted()])
+
     out: list[Question] = []
     for cause, *rivals in groups:
-        given = sizes.get(cause, {})
-        size = np.array([given.get(p.name, p.typical * amplitude**p.amplitude_power) for p in effects[cause].fitted()])
         for rival in [BASE, *rivals]:
-            if not any(q.cause == cause and q.rival == rival for q in out):
-                out.append(Question(cause, rival, size))
+            if not any({q.cause, q.rival} == {cause, rival} for q in out):
+                out.append(Question(cause, rival, size(cause), None if rival == BASE else size(rival)))
     return out
 
 
@@ -251,12 +272,23 @@ def _known_already(known: Resonator | Diagnosis, m: Mechanics, layout: Layout) -
 
 
 def separation(M: Array, question: Question, layout: Layout) -> float:
-    """σ by which the cause stands out with the base model, and its rival, free."""
-    free = layout.free(question.cause, question.rival) + ([] if question.rival == BASE else layout.columns(question.rival))
-    S = left_over(M, layout.columns(question.cause), free)
-    whole = M[np.ix_(layout.columns(question.cause), layout.columns(question.cause))]
-    left, all_of_it = float(question.size @ S @ question.size), float(question.size @ whole @ question.size)
-    return float(np.sqrt(left)) if left > 1e-9 * all_of_it else 0.0
+    """σ by which the cause stands out with the base model free; of two causes, σ of the one that the other, free too, follows less.
+
+    A lag does nothing that a gradient could not do, but not the other way round: either is named where a gradient would stand out.
+    """
+    one = _beside(M, question.cause, question.size, question.rival, layout)
+    if question.rival_size is None:
+        return one
+    return max(one, _beside(M, question.rival, question.rival_size, question.cause, layout))
+
+
+def _beside(M: Array, cause: str, size: Array, rival: str, layout: Layout) -> float:
+    """σ of a cause of that size with the base model, and the rival, free."""
+    free = layout.free(cause, rival) + ([] if rival == BASE else layout.columns(rival))
+    S = left_over(M, layout.columns(cause), free)
+    whole = M[np.ix_(layout.columns(cause), layout.columns(cause))]
+    left, all_of_it = float(size @ S @ size), float(size @ whole @ size)
+    return float(np.sqrt(left)) if left > max(1e-9 * all_of_it, NOTHING**2) else 0.0
 
 
 def _separated(M: Array, questions: Sequence[Question], layout: Layout) -> float:

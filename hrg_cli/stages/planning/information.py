@@ -104,7 +104,8 @@ def _converter(run: SimulationFile) -> float:
 def information(
     waves: Sequence[Wave], mechanics: Mechanics, layout: Layout, references: Mapping[str, Mapping[str, float]], measured: bool
 ) -> list[Array]:
-    """Each wave's information (size, size) at the truth `mechanics`; references: the temperature from which causes count.
+    """Each wave's information (size, size) at the truth `mechanics`; references: the temperature from which causes count
+    that do not bring their own.
 
     measured: the wave's own start and frequency are fitted first; those of a menu are exact.
     """
@@ -112,7 +113,7 @@ def information(
     for wave in waves:
         series, point, _ = prepare([wave], mechanics.scale_factor, ROWS)
         acting = [c for c in layout.causes if c.name in layout.acting]
-        active = tuple((c, c.values() | dict(layout.acting[c.name]) | dict(references.get(c.name, {}))) for c in acting)
+        active = tuple((c, c.values() | dict(references.get(c.name, {})) | dict(layout.acting[c.name])) for c in acting)
         truth = Point(from_mechanics(mechanics), point.start, point.offset_rad_s, active)
         if measured:
             flow = extended_fit.fit(series, truth, Freedom(truth.p, np.zeros(COUNT))).flow
@@ -123,11 +124,8 @@ def information(
         amplitude = extended_fit.amplitude_of(series)
         columns = [extended_fit.flat(series, shared)]
         for cause in layout.causes:
-            # Whole sizes, not small steps: a lag of a minute differs from a gradient, its derivative at no lag does not.
-            given = layout.acting.get(cause.name, {})
-            steps = {p.name: abs(given.get(p.name, 0.0)) or p.typical * amplitude**p.amplitude_power for p in cause.fitted()}
-            values = cause.values() | dict(layout.acting.get(cause.name, {})) | dict(references.get(cause.name, {}))
-            columns.append(extended_fit.sensitivity(flow, cause, values, steps))
+            values = cause.values() | dict(references.get(cause.name, {})) | dict(layout.acting.get(cause.name, {}))
+            columns.append(extended_fit.sensitivity(flow, cause, values, extended_fit.steps_of(cause, amplitude)))
         A = np.nan_to_num(np.concatenate(columns, axis=1))
         basis = evidence.orthonormal(own_columns[:, :OWN])
         A = A - basis @ (basis.T @ A)
