@@ -42,5 +42,7 @@ def test_noise_is_not_made_worse() -> None:
 def test_few_rows_and_the_ends() -> None:
     assert course(np.array([1.0]), np.array([5.0])).at(Q) == pytest.approx(5.0)
     assert course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).at(np.array([0.0, 1.5, 3.0])) == pytest.approx([5.0, 5.5, 6.0])
+    t = np.arange(3.0)
+    assert course(t, 2 * t).at(np.array([-0.5, 2.5, 30.0])) == pytest.approx([-1.0, 5.0, 6.0])
     t = np.arange(10.0)
     assert course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx([-2.0, -1.0, 19.0, 20.0])

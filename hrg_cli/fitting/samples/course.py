@@ -39,7 +39,7 @@ class Course:
 
     def _reach(self, end: int, next_one: int, third: int) -> float:
         """How far a course goes on beyond an end: one step where its last two steps are bent, or nearly as steep as each other."""
-        if len(self.time_s) < FEWEST:
+        if len(self.time_s) < 3:
             return 0.0
         rows = [end, next_one, third]
         last, before = np.diff(self.value[rows]) / np.diff(self.time_s[rows])
