@@ -23,6 +23,7 @@ from .calibration.programme import choose_nodes, examine
 from .calibration.record import record_of
 from .calibration.stability import repeats, thermal_memory, without_unstable
 from .figures_of_merit import trade_figures
+from .one_gyro import of_one_gyro
 from .rate_table import is_rate_table
 from .rate_table import summary as table_summary
 
@@ -247,13 +248,7 @@ def _values(row: dict[str, Any]) -> dict[str, Any]:
 def _same_gyro(waves: Sequence[Wave], resonator: Resonator | None) -> None:
     if not waves:
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
-    gyros = {w.gyro_id for w in waves if w.gyro_id}
-    if resonator is not None and resonator.gyro_id:
-        gyros.add(resonator.gyro_id)
-    if len(gyros) > 1:
-        raise HrgError(
-            f"runs of {len(gyros)} gyros ({', '.join(sorted(gyros))}) were given, a table belongs to one; calibrate each gyro by itself"
-        )
+    of_one_gyro(waves, "calibrate", resonator)
     modes = sorted({w.mode_number for w in waves})
     if len(modes) > 1:
         raise HrgError(f"runs of mode numbers {modes} were given, one was expected; correct mode_number of the recordings")

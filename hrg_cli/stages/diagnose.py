@@ -25,7 +25,7 @@ from ..physics import ellipse
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
 from .diagnosis.closing import completed, opened
-from .diagnosis.contradiction import contradicting_logs
+from .diagnosis.contradiction import contradicting_logs, strangers
 from .diagnosis.data import freedom_of, prepare
 from .diagnosis.form import better
 from .diagnosis.gain import held_out
@@ -38,6 +38,7 @@ from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wandering
 from .diagnosis.waveform import causes, phase_steps, split_at
+from .one_gyro import of_one_gyro
 
 Array = np.ndarray
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
@@ -56,8 +57,9 @@ def diagnose(
 ) -> Diagnosis:
     """Name what the base model gets wrong in these runs, or say that nothing fits and describe it.
 
-    waves: runs of one gyro, free and forced together; resonator: the values the user believes. HrgError: no usable run.
+    waves: runs of one gyro, free and forced together; resonator: the values the user believes. HrgError: no usable run, several gyros.
     """
+    of_one_gyro(waves, "diagnose")
     waves = [_with_clipped(w) for w in waves]
 
     def fitted(pieces: Sequence[Wave]) -> Fit:
@@ -74,7 +76,7 @@ def diagnose(
             f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs together; "
             "diagnose free and forced runs apart, or leave out the run that differs most"
         ) from error
-    if contradiction := contradicting_logs(pieces, base, fitted):
+    if contradiction := strangers(base) or contradicting_logs(pieces, base, fitted):
         raise HrgError(contradiction)
     untouched, own = base, origin
     if steps:

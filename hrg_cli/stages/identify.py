@@ -16,6 +16,7 @@ from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
 from .identification.methods import RegressionMethod, by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
 from .identification.verdict import Verdict
+from .one_gyro import of_one_gyro
 
 Array = np.ndarray
 
@@ -45,11 +46,12 @@ def identify(
 ) -> Resonator:
     """Resonator parameters from free runs; every run keeps its own start and frequency.
 
-    HrgError: no usable run, mixed mode numbers, a run driven throughout (but for `working-mode`).
+    HrgError: no usable run, mixed mode numbers or gyros, a run driven throughout (but for `working-mode`).
     """
     waves = list(waves)
     if not waves:
         raise HrgError("there is no run; give at least one wave file of a free run-down")
+    of_one_gyro(waves, "identify")
     if method == "working-mode":
         return record(monitored(waves, rate_rad_s), waves, method)
     if window == "auto":

@@ -6,6 +6,7 @@ from diagnosis_programme import programme, waves
 
 from hrg_cli.errors import HrgError
 from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.identify import identify
 
 
 def turned(runs, k):
@@ -30,3 +31,14 @@ def test_an_effect_of_many_thousand_sigma_is_a_cause_and_no_contradiction():
     out = summary(diagnose(waves(programme(7, {"gain_mismatch": {"gain": 0.05}}))))
     assert out["baseline"]["chi2_per_dof"] > 1e3
     assert out["effects"][0]["name"] == "gain_mismatch"
+
+
+def test_runs_of_two_gyros_are_refused_by_their_names_and_without_names_by_their_frequencies():
+    one, other = (waves(programme(seed, runs=2)) for seed in (8, 9))
+    named = [w.replace(gyro_id=gyro) for gyro, runs in (("A-1", one), ("B-2", other)) for w in runs]
+    for stage in (diagnose, identify):
+        with pytest.raises(HrgError, match=r"2 gyros were given \(A-1: run0, run1; B-2: run0, run1\)"):
+            stage(named)
+    apart = [w.replace(gyro_id="", run_id=f"{k}{w.run_id}") for k, runs in enumerate((one, other)) for w in runs]
+    with pytest.raises(HrgError, match=r"not of one gyro: (0run0, 0run1|1run0, 1run1) at"):
+        diagnose(apart)

@@ -1,4 +1,7 @@
-"""Diagnosis, before any cause: runs whose logged rate contradicts the motion grossly (sign turned, log missing) are a fault of the log."""
+"""Diagnosis, before any cause: what contradicts the motion grossly is no effect.
+
+Runs at frequencies too far apart are of different gyros; runs whose logged rate is wrong (sign turned, log missing) are a fault of the log.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,25 @@ STEP = 1.4
 """Times by which replacing one more run's rate must lower it."""
 LEAST_RAD_S = 0.05
 """Change of a rate that no drift of a gyro makes."""
+APART = 0.02
+"""Relative distance of two runs' frequencies that no temperature makes: fused silica's 90 ppm/K over 200 K."""
+
+
+def strangers(base: Fit) -> str | None:
+    """A sentence naming the runs on either side of the widest gap between the runs' frequencies, where no one gyro has both; else None."""
+    if base.chi2 / base.dof < GROSS:
+        return None
+    order = np.argsort(base.frequency_hz)
+    hz = base.frequency_hz[order]
+    gaps = np.diff(hz) / hz[:-1]
+    if not len(gaps) or gaps.max() < APART:
+        return None
+    first = int(np.argmax(gaps)) + 1
+    low, high = ([base.series.names[i] for i in part] for part in (order[:first], order[first:]))
+    return (
+        f"the runs are not of one gyro: {', '.join(low)} at {hz[:first].mean():.6g} Hz, {', '.join(high)} at {hz[first:].mean():.6g} Hz, "
+        f"and no model fits both (χ² a degree of freedom {base.chi2 / base.dof:.3g}); diagnose them apart"
+    )
 
 
 def contradicting_logs(waves: Sequence[Wave], base: Fit, fitted: Callable[[Sequence[Wave]], Fit]) -> str | None:
