@@ -96,7 +96,7 @@ def diagnose(
     wanders = base.series.colour is not None
     search, form = better(search, candidates, noise_factor, most_effects) if wanders else (search, None)
     if form is None:
-        verdict, search, remainder = concluded(search, remainder, noise_factor)
+        verdict, search, remainder = concluded(search, remainder, noise_factor, candidates)
         search, form = (search, None) if wanders else better(search, candidates, noise_factor, most_effects)
     if form is not None:
         verdict, remainder = "partly explained", rest(search.final, noise_factor)

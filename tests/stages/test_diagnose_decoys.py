@@ -157,11 +157,6 @@ def test_a_constant_quadrature_is_a_damping_split():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="beside the true split_temperature three false causes (coherent_offset first) stand for r₀: "
-    "open terms are held against catalogued causes from the bare base model only, not beside a true one",
-)
 def test_a_constant_quadrature_stands_alone_where_the_frequency_split_moves():
     moving = {"cos_rad_s_k": 0.05, "sin_rad_s_k": -0.03, "reference_temperature_degc": 22.0}
     table = programme(42, {"stranger": {"size": 1e-3}, "split_temperature": moving}, noise=1e-4)

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
 from .remainder import Remainder, adequacy, describe
-from .search import SIGNIFICANT, WORTH, Search, Variant, adopted, select
+from .search import SIGNIFICANT, WORTH, Found, Search, Variant, adopted, scored, select
 
 INADEQUATE = 1e-4
 """Chance at which a clean model would be called inadequate by the residual's smooth part, and again by the open terms."""
@@ -65,35 +66,53 @@ def rest(fit: Fit, noise_factor: float) -> Remainder | None:
     return describe(fit, noise_factor, OPEN_TERMS, SIGNIFICANT)
 
 
-def concluded(search: Search, remainder: Remainder | None, noise_factor: float) -> tuple[str, Search, Remainder | None]:
-    """The word for it; catalogued causes that open terms outdo are dropped and not blamed."""
+def concluded(
+    search: Search, remainder: Remainder | None, noise_factor: float, candidates: Sequence[Variant]
+) -> tuple[str, Search, Remainder | None]:
+    """The word for it; catalogued causes that open terms outdo are dropped and not blamed.
+
+    Every beginning of the list of causes is held, with open terms beside it, against the whole list; the last that wins, wins most.
+    """
     if not search.found:
         return ("unexplained" if remainder is not None else "adequate"), search, remainder
-    alone = describe(search.base, noise_factor, OPEN_TERMS, SIGNIFICANT)
-    if alone.terms and not _is_catalogued(alone, search):
-        price = float(np.log(len(search.base.residual)))
-        spent = (search.final.basis.shape[1] - search.base.basis.shape[1] + (remainder.rank if remainder else 0)) * price
-        catalogued = (search.final.chi2 if remainder is None else remainder.chi2) + spent
-        described = alone.chi2 + alone.rank * price
-        # a negative damping says that the catalogue's form is not the right one;
-        # what the catalogue explains in full is given up only for something clearly better; what it explains in part must earn its place
-        margin = CLEARLY if remainder is None else -0.5 * WORTH
-        mimic = remainder is not None and _single(alone, search) < -CLEARLY * noise_factor
-        forbidden = search.base.point.p[0] > 0 > search.final.point.p[0] and alone.fit.point.p[0] > 0
-        if forbidden or mimic or described < catalogued - margin * noise_factor:
-            return "unexplained", replace(search, final=search.base, found=(), last=search.first), alone
+    price = float(np.log(len(search.base.residual)))
+    full = (search.final.chi2 if remainder is None else remainder.chi2) + price * _rank(search.final, remainder)
+    best: tuple[float, Search, Remainder] | None = None
+    start = search.base
+    for count, following in enumerate(search.found):
+        described = describe(start, noise_factor, OPEN_TERMS, SIGNIFICANT)
+        ranked = search.first if count == 0 else tuple(s for s, _ in scored(start, candidates))
+        if described.terms and not _is_catalogued(described, ranked):
+            value = described.chi2 + price * _rank(start, described)
+            # a negative damping says that the catalogue's form is not the right one; what the catalogue explains in full
+            # is given up only for something clearly better; what it explains in part must earn its place
+            margin = CLEARLY if remainder is None else -0.5 * WORTH
+            mimic = remainder is not None and _single(start, described, following) < -CLEARLY * noise_factor
+            forbidden = start.point.p[0] > 0 > search.final.point.p[0] and described.fit.point.p[0] > 0
+            if (forbidden or mimic or value < full - margin * noise_factor) and (best is None or value < best[0]):
+                best = value, replace(search, final=start, found=search.found[:count], last=ranked), described
+        try:
+            start = adopted(start, following.score, following.variant)
+        except extended_fit.DivergedError:
+            break
+    if best is not None:
+        return ("partly explained" if best[1].found else "unexplained"), best[1], best[2]
     return ("explained" if remainder is None else "partly explained"), search, remainder
 
 
-def _single(alone: Remainder, search: Search) -> float:
-    """χ² of the first open term alone less that of the first catalogued cause alone, each with its price."""
-    base, first, one = search.base, search.found[0], alone.terms[0]
-    price = float(np.log(len(base.residual)))
-    cause = adopted(base, first.score, first.variant)
-    return (base.chi2 - one.score.gain + one.score.rank * price) - (cause.chi2 + first.score.rank * price)
+def _rank(fit: Fit, beside: Remainder | None) -> int:
+    return fit.basis.shape[1] + (beside.rank if beside else 0)
 
 
-def _is_catalogued(remainder: Remainder, search: Search) -> bool:
+def _single(start: Fit, described: Remainder, first: Found) -> float:
+    """χ² of the first open term alone less that of the next catalogued cause alone, each with its price."""
+    one = described.terms[0]
+    price = float(np.log(len(start.residual)))
+    cause = adopted(start, first.score, first.variant)
+    return (start.chi2 - one.score.gain + one.score.rank * price) - (cause.chi2 + first.score.rank * price)
+
+
+def _is_catalogued(remainder: Remainder, ranked: Sequence[Score]) -> bool:
     """Whether one of the open terms is only another spelling of a catalogued effect."""
-    visible = [s for s in search.first if s.visible]
+    visible = [s for s in ranked if s.visible]
     return any(evidence.alike(t.score, s) > 0.995 and s.rank <= t.score.rank for t in remainder.terms for s in visible)
