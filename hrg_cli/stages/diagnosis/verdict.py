@@ -11,11 +11,13 @@ from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
 from .remainder import Remainder, adequacy, describe
-from .search import SIGNIFICANT, WORTH, Found, Search, Variant, adopted, scored, select
+from .search import SIGNIFICANT, WORTH, Found, Search, Variant, adopted, bic, scored, select
 
 INADEQUATE = 1e-4
 """Chance at which a clean model would be called inadequate by the residual's smooth part, and again by the open terms."""
 OPEN_TERMS = 3
+SAME = 0.995
+"""Canonical correlation from which an open term is another spelling of a catalogued effect."""
 CLEARLY = 16.0
 """ΔBIC by which an open description must beat catalogued causes that leave nothing over."""
 
@@ -71,7 +73,7 @@ def concluded(
 ) -> tuple[str, Search, Remainder | None]:
     """The word for it; catalogued causes that open terms outdo are dropped and not blamed.
 
-    Every beginning of the list of causes is held, with open terms beside it, against the whole list; the last that wins, wins most.
+    Every beginning of the list of causes is held, with open terms beside it, against the whole list.
     """
     if not search.found:
         return ("unexplained" if remainder is not None else "adequate"), search, remainder
@@ -82,19 +84,22 @@ def concluded(
     for count, following in enumerate(search.found):
         described = describe(start, noise_factor, OPEN_TERMS, SIGNIFICANT)
         ranked = search.first if count == 0 else tuple(s for s, _ in scored(start, candidates))
-        if described.terms and not _is_catalogued(described, ranked):
+        try:
+            beyond = adopted(start, following.score, following.variant)
+        except extended_fit.DivergedError:
+            beyond = None
+        if described.terms and not _is_catalogued(described, ranked, search.found[count:]):
             value = described.chi2 + price * _rank(start, described)
             # a negative damping says that the catalogue's form is not the right one; what the catalogue explains in full
             # is given up only for something clearly better; what it explains in part must earn its place
             margin = CLEARLY if remainder is None else -0.5 * WORTH
-            mimic = remainder is not None and _single(start, described, following) < -CLEARLY * noise_factor
+            mimic = remainder is not None and beyond is not None and _single(start, described, beyond) < -CLEARLY * noise_factor
             forbidden = start.point.p[0] > 0 > search.final.point.p[0] and described.fit.point.p[0] > 0
             if (forbidden or mimic or value < full - margin * noise_factor) and (best is None or value < best[0]):
                 best = value, replace(search, final=start, found=search.found[:count], last=ranked), described
-        try:
-            start = adopted(start, following.score, following.variant)
-        except extended_fit.DivergedError:
+        if beyond is None:
             break
+        start = beyond
     if best is not None:
         return ("partly explained" if best[1].found else "unexplained"), best[1], best[2]
     return ("explained" if remainder is None else "partly explained"), search, remainder
@@ -104,15 +109,18 @@ def _rank(fit: Fit, beside: Remainder | None) -> int:
     return fit.basis.shape[1] + (beside.rank if beside else 0)
 
 
-def _single(start: Fit, described: Remainder, first: Found) -> float:
-    """χ² of the first open term alone less that of the next catalogued cause alone, each with its price."""
-    one = described.terms[0]
-    price = float(np.log(len(start.residual)))
-    cause = adopted(start, first.score, first.variant)
-    return (start.chi2 - one.score.gain + one.score.rank * price) - (cause.chi2 + first.score.rank * price)
+def _single(start: Fit, described: Remainder, beyond: Fit) -> float:
+    """χ² of the first open term alone less that with the next catalogued cause, each with its price."""
+    one = described.terms[0].score
+    return bic(start) - bic(beyond) - evidence.criterion(one.gain, one.rank, len(start.residual))
 
 
-def _is_catalogued(remainder: Remainder, ranked: Sequence[Score]) -> bool:
-    """Whether one of the open terms is only another spelling of a catalogued effect."""
+def _is_catalogued(remainder: Remainder, ranked: Sequence[Score], found: Sequence[Found]) -> bool:
+    """Whether one of the open terms is only another spelling of a catalogued effect, or a special case of one that was found."""
     visible = [s for s in ranked if s.visible]
-    return any(evidence.alike(t.score, s) > 0.995 and s.rank <= t.score.rank for t in remainder.terms for s in visible)
+    names = {one.variant.effect.name for one in found}
+    return any(
+        evidence.alike(t.score, s) > SAME and (s.rank <= t.score.rank or (s.name in names and t.score.rank == 1))
+        for t in remainder.terms
+        for s in visible
+    )

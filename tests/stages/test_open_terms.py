@@ -1,0 +1,57 @@
+"""The open search's vocabulary: a term and the effect it becomes are one thing, and its size is what changes at most."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from diagnosis_programme import programme, waves
+from diagnosis_statistics import base_of
+
+from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.stages.diagnosis.open_terms import PLACES, covariates, decay_of, effect_of, step_at, tone_of
+from hrg_cli.stages.diagnosis.remainder import Term, columns_of, peaks
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return base_of(waves(programme(21, runs=2, duration_s=1.0)))
+
+
+def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
+    """Products of a place's vectors and a covariate against differences of the effect's own formula."""
+    some = {c.formula: c for c in covariates(fit.series, fit.flow.prediction.motion)}
+    for name in ("√(t/T)", "a₀/a", "(T − T₀)/ΔT", "harmonic 4θ × (a/a₀)²"):
+        for place in PLACES:
+            ((_, (columns,)),) = columns_of(fit, [(place, some[name])])
+            effect = effect_of(place, some[name], "open")
+            steps = extended_fit.steps_of(effect, 1.0)
+            own = extended_fit.sensitivity(fit.flow, effect, effect.values(), steps)
+            assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (place.name, name)
+
+
+def test_the_size_is_the_greatest_change():
+    turning = SimpleNamespace(parts=2)
+    for estimate, size in (
+        ([3e-3, 0.0, 0.0, 3e-3], 3e-3),  # a vector that turns with the angle
+        ([3e-3, 0.0, 0.0, -3e-3], 3e-3),  # the same backwards
+        ([3e-3, 4e-3, 0.0, 0.0], 5e-3),  # along one direction
+        ([3e-3, 4e-3], 5e-3),  # a number: cosine and sine
+    ):
+        assert Term(PLACES[0], turning, SimpleNamespace(estimate=np.array(estimate))).size == pytest.approx(size)
+
+
+@pytest.mark.parametrize(("make", "value"), ((step_at, 0.37), (decay_of, -1.2), (tone_of, 3.3)))
+def test_a_shape_is_made_again_from_its_number(fit, make, value):
+    one = make(fit.series, value)
+    again = one.shape.make(fit.series, one.shape.value)
+    u = fit.flow.prediction.motion
+    assert one.shape.value == value and one.formula == again.formula
+    assert np.array_equal(one.function(u, fit.series), again.function(u, fit.series))
+
+
+def test_a_ripple_of_the_residual_is_among_the_tones_looked_for(fit):
+    span = float(fit.series.time_s[fit.series.weight > 0].max())
+    time = np.broadcast_to(fit.series.time_s[..., None], (*fit.series.weight.shape, 4))[tuple(fit.rows.T)]
+    rippling = replace(fit, residual=fit.residual + np.cos(2 * np.pi * 7.3 * time / span))
+    assert min(abs(cycles - 7.3) for cycles in peaks(rippling)) < 0.3
