@@ -23,7 +23,7 @@ def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
     some = {c.formula: c for c in covariates(fit.series, fit.flow.prediction.motion)}
     for name in ("√(t/T)", "a₀/a", "(T − T₀)/ΔT", "harmonic 4θ × (a/a₀)²"):
         for place in PLACES:
-            ((_, (columns,)),) = columns_of(fit, [(place, some[name])])
+            ((_, columns, _),) = columns_of(fit, [(place, some[name])])
             effect = effect_of(place, some[name], "open")
             steps = extended_fit.steps_of(effect, 1.0)
             own = extended_fit.sensitivity(fit.flow, effect, effect.values(), steps)
