@@ -32,7 +32,8 @@ def programme(runs=3, rows=90):
     series = Series(
         names=("a", "b", "c"), time_s=t, envelope=np.repeat(start[:, None], rows, axis=1), weight=weight,
         rate_rad_s=rate, temperature_degc=24 + t, temperature_rate_degc_s=one, branch=one, table_angle_rad=rate * t, phase_rad=0.1 * one,
-        main_drive=0.3 * forced, quadrature_drive=0.01 * forced, forced=forced, held_amplitude=np.nan * one, held_slope=0 * one,
+        main_drive=0.3 * forced, quadrature_drive=0.01 * forced, main_impulse=0.3 * forced * t,
+        quadrature_impulse=0.01 * forced * t, forced=forced, held_amplitude=np.nan * one, held_slope=0 * one,
         turn_rad_s=random.normal(size=runs), reference_frequency_hz=5000.0, mode_number=2,
     )  # fmt: skip
     active = tuple((find(name), find(name).values(values)) for name, values in STRONG.items())
@@ -82,7 +83,7 @@ def test_sensitivities_of_the_coordinates_are_differences_too():
 
 def test_an_effect_that_only_rounds_is_not_seen():
     series, point = programme()
-    still = replace(series, quadrature_drive=0 * series.quadrature_drive)
+    still = replace(series, quadrature_drive=0 * series.quadrature_drive, quadrature_impulse=0 * series.quadrature_impulse)
     flow = propagation(extended.predict(still, replace(point, active=())))
     effect = find("quadrature_drive_phase_error")
     assert not extended_fit.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()

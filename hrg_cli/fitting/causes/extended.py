@@ -50,6 +50,9 @@ class Series:
     phase_rad: Array
     main_drive: Array
     quadrature_drive: Array
+    main_impulse: Array
+    quadrature_impulse: Array
+    """∫ of the two commands from the run's start: within a row a loop that settles does not run straight."""
     forced: Array
     held_amplitude: Array
     """Main amplitude that a drive without a log keeps up; NaN where the command is logged or the run is free."""
@@ -79,10 +82,12 @@ class Series:
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""
         cut = {f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2 for f in _ARRAYS if f not in ("branch", "forced")}
-        h, rate = self.step_s, self.rate_rad_s
-        mean = np.divide(np.diff(self.table_angle_rad, axis=1), h, out=cut["rate_rad_s"].copy(), where=h > 0)
-        # Simpson's rule then turns by exactly the table's angle, however fast the rate changes within a step
-        cut["rate_rad_s"] = (6 * mean - rate[:, 1:] - rate[:, :-1]) / 4
+        h = self.step_s
+        for name, integral in _INTEGRALS.items():
+            ends = getattr(self, name)
+            mean = np.divide(np.diff(getattr(self, integral), axis=1), h, out=cut[name].copy(), where=h > 0)
+            # Simpson's rule then takes exactly the integral, however fast the quantity changes within a step
+            cut[name] = (6 * mean - ends[:, 1:] - ends[:, :-1]) / 4
         return replace(self, branch=self.branch[:, :-1], forced=self.forced[:, :-1], **cut)
 
 
@@ -98,10 +103,14 @@ _ARRAYS = (
     "phase_rad",
     "main_drive",
     "quadrature_drive",
+    "main_impulse",
+    "quadrature_impulse",
     "forced",
     "held_amplitude",
     "held_slope",
 )
+
+_INTEGRALS = {"rate_rad_s": "table_angle_rad", "main_drive": "main_impulse", "quadrature_drive": "quadrature_impulse"}
 
 Active = tuple[tuple[Effect, Mapping[str, float]], ...]
 """Effects with all their parameters' values."""

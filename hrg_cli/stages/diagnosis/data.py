@@ -144,13 +144,16 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
             "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
             "main_drive": _command(wave, "drive_main", t, forced),
             "quadrature_drive": _command(wave, "drive_quadrature", t, forced),
+            "main_impulse": _impulse(wave, "drive_main", t, forced),
+            "quadrature_impulse": _impulse(wave, "drive_quadrature", t, forced),
             "forced": forced,
             "held_amplitude": held,
             "held_slope": np.gradient(held, t),
         }
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
-        columns.setdefault("weight", []).append(np.concatenate([1 / run.std, np.zeros(longest - len(run))]))
+        std = np.hypot(run.std, _bend(t, row["main_drive"], row["quadrature_drive"]))
+        columns.setdefault("weight", []).append(np.concatenate([1 / std, np.zeros(longest - len(run))]))
     stacked: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
     return Series(
         names=tuple(w.run_id or f"run {k}" for k, w in enumerate(waves)),
@@ -178,6 +181,24 @@ def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     if not forced.any() or not _has(values):
         return np.zeros(len(t))
     return np.interp(t, *_finite(wave.time_s, values))
+
+
+def _impulse(wave: Wave, name: str, t: Array, forced: Array) -> Array:
+    """∫ of a logged drive command from the log's start to times t, the command straight between its windows; zero where there is none."""
+    values = getattr(wave, name)
+    if not forced.any() or not _has(values):
+        return np.zeros(len(t))
+    x, y = _finite(wave.time_s, values)
+    # rows may start before the first good window, where the command is held
+    whole = np.concatenate([[0.0], np.cumsum(np.diff(x) * (y[1:] + y[:-1]) / 2)])
+    k = np.clip(np.searchsorted(x, t) - 1, 0, len(x) - 2)
+    here = np.interp(t, x, y)
+    return whole[k] + (t - x[k]) * (y[k] + here) / 2
+
+
+def _bend(t: Array, *commands: Array) -> Array:
+    """By how much a row's mean may miss its middle, h²ü/24: what the commands bend of the wave within a row of length h, ü their slope."""
+    return np.gradient(t) ** 2 / 24 * np.sqrt(sum(np.gradient(command, t) ** 2 for command in commands))
 
 
 def _amplitude(u: Array) -> Array:
