@@ -209,6 +209,6 @@ def test_a_loop_that_settles_within_a_row_is_no_cause():
     """A quadrature loop of 20 1/s takes the wave's quadrature out within two of the fit's rows: the command bends within them."""
     table = programme(47, runs=4, forced=True, quadrature_loop="finite", noise=1e-4)
     for run in table["run"]:
-        run["start"]["quadrature"] = 0.01
+        run["start"]["quadrature"] = 0.05
     _, out = verdict(table)
     assert out["verdict"] == "adequate" and out["effects"] == []
