@@ -95,7 +95,9 @@ def concluded(
             margin = CLEARLY if remainder is None else -0.5 * WORTH
             mimic = remainder is not None and beyond is not None and _single(start, described, beyond) < -CLEARLY * noise_factor
             forbidden = start.point.p[0] > 0 > search.final.point.p[0] and described.fit.point.p[0] > 0
-            if (forbidden or mimic or value < full - margin * noise_factor) and (best is None or value < best[0]):
+            outdone = forbidden or mimic or value < full - margin * noise_factor
+            # beside open terms too a cause must earn its place
+            if outdone and (best is None or value < best[0] - CLEARLY * noise_factor):
                 best = value, replace(search, final=start, found=search.found[:count], last=ranked), described
         if beyond is None:
             break
