@@ -5,6 +5,8 @@ grows with the swing).
 Equation: u' = −ν₂[½(u†u) u − ¼(uᵀu) u*]; d ln a_A/dt = −ν₂(a_A² + 3a_B²)/4, d ln a_B/dt = −ν₂(3a_A² + a_B²)/4   (PHYSICS M6);
 of any power, u' = 2jc⟨|z|^p v e^{−jτ}⟩ over a period, z = Re u e^{jτ}, v = Re ju e^{jτ}, which is −c N_p a^p u for a_B = 0,
 N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter is the damping c N_p it adds at unit amplitude (ν₂/4 for p = 2).
+A negative power stands for a regulator, which knows the amplitude and not the instant: z'' = … − 2c ρ^p v, ρ² = |z|² + |v|²/ω² = u†u,
+u' = −c ρ^p u. With c < 0 it is a supply that no log tells of: of constant power for p = −2, a constant push for p = −1.
 Size: 1e-4 … 1e-2 of ν.
 Mistaken for: drift of the damping in time or with temperature, cubic of the pick-off. What separates it: a long ring-down: curvature of
 ln a in a², not in t; ring-downs from two amplitudes.
@@ -34,7 +36,17 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
         return
     if plant.extra is not None:
         raise HrgError(f"effects.nonlinear_damping: power {p['power']:g} stands beside another acceleration; only power 2 can")
-    factor, half = 2 * p["damping_1_s"] / mean(p["power"]), p["power"] / 2
+    half = p["power"] / 2
+    if half < 0:
+        supply, stiffness = 2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2
+
+        def regulated(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+            loss = supply * (x * x + y * y + (vx * vx + vy * vy) / stiffness) ** half
+            return -loss * vx, -loss * vy
+
+        plant.extra = regulated
+        return
+    factor = 2 * p["damping_1_s"] / mean(p["power"])
 
     def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
         loss = factor * (x * x + y * y) ** half
@@ -44,7 +56,9 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
-    """−ν₂[½(u†u) u − ¼(uᵀu) u*] for the square, else the mean over a period."""
+    """−ν₂[½(u†u) u − ¼(uᵀu) u*] for the square, −c(u†u)^{p/2} u for a negative power, else the mean over a period."""
+    if p["power"] < 0:
+        return -p["damping_1_s"] * np.sum(np.abs(u) ** 2, axis=-1, keepdims=True) ** (p["power"] / 2) * u
     if p["power"] != 2:
         turned = u[..., None] * TURNS
         size = np.sum(turned.real**2, axis=-2, keepdims=True) ** (p["power"] / 2)

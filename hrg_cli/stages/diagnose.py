@@ -27,6 +27,7 @@ from .diagnosis.between import between_runs
 from .diagnosis.closing import completed, opened
 from .diagnosis.contradiction import contradicting_logs, strangers
 from .diagnosis.data import freedom_of, prepare
+from .diagnosis.forecast import Trained
 from .diagnosis.form import better
 from .diagnosis.gain import held_out
 from .diagnosis.model import simulation_file
@@ -94,10 +95,11 @@ def diagnose(
         search, remainder, noise_factor = explain(base, candidates, most_effects)
     search, frequencies = between_runs(search, candidates, noise_factor)
     wanders = base.series.colour is not None
-    search, form = better(search, candidates, noise_factor, most_effects) if wanders else (search, None)
+    trained = Trained(search.base, candidates)
+    search, form = better(search, trained, noise_factor, most_effects) if wanders else (search, None)
     if form is None:
         verdict, search, remainder = concluded(search, remainder, noise_factor, candidates)
-        search, form = (search, None) if wanders else better(search, candidates, noise_factor, most_effects)
+        search, form = (search, None) if wanders else better(search, trained, noise_factor, most_effects)
     if form is not None:
         verdict, remainder = "partly explained", rest(search.final, noise_factor)
     verdict = opened(verdict, search, form)
@@ -111,7 +113,7 @@ def diagnose(
     report["effects"] = shown + report["effects"]
     report["lines"] = lines
     report["frequencies"] = frequencies
-    report = completed(report, search, form, candidates)
+    report = completed(report, search, form, trained)
     return _record(search, waves, pieces, origin, verdict, report).judged(_doubts(search.final))
 
 

@@ -95,7 +95,7 @@ def test_fast_and_slow_agree(effect):
     )  # its branch jumps between grid rows
 
 
-@pytest.mark.parametrize("power", (1.0, 3.0))
+@pytest.mark.parametrize("power", (1.0, 3.0, -1.0, -2.0))
 def test_a_damping_of_another_power_is_the_same_in_both_engines(power):
     given = {"nonlinear_damping": {"damping_1_s": 0.2, "power": power}}
     fast, slow, plain_fast, plain_slow = envelopes(*(wave(model, table, False) for table in (given, {}) for model in ("fast", "slow")))

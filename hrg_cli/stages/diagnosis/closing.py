@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-from . import forecast, wander
+from . import wander
+from .forecast import WORDS, Trained, forecast
 from .form import Form
-from .search import Search, Variant
+from .search import Search
 
 
 def opened(verdict: str, search: Search, form: Form | None) -> str:
@@ -17,7 +17,7 @@ def opened(verdict: str, search: Search, form: Form | None) -> str:
     return "partly explained" if search.found else "unexplained"
 
 
-def completed(report: dict[str, Any], search: Search, form: Form | None, candidates: Sequence[Variant]) -> dict[str, Any]:
+def completed(report: dict[str, Any], search: Search, form: Form | None, trained: Trained) -> dict[str, Any]:
     """The report with `forecast` (blocks of time held out), `wander`, and the remainder's sentences.
 
     Under a coloured noise one window's error says little of the dynamics: the gain is then that of the forecast.
@@ -25,15 +25,18 @@ def completed(report: dict[str, Any], search: Search, form: Form | None, candida
     coloured = search.base.series.colour is not None
     out = report | {"wander": wander.said(search.base), "forecast": None}
     if report["gain"]["held_out"] == "time":
-        found = out["forecast"] = forecast.forecast(search, form, candidates)
+        found = out["forecast"] = forecast(trained, search, *((form.shape, form.other_shapes) if form else (None, ())))
         if coloured and found is not None:
             whole = {name: found[name]["wave_percent"] / 100 for name in ("before", "after")}
             out["gain"] = {"held_out": "time", **whole, "ratio": found["ratio"], "std": found["std"], "of": "forecast"}
     if form is not None:
         out["effects"] = [form.amended(e) for e in report["effects"]]
         out["remainder"] = form.completed(report["remainder"])
+    missed = [WORDS[name] for name in out["forecast"]["open"]] if coloured and out["forecast"] else []
     if coloured:
         rest = out["remainder"] or {"covariate": "time", "harmonic": None, "formula": None, "terms": []}
         said = [rest["description"]] if out["remainder"] else []
-        out["remainder"] = rest | {"description": "; ".join([*said, wander.sentence(search.base)])}
+        said += [wander.sentence(search.base)]
+        said += [f"open is what the {' and the '.join(missed)} did in the last part, beyond fit and wander"] if missed else []
+        out["remainder"] = rest | {"description": "; ".join(said)}
     return out

@@ -1,8 +1,8 @@
 """Diagnosis, the forecast: the last part of every run predicted from the first, by the base model and with the causes added one by one.
 
 A phase that wanders says nothing of the dynamics: judged are the wave angle, the main amplitude and the quadrature over it, each apart,
-and together as the wave's error √(δ(ln a)² + δ(mθ)² + δr²). The terms stand in the order of what each adds; the interval of a gain is
-that of a bootstrap over blocks of the part predicted; what another first part would have taught is not in it.
+and together as the wave's error √(δ(ln a)² + δ(mθ)² + δr²). The terms stand in the order of what each adds. The interval of a gain is that
+of a bootstrap over blocks of the part predicted and, together with it, over what another first part would have taught.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,10 @@ import numpy as np
 from ...fitting.causes import colour, extended_fit
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
-from ...physics import ellipse
-from .form import NAME as DAMPING
-from .form import Form, refitted
+from .outlook import AMPLITUDE, ANGLE, QUADRATURE, Errors, outlook, root_mean_squares
 from .search import Search, Variant, adopted, scored
+from .shapes import NAME as DAMPING
+from .shapes import Shape, in_shape
 
 Array = np.ndarray
 TRAIN = 0.7
@@ -28,105 +29,100 @@ BLOCKS, DRAWS = 8, 400
 FEWEST_ROWS = 40
 COURSE_POINTS = 60
 MOST_ALTERNATIVES = 4
-ANGLE, AMPLITUDE, QUADRATURE = "angle_deg", "amplitude_percent", "quadrature_percent"
+OUTSIDE = 2.0
+"""Root mean square errors over their σ from which a component counts as not predicted."""
+WORDS = {ANGLE: "wave angle", AMPLITUDE: "amplitude", QUADRATURE: "quadrature"}
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors of one forecast at the rows predicted: run (k,), time (k,), δmθ [rad], δ ln a, δr (k, 3)."""
+def forecast(trained: Trained, search: Search, shape: Shape | None, others: Sequence[Shape], seed: int = 0) -> dict[str, Any] | None:
+    """{"train_fraction", "before", "after", "steps", "alternatives", "course", "open"}; None where the runs are driven or too short.
 
-    run: Array
-    time_s: Array
-    parts: Array
-
-    @property
-    def square(self) -> Array:
-        """The wave's squared error, (k,)."""
-        return np.sum(self.parts**2, axis=1)
-
-    def figures(self, mode_number: int) -> dict[str, float]:
-        """Root mean squares: degrees of the wave angle, amplitude and quadrature in per cent of the amplitude, all together."""
-        rms = np.sqrt(np.mean(self.parts**2, axis=0))
-        return {
-            ANGLE: float(np.degrees(rms[0]) / mode_number),
-            AMPLITUDE: float(100 * rms[1]),
-            QUADRATURE: float(100 * rms[2]),
-            "wave_percent": float(100 * np.sqrt(self.square.mean())),
-        }
-
-
-def forecast(search: Search, form: Form | None, candidates: Sequence[Variant], seed: int = 0) -> dict[str, Any] | None:
-    """{"train_fraction", "before", "after", "steps", "alternatives", "course"}; None where the runs are driven or too short.
-
-    Whatever is fitted, the noise's colour too, is fitted to the first part alone.
+    shape: the damping's, where it is not the catalogue's; others: shapes that might stand in its place.
     """
-    series = search.base.series
-    train = None if np.any(series.forced) else _first_part(series)
-    linear = None if train is None else _linear(train, search.base)
-    if train is None or linear is None:
+    series, mode = search.base.series, search.base.series.mode_number
+    before = trained.errors((), None)
+    if before is None:
         return None
-    trained = _Trained(linear, form, {v.effect.name: v for v in reversed(candidates)})
-    before = _errors(linear, series, train)
     named = [f.variant.effect.name for f in search.found]
     rng = np.random.default_rng(seed)
     chosen: tuple[str, ...] = ()
     now, steps = before, []
     while len(chosen) < len(named):
-        fits = {name: trained.with_causes((*chosen, name)) for name in named if name not in chosen}
-        trials = {name: _errors(fit, series, train) for name, fit in fits.items() if fit is not None}
-        if not trials:
+        trials = {name: trained.errors((*chosen, name), shape) for name in named if name not in chosen}
+        there = {name: errors for name, errors in trials.items() if errors is not None}
+        if not there:
             break
-        name = min(trials, key=lambda n: float(trials[n].square.mean()))
-        steps.append({"name": name, **trials[name].figures(series.mode_number), **_gain(now, trials[name], rng)})
-        chosen, now = (*chosen, name), trials[name]
+        name = min(there, key=lambda n: float(there[n].square.mean()))
+        steps.append({"name": name, **there[name].figures(mode), **_gain(now, there[name], rng), **_by_component(now, there[name], mode)})
+        chosen, now = (*chosen, name), there[name]
     alternatives = []
+    instead = [(other.words, DAMPING, trained.errors(chosen, other)) for other in others if DAMPING in chosen]
     for one, rival in [(f.variant.effect.name, r) for f in search.found for r in f.rivals if r not in named][:MOST_ALTERNATIVES]:
-        fit = trained.with_causes([*(n for n in chosen if n != one), rival]) if rival in trained.variants else None
-        if fit is not None:
-            there = _errors(fit, series, train)
-            alternatives.append({"name": rival, "instead_of": one, **there.figures(series.mode_number), **_gain(before, there, rng)})
+        if rival in trained.variants:
+            instead.append((rival, one, trained.errors([*(n for n in chosen if n != one), rival], shape)))
+    for name, one, errors in instead:
+        if errors is not None:
+            alternatives.append({"name": name, "instead_of": one, **errors.figures(mode), **_gain(before, errors, rng)})
     found = {
         "train_fraction": TRAIN,
-        "before": before.figures(series.mode_number),
-        "after": now.figures(series.mode_number),
+        "before": before.figures(mode),
+        "after": now.figures(mode),
         **_gain(before, now, rng),
+        **_by_component(before, now, mode),
         "steps": steps,
         "alternatives": alternatives,
         "course": _course(before, now, series),
+        "open": _outside(now, mode),
     }
     return found | {"sentence": sentence(found)}
 
 
 @dataclass(frozen=True)
-class _Trained:
-    """The first part's linear fit, and what it takes to add causes to it from nothing but their scores there."""
+class Trained:
+    """The first part of the base fit's runs, and what it takes to add causes to it; all that is fitted is fitted to it alone."""
 
-    linear: Fit
-    form: Form | None
-    variants: Mapping[str, Variant]
-    known: dict[tuple[str, ...], Fit | None] = field(default_factory=dict)
+    base: Fit
+    candidates: Sequence[Variant]
+    known: dict[tuple[tuple[str, ...], Shape | None], Fit | None] = field(default_factory=dict)
 
-    def with_causes(self, names: Sequence[str]) -> Fit | None:
-        """The first part fitted with these causes, one after the other; a damping whose form is known stands first, in that form."""
+    @cached_property
+    def linear(self) -> Fit | None:
+        """The base model, with the colour its own residual has there; None where the runs are driven or too short."""
+        first = None if np.any(self.base.series.forced) else _first_part(self.base.series)
+        return None if first is None else _linear(first, self.base)
+
+    @cached_property
+    def variants(self) -> dict[str, Variant]:
+        """The candidates by name."""
+        return {v.effect.name: v for v in reversed(self.candidates)}
+
+    def errors(self, names: Sequence[str], shape: Shape | None) -> Errors | None:
+        """What the causes' fit of the first part misses in the last."""
+        fit = self.with_causes(names, shape)
+        return None if fit is None else outlook(fit, self.base.series)
+
+    def with_causes(self, names: Sequence[str], shape: Shape | None) -> Fit | None:
+        """The first part fitted with these causes, one after the other; a damping, in its shape, stands first."""
         order = tuple(sorted(names, key=lambda n: n != DAMPING))
         if not order:
             return self.linear
-        if order not in self.known:
-            before = self.with_causes(order[:-1])
-            self.known[order] = None if before is None else self._added(before, order[-1])
-        return self.known[order]
+        key = (order, shape if DAMPING in order else None)
+        if key not in self.known:
+            before = self.with_causes(order[:-1], shape)
+            self.known[key] = None if before is None else self._added(before, order[-1], shape)
+        return self.known[key]
 
-    def _added(self, fit: Fit, name: str) -> Fit | None:
+    def _added(self, fit: Fit, name: str, shape: Shape | None) -> Fit | None:
+        if name == DAMPING and shape is not None:
+            square = self.with_causes((DAMPING,), None)
+            return None if square is None else in_shape(square, shape)
         score = next((s for s, _ in scored(fit, [self.variants[name]]) if s.visible), None)
         if score is None:
             return None
-        try:
-            again: Fit | None = adopted(fit, score, self.variants[name])
-            if again is not None and name == DAMPING and self.form is not None:
-                again = refitted(again, self.form)
-        except extended_fit.DivergedError:
-            return None
-        return again if again is not None and np.all(np.isfinite(again.prediction.seen)) else None
+        with contextlib.suppress(extended_fit.DivergedError):
+            again = adopted(fit, score, self.variants[name])
+            return again if np.all(np.isfinite(again.prediction.seen)) else None
+        return None
 
 
 def _linear(train: Series, base: Fit) -> Fit | None:
@@ -153,27 +149,37 @@ def _first_part(series: Series) -> Series | None:
     return replace(series, weight=np.where(keep, series.weight, 0.0))
 
 
-def _errors(fit: Fit, series: Series, train: Series) -> Errors:
-    """Measured less predicted where the fit has not seen the runs."""
-    rows = np.argwhere((series.weight > 0) & (train.weight == 0))
-    run, row = rows.T
-    motion = fit.prediction.seen[run, row]
-    a, b, angle, _ = ellipse.wave(series.envelope[run, row], series.mode_number)
-    a_said, b_said, said, _ = ellipse.wave(motion, series.mode_number)
-    turn = series.mode_number * (angle - said)
-    parts = np.stack([(turn + np.pi / 2) % np.pi - np.pi / 2, np.log(a / a_said), b / a - b_said / a_said], axis=1)
-    return Errors(run, series.time_s[run, row], parts)
-
-
 def _gain(before: Errors, after: Errors, rng: np.random.Generator) -> dict[str, Any]:
-    """Ratio of the wave's errors with its standard deviation and 95 % interval, blocks drawn with replacement."""
+    """Ratio of the wave's errors with its standard deviation and 95 % interval: blocks drawn with replacement, each its own teaching."""
     blocks = np.array_split(np.arange(len(before.run)), min(BLOCKS, len(before.run)))
-    sums = np.array([[before.square[b].sum(), after.square[b].sum()] for b in blocks])
-    drawn = sums[rng.integers(0, len(sums), (DRAWS, len(sums)))].sum(axis=1)
-    ratios = np.sqrt(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-300))
+    drawn = rng.multinomial(len(blocks), np.full(len(blocks), 1 / len(blocks)), DRAWS)
+    sums = [np.stack([one[b].sum(axis=0) for b in blocks]) for one in (_taught(before, rng), _taught(after, rng))]
+    left = [np.sum(drawn * s.T, axis=1) for s in sums]
+    ratios = np.sqrt(left[0] / np.maximum(left[1], 1e-300))
     low, high = np.quantile(ratios, [0.025, 0.975])
     ratio = float(np.sqrt(before.square.sum() / max(after.square.sum(), 1e-300)))
     return {"ratio": ratio, "std": float(ratios.std(ddof=1)), "interval": [float(low), float(high)]}
+
+
+def _taught(errors: Errors, rng: np.random.Generator) -> Array:
+    """Squared errors (k, DRAWS) had the first part taught something else within its own uncertainty."""
+    other = errors.learned.reshape(-1, errors.learned.shape[-1]) @ rng.standard_normal((errors.learned.shape[-1], DRAWS))
+    return np.sum((errors.parts[..., None] + other.reshape(*errors.parts.shape, DRAWS)) ** 2, axis=1)
+
+
+def _by_component(before: Errors, after: Errors, mode_number: int) -> dict[str, list[str]]:
+    """{"better", "worse"}: the components that are predicted better, and those that are not."""
+    old, new = before.figures(mode_number), after.figures(mode_number)
+    return {
+        "better": [name for name in WORDS if new[name] < old[name]],
+        "worse": [name for name in WORDS if new[name] >= old[name]],
+    }
+
+
+def _outside(errors: Errors, mode_number: int) -> list[str]:
+    """Components whose error exceeds what the fit of the first part and the noise that wanders on allow."""
+    found, expected = errors.figures(mode_number), root_mean_squares(errors.std, mode_number)
+    return [name for name in WORDS if found[name] > OUTSIDE * expected[name]]
 
 
 def _course(before: Errors, after: Errors, series: Series) -> list[dict[str, Any]]:
@@ -183,21 +189,24 @@ def _course(before: Errors, after: Errors, series: Series) -> list[dict[str, Any
         rows = np.flatnonzero(before.run == k)
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, COURSE_POINTS).astype(int))]
 
-        def parts(errors: Errors, rows: Array = rows) -> dict[str, list[float]]:
-            angle = np.degrees(errors.parts[rows, 0]) / series.mode_number
-            values = {ANGLE: angle, AMPLITUDE: 100 * errors.parts[rows, 1], QUADRATURE: 100 * errors.parts[rows, 2]}
-            return {name: np.round(v, 6).tolist() for name, v in values.items()}
+        def parts(values: Array, rows: Array = rows) -> dict[str, list[float]]:
+            units = (np.degrees(1) / series.mode_number, 100.0, 100.0)
+            return {name: np.round(unit * values[rows, c], 6).tolist() for c, (name, unit) in enumerate(zip(WORDS, units, strict=True))}
 
-        time_s = np.round(before.time_s[rows], 3).tolist()
-        out.append({"run": series.names[int(k)], "time_s": time_s, "before": parts(before), "after": parts(after)})
+        one = {"run": series.names[int(k)], "time_s": np.round(before.time_s[rows], 3).tolist()}
+        out.append(one | {"before": parts(before.parts), "after": parts(after.parts), "after_std": parts(after.std)})
     return out
 
 
 def sentence(report: Mapping[str, Any]) -> str:
     """The forecast in one line."""
     b, a = report["before"], report["after"]
+    said = a["expected"]
+    missed = [WORDS[name] for name in report["open"]]
     return (
         f"last {100 * (1 - report['train_fraction']):.0f} % of the run from the first: "
-        f"wave angle {b[ANGLE]:.3g}° → {a[ANGLE]:.3g}°, amplitude {b[AMPLITUDE]:.3g} → {a[AMPLITUDE]:.3g} %, "
-        f"quadrature {b[QUADRATURE]:.3g} → {a[QUADRATURE]:.3g} % of the amplitude"
+        f"wave angle {b[ANGLE]:.3g}° → {a[ANGLE]:.3g}° (expected {said[ANGLE]:.2g}°), "
+        f"amplitude {b[AMPLITUDE]:.3g} → {a[AMPLITUDE]:.3g} % ({said[AMPLITUDE]:.2g} %), "
+        f"quadrature {b[QUADRATURE]:.3g} → {a[QUADRATURE]:.3g} % ({said[QUADRATURE]:.2g} %) of the amplitude"
+        + (f"; beyond what was expected: {', '.join(missed)}" if missed else "")
     )

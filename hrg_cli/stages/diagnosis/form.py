@@ -1,82 +1,107 @@
 """Diagnosis, the functional form of a damping that changes: the power of the amplitude it follows, and what physics forbids.
 
 A passive resonator's linear damping is nowhere negative: ν − |νδμ| ≥ 0. A catalogued damping that needs it negative has the wrong
-form, and so has one whose power, left free, comes out as another. The better form, −d ln a/dt = ν + ν_n (a/a₀)^n with n fitted, takes its
-place; where ν is forbidden even then, it is held at zero, and what else shows up beside the passive form is sought again.
+form, and so has one whose power, left free, comes out as another. Another shape takes its place. Where ν is forbidden even with the power
+free, those that physics allows stand against each other: of the ones that χ² does not tell apart, the one that predicts best is taken.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ...effects import nonlinear_damping
-from ...effects.effect import Effect, Parameter
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
-from ...physics.plant import SlowState
+from .forecast import Trained
 from .search import WORTH, Found, Search, Variant, adopted, as_fitted, bic, scored
+from .shapes import FREE, NAME, PASSIVE, SUPPLIED, Shape, effect_of, in_shape, in_the_catalogue, level_of, power_of, values
 
 Array = np.ndarray
-NAME = "nonlinear_damping"
 FORBIDDEN = 2.0
 """σ by which the least linear damping must be negative to count as forbidden."""
 DIFFERENT = 4.0
 """σ by which a fitted power must differ from the catalogue's."""
 PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
-"""Score in σ from which a cause is refitted beside the passive form, the most that are, and in how many steps."""
-LEAST, MOST = -0.5, 8.0
-"""Powers that are sought."""
+"""Score in σ from which a cause is refitted beside the new form, the most that are, and in how many steps."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A shape that physics allows: χ² of all data and, in per cent of the wave, the error of its forecast (None where there is none)."""
+
+    shape: Shape
+    chi2: float
+    forecast_percent: float | None
+
+    @property
+    def words(self) -> str:
+        """Its words with what its forecast misses by."""
+        return self.shape.words + ("" if self.forecast_percent is None else f" ({self.forecast_percent:.2g} %)")
 
 
 @dataclass(frozen=True)
 class Form:
-    """The better form: power and ν_n at a₀ with σ, whether ν was forbidden and is held at 0, ν before, χ², what it is not told from."""
+    """The better form: shape, power, ν_n at a₀ and ν with σ; ν with the catalogue's and χ² of both; what it is not told from."""
 
-    power: float
-    power_std: float
-    damping_1_s: float
-    damping_std_1_s: float
+    shape: Shape
+    power: tuple[float, float]
+    level_1_s: tuple[float, float]
+    linear_1_s: tuple[float, float]
     amplitude: float
     forbidden: bool
-    passive: bool
-    catalogue_damping_1_s: float
-    catalogue_std_1_s: float
+    catalogue_1_s: tuple[float, float]
     chi2_catalogue: float
     chi2: float
     rivals: tuple[str, ...] = ()
+    tried: tuple[Tried, ...] = ()
+
+    @property
+    def other_shapes(self) -> tuple[Shape, ...]:
+        """Shapes that χ² does not tell from it."""
+        return tuple(t.shape for t in self.tried if t.shape != self.shape)
 
     @property
     def formula(self) -> str:
         """Formula with its numbers."""
-        linear = "" if self.passive else "ν + "
-        numbers = f"n = {self.power:.2f} ± {self.power_std:.2f}, ν_n = {self.damping_1_s:.3g} 1/s, a₀ = {self.amplitude:.4g}"
+        power, power_std = self.power
+        linear = "ν + " if self.shape.linear else ""
+        given = f"n = {power:g}" if self.shape.supplied else f"n = {power:.2f} ± {power_std:.2f}"
+        numbers = f"{given}, ν_n = {_with_std(self.level_1_s)} 1/s, a₀ = {self.amplitude:.4g}"
+        if self.shape.linear:
+            numbers += f", ν = {_with_std(self.linear_1_s)} 1/s"
         return f"−d ln a/dt = {linear}ν_n·(a/a₀)^n, {numbers}"
 
     @property
     def sentence(self) -> str:
         """What is wrong with the catalogue's form and what is better."""
         why = (
-            f"would need a linear damping of {self.catalogue_damping_1_s:.2g} ± {self.catalogue_std_1_s:.1g} 1/s along its weaker axis, "
-            "which physics forbids"
+            f"would need a linear damping of {_with_std(self.catalogue_1_s)} 1/s along its weaker axis, which physics forbids"
             if self.forbidden
             else f"falls short by {self.chi2_catalogue - self.chi2:.3g} in χ²"
         )
-        better = f"a damping that follows a^n, n = {self.power:.2f} ± {self.power_std:.2f}"
+        power, power_std = self.power
+        better = (
+            f"a linear damping of {_with_std(self.linear_1_s)} 1/s beside {self.shape.words} that no log tells of"
+            if self.shape.supplied
+            else f"{self.shape.words}, n = {power:.2f} ± {power_std:.2f}"
+        )
         text = f"the catalogue's damping in a² fits only roughly: it {why}; better is {better}"
-        if self.passive:
-            text += " without a linear part"
+        others = [t.words for t in self.tried if t.shape != self.shape]
+        if others:
+            own = next(t for t in self.tried if t.shape == self.shape)
+            by = "" if own.forecast_percent is None else f"which predicts the last part best, to {own.forecast_percent:.2g} %, but is "
+            text += f", {by}not told by χ² from {' or '.join(others)}"
         return text + (f"; not told apart from {' and '.join(self.rivals)}" if self.rivals else "")
 
     def amended(self, effect: dict[str, Any]) -> dict[str, Any]:
         """The report's entry of the damping, its z that of ν_n at a₀: at unit amplitude level and power are hardly told apart."""
         if effect["name"] != NAME:
             return effect
-        z = self.damping_1_s / self.damping_std_1_s
+        z = self.level_1_s[0] / self.level_1_s[1]
         return effect | {"z": z, "p_value": float(np.exp(-0.5 * min(z**2, 1400.0))), "form": self.formula}
 
     def completed(self, remainder: dict[str, Any] | None) -> dict[str, Any]:
@@ -88,9 +113,14 @@ class Form:
             "covariate": "amplitude",
             "harmonic": None,
             "formula": self.formula,
-            "power": {"value": self.power, "std": self.power_std},
+            "power": {"value": self.power[0], "std": None if self.shape.supplied else self.power[1]},
+            "shapes": [{"name": t.shape.words, "chi2": t.chi2, "forecast_percent": t.forecast_percent} for t in self.tried],
             "terms": terms,
         }
+
+
+def _with_std(number: tuple[float, float]) -> str:
+    return f"{number[0]:.3g} ± {number[1]:.1g}"
 
 
 def least_damping(fit: Fit) -> tuple[float, float]:
@@ -105,7 +135,7 @@ def least_damping(fit: Fit) -> tuple[float, float]:
     return float(p[0]) - size, float(np.sqrt(max(variance, 0.0)))
 
 
-def better(search: Search, candidates: Sequence[Variant], noise_factor: float, most: int) -> tuple[Search, Form | None]:
+def better(search: Search, trained: Trained, noise_factor: float, most: int) -> tuple[Search, Form | None]:
     """The search with the damping's better form in the catalogue's place, or as it was where that serves.
 
     Causes that the search added to a form that fits only roughly are sought again beside the better one.
@@ -116,94 +146,63 @@ def better(search: Search, candidates: Sequence[Variant], noise_factor: float, m
         return search, None
     with contextlib.suppress(extended_fit.DivergedError):
         old = search.final if len(search.found) == 1 else adopted(search.base, place.score, place.variant)
-        amplitude = extended_fit.amplitude_of(old.series)
-        fit = _fitted(old, amplitude, old.freedom)
-        if fit is None:
-            return search, None
-        inflate = noise_factor**0.5
+        amplitude, inflate = extended_fit.amplitude_of(old.series), noise_factor**0.5
         low, low_std = least_damping(old)
         forbidden = low < -FORBIDDEN * inflate * low_std
-        power, power_std = _power(fit)
-        wrong = abs(power - 2) > DIFFERENT * power_std * inflate and old.chi2 - fit.chi2 > WORTH * noise_factor
-        if not forbidden and not wrong:
+        free = in_shape(old, FREE)
+        if not forbidden and not (free and _another(old, free, noise_factor)):
             return search, None
-        held = forbidden and least_damping(fit)[0] < 0
-        edge = None
-        if held:
-            # what the forbidden damping did may be another cause's work
-            passive = _passive(old, amplitude)
-            if passive is None:
+        if free is not None and (not forbidden or least_damping(free)[0] >= 0):
+            shape, fit = FREE, free
+            tried: tuple[Tried, ...] = ()
+        else:
+            allowed = _allowed(old, noise_factor)
+            if not allowed:
                 return search, None
-            fit, edge = passive, _edge(passive, old.point.p[1:3])
-        fit, others = _beside(fit, candidates, noise_factor, most - 1)
-        if not held and bic(fit) > bic(search.final):
+            shape, fit, tried = _best(allowed, trained)
+        fit, others = _beside(fit, trained.candidates, noise_factor, most - 1)
+        if shape == FREE and bic(fit) > bic(search.final):
             return search, None
-        if edge is not None and bic(edge) < bic(fit) + WORTH * noise_factor:
-            others = [replace(f, rivals=(*f.rivals, "damping_split_1_s")) for f in others]
-        final = _in_the_catalogue(fit, amplitude, fit.freedom)
-        power, power_std = _power(final)
-        level, level_std = _level(final, amplitude)
-        numbers = (power, inflate * power_std, level, inflate * level_std, amplitude)
-        form = Form(*numbers, forbidden, held, low, inflate * low_std, old.chi2, final.chi2, place.rivals)
-        values = {e.name: v for e, v in final.point.active}[NAME]
-        own = replace(place, variant=Variant(FREE, values, {"damping_1_s": 1.0, "power": 1.0}))
-        last = tuple(s for s, _ in scored(final, candidates))
+        final = in_the_catalogue(fit, shape, amplitude)
+
+        def real(value: float, std: float) -> tuple[float, float]:
+            return value, inflate * std
+
+        linear = real(float(final.point.p[0]), final.std("p0") if shape.linear else 0.0)
+        numbers = (real(*power_of(final)), real(*level_of(final, amplitude)), linear, amplitude)
+        form = Form(shape, *numbers, forbidden, real(low, low_std), old.chi2, final.chi2, place.rivals, tried)
+        fitted = {p.name: 1.0 for p in effect_of(shape).fitted()}
+        own = replace(place, variant=Variant(effect_of(shape), values(final), fitted))
+        last = tuple(s for s, _ in scored(final, trained.candidates))
         return replace(search, final=final, found=(own, *others), last=last), form
     return search, None
 
 
-def refitted(fit: Fit, form: Form) -> Fit | None:
-    """A fit with the catalogue's damping fitted again with that damping in the better form."""
-    if form.passive:
-        return _passive(fit, form.amplitude)
-    return _fitted(fit, form.amplitude, fit.freedom)
+def _another(old: Fit, free: Fit, noise_factor: float) -> bool:
+    """Whether the power, left free, is another than the catalogue's."""
+    power, power_std = power_of(free)
+    return abs(power - 2) > DIFFERENT * power_std * noise_factor**0.5 and old.chi2 - free.chi2 > WORTH * noise_factor
 
 
-def _with_power_free() -> Effect:
-    effect = nonlinear_damping.EFFECT
-    return replace(effect, parameters=tuple(replace(p, fitted=True) for p in effect.parameters))
+def _allowed(old: Fit, noise_factor: float) -> list[tuple[Shape, Fit]]:
+    """The shapes without a forbidden linear damping that the data do not tell from the best of them."""
+    fits = [(shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := in_shape(old, shape)) is not None]
+    fits = [(s, f) for s, f in fits if not s.linear or least_damping(f)[0] > -FORBIDDEN * noise_factor**0.5 * least_damping(f)[1]]
+    level = min((bic(f) for _, f in fits), default=0.0)
+    return [(s, f) for s, f in fits if bic(f) < level + WORTH * noise_factor]
 
 
-FREE = _with_power_free()
-"""The catalogue's effect with the power fitted."""
-
-
-def _at(amplitude: float) -> Effect:
-    """The same with its level at the data's amplitude, which the power hardly moves."""
-
-    def slow(p: Mapping[str, float], u: Array, state: SlowState) -> Array:
-        power = float(np.clip(p["power"], LEAST, MOST))
-        return nonlinear_damping.slow({"damping_1_s": p["level_1_s"] * amplitude**-power, "power": power}, u, state)
-
-    parameters = (Parameter("level_1_s", "s-1", 1e-5, "damping at the data's amplitude"), Parameter("power", "1", 1.0, "power"))
-    return Effect(name=NAME, family="resonator", page="", parameters=parameters, slow=slow)
-
-
-def _fitted(fit: Fit, amplitude: float, freedom: extended_fit.Freedom, p: Array | None = None) -> Fit | None:
-    """The fit with the power free, from where the catalogue's form stands."""
-    values = {e.name: v for e, v in fit.point.active}[NAME]
-    power = values.get("power", 2.0)
-    level = values["damping_1_s"] * amplitude**power if "damping_1_s" in values else values["level_1_s"]
-    point = fit.point if p is None else replace(fit.point, p=p)
-    point = extended_fit.with_effect(point, _at(amplitude), {"level_1_s": level, "power": power})
-    try:
-        again = extended_fit.fit(fit.series, point, freedom, most=12)
-    except extended_fit.DivergedError:
-        return None
-    return again if LEAST < _power(again)[0] < MOST else None
-
-
-def _passive(fit: Fit, amplitude: float) -> Fit | None:
-    """Power free, linear damping held at zero."""
-    std = fit.freedom.std.copy()
-    std[:3] = 0.0
-    p = fit.point.p.copy()
-    p[:3] = 0.0
-    values = {e.name: v for e, v in fit.point.active}[NAME]
-    level = values["damping_1_s"] * amplitude**2 + fit.point.p[0]
-    point = extended_fit.with_effect(fit.point, nonlinear_damping.EFFECT, {"damping_1_s": level * amplitude**-2.0, "power": 2.0})
-    start = replace(fit, flow=replace(fit.flow, prediction=replace(fit.prediction, point=point)))
-    return _fitted(start, amplitude, replace(fit.freedom, std=std), p)
+def _best(allowed: Sequence[tuple[Shape, Fit]], trained: Trained) -> tuple[Shape, Fit, tuple[Tried, ...]]:
+    """The shape that predicts best, its fit, and what all of them come to; the best fit where there is no forecast."""
+    mode = trained.base.series.mode_number
+    tried = []
+    for shape, fit in allowed:
+        errors = trained.errors((NAME,), shape) if trained.linear is not None else None
+        tried.append(Tried(shape, fit.chi2, None if errors is None else errors.figures(mode)["wave_percent"]))
+    ahead = [t for t in tried if t.forecast_percent is not None]
+    first = min(ahead, key=lambda t: t.forecast_percent or 0.0) if ahead else None
+    shape, fit = min(allowed, key=lambda pair: bic(pair[1])) if first is None else next(p for p in allowed if p[0] == first.shape)
+    return shape, fit, tuple(tried)
 
 
 def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: int) -> tuple[Fit, list[Found]]:
@@ -225,42 +224,3 @@ def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         found.append(Found(as_fitted(variant, best), score, len(ranked), (bic(fit) - bic(best)) / noise_factor, rivals))
         fit = extended_fit.fit(best.series, best.point, best.freedom)
     return fit, found
-
-
-def _edge(passive: Fit, direction: Array) -> Fit | None:
-    """The passive fit with a linear damping along one axis only, the most a passive split can be; it starts from the split as fitted."""
-
-    def slow(p: Mapping[str, float], u: Array, state: SlowState) -> Array:
-        c, s = u[..., 0], u[..., 1]
-        along, across = np.stack([c, -s], -1), np.stack([s, c], -1)
-        return -(np.hypot(p["cos_1_s"], p["sin_1_s"]) * u + p["cos_1_s"] * along + p["sin_1_s"] * across)
-
-    parameters = (Parameter("cos_1_s", "s-1", 1e-6, ""), Parameter("sin_1_s", "s-1", 1e-6, ""))
-    effect = Effect(name="one-sided damping", family="resonator", page="", parameters=parameters, slow=slow)
-    start = {"cos_1_s": float(direction[0]), "sin_1_s": float(direction[1])}
-    with contextlib.suppress(extended_fit.DivergedError):
-        return extended_fit.fit(passive.series, extended_fit.with_effect(passive.point, effect, start), passive.freedom, most=10)
-    return None
-
-
-def _in_the_catalogue(fit: Fit, amplitude: float, freedom: extended_fit.Freedom) -> Fit:
-    """The same fit with the damping in the catalogue's own parameters."""
-    values = {e.name: v for e, v in fit.point.active}[NAME]
-    own = {"damping_1_s": values["level_1_s"] * amplitude ** -values["power"], "power": values["power"]}
-    # the same optimum, looked at in coordinates in which steps would be poor
-    same = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, FREE, own), freedom, most=0)
-    return replace(same, converged=fit.converged)
-
-
-def _power(fit: Fit) -> tuple[float, float]:
-    """The power and its σ."""
-    return float({e.name: v for e, v in fit.point.active}[NAME]["power"]), fit.std(f"{NAME}.power")
-
-
-def _level(fit: Fit, amplitude: float) -> tuple[float, float]:
-    """ν_n at the data's amplitude and its σ, from the catalogue's parameters."""
-    values = {e.name: v for e, v in fit.point.active}[NAME]
-    level = values["damping_1_s"] * amplitude ** values["power"]
-    index = [fit.names.index(f"{NAME}.{name}") for name in ("damping_1_s", "power")]
-    slope = np.array([amplitude ** values["power"], level * np.log(amplitude)])
-    return float(level), float(np.sqrt(max(slope @ fit.covariance[np.ix_(index, index)] @ slope, 0.0)))
