@@ -212,9 +212,15 @@ def _gain_tables(report: dict[str, Any]) -> list[Table]:
         steps += [(f"+ {plain(step.get('name'))}", step) for step in entries(forecast, "steps")]
         steps += [(f"{plain(e.get('name'))} instead of {plain(e.get('instead_of'))}", e) for e in entries(forecast, "alternatives")]
         head = ("model", *(words for _, words in FORECAST), "errors smaller by")
-        rows = [(name, *(cell(step.get(key)) for key, _ in FORECAST), _ratio(step)) for name, step in steps]
-        found.append(Table("Forecast of the last part of every run from the first, rms errors", head, rows))
+        rows = [(name, *(_missed(step, key) for key, _ in FORECAST), _ratio(step)) for name, step in steps]
+        found.append(Table("Forecast of the last part of every run from the first, rms errors (expected)", head, rows))
     return found
+
+
+def _missed(step: dict[str, Any], key: str) -> str:
+    """An error of the forecast and, in brackets, what its own uncertainty makes it."""
+    expected = child(step, "expected").get(key)
+    return cell(step.get(key)) + ("" if expected is None else f" ({cell(expected)})")
 
 
 def _ratio(step: Mapping[str, Any]) -> str:

@@ -235,6 +235,7 @@ def forecast() -> dict[str, object]:
         "time_s": time.tolist(),
         "before": {name: (size * (time - 42)).tolist() for name, size in zip(names, (0.02, 0.05, -0.01))},
         "after": {name: (size * np.sin(time)).tolist() for name, size in zip(names, (0.01, 0.05, 0.02))},
+        "after_std": {name: (size * (time - 41)).tolist() for name, size in zip(names, (0.001, 0.004, 0.002))},
     }
     rms = [dict(zip((*names, "wave_percent"), v)) for v in ((0.2, 0.5, 0.1, 0.6), (0.02, 0.2, 0.05, 0.2), (0.01, 0.05, 0.02, 0.06))]
     steps = [{"name": name, **r, "ratio": 4.0, "std": 0.3} for name, r in zip(("pickoff_nonlinearity", "gain_mismatch"), rms[1:])]

@@ -32,6 +32,11 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
                 error = _numbers(child(course, when).get(key))
                 if len(error) == len(t):
                     ax.plot(t * factor, error, color=SERIES[colour], label=name if k == 0 else None)
+            std = _numbers(child(course, "after_std").get(key))
+            if len(std) == len(t):
+                ax.fill_between(
+                    t * factor, -2 * std, 2 * std, color=SERIES[0], alpha=0.15, lw=0, label="expected, 95 %" if k == 0 else None
+                )
         ax.axhline(0, color=INK, lw=0.5)
         labels(ax, x=f"time, {unit}", y=label)
     legend(axes[0, 0])
