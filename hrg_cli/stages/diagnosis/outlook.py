@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import colour, extended_fit
-from ...fitting.causes.extended import Series, propagation
+from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit, flat
+from ...fitting.causes.sensitivities import propagation
 from ...fitting.causes.wave_frame import directions, imaginary, real
 from ...physics import ellipse
 
@@ -74,7 +75,7 @@ def outlook(fit: Fit, series: Series) -> Errors:
     unit = 1 / (weight * size)
     frame = real(directions(seen))
     free = [bool(s > 0) for s in fit.freedom.std]
-    design, _ = extended_fit.design_of(propagation(whole), free, extended_fit.amplitude_of(series))
+    design, _, _ = extended_fit.design_of(propagation(whole), free, extended_fit.amplitude_of(series))
     J = frame @ design.reshape(len(run), 4, -1) * unit[:, None, None]
     residual = (frame @ flat(whole.series, whole.residual()).reshape(-1, 4, 1))[..., 0] * unit[:, None]
     ahead = fit.series.weight[run, row] == 0
