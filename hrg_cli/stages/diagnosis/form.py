@@ -145,13 +145,15 @@ def better(search: Search, trained: Trained, noise_factor: float, most: int) -> 
     if place is None or (len(search.found) > 1 and not coloured):
         return search, None
     with contextlib.suppress(extended_fit.DivergedError):
-        old = search.final if len(search.found) == 1 else adopted(search.base, place.score, place.variant)
-        amplitude, inflate = extended_fit.amplitude_of(old.series), noise_factor**0.5
-        low, low_std = least_damping(old)
+        # what a cause that is missing would do must not be taken for a forbidden damping: judged is the search's own model, whole
+        low, low_std = least_damping(search.final)
+        inflate, amplitude = noise_factor**0.5, extended_fit.amplitude_of(search.final.series)
         forbidden = low < -FORBIDDEN * inflate * low_std
-        free = in_shape(old, FREE)
-        if not forbidden and not (free and _another(old, free, noise_factor)):
+        whole = in_shape(search.final, FREE)
+        if not forbidden and not (whole and _another(search.final, whole, noise_factor)):
             return search, None
+        old = search.final if len(search.found) == 1 else adopted(search.base, place.score, place.variant)
+        free = whole if old is search.final else in_shape(old, FREE)
         if free is not None and (not forbidden or least_damping(free)[0] >= 0):
             shape, fit = FREE, free
             tried: tuple[Tried, ...] = ()
