@@ -15,7 +15,7 @@ from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
 from hrg_cli.stages.diagnosis.forecast import Trained
 from hrg_cli.stages.diagnosis.search import variants
-from hrg_cli.stages.diagnosis.shapes import FREE
+from hrg_cli.stages.diagnosis.shapes import FREE, PASSIVE, SUPPLIED, values
 from hrg_cli.stages.diagnosis.wander import wandering
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
@@ -23,7 +23,7 @@ from hrg_cli.units import DEGREE_PER_HOUR
 
 EARTH_RATE_RAD_S = 10.96 * DEGREE_PER_HOUR
 POWER, LOSS_1_S, CURVATURE = 1.0, 1.2e-4, 8e-4
-SEEDS = 12
+SEEDS = 16
 
 
 def pendulum():
@@ -41,7 +41,7 @@ def pendulum():
     )  # fmt: skip
 
 
-def simulated(seed, wander_1_s, noise=1e-3, power=POWER, loss_1_s=LOSS_1_S, damping_1_s=2e-5, walk_1_s=0.0):
+def simulated(seed, wander_1_s, noise=1e-3, power=POWER, loss_1_s=LOSS_1_S, damping_1_s=2e-5, walk_1_s=0.0, curvature=CURVATURE):
     """Samples of a spherical pendulum whose loss follows the amplitude, seen by a camera whose clock, gain and angle walk at random."""
     random = np.random.default_rng(seed)
     table = {
@@ -59,7 +59,7 @@ def simulated(seed, wander_1_s, noise=1e-3, power=POWER, loss_1_s=LOSS_1_S, damp
         "readout": {"noise": 0.0},
         "effects": {
             "nonlinear_damping": {"damping_1_s": loss_1_s, "power": power},
-            "inertial_nonlinearity": {"inverse_length_squared": CURVATURE},
+            "inertial_nonlinearity": {"inverse_length_squared": curvature},
         },
         "run": [
             {
@@ -116,20 +116,27 @@ def test_the_same_of_other_pendulums(seed):
     recovered(seed)
 
 
-def supplied(seed):
-    """A supply of constant power beside linear damping: the amplitude falls towards the one at which they balance."""
-    out = diagnosed(simulated(seed, 2e-8, power=-2.0, loss_1_s=-4e-5, damping_1_s=1.6e-4))
-    assert out["remainder"]["power"]["value"] == -2 and "constant power" in out["remainder"]["description"]
-    supply = next(e for e in out["effects"] if e["name"] == "nonlinear_damping")["parameters"]["damping_1_s"]
-    assert abs(supply["value"] + 4e-5) < 4 * supply["std"] and supply["std"] < 4e-6
-    forecast = out["forecast"]
-    assert forecast["after"]["amplitude_percent"] < 0.2 * forecast["before"]["amplitude_percent"] and not forecast["open"]
+def first_part(recording, *names):
+    series, point, _ = prepare(waves(recording), 1.0, 120)
+    base = extended_fit.fit(series, point, freedom_of(series, point, 1.0))
+    causes = variants([find(name) for name in names], base)
+    return Trained(wandering(base, causes), causes)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", (1, 2, 3))
-def test_a_supply_that_no_log_tells_of_is_told_from_a_damping_of_another_power(seed):
-    supplied(seed)
+@pytest.mark.parametrize("seed", (1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)))
+def test_a_supply_predicts_better_than_the_damping_it_looks_like(seed):
+    """A constant power beside linear damping: the amplitude falls towards the one at which they balance."""
+    power_1_s, damping_1_s = 4e-5, 1.6e-4
+    recording = simulated(seed, 2e-8, power=-2.0, loss_1_s=-power_1_s, damping_1_s=damping_1_s, walk_1_s=2e-9, curvature=0.0)
+    trained = first_part(recording, "nonlinear_damping")
+    supply, passive = (trained.errors(("nonlinear_damping",), shape) for shape in (SUPPLIED[0], PASSIVE))
+    assert np.sum(supply.square) < 0.3 * np.sum(passive.square)
+    fit = trained.with_causes(("nonlinear_damping",), SUPPLIED[0])
+    level = values(fit)["level_1_s"] * extended_fit.amplitude_of(fit.series) ** 2
+    std = fit.std("nonlinear_damping.level_1_s") * extended_fit.amplitude_of(fit.series) ** 2
+    assert abs(level + power_1_s) < 4 * std and std < 0.25 * power_1_s
+    # its own deviation is no measure where the wander of the amplitude hides behind the linear model's misfit
+    assert abs(fit.point.p[0] - damping_1_s) < 0.06 * damping_1_s
 
 
 @pytest.mark.slow
@@ -144,16 +151,16 @@ def test_no_other_power_is_claimed_where_the_damping_follows_the_square(seed):
 def test_forecasts_miss_by_what_they_say():
     """Errors in the middle and at the end of the part predicted, over their σ, of pendulums whose causes are known."""
     over = np.array([missed(seed) for seed in range(SEEDS)])
-    assert 0.55 < np.mean(np.abs(over) < 1) < 0.95
-    assert np.mean(np.abs(over) < 2) > 0.88
-    assert 0.3 < np.mean(over**2) < 2
+    # middle and end go together: three components a seed are independent; three deviations of 68 %, 95 % and 1
+    own = 3 * SEEDS
+    assert abs(np.mean(np.abs(over) < 1) - 0.68) < 3 * np.sqrt(0.68 * 0.32 / own)
+    assert np.mean(np.abs(over) < 2) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / own)
+    assert abs(np.mean(over**2) - 1) < 3 * np.sqrt(2 / own)
 
 
 def missed(seed):
-    series, point, _ = prepare(waves(simulated(seed, 2e-8, walk_1_s=2e-9)), 1.0, 120)
-    base = extended_fit.fit(series, point, freedom_of(series, point, 1.0))
-    causes = variants([find("nonlinear_damping"), find("inertial_nonlinearity")], base)
-    errors = Trained(wandering(base, causes), causes).errors(("nonlinear_damping", "inertial_nonlinearity"), FREE)
+    names = ("nonlinear_damping", "inertial_nonlinearity")
+    errors = first_part(simulated(seed, 2e-8, walk_1_s=2e-9), *names).errors(names, FREE)
     return (errors.parts / errors.std)[[len(errors.run) // 2, -1]]
 
 
