@@ -88,7 +88,10 @@ class Coefficients:
         return everything[(everything >= regular[0]) & (everything <= regular[-1])]
 
     def propagators(self, knots: Array, h: float, scale: float) -> tuple[Array, Array]:
-        """exp(hA) (m, 4, 4) of the state (z, p/scale) at the middle of the step of each knot; ω, N and KΩ there (m, 6)."""
+        """exp(hA) (m, 4, 4) of the state (z, p/scale) at the middle of the step of each knot, and what the loop needs there (m, 14).
+
+        That is ω, N, KΩ and, of p = Re[G q], (Im G)⁻¹ and Re G: the analytic signal q = z − j (Im G)⁻¹ (p − Re G z) as `analytic` has it.
+        """
         t = (knots + 0.5) * h
         N, W, k = self.damping(t), self.stiffness(t), self.turning(t)[:, None, None]
         A = np.empty((len(t), 4, 4))
@@ -96,7 +99,9 @@ class Coefficients:
         A[:, :2, 2:] = scale * IDENTITY
         A[:, 2:, :2] = -(W + k**2 * IDENTITY + 2 * k * N @ J) / scale
         A[:, 2:, 2:] = -2 * N + k * J
-        local = np.column_stack([np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2), N.reshape(-1, 4), k[:, 0, 0]])
+        G = _momentum_matrix(self, t, scale)
+        mean = np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2)
+        local = np.column_stack([mean, N.reshape(-1, 4), k[:, 0, 0], np.linalg.inv(G.imag).reshape(-1, 4), G.real.reshape(-1, 4)])
         return _exponential(A * h), local
 
 

@@ -53,7 +53,7 @@ def advance(  # type: ignore[no-untyped-def]
             for a in range(4):
                 for b in range(4):
                     P[a, b] = propagators[at, a, b] + f * (propagators[at + 1, a, b] - propagators[at, a, b])
-            for a in range(6):
+            for a in range(len(q)):
                 q[a] = local[at, a] + f * (local[at + 1, a] - local[at, a])
         omega = q[0]
         ax, ay = 0.0, 0.0
@@ -74,8 +74,10 @@ def advance(  # type: ignore[no-untyped-def]
                 sampled = angle / math.tan(angle)
                 step = math.cos(angle) + 1j * math.sin(angle)
                 gx, gy = gx * step, gy * step
-                wx = (scale * px - angle * gx.imag - sampled * gx.real + q[1] * x + q[2] * y) / omega
-                wy = (scale * py - angle * gy.imag - sampled * gy.real + q[3] * x + q[4] * y) / omega
+                ex = scale * px - angle * gx.imag - sampled * gx.real - q[10] * x - q[11] * y
+                ey = scale * py - angle * gy.imag - sampled * gy.real - q[12] * x - q[13] * y
+                # not p/ω: of a split resonator that would ripple at 2ω, too
+                wx, wy = q[6] * ex + q[7] * ey, q[8] * ex + q[9] * ey
                 ux, uy = x - 1j * wx, y - 1j * wy
                 s0, s1 = x * x + wx * wx + y * y + wy * wy, x * x + wx * wx - y * y - wy * wy
                 s2, s3 = 2 * (x * y + wx * wy), 2 * (x * wy - wx * y)
