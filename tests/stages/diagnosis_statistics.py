@@ -197,3 +197,21 @@ def clean_programme(seed):
         table["run"].append(run)
     periods = max(float(random.choice([1, 2, 5, 10, 20, 50])), float(np.ceil(frequency * length / 20000)))
     return table, periods, warm != "none"
+
+
+def stepped_programme(seed):
+    """A clean programme whose table goes through levels of the rate in most runs, each held for a part of the run."""
+    table, periods, logged = clean_programme(seed)
+    random = np.random.default_rng([seed, 6])
+    length = table["recording"]["duration_s"]
+    for run in table["run"]:
+        if random.random() < 0.75:
+            count = int(random.integers(2, 6))
+            levels = [float(level) for level in random.uniform(-3, 3, count)]
+            run["environment"].pop("rate_rad_s", None)
+            run["environment"]["rate"] = {
+                "kind": "steps",
+                "levels_rad_s": levels,
+                "dwell_s": length / count * float(random.uniform(0.7, 1.0)),
+            }
+    return table, periods, logged

@@ -1,7 +1,8 @@
 """Diagnosis, steps of the logged rate: a log knows the table's rate at its instants, not the angle turned while the rate steps.
 
-Where the rate jumps by ΔΩ between two rows h apart, the angle turned meanwhile is uncertain by up to ΔΩ h/2. What the wave itself says of
-that angle is taken into the table's course before anything is blamed on the resonator.
+Where the rate jumps by ΔΩ between two rows h apart, the angle turned meanwhile is uncertain by up to ΔΩ h/2, and so is when within h it was
+turned: on another way through the splits the wave gathers another quadrature and amplitude. What the wave itself says of all this is
+taken out before anything is blamed on the resonator.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
-from ...fitting.causes.wave_frame import real
+from ...fitting.causes.wave_frame import imaginary, real
 
 Array = np.ndarray
 ABOVE = 10.0
@@ -54,24 +55,43 @@ def steps(series: Series, scale_factor: float) -> list[tuple[int, int, int]]:
 
 
 def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
-    """The series with the steps' angles that its residual asks for, each within its own uncertainty, rows beside the steps left out."""
+    """The series with what its residual says of every step, within the step's own uncertainty, rows beside the steps left out.
+
+    Four numbers a step: the angle turned, which the table's course takes, and the changes of amplitude, phase and quadrature that its
+    unknown way through the splits makes, which the envelopes after it lose.
+    """
     series, flow = fit.series, fit.flow
-    impulse = np.zeros((*flow.middle.shape[:2], 4, len(places)))
-    spread = np.empty(len(places))
-    for j, (k, first, last) in enumerate(places):
-        rows = slice(first, last + 1)
-        v, h = flow.middle[k, rows], series.step_s[k, rows]
-        # one radian over all of them; Simpson's rule of the flow weighs the middle by 4h/6
-        rate = 6 / (4 * h * len(h))
-        impulse[k, rows, :, j] = real(fit.point.p[5] * rate[:, None] * np.stack([v[:, 1], -v[:, 0]], -1))
-        spread[j] = abs(series.rate_rad_s[k, last + 1] - series.rate_rad_s[k, first]) * h.sum() / 2
-    columns = extended_fit.flat(series, flow.seen(flow.carried(np.zeros((*series.weight.shape, 4, len(places))), impulse)))
-    columns = fit.basis.off(columns)
-    spread = np.maximum(spread, 1e-9)
-    angle = np.linalg.solve(columns.T @ columns + np.diag(1 / spread**2), columns.T @ fit.residual)
-    turned, weight = series.table_angle_rad.copy(), series.weight.copy()
-    for (k, first, last), c in zip(places, angle, strict=True):
-        turned[k, first + 1 : last + 2] += c * np.arange(1, last - first + 2) / (last - first + 1)
-        turned[k, last + 2 :] += c
+    splits = float(np.hypot(*fit.point.p[1:3]) + np.hypot(*fit.point.p[3:5]))
+    columns, spread = [], []
+    for k, first, last in places:
+        length = float(series.step_s[k, first : last + 1].sum())
+        unsure = abs(series.rate_rad_s[k, last + 1] - series.rate_rad_s[k, first]) * length / 2
+        columns += _kicks(fit, k, first, last)
+        spread += [unsure, *[abs(fit.point.p[5]) * unsure * splits * length] * 3]
+    seen = flow.seen(np.stack(columns, axis=-1))
+    wide = extended_fit.flat(series, seen)
+    wide = fit.basis.off(wide)
+    prior = np.diag(1 / np.maximum(spread, 1e-12) ** 2)
+    size = np.linalg.solve(wide.T @ wide + prior, wide.T @ fit.residual)
+    table, weight = series.table_angle_rad.copy(), series.weight.copy()
+    for (k, first, last), angle in zip(places, size[::4], strict=True):
+        table[k, first + 1 : last + 2] += angle * np.arange(1, last - first + 2) / (last - first + 1)
+        table[k, last + 2 :] += angle
         weight[k, first : last + 2] = 0.0
-    return replace(series, table_angle_rad=turned, weight=weight)
+    others = np.where(np.arange(len(size)) % 4 == 0, 0.0, size)
+    lost = imaginary(np.stack(columns, axis=-1) @ others)
+    return replace(series, table_angle_rad=table, weight=weight, envelope=series.envelope - lost)
+
+
+def _kicks(fit: Fit, k: int, first: int, last: int) -> list[Array]:
+    """Motion (R, n, 4) after one radian of the table, and after a unit of amplitude, phase and quadrature, over the rows of a step."""
+    series, flow, rows = fit.series, fit.flow, slice(first, last + 1)
+    v, h = flow.middle[k, rows], series.step_s[k, rows, None]
+    turned = np.stack([v[:, 1], -v[:, 0]], -1)
+    out = []
+    for change in (fit.point.p[5] * turned, v, 1j * v, 1j * turned):
+        impulse = np.zeros((*flow.middle.shape[:2], 4, 1))
+        # one unit over all of them; Simpson's rule of the flow weighs the middle by 4h/6
+        impulse[k, rows, :, 0] = real(change * 6 / (4 * h * len(h)))
+        out.append(flow.carried(np.zeros((*series.weight.shape, 4, 1)), impulse)[..., 0])
+    return out
