@@ -21,7 +21,7 @@ MAY_IMPORT = {
     "settings": {"errors"},
     "stages": {"units", "errors", "physics", "effects", "fitting", "records", "settings"},
     "formats": {"units", "errors", "records", "settings", "store"},
-    "studies": {"units", "errors", "physics", "effects", "fitting", "records", "stages"},
+    "studies": {"units", "errors", "physics", "effects", "fitting", "records", "stages", "executors"},
 }
 NUMPY_ONLY = {"physics", "effects"}
 

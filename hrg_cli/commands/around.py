@@ -158,7 +158,13 @@ def _study_names(incomplete: str) -> list[str]:
     return [name for name in STUDIES if name.startswith(incomplete)]
 
 
-@command(app, "study", "hrg study gauss-newton -o study/", idle=ONE_PROCESS | {"strict": "a study has no validity of its own"})
+@command(
+    app,
+    "study",
+    "hrg study gauss-newton -o study/",
+    idle={"strict": "a study has no validity of its own"},
+    says={"jobs": "Processes that share the draws of the diagnosis study; the others use one."},
+)
 def study(
     run: Common,
     name: Annotated[

@@ -1,185 +1,212 @@
 """How well diagnosis names causes: the chance of naming each effect against its size, and what it is taken for when it errs.
 
-For every effect a programme that can see it; sizes in σ of an ideal detector that knows the effect and everything else about the runs
-(Neyman–Pearson: z = size / σ of the parameter beside the base model). Data come from the fast engine through the raw samples.
+Every effect is hidden on random devices in a programme that can show it (`hidden`), data from the fast engine through the raw samples.
+The yardstick is the ideal detector of Neyman and Pearson: it knows the one effect it looks for and its direction, so that it sees a
+size z with the chance Φ(z − z_α) at a false-alarm rate α, that of diagnosis's whole search. Where diagnosis names half, over where the
+ideal detector sees half, is what the search costs: that nobody says beforehand which of all the causes it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import zlib
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from ..effects import EFFECTS, find
-from ..effects.effect import Effect
 from ..errors import UsageError
-from ..records import Wave, collect
-from ..stages.demodulate import demodulate
+from ..executors import local_processes, run_tasks
 from ..stages.diagnose import diagnose, summary
-from ..stages.estimate import estimate
-from ..stages.simulate import run_ids, simulate
+from ..stages.diagnosis.search import SIGNIFICANT
+from .hidden import BESIDE, COHERENT, CYCLED, FORCED, OF_KNOWN_SCALE, STEPPED, WHOLE_SAMPLES, Hiding, hiding, programme, waves
+from .power import coverage, curve, ideal, share
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-NEEDS_DRIVE = {
-    "drive_feedthrough",
-    "drive_gain_mismatch",
-    "drive_nonorthogonality",
-    "drive_rotation",
-    "parasitic_force",
-    "quadrature_drive_phase_error",
+LARGEST_GROUP = 3
+"""Names that a group may have in which the effect counts as named."""
+KINDS = {
+    "plain": "ageing",
+    "forced": "drive_rotation",
+    "forced with loop": "quadrature_drive_phase_error",
+    "cycles": "thermal_gradient",
+    "steps": "centrifugal_stiffness",
 }
-NEEDS_CYCLE = {"thermal_gradient", "thermal_hysteresis"}
-NEEDS_STEPS = {"centrifugal_stiffness"}
-"""Seen within a run only where its rate changes."""
-LEFT_OUT = {"clock_error", "table_rate_error", "finite_quadrature_gain", "thermal_lag", "dropped_samples", "mains_tone", "saturation"}
-"""Not separable from base values, seen only beside another effect, or named by the waveform."""
-RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0)
-FALSE_ALARM = 1e-3
-"""Chance of a false alarm at which the ideal detector is quoted."""
+"""Kinds of programmes, each by an effect that needs it."""
+NOTHING, DESCRIBED = "nothing", "described"
+SURE = 0.99
+"""Chance of the ideal detector from which a size counts in the confusion matrix."""
 
 
 def diagnosis_study(
     *,
-    effects: Annotated[list[str], Field(description="effects to try; none: all that a programme can separate")] = [],  # noqa: B006
-    sizes: Annotated[list[float], Field(description="sizes, in σ of an ideal detector")] = [4.0, 8.0, 16.0, 40.0],  # noqa: B006
-    draws: Annotated[int, Field(ge=1, description="random devices a size")] = 2,
-    controls: Annotated[int, Field(ge=0, description="clean programmes for the false alarms")] = 4,
+    effects: Annotated[list[str], Field(description="effects to hide; none: every one of the catalogue")] = [],  # noqa: B006
+    sizes: Annotated[list[float], Field(min_length=1, description="sizes, in σ of an ideal detector")] = [4.0, 6.0, 10.0],  # noqa: B006
+    draws: Annotated[int, Field(ge=1, description="random devices an effect")] = 2,
+    controls: Annotated[int, Field(ge=0, description="clean programmes of each kind for the false alarms")] = 4,
+    noise: Annotated[float, Field(gt=0, le=0.1, description="noise of a sample, full amplitude 1")] = 3e-4,
     seed: Annotated[int, Field(ge=0, description="seed of devices and noise")] = 0,
+    jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
-    """{power: {effect: {size: share named}}, ideal: {size: share}, confusion: {effect: {named: count}}, false_alarms}."""
-    names = effects or [e.name for e in EFFECTS if e.name not in LEFT_OUT]
-    if set(names) & LEFT_OUT:
-        raise UsageError(f"{', '.join(sorted(set(names) & LEFT_OUT))}: no programme of this study separates it")
-    alarms = sum(_report(_programme(seed + 1000 + k, None, ""), seed + k)["verdict"] != "adequate" for k in range(controls))
-    power: dict[str, dict[str, float]] = {}
-    confusion: dict[str, dict[str, int]] = {}
+    """{sizes, ideal, effects: {name: figures}, all: figures, confusion, controls}; figures: see `effect_figures`."""
+    names = effects or [e.name for e in EFFECTS]
     for name in names:
-        effect = find(name)
-        unit = _unit(effect, seed)
-        power[name], confusion[name] = {}, {}
-        for size in sizes:
-            named = 0
-            for draw in range(draws):
-                values = {p.name: size * unit[p.name] for p in effect.fitted()}
-                values |= {p.name: 22.5 for p in effect.parameters if p.name == "reference_temperature_degc"}
-                table = _programme(seed + draw, {name: values}, name)
-                found = _report(table, seed + draw)["effects"]
-                first = found[0]["name"] if found else "none"
-                group = [first, *(found[0]["indistinguishable_from"] if found else [])]
-                named += name in group[:3]
-                taken = name if name in group[:3] else first
-                confusion[name][taken] = confusion[name].get(taken, 0) + 1
-            power[name][f"{size:g}"] = named / draws
-    return {
-        "power": power,
-        "ideal": {f"{size:g}": _ideal(size) for size in sizes},
-        "confusion": confusion,
-        "false_alarms": {"alarms": alarms, "programmes": controls},
-    }
+        find(name)
+    if min(sizes) <= 0:
+        raise UsageError(f"sizes holds {min(sizes):g}; a size is above 0 σ")
+    tasks: list[tuple[Any, ...]] = [("hidden", name, draw, tuple(sizes), noise, seed) for draw in range(draws) for name in names]
+    tasks += [("clean", kind, draw, (), noise, seed) for draw in range(controls) for kind in KINDS]
+    found = run_tasks(draw_of, tasks, lambda: local_processes(jobs))
+    return assembled([row for rows in found if rows is not None for row in rows], list(sizes))
 
 
-def _ideal(size: float) -> float:
-    """Chance that a detector of one known cause at `FALSE_ALARM` sees it."""
-    from scipy.special import ndtr, ndtri
+def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[dict[str, Any]]:
+    """One device: what diagnosis says of it at every size, or of its clean programme."""
+    sort, name, draw, sizes, noise, seed = task
+    random = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
+    first = int(random.integers(2**31))
+    if sort == "clean":
+        shown = KINDS[name]
+        report = summary(diagnose(waves(programme(random, shown, noise), first, shown)))
+        named = [e["name"] for e in report["effects"]]
+        return [{"clean": name, "named": named, "verdict": report["verdict"]}]
+    hidden = hiding(name, random, noise)
+    rows = []
+    for k, size in enumerate((1.0,) if name in WHOLE_SAMPLES else sizes):
+        report = summary(diagnose(hidden.measured(size, first + k), scale_factor=hidden.scale_factor))
+        rows.append({"hidden": name, "draw": draw, "size": size, **judged(report, hidden, size)})
+    return rows
 
-    return float(ndtr(size + ndtri(FALSE_ALARM / 2)))
 
+def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any]:
+    """The group named first, the outcome, (found − true)/σ of the parameters, whether the upper limit holds the truth.
 
-def _unit(effect: Effect, seed: int) -> dict[str, float]:
-    """One σ of the effect's parameters in its clean programme; with several, the typical shape scaled to joint one σ by the largest σ."""
-    report = _report(_programme(seed, None, effect.name), seed)
-    row = next(t for t in report["tested"] if t["name"] == effect.name)
-    std = [s for s in row["std"] if s is not None]
-    if not std:
-        raise UsageError(f"{effect.name}: the study's programme cannot show it")
-    return {p.name: s / np.sqrt(len(row["std"])) if s is not None else 0.0 for p, s in zip(effect.fitted(), row["std"], strict=True)}
-
-
-def _programme(seed: int, effects: Mapping[str, Any] | None, shown: str) -> dict[str, Any]:
-    """Six runs of two seconds of a random device: several angles, two amplitudes, both signs of rotation, temperature ramps.
-
-    Drives, cycles of temperature or steps of the rate where the effect `shown` needs them to be seen.
+    outcome: "named" (in a group of at most three), "wrong" (another cause), "described" (an open term) or "nothing".
     """
-    random = np.random.default_rng([seed, 77])
-    device = {
-        "frequency_hz": random.uniform(4500, 5500),
-        "damping_rate_1_s": random.uniform(0.25, 0.4),
-        "damping_split_1_s": random.uniform(0.005, 0.02),
-        "damping_axis_rad": random.uniform(0, 1.5),
-        "frequency_split_rad_s": random.uniform(0.05, 0.15),
-        "stiffness_axis_rad": random.uniform(0, 1.5),
-        "scale_factor": random.uniform(0.5, 0.6),
-    }
-    runs = []
-    for k, rate in enumerate(RATES):
-        warm = {"kind": "ramp", "start_degc": 22.0 + k % 3, "stop_degc": 22.0 + k % 3 + (1.0, -0.8, 0.5)[k % 3]}
-        if shown in NEEDS_CYCLE:
-            warm = {"kind": "cycle", "low_degc": 22.0, "high_degc": 23.0, "period_s": (1.0, 1.5, 2.0)[k % 3], "shape": "sine"}
-        driven = shown in NEEDS_DRIVE and k % 2 == 0
-        run: dict[str, Any] = {
-            "run_id": f"run{k}",
-            "start": {
-                "wave_angle_rad": 0.25 * k + random.uniform(0, 0.1),
-                "phase_rad": random.uniform(0, 6),
-                "quadrature": 0.0 if driven else random.uniform(-0.1, 0.1),
-                "amplitude": (1.0, 0.5)[k % 2],
-            },
-            "environment": {"rate_rad_s": rate, "temperature": warm},
-        }
-        if shown in NEEDS_STEPS:
-            run["environment"] |= {"rate": {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}, "rate_rad_s": 0.0}
-        if driven:
-            run["control"] = {"mode": "forced", "quadrature_loop": "finite"}
-        runs.append(run)
+    name, true = hidden.effect.name, hidden.values(size)
+    beside = BESIDE.get(name, {})
+    entries = [e for e in report["effects"] if e["name"] not in beside]
+    group = [entries[0]["name"], *entries[0]["indistinguishable_from"]] if entries else []
+    if group:
+        outcome = "named" if name in group and len(group) <= LARGEST_GROUP else "wrong"
+    else:
+        outcome = NOTHING if report["verdict"] in ("adequate", "explained") else DESCRIBED
+    errors = {}
+    own = next((e for e in entries if e["name"] == name), None)
+    if own is not None:
+        parts = {k: v for k, v in own["parameters"].items() if k in true and v["std"]}
+        sign = 1.0
+        if name in COHERENT:
+            sign = float(np.sign(sum(v["value"] * true[k] / v["std"] ** 2 for k, v in parts.items())) or 1.0)
+        errors = {k: (sign * v["value"] - true[k]) / v["std"] for k, v in parts.items()}
+    row = next((t for t in report["tested"] if t["name"] == name), None)
+    held = None
+    if row is not None and row["upper_limit"] is not None:
+        of_that_unit = [abs(true[p.name] - p.neutral) for p in hidden.effect.fitted() if p.units == row["units"]]
+        held = max(of_that_unit, default=0.0) <= row["upper_limit"]
+    return {"group": group, "outcome": outcome, "errors": errors, "limit_holds": held}
+
+
+def assembled(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, Any]:
+    """The study's figures from the rows of `draw_of`."""
+    hidden = [r for r in rows if "hidden" in r]
+    clean = [r for r in rows if "clean" in r]
+    names = [e.name for e in EFFECTS if any(r["hidden"] == e.name for r in hidden)]
+    own = {name: [r for r in hidden if r["hidden"] == name] for name in names}
+    scaled = [r for r in hidden if r["hidden"] not in WHOLE_SAMPLES]
+    wrong = sum(bool(r["named"]) for r in clean)
     return {
-        "device": device,
-        "recording": {"sample_rate_hz": 20011.0, "duration_s": 2.0},
-        "readout": {"noise": 3e-4},
-        "effects": dict(effects or {}),
-        "run": runs,
+        "sizes": sizes,
+        "false_alarm_rate": SIGNIFICANT,
+        "ideal": ideal(sizes, SIGNIFICANT),
+        "effects": {name: effect_figures(own[name], sizes) | {"programme": programme_of(name)} for name in names},
+        "all": effect_figures(scaled, sizes),
+        "confusion": confusion(own, sizes),
+        "controls": {
+            "alarms": share(sum(r["verdict"] != "adequate" for r in clean), len(clean)),
+            "causes_named": share(wrong, len(clean)),
+            "alarmed": [r for r in clean if r["verdict"] != "adequate"],
+        },
     }
 
 
-def _report(table: dict[str, Any], seed: int) -> dict[str, Any]:
-    waves: list[Wave] = []
-    for run in run_ids(table):
-        periods = collect(demodulate(collect(simulate(table, run=run, seed=seed)), periods_per_window=40.0))
-        waves.append(collect(estimate(periods)))
-    return summary(diagnose(waves))
+def effect_figures(rows: Sequence[dict[str, Any]], sizes: Sequence[float]) -> dict[str, Any]:
+    """Of one effect (or all): chance of naming by size with its 95 % interval, size at which half and 90 % are named, what goes wrong.
+
+    `cost`: half-size over the ideal detector's; `error_rms` and `within_1_96` of (found − true)/σ; `limits_hold`: share of all draws in
+    which the effect was named or lies below its 95 % upper limit.
+    """
+
+    def chance(at: Sequence[dict[str, Any]]) -> list[float | None]:
+        return share(sum(r["outcome"] == "named" for r in at), len(at))
+
+    named = {f"{s:g}": chance(at) for s in sizes if (at := [r for r in rows if r["size"] == s])}
+    fitted = curve([(r["size"], r["outcome"] == "named") for r in rows])
+    if not named:  # no size but its own
+        named, fitted = {"any": chance(rows)}, dict.fromkeys(fitted)
+    limits = [r["limit_holds"] is not False for r in rows if r["outcome"] != "wrong"]
+    return {
+        "named": named,
+        **fitted,
+        "cost": None if fitted["half"] is None else fitted["half"] / ideal([], SIGNIFICANT)["half"],
+        "wrong": share(sum(r["outcome"] == "wrong" for r in rows), len(rows)),
+        "described": share(sum(r["outcome"] == DESCRIBED for r in rows), len(rows)),
+        **coverage([e for r in rows for e in r["errors"].values()]),
+        "limits_hold": share(sum(limits), len(limits)),
+    }
+
+
+def programme_of(name: str) -> str:
+    """What the effect needs to be seen, in words."""
+    needs = {
+        "every other run forced": name in FORCED,
+        "temperature in cycles": name in CYCLED,
+        "rate in steps": name in STEPPED,
+        "scale factor known": name in OF_KNOWN_SCALE,
+        "one sample lost": name in WHOLE_SAMPLES,
+        f"beside {', '.join(BESIDE.get(name, {}))}": name in BESIDE,
+    }
+    return ", ".join(words for words, needed in needs.items() if needed) or "free runs"
+
+
+def confusion(own: dict[str, list[dict[str, Any]]], sizes: Sequence[float]) -> dict[str, dict[str, float]]:
+    """{hidden: {named: share}} at the sizes that an ideal detector is sure of; a group shares its count."""
+    seen = [s for s in sizes if ideal([s], SIGNIFICANT)["chance"][f"{s:g}"] >= SURE] or [max(sizes)]
+    out: dict[str, dict[str, float]] = {}
+    for name, rows in own.items():
+        at = [r for r in rows if r["size"] in seen or name in WHOLE_SAMPLES]
+        out[name] = {}
+        for row in at:
+            for one in row["group"] or [row["outcome"]]:
+                out[name][one] = out[name].get(one, 0.0) + 1 / (len(at) * max(1, len(row["group"])))
+    return out
 
 
 def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """The power table: a row an effect, the ideal detector last."""
-    sizes = list(study["ideal"])
-    rows = [(name, *(f"{row[s]:.2f}" for s in sizes)) for name, row in study["power"].items()]
-    return ("named at size/σ", *sizes), [*rows, ("ideal detector", *(f"{study['ideal'][s]:.2f}" for s in sizes))]
+    """The power table: a row an effect, then all together and the ideal detector."""
+    sizes = [f"{s:g}" for s in study["sizes"]]
+
+    def row(name: str, f: dict[str, Any]) -> tuple[Any, ...]:
+        chance = [f"{f['named'][s][0]:.2f}" if s in f["named"] else "" for s in sizes]
+        if "any" in f["named"]:
+            chance[-1] = f"{f['named']['any'][0]:.2f}"
+        number = [("" if f[k] is None else f"{f[k]:.1f}") for k in ("half", "ninety", "cost")]
+        rms = "" if f["error_rms"] is None else f"{f['error_rms']:.2f}"
+        return (name, *chance, *number, f"{f['wrong'][0]:.2f}", rms)
+
+    rows = [row(name, figures) for name, figures in study["effects"].items()]
+    best = study["ideal"]
+    last = ("ideal detector", *(f"{best['chance'][s]:.2f}" for s in sizes), f"{best['half']:.1f}", f"{best['ninety']:.1f}", "1.0", "", "")
+    heads = ("named at size/σ", *sizes, "half at", "90 % at", "cost", "wrong", "error/σ")
+    return heads, [*rows, row("all", study["all"]), last]
 
 
 def figure(study: dict[str, Any]) -> Figure:
-    """Power against size on the left, the confusion matrix on the right."""
-    from matplotlib.figure import Figure
+    """Power against size and the sizes of half power on the left, the confusion matrix on the right."""
+    from .power import figure as drawn
 
-    names = list(study["confusion"])
-    named = list(dict.fromkeys([*names, *(k for row in study["confusion"].values() for k in row)]))
-    drawing = Figure(figsize=(14, 7), layout="constrained")
-    left, right = drawing.subplots(1, 2, width_ratios=(1, 1.4))
-    sizes = [float(s) for s in study["ideal"]]
-    for row in study["power"].values():
-        left.plot(sizes, list(row.values()), color="0.6", marker=".")
-    left.plot(sizes, list(study["ideal"].values()), color="C1", label="ideal detector")
-    left.set(xscale="log", xlabel="size over σ of an ideal detector", ylabel="chance of being named", ylim=(-0.02, 1.02))
-    left.set_xticks(sizes, [f"{size:g}" for size in sizes])
-    left.minorticks_off()
-    left.legend()
-    counts = np.array([[study["confusion"][a].get(b, 0) for b in named] for a in names], float)
-    image = right.imshow(counts / np.maximum(counts.sum(1, keepdims=True), 1), cmap="Greys", vmin=0, vmax=1, aspect="auto")
-    right.set_xticks(range(len(named)), named, rotation=90)
-    right.set_yticks(range(len(names)), names)
-    right.set(xlabel="named", ylabel="hidden")
-    drawing.colorbar(image, ax=right, label="share")
-    return drawing
+    return drawn(study)

@@ -1,0 +1,217 @@
+"""Programmes with one hidden effect of a stated size, for the diagnosis study: random devices, what each effect needs to be seen, sizes.
+
+A size is in σ of an ideal detector: one that knows the effect and its direction, and the base model as well as these runs show it,
+z = |s⊥ d| with s⊥ the effect's sensitivities over σ beside the base model's Jacobian, d the parameters' values.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects import find
+from ..effects.effect import Effect
+from ..errors import UsageError
+from ..fitting.causes import extended_fit
+from ..fitting.causes.extended_fit import Fit
+from ..fitting.causes.wave_frame import real
+from ..records import Wave, collect
+from ..stages.demodulate import demodulate
+from ..stages.diagnosis.data import freedom_of, prepare
+from ..stages.diagnosis.rate_steps import settled
+from ..stages.estimate import estimate
+from ..stages.simulate import run_ids, simulate
+
+Array = np.ndarray
+SAMPLE_RATE_HZ, DURATION_S = 20011.0, 2.0
+RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0)
+REFERENCE_DEGC = 22.5
+FORCED = {
+    "drive_feedthrough",
+    "drive_gain_mismatch",
+    "drive_nonorthogonality",
+    "drive_rotation",
+    "finite_quadrature_gain",
+    "parasitic_force",
+    "quadrature_drive_phase_error",
+}
+"""Absent while the drive is off: every other run is forced."""
+CYCLED = {"thermal_gradient", "thermal_hysteresis", "thermal_lag"}
+"""Shown by cycles of temperature; on one ramp they are a slope."""
+STEPPED = {"centrifugal_stiffness"}
+"""Shown within a run only where its rate changes."""
+OF_KNOWN_SCALE = {"clock_error", "table_rate_error"}
+"""Exactly the scale factor, or frequency, damping and scale factor together: shown only where K is known from elsewhere."""
+ONE_SIGN = {"finite_quadrature_gain", "inertial_nonlinearity", "nonlinear_damping", "saturation", "thermal_lag"}
+"""Parameters that physics forbids to be negative."""
+COHERENT = {"coherent_offset", "drive_feedthrough", "parasitic_force"}
+"""The common sign of their parameters is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave."""
+WHOLE_SAMPLES = {"dropped_samples"}
+"""No size below one sample, which is thousands of σ."""
+BESIDE = {"thermal_lag": {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": REFERENCE_DEGC}}}
+"""What an effect needs beside it to do anything."""
+ALL_ROWS = 1500
+
+
+@dataclass(frozen=True)
+class Hiding:
+    """An effect on a device: the tables of its programme without it, values of one σ, and what it needs to be seen.
+
+    `values(size)` are the effect's parameters at a size in σ.
+    """
+
+    effect: Effect
+    table: Mapping[str, Any]
+    neutral: Mapping[str, float]
+    direction: Mapping[str, float]
+    fit: Fit
+    scale_factor: float | None
+
+    def values(self, size: float) -> dict[str, float]:
+        """The effect's parameters at a size; a clipping level has no slope, its size is sought."""
+        if self.effect.name == "saturation":
+            return {"inverse_level": _clipping(self.effect, self.fit, size)}
+        return {name: value + size * self.direction.get(name, 0.0) for name, value in self.neutral.items()}
+
+    def measured(self, size: float | None, seed: int) -> list[Wave]:
+        """Waves of the programme with the effect at a size, or without it."""
+        effects = dict(BESIDE.get(self.effect.name, {}))
+        if size is not None:
+            effects[self.effect.name] = self.values(size)
+        return waves({**self.table, "effects": effects}, seed, self.effect.name)
+
+
+def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
+    """A random device, start and direction for an effect. UsageError: its programme does not show it."""
+    effect = find(name)
+    table = programme(random, name, noise)
+    beside = BESIDE.get(name, {})
+    seed = int(random.integers(2**31))
+    K = table["device"]["scale_factor"] if name in OF_KNOWN_SCALE else None
+    fit = base_fit(waves({**table, "effects": beside}, seed, name), K, beside)
+    neutral = effect.values()
+    if "reference_temperature_degc" in neutral:
+        neutral["reference_temperature_degc"] = REFERENCE_DEGC
+    if name in WHOLE_SAMPLES:
+        lost = {"lost_s": 1 / SAMPLE_RATE_HZ, "time_s": float(random.uniform(0.2, 0.8)) * DURATION_S}
+        # one sample at "size 1", whatever that is in σ
+        return Hiding(effect, table, neutral, lost, fit, K)
+    if name == "mains_tone":
+        away = float(random.choice([-1, 1]) * random.uniform(5, 50))
+        neutral["frequency_hz"] = table["device"]["frequency_hz"] + away
+        vector = dict(zip(("c_cos", "c_sin", "s_cos", "s_sin"), map(float, random.standard_normal(4)), strict=True))
+        trial = {**neutral, **{k: 10 * noise * v for k, v in vector.items()}}
+        seen = prepare(waves({**table, "effects": {name: trial}}, seed, name), K, ALL_ROWS)[0].envelope - fit.series.envelope
+        z = float(np.linalg.norm(_beside(extended_fit.flat(fit.series, real(seen) * fit.series.weight[..., None]), fit)))
+        return Hiding(effect, table, neutral, {k: 10 * noise * v / z for k, v in vector.items()}, fit, K)
+    if name == "saturation":
+        return Hiding(effect, table, neutral, {}, fit, K)
+    return Hiding(effect, table, neutral, _direction(effect, fit, neutral, random), fit, K)
+
+
+def _direction(effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
+    """A random direction of the parameters, its length one σ; parameters that these runs do not show stay neutral."""
+    steps = extended_fit.steps_of(effect, extended_fit.amplitude_of(fit.series))
+    S = extended_fit.sensitivity(fit.flow, effect, neutral, steps)
+    free = _beside(S, fit)
+    whole, size = np.linalg.norm(S, axis=0), np.linalg.norm(free, axis=0)
+    shown = size > 1e-6 * whole
+    if not shown.any():
+        raise UsageError(f"{effect.name}: the study's programme cannot show it")
+    d = np.where(shown, random.standard_normal(len(size)) / np.where(size > 0, size, 1.0), 0.0)
+    d = np.abs(d) if effect.name in ONE_SIGN else d
+    d /= np.linalg.norm(free @ d)
+    return dict(zip(steps, map(float, d), strict=True))
+
+
+def _clipping(effect: Effect, fit: Fit, size: float) -> float:
+    """1/level at which the clipped read-out stands `size` σ out of the base model."""
+    u, weight = fit.prediction.seen, fit.series.weight[..., None]
+    low = 1 / float(np.abs(fit.series.envelope)[fit.series.weight > 0].max())
+    high = 3 * low
+    for _ in range(50):
+        middle = (low + high) / 2
+        change = real((effect.slow_readout({"inverse_level": middle}, u, None) - u) * weight)  # type: ignore[arg-type]
+        z = float(np.linalg.norm(_beside(extended_fit.flat(fit.series, change), fit)))
+        low, high = (middle, high) if z < size else (low, middle)
+    return low
+
+
+def _beside(columns: Array, fit: Fit) -> Array:
+    """Columns over σ without what the base model can do, projected twice against rounding."""
+    left = columns - fit.basis @ (fit.basis.T @ columns)
+    return left - fit.basis @ (fit.basis.T @ left)
+
+
+def base_fit(runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]) -> Fit:
+    """The base model's fit at the windows' own rate, with the effects that stand beside the hidden one."""
+    series, point, _ = prepare(runs, scale_factor, ALL_ROWS)
+    fit = settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+    for name, values in beside.items():
+        fit = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, find(name), values), fit.freedom)
+    return fit
+
+
+def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str, Any]:
+    """Six runs of a random device: several angles, two amplitudes, both signs of rotation, temperature ramps.
+
+    Forced runs, cycles of temperature or steps of the rate where the effect `shown` needs them to be seen.
+    """
+    device = {
+        "frequency_hz": random.uniform(4500, 5500),
+        "damping_rate_1_s": random.uniform(0.25, 0.4),
+        "damping_split_1_s": random.uniform(0.005, 0.02),
+        "damping_axis_rad": random.uniform(0, 1.5),
+        "frequency_split_rad_s": random.uniform(0.05, 0.15),
+        "stiffness_axis_rad": random.uniform(0, 1.5),
+        "scale_factor": random.uniform(0.5, 0.6),
+    }
+    runs = []
+    for k, rate in enumerate(RATES):
+        start = 22.0 + k % 3
+        warm: dict[str, Any] = {"kind": "ramp", "start_degc": start, "stop_degc": start + (1.0, -0.8, 0.5)[k % 3]}
+        if shown in CYCLED:
+            warm = {"kind": "cycle", "low_degc": 22.0, "high_degc": 23.0, "period_s": (1.0, 1.5, 2.0)[k % 3], "shape": "sine"}
+        driven = shown in FORCED and k % 2 == 0
+        # a loop that is not there, or of unknown gain, shows by the quadrature it lets decay
+        quadrature = 0.05 if shown == "finite_quadrature_gain" else 0.0
+        run: dict[str, Any] = {
+            "run_id": f"run{k}",
+            "start": {
+                "wave_angle_rad": 0.25 * k + random.uniform(0, 0.1),
+                "phase_rad": random.uniform(0, 6),
+                "quadrature": quadrature if driven else random.uniform(-0.1, 0.1),
+                "amplitude": (1.0, 0.5)[k % 2],
+            },
+            "environment": {"rate_rad_s": rate, "temperature": warm},
+        }
+        if shown in STEPPED:
+            run["environment"] |= {"rate": {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}, "rate_rad_s": 0.0}
+        if driven:
+            loop = "finite" if shown == "quadrature_drive_phase_error" else "off"
+            run["control"] = {"mode": "forced", "quadrature_loop": loop}
+        runs.append(run)
+    return {
+        "device": {name: float(value) for name, value in device.items()},
+        "recording": {"sample_rate_hz": SAMPLE_RATE_HZ, "duration_s": DURATION_S},
+        "readout": {"noise": noise},
+        "effects": {},
+        "run": runs,
+    }
+
+
+def waves(table: Mapping[str, Any], seed: int, shown: str) -> list[Wave]:
+    """What the chain makes of the programme's raw samples; a loop of unknown gain comes without a log of its command."""
+    table = copy.deepcopy(dict(table))
+    out: list[Wave] = []
+    for run in run_ids(table):
+        periods = collect(demodulate(collect(simulate(table, run=run, seed=seed)), periods_per_window=40.0))
+        wave: Wave = collect(estimate(periods))
+        if shown == "finite_quadrature_gain" and wave.mode == "forced":
+            wave = wave.replace(drive_main=None, drive_quadrature=None)
+        out.append(wave)
+    return out
