@@ -143,8 +143,7 @@ def _clipping(effect: Effect, fit: Fit, size: float) -> float:
 
 def _beside(columns: Array, fit: Fit) -> Array:
     """Columns over σ without what the base model can do, projected twice against rounding."""
-    left = columns - fit.basis @ (fit.basis.T @ columns)
-    return left - fit.basis @ (fit.basis.T @ left)
+    return fit.basis.off(fit.basis.off(columns))
 
 
 def base_fit(runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]) -> Fit:
