@@ -57,7 +57,7 @@ def report(
         "effects": [_effect(one, search.final, noise_factor, by_name) for one in search.found],
         "after": _figures(search.final),
         "gain": figures(gain),
-        "tested": _tested(search, noise_factor, by_name),
+        "tested": _tested(search, noise_factor, by_name, candidates),
         "not_separable": _not_separable(search, by_name),
         "noise_factor": noise_factor,
         "correlations": _correlations(search),
@@ -139,7 +139,7 @@ def _beside_the_others(one: Found, fit: Fit, noise_factor: float) -> tuple[float
     return float(z * (sign or 1.0)), p
 
 
-def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant]) -> list[dict[str, Any]]:
+def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant], candidates: Sequence[Variant]) -> list[dict[str, Any]]:
     """Every candidate: score beside the base model, 95 % upper limit of its size beside what was found."""
     found = {one.variant.effect.name for one in search.found}
     last = {s.name: s for s in search.last}
@@ -147,6 +147,8 @@ def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant]) ->
     for score in search.first:
         later = last.get(score.name, score)
         limit, units = _limit(later, noise_factor, by_name[score.name])
+        if score.name == "saturation" and score.name not in found:
+            limit = _clipping_limit(search.final, noise_factor, [v for v in candidates if v.effect.name == score.name])
         first = by_name[score.name].effect.fitted()[0]
         row = {
             "name": score.name,
@@ -180,6 +182,20 @@ def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float |
     k = finite[0]
     same = [j for j in finite if units[names[j]] == units[names[k]]]
     return float(max(sizes[j] for j in same)), units[names[k]]
+
+
+def _clipping_limit(fit: Fit, noise_factor: float, levels: Sequence[Variant]) -> float | None:
+    """1/level of the highest of these levels at which the data exclude clipping in its full strength; None where they exclude none.
+
+    Clipping has no small size that grows in proportion: a score at one level says which part of that clipping is there.
+    """
+    for variant in sorted(levels, key=lambda v: v.steps["inverse_level"]):
+        inverse = variant.steps["inverse_level"]
+        S = fit.sensitivities([variant.wanted])[0]
+        score = evidence.score(variant.effect.name, fit.residual, S, fit.basis)
+        if score.visible and score.estimate[0] + ONE_SIDED * score.std[0] * np.sqrt(noise_factor) < inverse:
+            return inverse
+    return None
 
 
 def _not_separable(search: Search, by_name: dict[str, Variant]) -> list[dict[str, Any]]:
