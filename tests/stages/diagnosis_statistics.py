@@ -149,6 +149,12 @@ def true_gain(runs, effects):
     return float(gain.before.mean() / gain.after.mean())
 
 
+def gain_without(runs, clean):
+    """Fall of the held-out mean squared error where the effect is taken out by truth: the same noise without it."""
+    gain = held_out(base_of(runs), base_of(clean)).errors
+    return float(gain.before.mean() / gain.after.mean())
+
+
 def clean_programme(seed):
     """(table, periods a window, temperature logged) of a clean gyro: any mode, frequency, noise, converter, rates, temperatures."""
     random = np.random.default_rng([seed, 5])
