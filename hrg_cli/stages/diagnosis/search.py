@@ -86,7 +86,7 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
         if effect.name == IN_THE_LOG and np.any(series.quadrature_drive):
             continue
         if effect.name == "saturation":
-            for share in (0.7, 0.8, 0.88, 0.94, 0.98):
+            for share in (0.7, 0.8, 0.88, 0.94, 0.98, 0.998):
                 out.append(Variant(effect, values, {"inverse_level": 1 / (share * float(np.quantile(seen, 0.999)))}))
             continue
         out.append(Variant(effect, values, steps))
