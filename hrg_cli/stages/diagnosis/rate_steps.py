@@ -27,6 +27,8 @@ LONGEST = 8
 SHARE = 0.25
 """Part of a run's rows that steps may take."""
 ROUNDS = 2
+WAY = 1 / 9
+"""A step at an instant by chance within h, the angle over h known: ∫δθ dt scatters by ΔΩ h²/18, as a part of ΔΩ h/2 · h."""
 
 
 def settled(fit: Fit) -> Fit:
@@ -67,7 +69,7 @@ def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
         length = float(series.step_s[k, first : last + 1].sum())
         unsure = abs(series.rate_rad_s[k, last + 1] - series.rate_rad_s[k, first]) * length / 2
         columns += _kicks(fit, k, first, last)
-        spread += [unsure, *[abs(fit.point.p[5]) * unsure * splits * length] * 3]
+        spread += [unsure, *[abs(fit.point.p[5]) * unsure * splits * length * WAY] * 3]
     seen = flow.seen(np.stack(columns, axis=-1))
     wide = extended_fit.flat(series, seen)
     wide = fit.basis.off(wide)
