@@ -149,6 +149,11 @@ def scale_of_one_sign(p, plant, env):
     plant.scale_factor = plant.scale_factor * (1 + p["size"] * np.sign(env.rate_rad_s))
 
 
+def scale_by_temperature(p, plant, env):
+    """K follows temperature."""
+    plant.scale_factor = plant.scale_factor * (1 + p["size"] * (env.temperature_degc - 22))
+
+
 def precession_by_inverse_amplitude(p, plant, env):
     omega, size = plant.mechanics.omega_rad_s, p["size"]
 
@@ -215,6 +220,9 @@ STRANGERS = {
     "damping split modulated": Stranger({"plant": split_modulated}, 1e-2, "damping split", "time", r"tone of 2\.[45]", 1e-2),
     "split that settles": Stranger({"plant": split_settling}, 1e-2, "frequency split", "time", r"e\^\(−t/0\.[45]", 1e-2),
     "scale of one sign": Stranger({"plant": scale_of_one_sign}, 2e-3, "turning", "rate", r"\|Ω\|", programme={"runs": 8}),
+    "scale by temperature": Stranger(
+        {"plant": scale_by_temperature}, 1e-3, "turning", "rate and temperature", r"Ω/Ω₀ × \(T − T₀\)/ΔT", programme={"runs": 8}
+    ),
     "precession by 1/a": Stranger({"plant": precession_by_inverse_amplitude}, 4e-3, "turning", "amplitude", "a₀/a"),
     "kick": Stranger({"plant": kicked}, 3e-3, "", "time", r"step at t = (0\.99|1\.0)"),
     "gain step of C": Stranger({"readout": gain_step_of_one_channel}, 1e-3, "gain of C", "time", r"step at t = 1\.", 1e-3),

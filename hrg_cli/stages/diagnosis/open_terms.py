@@ -17,6 +17,8 @@ from ...fitting.causes.extended import Series
 from ...physics import ellipse
 
 Array = np.ndarray
+LEAST_KELVIN = 1e-6
+"""Range of temperature below which it is constant but for rounding."""
 HARMONICS = (1, 2, 3, 4, 6, 8)
 """Of mθ: the harmonic theorem's, those of two defects together, and 12θ, 16θ of an HRG's electrodes."""
 STEPS, DECAYS = 15, 4
@@ -111,7 +113,7 @@ def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterat
     for power, formula in ((1, "a/a₀"), (2, "(a/a₀)²"), (3, "(a/a₀)³"), (4, "(a/a₀)⁴"), (-1, "a₀/a")):
         yield Covariate("amplitude", formula, _of_amplitude(power, a0))
     warm = series.temperature_degc[good]
-    if np.ptp(warm) > 0:
+    if np.ptp(warm) > LEAST_KELVIN:
         mean, scale = float(warm.mean()), float(np.ptp(warm))
         yield Covariate("temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale))
         yield Covariate("temperature", "((T − T₀)/ΔT)²", lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2))
@@ -125,6 +127,10 @@ def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterat
         yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
         yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
         yield Covariate("rate", "(Ω/Ω₀)³", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 3))
+        if np.ptp(warm) > LEAST_KELVIN:
+            # a scale factor that follows temperature
+            product = lambda u, s: _one(u, s.rate_rad_s / fastest * (s.temperature_degc - mean) / scale)  # noqa: E731
+            yield Covariate("rate and temperature", "Ω/Ω₀ × (T − T₀)/ΔT", product)
         if np.ptp(series.table_angle_rad[good]) > 1:
             for n in (1, 2):
                 yield Covariate(f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), 2, n)
