@@ -7,11 +7,13 @@ from diagnosis_programme import programme, verdict, waves
 from hrg_cli.stages.diagnose import diagnose, summary
 
 
-def test_a_tone_keeps_its_size_where_the_windows_damp_it():
+@pytest.mark.parametrize("offset_hz", (32.0, 55.0))
+def test_a_tone_keeps_its_size_where_the_windows_damp_it(offset_hz):
+    """8 ms leave 0.89 of it at 32 Hz and 0.69 at 55 Hz, of which the curvature that demodulate puts back makes 5.6 % and 0.3 % more."""
     table = programme(5, runs=4)
-    tone = {"c_cos": 2e-4, "c_sin": -1e-4, "s_cos": 5e-5, "s_sin": 1.5e-4}
-    table["effects"] = {"mains_tone": {"frequency_hz": table["device"]["frequency_hz"] + 55.0, **tone}}
-    out = summary(diagnose(waves(table, periods_per_window=40.0)))  # 8 ms at 55 Hz: 0.71 of it is left
+    tone = {"c_cos": 4e-4, "c_sin": -2e-4, "s_cos": 1e-4, "s_sin": 3e-4}
+    table["effects"] = {"mains_tone": {"frequency_hz": table["device"]["frequency_hz"] + offset_hz, **tone}}
+    out = summary(diagnose(waves(table, periods_per_window=40.0)))
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
     for name, true in tone.items():
         found = out["effects"][0]["parameters"][name]

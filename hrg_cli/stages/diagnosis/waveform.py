@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...effects import find
+from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
 from ...records import Wave
 from .tones import Tone
@@ -245,12 +246,16 @@ def _lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
 
 
 def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
-    """A tone near the resonance; a window of length T shows sin(πTδ)/(πTδ) of what beats at δ.
+    """A tone near the resonance; a window of length T shows sin(πx)/(πx)·(1 + E(1 + cE)/24), x = Tδ, of what beats at δ.
+
+    The second factor is the curvature that demodulate puts back, from h windows on either side: E = (2 sin(πhx)/h)².
 
     σ of its frequency over runs of length T: √(12/χ²)/2πT, the Cramér–Rao bound with the phases free.
     """
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
-    response = float(np.sinc((tone.frequency_hz - frequency_hz) * float(np.median([w.window_s for w in waves]))))
+    turns = (tone.frequency_hz - frequency_hz) * float(np.median([w.window_s for w in waves]))
+    bend = float((2 * np.sin(np.pi * BEND * turns) / BEND) ** 2)
+    response = float(np.sinc(turns)) * (1 + bend * (1 + CURVED * bend) / 24)
     tone = replace(tone, vector=tone.vector / response, std=tone.std / abs(response)) if abs(response) > 0.05 else tone
     weight = 1 / tone.std**2
     mean = np.sum(tone.vector * weight[:, None], axis=0) / weight.sum()
