@@ -154,6 +154,11 @@ def scale_by_temperature(p, plant, env):
     plant.scale_factor = plant.scale_factor * (1 + p["size"] * (env.temperature_degc - 22))
 
 
+def ageing_scale(p, plant, env):
+    """K falls in time."""
+    plant.scale_factor = plant.scale_factor * (1 - p["size"] * env.time_s)
+
+
 def precession_by_inverse_amplitude(p, plant, env):
     omega, size = plant.mechanics.omega_rad_s, p["size"]
 
@@ -220,6 +225,7 @@ STRANGERS = {
     "damping split modulated": Stranger({"plant": split_modulated}, 1e-2, "damping split", "time", r"tone of 2\.[45]", 1e-2),
     "split that settles": Stranger({"plant": split_settling}, 1e-2, "frequency split", "time", r"e\^\(−t/0\.[45]", 1e-2),
     "scale of one sign": Stranger({"plant": scale_of_one_sign}, 2e-3, "turning", "rate", r"\|Ω\|", programme={"runs": 8}),
+    "scale factor that ages": Stranger({"plant": ageing_scale}, 2e-3, "turning", "rate and time", "× t/T", programme={"runs": 8}),
     "scale by temperature": Stranger(
         {"plant": scale_by_temperature}, 1e-3, "turning", "rate and temperature", r"Ω/Ω₀ × \(T − T₀\)/ΔT", programme={"runs": 8}
     ),

@@ -91,6 +91,8 @@ class Covariate:
     harmonic: int = 0
     """Of the wave angle θ, or of the table's angle."""
     shape: Shape | None = None
+    places: tuple[str, ...] = ()
+    """Names of the places it makes sense at; all where none is named."""
 
 
 @dataclass(frozen=True)
@@ -127,10 +129,10 @@ def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterat
         yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
         yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
         yield Covariate("rate", "(Ω/Ω₀)³", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 3))
+        yield _scale_factor("time", "t/T", lambda u, s: s.time_s / span, fastest)
+        yield _scale_factor("amplitude", "(a/a₀)²", lambda u, s: (_amplitude(u) / a0) ** 2, fastest)
         if np.ptp(warm) > LEAST_KELVIN:
-            # a scale factor that follows temperature
-            product = lambda u, s: _one(u, s.rate_rad_s / fastest * (s.temperature_degc - mean) / scale)  # noqa: E731
-            yield Covariate("rate and temperature", "Ω/Ω₀ × (T − T₀)/ΔT", product)
+            yield _scale_factor("temperature", "(T − T₀)/ΔT", lambda u, s: (s.temperature_degc - mean) / scale, fastest)
         if np.ptp(series.table_angle_rad[good]) > 1:
             for n in (1, 2):
                 yield Covariate(f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), 2, n)
@@ -145,6 +147,13 @@ def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterat
         yield decay_of(series, -k * np.log(2))
     for number in cycles:
         yield tone_of(series, number)
+
+
+def _scale_factor(name: str, formula: str, follows: Callable[[Array, Any], Array], fastest: float) -> Covariate:
+    """What a scale factor does that follows something: the rate times that, at the turning alone."""
+    return Covariate(
+        f"rate and {name}", f"Ω/Ω₀ × {formula}", lambda u, s: _one(u, follows(u, s) * s.rate_rad_s / fastest), places=("turning",)
+    )
 
 
 def _of_time(power: float, span: float) -> Function:

@@ -66,7 +66,7 @@ def _pairs(fit: Fit) -> Iterator[tuple[Place, Covariate]]:
     """All terms looked through."""
     for covariate in covariates(fit.series, fit.flow.prediction.motion, peaks(fit)):
         for place in PLACES:
-            if covariate.formula != "1" or place.readout:
+            if (covariate.formula != "1" or place.readout) and (not covariate.places or place.name in covariate.places):
                 yield place, covariate
 
 

@@ -99,6 +99,8 @@ def concluded(
             # beside open terms too a cause must earn its place
             if outdone and (best is None or value < best[0] - CLEARLY * noise_factor):
                 best = value, replace(search, final=start, found=search.found[:count], last=ranked), described
+            if mimic:  # an open term does better than the next cause: the list ends here
+                break
         if beyond is None:
             break
         start = beyond
