@@ -17,6 +17,15 @@ def test_a_stiffness_lowered_by_rotation_is_found_from_runs_of_one_rate_each():
     assert out["frequencies"]["follow"] == ["centrifugal_stiffness"]
 
 
+def test_a_stiffness_lowered_by_rotation_is_found_and_sized_in_runs_whose_rate_steps():
+    """What a step of the rate leaves unknown takes no part of a cause that acts between the steps."""
+    steps = {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}
+    _, out = verdict(programme(4, {"centrifugal_stiffness": {"coefficient": 20.0}}, rate=steps))
+    assert [e["name"] for e in out["effects"]] == ["centrifugal_stiffness"] and out["verdict"] == "explained"
+    found = out["effects"][0]["parameters"]["coefficient"]
+    assert abs(found["value"] - 20.0) < 4 * found["std"] and found["std"] < 1.0
+
+
 def test_frequencies_follow_temperatures_that_stand_still_in_every_run():
     table = programme(4, {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}}, runs=6)
     for run, warm in zip(table["run"], (20.0, 23.0, 26.0, 25.0, 21.0, 24.0), strict=True):

@@ -19,6 +19,7 @@ from ...physics.plant import SlowState
 from ...physics.resonator import Mechanics
 from ..envelopes import coordinates
 from .colour import Colour
+from .evidence import Basis
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
@@ -66,6 +67,8 @@ class Series:
     """Every row's phase is its own: what turns both channels together is neither fitted nor judged."""
     colour: Colour | None = None
     """Noise that wanders: residuals and sensitivities are whitened by it after σ."""
+    unsettled: Basis | None = None
+    """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are taken off it (white noise only)."""
 
     @property
     def step_s(self) -> Array:
@@ -77,7 +80,8 @@ class Series:
         index = list(index)
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
         colour = None if self.colour is None else self.colour.runs(index)
-        return replace(self, names=tuple(self.names[i] for i in index), turn_rad_s=self.turn_rad_s[index], colour=colour, **cut)
+        names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
+        return replace(self, names=names, turn_rad_s=turn, colour=colour, unsettled=None, **cut)
 
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""

@@ -82,7 +82,8 @@ class Fit:
     def dof(self) -> int:
         """Degrees of freedom."""
         given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
-        return max(1, len(self.residual) - given_up - self.design.shape[1])
+        unknown = self.series.unsettled.shape[1] if self.series.unsettled is not None and self.series.colour is None else 0
+        return max(1, len(self.residual) - given_up - unknown - self.design.shape[1])
 
     @property
     def frequency_hz(self) -> Array:
@@ -123,11 +124,13 @@ def amplitude_of(series: Series) -> float:
 
 
 def flat(series: Series, values: Array) -> Array:
-    """(R, n, 4, …) -> rows with weight only, (N, …)."""
+    """(R, n, 4, …) -> rows with weight only, (N, …), off what is unsettled."""
     keep = series.weight > 0
     if keep.all():
-        return values.reshape(-1, *values.shape[3:])
-    return values[np.broadcast_to(keep[..., None], values.shape[:3])]
+        rows = values.reshape(-1, *values.shape[3:])
+    else:
+        rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
+    return rows if series.unsettled is None or series.colour is not None else series.unsettled.off(rows)
 
 
 def sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> Array:

@@ -146,7 +146,7 @@ def _first_part(series: Series) -> Series | None:
     keep = good & (series.time_s <= (start + TRAIN * (end - start))[:, None])
     if keep.sum(axis=1).min() < FEWEST_ROWS or (good & ~keep).sum() < BLOCKS:
         return None
-    return replace(series, weight=np.where(keep, series.weight, 0.0))
+    return replace(series, weight=np.where(keep, series.weight, 0.0), unsettled=None)
 
 
 def _gain(before: Errors, after: Errors, rng: np.random.Generator) -> dict[str, Any]:

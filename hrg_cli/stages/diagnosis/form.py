@@ -145,15 +145,13 @@ def better(search: Search, trained: Trained, noise_factor: float, most: int) -> 
     if place is None or (len(search.found) > 1 and not coloured):
         return search, None
     with contextlib.suppress(extended_fit.DivergedError):
-        # what a cause that is missing would do must not be taken for a forbidden damping: judged is the search's own model, whole
-        low, low_std = least_damping(search.final)
-        inflate, amplitude = noise_factor**0.5, extended_fit.amplitude_of(search.final.series)
-        forbidden = low < -FORBIDDEN * inflate * low_std
-        whole = in_shape(search.final, FREE)
-        if not forbidden and not (whole and _another(search.final, whole, noise_factor)):
-            return search, None
         old = search.final if len(search.found) == 1 else adopted(search.base, place.score, place.variant)
-        free = whole if old is search.final else in_shape(old, FREE)
+        inflate, amplitude = noise_factor**0.5, extended_fit.amplitude_of(old.series)
+        low, low_std = least_damping(old)
+        forbidden = low < -FORBIDDEN * inflate * low_std
+        free = in_shape(old, FREE)
+        if not forbidden and not (free and _another(old, free, noise_factor)):
+            return search, None
         if free is not None and (not forbidden or least_damping(free)[0] >= 0):
             shape, fit = FREE, free
             tried: tuple[Tried, ...] = ()
@@ -163,7 +161,9 @@ def better(search: Search, trained: Trained, noise_factor: float, most: int) -> 
                 return search, None
             shape, fit, tried = _best(allowed, trained)
         fit, others = _beside(fit, trained.candidates, noise_factor, most - 1)
-        if shape == FREE and bic(fit) > bic(search.final):
+        # what a missing cause would do must not be taken for a forbidden damping: a model that physics allows has to be beaten
+        whole, whole_std = least_damping(search.final)
+        if whole > -FORBIDDEN * inflate * whole_std and bic(fit) > bic(search.final):
             return search, None
         final = in_the_catalogue(fit, shape, amplitude)
 

@@ -1,8 +1,8 @@
 """Diagnosis, steps of the logged rate: a log knows the table's rate at its instants, not the angle turned while the rate steps.
 
 Where the rate jumps by ΔΩ between two rows h apart, the angle turned meanwhile is uncertain by up to ΔΩ h/2, and so is when within h it was
-turned: on another way through the splits the wave gathers another quadrature and amplitude. What the wave itself says of all this is
-taken out before anything is blamed on the resonator.
+turned: on another way through the splits the wave gathers another quadrature and amplitude. The angle is taken as the wave itself shows it,
+and no cause is judged by what a step can do beside that.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fitting.causes import extended_fit
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.evidence import Basis
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
-from ...fitting.causes.wave_frame import imaginary, real
+from ...fitting.causes.wave_frame import real
 
 Array = np.ndarray
 ABOVE = 10.0
@@ -27,15 +28,17 @@ LONGEST = 8
 SHARE = 0.25
 """Part of a run's rows that steps may take."""
 ROUNDS = 2
-WAY = 1 / 9
-"""A step at an instant by chance within h, the angle over h known: ∫δθ dt scatters by ΔΩ h²/18, as a part of ΔΩ h/2 · h."""
+INDEPENDENT = 1e-6
+"""Part of the strongest below which what a step does is what others do."""
 
 
 def settled(fit: Fit) -> Fit:
-    """The fit again with the table angle of every step as the waves show it; the same fit where no rate steps."""
+    """The fit again with the table angle of every step as the waves show it, blind to what else a step can do; the same where none is."""
     places = steps(fit.series, float(fit.point.p[5]))
     for _ in range(ROUNDS if places else 0):
         fit = extended_fit.fit(_corrected(fit, places), fit.point, fit.freedom)
+    if places:
+        fit = extended_fit.fit(replace(fit.series, unsettled=_doings(fit, places)), fit.point, fit.freedom)
     return fit
 
 
@@ -57,32 +60,35 @@ def steps(series: Series, scale_factor: float) -> list[tuple[int, int, int]]:
 
 
 def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
-    """The series with what its residual says of every step, within the step's own uncertainty, rows beside the steps left out.
-
-    Four numbers a step: the angle turned, which the table's course takes, and the changes of amplitude, phase and quadrature that its
-    unknown way through the splits makes, which the envelopes after it lose.
-    """
+    """The series with the steps' angles that its residual asks for, each within its own uncertainty, rows beside the steps left out."""
     series, flow = fit.series, fit.flow
-    splits = float(np.hypot(*fit.point.p[1:3]) + np.hypot(*fit.point.p[3:5]))
-    columns, spread = [], []
-    for k, first, last in places:
-        length = float(series.step_s[k, first : last + 1].sum())
-        unsure = abs(series.rate_rad_s[k, last + 1] - series.rate_rad_s[k, first]) * length / 2
-        columns += _kicks(fit, k, first, last)
-        spread += [unsure, *[abs(fit.point.p[5]) * unsure * splits * length * WAY] * 3]
-    seen = flow.seen(np.stack(columns, axis=-1))
-    wide = extended_fit.flat(series, seen)
-    wide = fit.basis.off(wide)
-    prior = np.diag(1 / np.maximum(spread, 1e-12) ** 2)
-    size = np.linalg.solve(wide.T @ wide + prior, wide.T @ fit.residual)
+    columns = extended_fit.flat(series, flow.seen(np.stack([_kicks(fit, *place)[0] for place in places], axis=-1)))
+    spread = np.array(
+        [abs(series.rate_rad_s[k, b + 1] - series.rate_rad_s[k, a]) * series.step_s[k, a : b + 1].sum() / 2 for k, a, b in places]
+    )
+    columns, spread = fit.basis.off(columns), np.maximum(spread, 1e-9)
+    angle = np.linalg.solve(columns.T @ columns + np.diag(1 / spread**2), columns.T @ fit.residual)
     table, weight = series.table_angle_rad.copy(), series.weight.copy()
-    for (k, first, last), angle in zip(places, size[::4], strict=True):
-        table[k, first + 1 : last + 2] += angle * np.arange(1, last - first + 2) / (last - first + 1)
-        table[k, last + 2 :] += angle
+    for (k, first, last), turned in zip(places, angle, strict=True):
+        table[k, first + 1 : last + 2] += turned * np.arange(1, last - first + 2) / (last - first + 1)
+        table[k, last + 2 :] += turned
         weight[k, first : last + 2] = 0.0
-    others = np.where(np.arange(len(size)) % 4 == 0, 0.0, size)
-    lost = imaginary(np.stack(columns, axis=-1) @ others)
-    return replace(series, table_angle_rad=table, weight=weight, envelope=series.envelope - lost)
+    return replace(series, table_angle_rad=table, weight=weight)
+
+
+def _doings(fit: Fit, places: list[tuple[int, int, int]]) -> Basis:
+    """Orthonormal basis, run by run, of all that the steps can do to the residual.
+
+    Their sizes are bounded, but a prior would be dragged along by whatever goes on between the steps; so they are left free.
+    """
+    series = fit.series
+    ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
+    own = []
+    for run in sorted({k for k, _, _ in places}):
+        kicks = [kick for place in places if place[0] == run for kick in _kicks(fit, *place)]
+        rows = slice(int(ends[run]), int(ends[run + 1]))
+        own.append((rows, evidence.orthonormal(extended_fit.flat(series, fit.flow.seen(np.stack(kicks, axis=-1)))[rows], INDEPENDENT)))
+    return Basis(tuple(own), np.zeros((int(ends[-1]), 0)))
 
 
 def _kicks(fit: Fit, k: int, first: int, last: int) -> list[Array]:
