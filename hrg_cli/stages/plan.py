@@ -114,7 +114,7 @@ def plan(
     worth: Callable[[Array], float] = (lambda M: _separated(M, askable, layout)) if separate else (lambda M: _sharp(M, mechanics))
     names = _chosen(had, offered, min(runs, len(offered)), worth)
     total = had + sum(offered[name] for name in names)
-    impossible = list(dict.fromkeys([*_impossible(everything, questions, layout), *_never(known)]))
+    refused = _impossible(everything, questions, layout)
     separations = tuple(
         {"causes": [q.cause, q.rival], "before_sigma": separation(had, q, layout), "after_sigma": separation(total, q, layout)}
         for q in questions
@@ -123,10 +123,9 @@ def plan(
     planned = tuple(
         PlannedRun(n, tables[n], _reason(n, names, had, offered, askable if separate else (), layout, mechanics)) for n in names
     )
-    refused = _impossible(everything, questions, layout)
     reasons = tuple(refused) if questions and len(refused) >= len(questions) else ()
     return Plan(
-        planned, before, after, separations, tuple(impossible), {**common, "run": [dict(tables[n]) for n in names]},
+        planned, before, after, separations, tuple(dict.fromkeys([*refused, *_never(known)])), {**common, "run": [dict(tables[n]) for n in names]},
         "suspect" if reasons else "valid", reasons,
     )  # fmt: skip
 

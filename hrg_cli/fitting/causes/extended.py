@@ -75,6 +75,11 @@ class Series:
         """(R, n − 1), 0 where padded."""
         return np.diff(self.time_s, axis=1)
 
+    @property
+    def blind(self) -> Basis | None:
+        """What residuals and sensitivities are taken off; coloured noise swallows it."""
+        return self.unsettled if self.colour is None else None
+
     def runs(self, index: Sequence[int]) -> Series:
         """Some of the runs."""
         index = list(index)

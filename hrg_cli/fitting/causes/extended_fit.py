@@ -82,7 +82,7 @@ class Fit:
     def dof(self) -> int:
         """Degrees of freedom."""
         given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
-        unknown = self.series.unsettled.shape[1] if self.series.unsettled is not None and self.series.colour is None else 0
+        unknown = self.series.blind.shape[1] if self.series.blind is not None else 0
         return max(1, len(self.residual) - given_up - unknown - self.design.shape[1])
 
     @property
@@ -130,7 +130,7 @@ def flat(series: Series, values: Array) -> Array:
         rows = values.reshape(-1, *values.shape[3:])
     else:
         rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
-    return rows if series.unsettled is None or series.colour is not None else series.unsettled.off(rows)
+    return rows if series.blind is None else series.blind.off(rows)
 
 
 def sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> Array:

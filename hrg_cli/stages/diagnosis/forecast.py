@@ -18,7 +18,7 @@ import numpy as np
 from ...fitting.causes import colour, extended_fit
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
-from .outlook import AMPLITUDE, ANGLE, QUADRATURE, Errors, outlook, root_mean_squares
+from .outlook import AMPLITUDE, ANGLE, QUADRATURE, Errors, outlook
 from .search import Search, Variant, adopted, scored
 from .shapes import NAME as DAMPING
 from .shapes import Shape, in_shape
@@ -178,8 +178,8 @@ def _by_component(before: Errors, after: Errors, mode_number: int) -> dict[str, 
 
 def _outside(errors: Errors, mode_number: int) -> list[str]:
     """Components whose error exceeds what the fit of the first part and the noise that wanders on allow."""
-    found, expected = errors.figures(mode_number), root_mean_squares(errors.std, mode_number)
-    return [name for name in WORDS if found[name] > OUTSIDE * expected[name]]
+    found = errors.figures(mode_number)
+    return [name for name in WORDS if found[name] > OUTSIDE * found["expected"][name]]
 
 
 def _course(before: Errors, after: Errors, series: Series) -> list[dict[str, Any]]:

@@ -18,7 +18,7 @@ from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.sensitivities import spread
 from ...fitting.causes.wave_frame import directions, real
 from .open_terms import PLACES, Covariate, Place, Shape, covariates, effect_of
-from .search import bic, leaving_out
+from .search import WORTH, bic, leaving_out
 
 Array = np.ndarray
 CELLS, PEAKS = 48, 8
@@ -27,8 +27,6 @@ SLOW = (0.5, 1.0)
 """Cycles too few for a peak, looked for always."""
 SHAPED, NEAR = 4, 0.6
 """Terms whose shape is refined before the best is chosen, and the part of the best one's gain from which they are."""
-WORTH = 10.0
-"""ΔBIC that a term must be worth."""
 SMOOTH = 6
 FEW = 64
 """Columns of open terms, about, that are made at a time."""

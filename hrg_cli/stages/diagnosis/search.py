@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,7 +67,6 @@ class Search:
     found: tuple[Found, ...]
     first: tuple[Score, ...]
     last: tuple[Score, ...]
-    steps: tuple[str, ...] = field(default=())
 
 
 def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
@@ -143,7 +142,7 @@ def bic(fit: Fit) -> float:
     return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual)))
 
 
-def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: int, narrate: list[str]) -> Search:
+def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: int) -> Search:
     """Forward selection with refit, swaps and a backward check; `noise_factor`: variance by which coloured noise exceeds the white one."""
     fit = base
     found: list[Found] = []
@@ -155,14 +154,13 @@ def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
             break
         fit, one = step
         found.append(one)
-        narrate.append(f"{one.variant.effect.name}: χ² falls by {one.delta_bic:.4g} beyond its price")
         ranked = scored(fit, candidates)
     chosen = fit
     reduced: dict[str, Fit] = {}
     fit, found = exchanged(fit, found, candidates, noise_factor, reduced)
     fit, found = pruned(fit, found, noise_factor, reduced)
     last = ranked if fit is chosen else scored(fit, candidates)
-    return Search(base, fit, tuple(found), first, tuple(s for s, _ in last), tuple(narrate))
+    return Search(base, fit, tuple(found), first, tuple(s for s, _ in last))
 
 
 def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: float, rounds: int = ROUNDS) -> tuple[Fit, Found] | None:

@@ -45,7 +45,7 @@ def explain(base: Fit, candidates: Sequence[Variant], most: int) -> tuple[Search
     """Selection and open search; repeated with inflated noise where, after both, the residual is still not white."""
     noise_factor = 1.0
     for _ in range(2):
-        search = select(base, candidates, noise_factor, most, [])
+        search = select(base, candidates, noise_factor, most)
         remainder = rest(search.final, noise_factor)
         level, p = adequacy(remainder.fit if remainder else search.final)
         if p > INADEQUATE or level < 1.2 * noise_factor:

@@ -1,0 +1,114 @@
+"""Closing checks: what a result must pass before it may be called valid, adequate or explained.
+
+A check compares one figure of the *final* result with one limit and can fail. Every fit of the project closes with the same ones:
+its χ² at the noise that the windows state, the whiteness of what it leaves, convergence, a covariance that is one, physical bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+CHANCE = 1e-4
+"""Probability with which a right result fails one of the statistical checks."""
+NOISE_KNOWN = 0.1
+"""Part of the noise's variance to which the windows know it: χ² a degree of freedom cannot be judged more sharply."""
+FEWEST_BLOCKS = 6
+"""Blocks from which the scatter of block sums is judged."""
+LARGEST_CORRELATION = 1.0 + 1e-9
+"""Correlation above which a covariance matrix is none (rounding allowed)."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One figure of a result held against its limit; `sentence` says what a failure means and what to do."""
+
+    name: str
+    value: float
+    limit: float
+    passed: bool
+    sentence: str = ""
+
+    def table(self) -> dict[str, Any]:
+        """The check as the JSON has it; a value that is not finite is null there."""
+        entry = asdict(self)
+        return entry | {key: (entry[key] if np.isfinite(entry[key]) else None) for key in ("value", "limit")}
+
+
+def at_most(name: str, value: float, limit: float, sentence: str = "") -> Check:
+    """A figure that must not exceed its limit; NaN fails."""
+    return Check(name, float(value), float(limit), bool(value <= limit), sentence)
+
+
+def at_least(name: str, value: float, limit: float, sentence: str = "") -> Check:
+    """A figure that must reach its limit; NaN fails."""
+    return Check(name, float(value), float(limit), bool(value >= limit), sentence)
+
+
+def holds(name: str, condition: bool, sentence: str = "") -> Check:
+    """A yes or no as a check: value 1 for yes, limit 1."""
+    return Check(name, float(bool(condition)), 1.0, bool(condition), sentence)
+
+
+def failures(checks: Iterable[Check]) -> list[str]:
+    """Sentences of the checks that failed."""
+    return [check.sentence or f"{check.name} = {check.value:.3g} is beyond {check.limit:.3g}" for check in checks if not check.passed]
+
+
+def largest_chi2_per_dof(dof: int) -> float:
+    """χ² a degree of freedom that a right model exceeds with probability `CHANCE`, the noise known to `NOISE_KNOWN`."""
+    from scipy.special import chdtri
+
+    return float(chdtri(dof, CHANCE) / dof + NOISE_KNOWN)
+
+
+def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_dof") -> Check:
+    """χ² a degree of freedom at the *stated* noise, against what a right model leaves."""
+    return at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
+
+
+def whiteness(residuals: Sequence[Array], sentence: str = "", name: str = "whiteness") -> Check:
+    """−log₁₀ of the chance of the residuals' slow part under white noise of their own level, against that of `CHANCE`.
+
+    residuals: one array (n,) or (n, k) a run, in the order of time (or of whatever they are held against). The sums over blocks of
+    2, 4, 8 … rows of white noise of variance σ² have variance mσ²; the largest excess of all lengths counts, for all of them tried.
+    """
+    from scipy.special import chdtrc
+
+    level = np.concatenate([np.asarray(r, float).ravel() for r in residuals]) if residuals else np.zeros(0)
+    variance = float(np.mean(level**2)) if len(level) else 0.0
+    if not variance > 0:
+        return Check(name, 0.0, -float(np.log10(CHANCE)), bool(np.all(np.isfinite(level))), sentence)
+    chances = []
+    length = 2
+    while True:
+        power, count = 0.0, 0
+        for run in residuals:
+            rows = np.asarray(run, float).reshape(len(run), -1)
+            blocks = len(rows) // length
+            if blocks == 0:
+                continue
+            sums = rows[: blocks * length].reshape(blocks, length, -1).sum(axis=1)
+            power += float(np.sum(sums**2)) / length
+            count += sums.size
+        if count < FEWEST_BLOCKS:
+            break
+        chances.append(float(chdtrc(count, power / variance)))
+        length *= 2
+    chance = min(1.0, len(chances) * min(chances)) if chances else 1.0
+    return at_most(name, -float(np.log10(max(chance, 1e-300))), -float(np.log10(CHANCE)), sentence)
+
+
+def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:
+    """Largest |correlation| of a covariance (k, k), against 1; NaN, infinity and a negative variance fail."""
+    matrix = np.asarray(covariance, float)
+    variance = np.diag(matrix)
+    if not np.all(np.isfinite(matrix)) or np.any(variance < 0):
+        return Check(name, float("nan"), LARGEST_CORRELATION, False, sentence)
+    std = np.sqrt(np.where(variance > 0, variance, 1.0))
+    correlation = np.abs(matrix / np.outer(std, std) * (1 - np.eye(len(matrix))))
+    return at_most(name, float(correlation.max(initial=0.0)), LARGEST_CORRELATION, sentence)
