@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -18,27 +18,30 @@ from pydantic import Field
 from ..effects import EFFECTS
 from ..effects.effect import Effect
 from ..errors import HrgError
+from ..fitting import checks
 from ..fitting.causes import extended_fit
 from ..fitting.causes.extended_fit import Fit
 from ..fitting.causes.wave_frame import real
 from ..physics import ellipse
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
-from .diagnosis.closing import completed, opened
+from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import contradicting_logs, strangers
-from .diagnosis.data import freedom_of, prepare
-from .diagnosis.forecast import Trained
+from .diagnosis.data import freedom_of, held, prepare
+from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import better
 from .diagnosis.gain import held_out
 from .diagnosis.model import simulation_file
 from .diagnosis.orientation import oriented
 from .diagnosis.rate_steps import settled
+from .diagnosis.remainder import Remainder
 from .diagnosis.report import report as report_of
-from .diagnosis.search import Search, variants
+from .diagnosis.search import Search, Variant, gross, leaving_out, loosened, scored, select, variants
 from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
-from .diagnosis.wander import wandering
+from .diagnosis.wander import wander
 from .diagnosis.waveform import causes, phase_steps, split_at
+from .diagnosis.written import hold
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray
@@ -63,10 +66,11 @@ def diagnose(
     of_one_gyro(waves, "diagnose")
     waves = [_with_clipped(w) for w in waves]
 
-    def fitted(pieces: Sequence[Wave]) -> Fit:
-        series, point, _ = prepare(pieces, scale_factor, blocks)
+    def fitted(pieces: Sequence[Wave], rows: int = blocks) -> Fit:
+        series, point, _ = prepare(pieces, scale_factor, rows)
         series = replace(series, free_phase=free_phase)
-        return settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+        freedom = freedom_of(series, point, scale_factor)
+        return settled(started(extended_fit.fit(series, held(point, freedom), freedom)))
 
     steps = phase_steps(waves)
     pieces, origin = split_at(waves, steps)
@@ -85,46 +89,103 @@ def diagnose(
             untouched, own = fitted(waves), list(range(len(waves)))
     base, pieces, tones = taken_out(base, pieces, fitted)
     candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
-    base = wandering(oriented(base, candidates), candidates)
-    most = most_effects if base.series.colour is None else min(2, most_effects)
-    search, remainder, noise_factor = explain(base, candidates, most)
+    base = oriented(base, candidates)
+
+    search, remainder, noise_factor = explain(base, candidates, most_effects)
     level = noise_level(search.final, remainder)
     if level is not None:
-        base = reweighted(base, level)
-        untouched = reweighted(untouched, level)
+        base, untouched = reweighted(base, level), reweighted(untouched, level)
         search, remainder, noise_factor = explain(base, candidates, most_effects)
     search, frequencies = between_runs(search, candidates, noise_factor)
-    wanders = base.series.colour is not None
-    trained = Trained(search.base, candidates)
-    search, form = better(search, trained, noise_factor, most_effects) if wanders else (search, None)
-    if form is None:
-        verdict, search, remainder = concluded(search, remainder, noise_factor, candidates)
-        search, form = (search, None) if wanders else better(search, trained, noise_factor, most_effects)
+    search, remainder = concluded(search, remainder, noise_factor, candidates)
+    search, form = better(search, candidates, noise_factor, most_effects)
     if form is not None:
-        verdict, remainder = "partly explained", rest(search.final, noise_factor)
-    verdict = opened(verdict, search, form)
+        remainder = rest(search.final, noise_factor)
+    search, remainder = proven(search, remainder, noise_factor, candidates)
+
     shown, lines = causes(waves, steps, tones, float(np.mean(search.final.frequency_hz)), [f.variant.effect.name for f in search.found])
-    if shown and verdict in ("adequate", "unexplained"):
-        verdict = "explained" if verdict == "adequate" else "partly explained"
     if not steps and not tones:
         untouched = search.base
+    model = simulation_file(search.final, waves, pieces, origin, shown)
+    written = hold(model, search.final, origin, extra_effects)
+    closing = closing_checks(search, remainder, form, level or 1.0, written, shown)
+    ahead = forecast(search, candidates, noise_factor, most_effects, waves[0].units) if search.found else None
+    stability = _stability(search, candidates, noise_factor, most_effects, ahead, lambda: fitted(pieces, blocks // 2))
+    verdict = word(bool(search.found or shown), not all(check.passed for check in closing))
     gain = held_out(untouched, search.final, own, origin)
     report = report_of(verdict, search, remainder, gain, noise_factor, resonator, candidates, untouched)
-    report["effects"] = shown + report["effects"]
-    report["lines"] = lines
-    report["frequencies"] = frequencies
-    report = completed(report, search, form, trained)
-    return _record(search, waves, pieces, origin, verdict, report).judged(_doubts(search.final))
+    report |= {
+        "effects": shown + [form.amended(e) if form else e for e in report["effects"]],
+        "lines": lines,
+        "frequencies": frequencies,
+        "wander": wander(search.final),
+        "forecast": ahead,
+        "checks": [check.table() for check in closing],
+        "written_model": None if written is None else {
+            "rms_over_noise": written.rms_over_noise,
+            "fitted_rms_over_noise": written.fitted_rms_over_noise,
+            "share": written.share,
+        },
+        "suspect_runs": [],
+        "stability": stability,
+    }  # fmt: skip
+    if form is not None:
+        report["remainder"] = form.completed(report["remainder"])
+    failed = checks.failures(closing)
+    if failed and report["remainder"] is None:
+        report["remainder"] = {"description": "; ".join(failed), "covariate": None, "harmonic": None, "formula": None, "terms": []}
+    return _record(search, waves, verdict, report, model).judged(_doubts(search.final, verdict, failed))
 
 
-def _doubts(fit: Fit) -> list[str]:
-    """What makes the runs themselves suspect."""
-    if "p5" in fit.names and fit.point.p[5] < -5 * fit.std("p5"):
-        K = fit.point.p[5]
-        return [
-            f"the scale factor came out negative, {K:.4g}: the logged rate has the wrong sign or the channels are swapped; turn one of them"
-        ]
-    return []
+def started(fit: Fit) -> Fit:
+    """The base fit with the second order's scale free where that is no way to hide a gross misfit."""
+    if not gross(fit):
+        return loosened(fit)
+    with contextlib.suppress(extended_fit.DivergedError):
+        free = extended_fit.fit(fit.series, fit.point, fit.freedom.freeing_second_order())
+        return fit if gross(free) else free
+    return fit
+
+
+def proven(
+    search: Search, remainder: Remainder | None, noise_factor: float, candidates: Sequence[Variant]
+) -> tuple[Search, Remainder | None]:
+    """The search without the causes after which what was held out is predicted worse."""
+    folds = folds_of(search.base.series)
+    for one in reversed(search.found):
+        name = one.variant.effect.name
+        if not predicts_worse(search.final, name, search.base, folds):
+            continue
+        reduced = leaving_out(search.final, name)
+        if reduced is None:
+            continue
+        left = tuple(other for other in search.found if other is not one)
+        search = replace(search, final=reduced, found=left, last=tuple(s for s, _ in scored(reduced, candidates)))
+        remainder = rest(reduced, noise_factor)
+    return search, remainder
+
+
+def _stability(
+    search: Search, candidates: Sequence[Variant], noise_factor: float, most: int, ahead: dict[str, Any] | None, coarser: Callable[[], Fit]
+) -> list[dict[str, Any]]:
+    """The causes' names where the same runs are looked at otherwise: averaged to half as many rows, and on a part of the data."""
+    if not search.found:
+        return []
+    out: list[dict[str, Any]] = []
+    with contextlib.suppress(extended_fit.DivergedError):
+        again = select(coarser(), candidates, noise_factor, most)
+        out.append({"change": "averaged to half as many rows", "effects": [f.variant.effect.name for f in again.found]})
+    if ahead is not None:
+        part = "half of the runs" if ahead["held_out"] == "runs" else f"the first {100 * ahead['train_fraction']:.0f} % of every run"
+        out += [{"change": part, "effects": names} for names in ahead["chosen"]]
+    return out
+
+
+def _doubts(fit: Fit, verdict: str, failed: Sequence[str]) -> list[str]:
+    """What makes the diagnosis suspect: a word that could not be given."""
+    if verdict in ("adequate", "explained"):
+        return []
+    return [f'the verdict is "{verdict}": {"; ".join(failed[:3])}'] if failed else []
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -137,14 +198,12 @@ def _with_clipped(wave: Wave) -> Wave:
     return wave.replace(flags=np.where(wave.flags == 1, 0, wave.flags).astype(wave.flags.dtype))
 
 
-def _record(
-    search: Search, waves: Sequence[Wave], pieces: Sequence[Wave], origin: list[int], verdict: str, report: dict[str, Any]
-) -> Diagnosis:
+def _record(search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any], model: str) -> Diagnosis:
     series = search.base.series
     good = series.weight > 0
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]
     measured = series.envelope[good]
-    before, after = (f.prediction.uncoloured().residual()[good] for f in (search.base, search.final))
+    before, after = (f.prediction.residual()[good] for f in (search.base, search.final))
     a_A, _, angle, phase = ellipse.wave(measured, series.mode_number)
     for k in range(len(series.names)):
         angle[run == k], _ = ellipse.unwrap(angle[run == k], phase[run == k], series.mode_number)
@@ -165,5 +224,5 @@ def _record(
         gyro_id=waves[0].gyro_id,
         verdict=verdict,
         report=json.dumps(report, ensure_ascii=False),
-        extended_model=simulation_file(search.final, waves, pieces, origin, report["effects"]),
+        extended_model=model,
     )

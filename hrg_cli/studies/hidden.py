@@ -115,7 +115,7 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
 
 def _direction(effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
     """A random direction of the parameters, its length one σ; parameters that these runs do not show stay neutral."""
-    steps = extended_fit.steps_of(effect, extended_fit.amplitude_of(fit.series))
+    steps = extended_fit.steps_of(effect, fit.series)
     S = extended_fit.sensitivity(fit.flow, effect, neutral, steps)
     free = _beside(S, fit)
     whole, size = np.linalg.norm(S, axis=0), np.linalg.norm(free, axis=0)

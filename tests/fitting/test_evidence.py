@@ -11,7 +11,7 @@ def problem(seed=0, rows=400, base=5, size=0.0):
     J = random.standard_normal((rows, base))
     S = random.standard_normal((rows, 1))
     r = random.standard_normal(rows) + size * S[:, 0]
-    Q = evidence.factored(J).basis
+    Q = evidence.factored(evidence.Design.of(J)).basis
     return J, Q, S, Q.off(r)
 
 
@@ -81,7 +81,7 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
     J[blocks[1][0], blocks[1][1].start] = 0.0  # one run shows nothing of one of its parameters
     J[:, -1] += 1e3 * J[:, 0] / np.linalg.norm(J[:, 0])
     r, prior = random.standard_normal(len(J)), random.standard_normal((2, J.shape[1]))
-    parts = evidence.factored(J, blocks)
+    parts = evidence.factored(evidence.Design.of(J, blocks))
     assert parts.basis.shape == (len(J), np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)))
     np.testing.assert_allclose(parts.basis.along(parts.basis.off(J / 1e6)), 0, atol=1e-9)
     step, covariance = parts.solve(r, 0 * prior, np.zeros(2))
@@ -93,7 +93,7 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
 
 def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
     J, blocks, random = in_runs(3)
-    basis = evidence.factored(J, blocks).basis
+    basis = evidence.factored(evidence.Design.of(J, blocks)).basis
     r = random.standard_normal(len(J))
     smooth = [(rows, random.standard_normal((50, 6))) for rows, _ in blocks]
     smooth[0][1][:, 0] = J[blocks[0]][:, 0]  # one column that the run's own can do

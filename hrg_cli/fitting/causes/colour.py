@@ -1,4 +1,4 @@
-"""Coloured noise of the wave: what wanders beside any model, component by component, and the filter that makes it white.
+"""Coloured noise of the wave: what wanders beside any model, component by component.
 
 Of each component x (relative amplitude, phase, angle, ellipticity) the noise is white n beside a wander whose rate is correlated over τ,
     Cov(x_s, x_t) = (q/2)[2 min(s, t) − τ(1 − e^{−s/τ} − e^{−t/τ} + e^{−|t−s|/τ})] + w² σ² δ_st,
@@ -24,8 +24,6 @@ SLOWEST = 20
 """Part of the run a wander's rate may stay correlated: what is slower cannot be told from a fault of the model."""
 FEWEST, MOST_ROWS = 40, 240
 """Rows from which a colour is estimated, and rows to which the residual is averaged for that."""
-LARGEST = 20_000_000
-"""Elements of all filters together: more rows than that are judged as white."""
 CLEAR, BESIDE = 30.0, 10.0
 """2 ln of the likelihood ratio from which noise counts as coloured, and a component does beside another that clearly is.
 
@@ -45,24 +43,6 @@ class Noise:
     def after(self, time_s: float) -> float:
         """Standard deviation of the wander after a time from a start at which its rate is any."""
         return float(np.sqrt(max(wander(np.array([time_s]), self.wander_1_s, self.correlation_s)[0, 0], 0.0)))
-
-
-@dataclass(frozen=True)
-class Colour:
-    """Whitening of residuals over σ (R, n, 4, K): unit of every row (R, n), lower-triangular filters (R, 4, n, n), the noises."""
-
-    unit: Array
-    filters: Array
-    noises: tuple[Noise, ...]
-
-    def whitened(self, x: Array, along: Array) -> Array:
-        """White residuals in the wave's own frame from reals (R, n, 4, K) over σ; `along` (R, n, 2): the envelopes predicted."""
-        own = components(x, along) * self.unit[..., None, None]
-        return np.moveaxis(self.filters @ np.moveaxis(own, 1, 2), 2, 1)
-
-    def runs(self, index: Sequence[int]) -> Colour:
-        """Of some of the runs."""
-        return Colour(self.unit[list(index)], self.filters[list(index)], self.noises)
 
 
 def components(x: Array, along: Array) -> Array:
@@ -125,10 +105,10 @@ def estimate(time_s: Array, values: Array, std: Array) -> Noise:
     return Noise(w2**0.5, q, tau, clear)
 
 
-def coloured(time_s: Array, weight: Array, envelope: Array, residual: Array) -> Colour | None:
-    """The colour of residuals (R, n, 4) over σ about envelopes (R, n, 2), one noise a component for all runs; None where all are white.
+def noises(time_s: Array, weight: Array, envelope: Array, residual: Array) -> tuple[Noise, ...]:
+    """The noise of every component of residuals (R, n, 4) over σ about envelopes (R, n, 2), from the longest run; none where all are white.
 
-    A component whose wander is not seen keeps its white level alone; the longest run stands for all.
+    A component whose wander is not seen keeps its white level alone.
     """
     size = np.sqrt(np.sum(np.abs(envelope) ** 2, axis=-1))
     unit = np.divide(1.0, weight * size, out=np.zeros_like(size), where=(weight > 0) & (size > 0))
@@ -136,24 +116,14 @@ def coloured(time_s: Array, weight: Array, envelope: Array, residual: Array) -> 
     good = unit > 0
     longest = int(np.argmax([np.ptp(t[g]) if g.any() else 0.0 for t, g in zip(time_s, good, strict=True)]))
     rows = np.flatnonzero(good[longest])
-    if len(rows) < FEWEST or 4 * unit.size * unit.shape[1] > LARGEST:
-        return None
+    if len(rows) < FEWEST:
+        return ()
     parts = np.array_split(rows, min(len(rows), MOST_ROWS))
     t = np.array([time_s[longest, p].mean() for p in parts])
     std = np.array([np.sqrt(np.mean(unit[longest, p] ** 2) / len(p)) for p in parts])
-    noises = []
+    found = []
     for k in range(4):
         y = np.array([own[longest, p, k].mean() for p in parts])
         # a component that is left out, as a free phase, has nothing in it
-        noises.append(estimate(t, y, std) if np.any(np.abs(y) > 1e-6 * std) else Noise(1.0, 0.0, 0.0, 0.0))
-    if max(n.clear for n in noises) < CLEAR:
-        return None
-    filters = np.zeros((*unit.shape[:1], 4, unit.shape[1], unit.shape[1]))
-    for r in range(len(unit)):
-        rows = np.flatnonzero(good[r])
-        for k, noise in enumerate(noises):
-            C = np.diag((noise.white * unit[r, rows]) ** 2)
-            if noise.wander_1_s > 0:
-                C = C + wander(time_s[r, rows] - time_s[r, rows[0]], noise.wander_1_s, noise.correlation_s)
-            filters[r, k][np.ix_(rows, rows)] = np.linalg.inv(np.linalg.cholesky(C))
-    return Colour(unit, filters, tuple(noises))
+        found.append(estimate(t, y, std) if np.any(np.abs(y) > 1e-6 * std) else Noise(1.0, 0.0, 0.0, 0.0))
+    return tuple(found) if max(n.clear for n in found) >= CLEAR else ()

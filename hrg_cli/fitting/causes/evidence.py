@@ -26,6 +26,54 @@ Block = tuple[slice, slice]
 
 
 @dataclass(frozen=True)
+class Design:
+    """A design J (N, k) kept in its parts: `shared` columns (N, s) at `places` (s,), and blocks (rows, columns, values) of one run each.
+
+    Memory grows with the rows, not with rows times runs.
+    """
+
+    shared: Array
+    places: Array
+    own: tuple[tuple[slice, slice, Array], ...] = ()
+
+    @classmethod
+    def of(cls, J: Array, blocks: Sequence[Block] = ()) -> Design:
+        """The parts of a whole matrix (N, k)."""
+        alone = np.zeros(J.shape[1], bool)
+        for _, columns in blocks:
+            alone[columns] = True
+        return cls(J[:, ~alone], np.flatnonzero(~alone), tuple((rows, columns, J[rows, columns]) for rows, columns in blocks))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(N, k)."""
+        return len(self.shared), len(self.places) + sum(values.shape[1] for _, _, values in self.own)
+
+    def times(self, step: Array) -> Array:
+        """J step, (N,)."""
+        out = self.shared @ step[self.places]
+        for rows, columns, values in self.own:
+            out[rows] += values @ step[columns]
+        return out
+
+    def along(self, S: Array) -> Array:
+        """Jᵀ S of columns (N, …), (k, …)."""
+        out = np.zeros((self.shape[1], *S.shape[1:]))
+        out[self.places] = self.shared.T @ S
+        for rows, columns, values in self.own:
+            out[columns] = values.T @ S[rows]
+        return out
+
+    def sizes(self) -> Array:
+        """Lengths of the columns, (k,)."""
+        out = np.zeros(self.shape[1])
+        out[self.places] = np.sqrt(np.einsum("ij,ij->j", self.shared, self.shared))
+        for _, columns, values in self.own:
+            out[columns] = np.sqrt(np.einsum("ij,ij->j", values, values))
+        return out
+
+
+@dataclass(frozen=True)
 class Basis:
     """An orthonormal basis (N, k): parts that live on some rows alone, and `shared` ones (N, s) perpendicular to these."""
 
@@ -56,33 +104,44 @@ class Factored:
     basis: Basis
     triangle: Array
 
-    def solve(self, residual: Array, prior: Array, prior_residual: Array) -> tuple[Array, Array]:
-        """Least-squares step (k,) and covariance (k, k) with prior rows (m, k); blind directions stay put."""
-        return solve(np.concatenate([self.triangle, prior]), np.concatenate([self.basis.along(residual), prior_residual]))
+    def solve(
+        self, residual: Array, prior: Array, prior_residual: Array, wall: Array | None = None, distance: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Least-squares step (k,) and covariance (k, k) with prior rows (m, k); blind directions stay put.
+
+        wall (k,): the step is held to wall·step = `distance` (an equality, by elimination); the covariance is then that along the wall.
+        """
+        rows = np.concatenate([self.triangle, prior])
+        right = np.concatenate([self.basis.along(residual), prior_residual])
+        if wall is None:
+            return solve(rows, right)
+        first = wall * (distance / float(wall @ wall))
+        along = np.linalg.qr(wall[:, None], mode="complete")[0][:, 1:]
+        step, covariance = solve(rows @ along, right - rows @ first)
+        return first + along @ step, along @ covariance @ along.T
 
 
-def factored(J: Array, blocks: Sequence[Block] = (), tolerance: float = 1e-10) -> Factored:
-    """J (N, k) as basis times triangle, its blocks of rows and columns first; the rank is that of the columns at unit length."""
-    size = np.sqrt(np.einsum("ij,ij->j", J, J))
+def factored(design: Design, tolerance: float = 1e-10) -> Factored:
+    """The design as basis times triangle, its blocks of rows and columns first; the rank is that of the columns at unit length."""
+    size = design.sizes()
     nothing = size == 0
     size[nothing] = 1.0
-    alone = np.zeros(J.shape[1], bool)
+    count = design.shape[1]
     own, upper = [], []
-    for rows, columns in blocks:
-        Q, part = _split(J[rows, columns] / size[columns], tolerance)
+    for rows, columns, values in design.own:
+        Q, part = _split(values / size[columns], tolerance)
         own.append((rows, Q))
-        upper.append(np.zeros((len(part), J.shape[1])))
+        upper.append(np.zeros((len(part), count)))
         upper[-1][:, columns] = part
-        alone[columns] = True
-    first = Basis(tuple(own), np.zeros((len(J), 0)))
-    left = J[:, ~alone] / size[~alone]
+    first = Basis(tuple(own), np.zeros((len(design.shared), 0)))
+    left = design.shared / size[design.places]
     beside = first.along(left)
     left = first.off(left)
     again = first.along(left)  # what little is left holds the rounding of what was taken off
     Q, part = _split(first.off(left), tolerance)
-    triangle = np.concatenate([*upper, np.zeros((len(part), J.shape[1]))])
-    triangle[: len(beside), ~alone] = beside + again
-    triangle[len(beside) :, ~alone] = part
+    triangle = np.concatenate([*upper, np.zeros((len(part), count))])
+    triangle[: len(beside), design.places] = beside + again
+    triangle[len(beside) :, design.places] = part
     # a column of nothing stays so: its rounding would be taken for a direction
     return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
 

@@ -18,7 +18,6 @@ from ...effects.effect import Effect, frame, no_term
 from ...physics.plant import SlowState
 from ...physics.resonator import Mechanics
 from ..envelopes import coordinates
-from .colour import Colour
 from .evidence import Basis
 from .wave_frame import imaginary, real, real_matrix
 
@@ -31,8 +30,6 @@ ALL = (slice(None, -1), slice(None), slice(1, None))
 """Rows before, middles of and rows after all steps."""
 MOST_SWEEPS, DRIFTING, SETTLED = 12, 1e-2, 1e-12
 """Sweeps of a motion over all its steps at once; relative change up to which it may grow from one to the next, and where it ends."""
-OWN = 5
-"""Parameters of a run's own: start state (4 reals) and frequency offset."""
 
 
 @dataclass(frozen=True)
@@ -65,28 +62,20 @@ class Series:
     has_temperature: bool = True
     free_phase: bool = False
     """Every row's phase is its own: what turns both channels together is neither fitted nor judged."""
-    colour: Colour | None = None
-    """Noise that wanders: residuals and sensitivities are whitened by it after σ."""
     unsettled: Basis | None = None
-    """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are taken off it (white noise only)."""
+    """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are taken off it."""
 
     @property
     def step_s(self) -> Array:
         """(R, n − 1), 0 where padded."""
         return np.diff(self.time_s, axis=1)
 
-    @property
-    def blind(self) -> Basis | None:
-        """What residuals and sensitivities are taken off; coloured noise swallows it."""
-        return self.unsettled if self.colour is None else None
-
     def runs(self, index: Sequence[int]) -> Series:
         """Some of the runs."""
         index = list(index)
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
-        colour = None if self.colour is None else self.colour.runs(index)
         names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
-        return replace(self, names=names, turn_rad_s=turn, colour=colour, unsettled=None, **cut)
+        return replace(self, names=names, turn_rad_s=turn, unsettled=None, **cut)
 
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""
@@ -151,31 +140,21 @@ class Prediction:
         """
         if self.series.free_phase:
             turn = np.exp(-1j * np.angle(np.sum(self.series.envelope * np.conj(self.seen), axis=-1)))
-            left = real((self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None])
-            return self.whitened(left[..., None])[..., 0]
+            return real((self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None])
         psi = self.phase_error()[..., None]
-        plain = real((self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen) * self.series.weight[..., None])
-        return self.whitened(plain[..., None])[..., 0]
-
-    def whitened(self, x: Array) -> Array:
-        """Reals (R, n, 4, K) over σ as the fit weighs them: as they are, or through the filter of the noise's colour."""
-        return x if self.series.colour is None else self.series.colour.whitened(x, self.seen)
-
-    def uncoloured(self) -> Prediction:
-        """The same with residuals over σ as they are."""
-        return replace(self, series=replace(self.series, colour=None))
+        return real((self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen) * self.series.weight[..., None])
 
     def judged(self, change: Array) -> Array:
         """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn of both channels."""
         change = change * self.series.weight[..., None, None]
         if not self.series.free_phase:
-            return self.whitened(change)
+            return change
         turned = real(1j * self.seen)
         size = np.sum(turned**2, axis=-1, keepdims=True)
         unit = turned / np.sqrt(np.where(size > 0, size, 1.0))
         left = change - unit[..., None] * np.einsum("rni,rnik->rnk", unit, change)[:, :, None, :]
         # what is a turn and nothing else leaves rounding, which scaled to unit length would look like a direction
-        return self.whitened(left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2))))
+        return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
 
     def phase_error(self) -> Array:
         """Phase of measured against seen, unwrapped along each run where the signal stands out of the noise, (R, n)."""
@@ -396,6 +375,11 @@ def predict(series: Series, point: Point, near: Near | None = None) -> Predictio
     if motion is None:
         motion = rule.marched(point.start)
     return Prediction(series, point, motion, rule.rows.seen(motion))
+
+
+def motion_of(series: Series, point: Point) -> Array:
+    """The motion (R, n, 2) row by row from the start states, in either direction of time."""
+    return _Rule(series, point).marched(point.start)
 
 
 def half_turns(series: Series) -> Array:

@@ -11,15 +11,21 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import HrgError
-from ..envelopes.coordinates import COUNT
+from ..envelopes.coordinates import COORDINATES, COUNT
 from . import evidence
-from .evidence import Basis, Block, Factored
-from .extended import OWN, Near, Point, Prediction, Series, predict
+from .evidence import Basis, Design, Factored
+from .extended import Near, Point, Prediction, Series, predict
+from .layout import FREQUENCY, Layout
+from .scales import amplitude_of, steps_of
 from .sensitivities import Propagation, Wanted, base_sensitivities, effect_sensitivities, propagation
 from .wave_frame import imaginary
 
+__all__ = ["DivergedError", "Fit", "Freedom", "amplitude_of", "fit", "steps_of", "with_effect", "without"]
+
 Array = np.ndarray
 MOST_STEPS = 15
+DAMPING = ("damping", "damping_cos", "damping_sin")
+"""Coordinates whose cone ν ≥ |νδμ| a passive resonator stays in."""
 
 
 class DivergedError(HrgError, ArithmeticError):
@@ -34,6 +40,20 @@ class Freedom:
     std: Array
     offset_std: float = np.inf
     """Wander of the runs' frequencies about the mean of their kind (free, forced), rad/s; inf: every run has a frequency of its own."""
+    passive: bool = True
+    """The fit stays where a resonator without a supply can be: the damping is nowhere negative, ν ≥ |νδμ|."""
+
+    def holding(self, name: str, value: float) -> Freedom:
+        """The same with one coordinate held at a value."""
+        mean, std = self.mean.copy(), self.std.copy()
+        mean[COORDINATES.index(name)], std[COORDINATES.index(name)] = value, 0.0
+        return replace(self, mean=mean, std=std)
+
+    def freeing_second_order(self) -> Freedom:
+        """The same with the second order's scale between plain averaging (0) and a real resonator (1)."""
+        mean, std = self.mean.copy(), self.std.copy()
+        mean[COORDINATES.index("second_order")], std[COORDINATES.index("second_order")] = 0.5, 1.0
+        return replace(self, mean=mean, std=std)
 
     def strays(self, series: Series) -> Array:
         """Rows (R, R) of the runs' offsets that this prior pulls to zero; none where they are free."""
@@ -50,11 +70,13 @@ class Fit:
 
     freedom: Freedom
     flow: Propagation
-    design: Array
+    design: Design
     residual: Array
-    names: tuple[str, ...]
+    layout: Layout
     covariance: Array
     converged: bool
+    bound_cost: float
+    """χ² that the passive resonator's bound costs; 0 where the optimum lies inside."""
     rows: Array = field(repr=False)
     factored: Factored = field(repr=False)
 
@@ -82,8 +104,8 @@ class Fit:
     def dof(self) -> int:
         """Degrees of freedom."""
         given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
-        unknown = self.series.blind.shape[1] if self.series.blind is not None else 0
-        return max(1, len(self.residual) - given_up - unknown - self.design.shape[1])
+        unknown = self.series.unsettled.shape[1] if self.series.unsettled is not None else 0
+        return max(1, len(self.residual) - given_up - unknown - self.layout.count)
 
     @property
     def frequency_hz(self) -> Array:
@@ -106,21 +128,26 @@ class Fit:
         self._known.update(zip(new, sensitivities(self.flow, list(new.values())), strict=True))
         return [self._known[key] for key in keys]
 
-    def std(self, name: str) -> float:
-        """Standard deviation of one fitted number."""
-        k = self.names.index(name)
-        return float(np.sqrt(self.covariance[k, k]))
+    def coordinate(self, name: str) -> float:
+        """Value of a coordinate."""
+        return float(self.point.p[COORDINATES.index(name)])
 
+    def values(self, effect: str) -> dict[str, float]:
+        """All parameters' values of an active effect. KeyError: it is not in the fit."""
+        return dict({one.name: values for one, values in self.point.active}[effect])
 
-def steps_of(effect: Effect, amplitude: float) -> dict[str, float]:
-    """Difference steps of an effect's fitted parameters for the data's amplitude."""
-    return {p.name: 1e-2 * p.typical * amplitude**p.amplitude_power for p in effect.fitted()}
+    def std_at(self, column: int) -> float:
+        """Standard deviation of one column's number."""
+        return float(np.sqrt(max(self.covariance[column, column], 0.0)))
 
+    def coordinate_std(self, name: str) -> float:
+        """Standard deviation of a coordinate, 0 where it is held."""
+        column = self.layout.coordinate(name)
+        return 0.0 if column is None else self.std_at(column)
 
-def amplitude_of(series: Series) -> float:
-    """Root mean square amplitude of the data."""
-    power = np.sum(np.abs(series.envelope) ** 2, axis=-1)
-    return float(np.sqrt(power[series.weight > 0].mean()))
+    def parameter_std(self, effect: str, name: str) -> float:
+        """Standard deviation of an effect's parameter, 0 where it is not fitted."""
+        return self.std_at(self.layout.parameter(effect, name)) if name in self.layout.parameters(effect) else 0.0
 
 
 def flat(series: Series, values: Array) -> Array:
@@ -130,7 +157,7 @@ def flat(series: Series, values: Array) -> Array:
         rows = values.reshape(-1, *values.shape[3:])
     else:
         rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
-    return rows if series.blind is None else series.blind.off(rows)
+    return rows if series.unsettled is None else series.unsettled.off(rows)
 
 
 def sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> Array:
@@ -143,51 +170,71 @@ def sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
     return [flat(flow.prediction.series, columns) for columns in effect_sensitivities(flow, wanted)]
 
 
-def design_of(flow: Propagation, free: Sequence[bool], amplitude: float) -> tuple[Array, tuple[str, ...], list[Block]]:
-    """Whitened design (N, k) of coordinates, runs and active effects, the columns' names, and the blocks of the runs' own."""
+def layout_of(series: Series, point: Point, freedom: Freedom) -> Layout:
+    """What a fit of this point moves."""
+    effects = tuple((e.name, names) for e, _ in point.active if (names := tuple(p.name for p in e.fitted())))
+    return Layout(tuple(k for k in range(COUNT) if freedom.std[k] > 0), len(series.names), effects)
+
+
+def design_of(flow: Propagation, layout: Layout) -> Design:
+    """Whitened design of coordinates, runs and active effects."""
     series, point = flow.prediction.series, flow.prediction.point
     shared, own = (flat(series, values) for values in base_sensitivities(flow))
-    index = [k for k in range(COUNT) if free[k]]
-    wanted = [(e, v, steps) for e, v in point.active if (steps := _fitted_steps(e, v, amplitude))]
-    runs = len(series.names)
-    names = [f"p{k}" for k in index] + [f"run{k}.{j}" for k in range(runs) for j in range(OWN)]
-    names += [f"{effect.name}.{name}" for effect, _, steps in wanted for name in steps]
-    design = np.zeros((len(shared), len(names)))
-    design[:, : len(index)] = shared[:, index]
+    wanted = [(e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)]
+    beside = sensitivities(flow, wanted) if wanted else []
     ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
-    blocks = []
-    for k in range(runs):
-        block = slice(int(ends[k]), int(ends[k + 1])), slice(len(index) + k * OWN, len(index) + (k + 1) * OWN)
-        design[block] = own[block[0]]
-        blocks.append(block)
-    if wanted:
-        design[:, len(index) + runs * OWN :] = np.concatenate(sensitivities(flow, wanted), axis=1)
-    return design, tuple(names), blocks
+    rows = [slice(int(first), int(last)) for first, last in zip(ends[:-1], ends[1:], strict=True)]
+    blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(rows))
+    return Design(np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1), layout.shared, blocks)
 
 
-def _fitted_steps(effect: Effect, values: Mapping[str, float], amplitude: float) -> dict[str, float]:
+def _fitted_steps(effect: Effect, values: Mapping[str, float], series: Series) -> dict[str, float]:
     """Difference steps sized by the value where the effect stands."""
-    return {name: (1e-3 * abs(values[name]) or size) for name, size in steps_of(effect, amplitude).items()}
+    return {name: (1e-3 * abs(values[name]) or size) for name, size in steps_of(effect, series).items()}
 
 
-def moved(point: Point, names: Sequence[str], step: Array) -> Point:
-    """The point after a step in the named numbers."""
+def moved(point: Point, layout: Layout, step: Array, passive: bool = True) -> Point:
+    """The point after a step (k,) in everything fitted; `passive`: brought back into the damping's cone."""
     p, start, offset = point.p.copy(), point.start.copy(), point.offset_rad_s.copy()
-    active = {effect.name: (effect, dict(values)) for effect, values in point.active}
-    own: dict[int, Array] = {}
-    for name, change in zip(names, step, strict=True):
-        if name.startswith("p") and name[1:].isdigit():
-            p[int(name[1:])] += change
-        elif name.startswith("run") and "." in name and name[3].isdigit():
-            number, j = name[3:].split(".")
-            own.setdefault(int(number), np.zeros(OWN))[int(j)] = change
-        else:
-            effect, parameter = name.split(".")
-            active[effect][1][parameter] += change
-    for run, changes in own.items():
-        start[run] += imaginary(changes[:4])
-        offset[run] += changes[4]
-    return Point(p, start, offset, tuple(active.values()))
+    p[list(layout.coordinates)] += step[: len(layout.coordinates)]
+    for number in range(layout.runs):
+        own = step[layout.run(number)]
+        start[number] += imaginary(own[:FREQUENCY])
+        offset[number] += own[FREQUENCY]
+    active = []
+    for effect, values in point.active:
+        change = dict(zip(layout.parameters(effect.name), step[layout.effect(effect.name)], strict=True)) if effect.fitted() else {}
+        active.append((effect, {name: value + float(change.get(name, 0.0)) for name, value in values.items()}))
+    return Point(passive_damping(p) if passive else p, start, offset, tuple(active))
+
+
+def passive_damping(p: Array) -> Array:
+    """Coordinates whose damping is the nearest one that is nowhere negative: ν ≥ |νδμ|."""
+    out, split = p.copy(), float(np.hypot(p[1], p[2]))
+    if p[0] >= split:
+        return out
+    least = max(0.0, (float(p[0]) + split) / 2)
+    out[0] = least
+    out[1:3] *= least / split if split > 0 else 0.0
+    return out
+
+
+def wall_ahead(point: Point, layout: Layout, step: Array) -> tuple[Array, float] | None:
+    """The damping's bound that a step would cross, as wall·step = distance; None where the step stays inside.
+
+    Of the cone ν = |νδμ| the tangent at the direction of the split behind the step.
+    """
+    p = point.p.copy()
+    p[list(layout.coordinates)] += step[: len(layout.coordinates)]
+    split = float(np.hypot(p[1], p[2]))
+    if p[0] >= split * (1 - 1e-12):
+        return None
+    normal = np.array([1.0, *(-p[1:3] / split if split > 0 else (0.0, 0.0))])
+    wall = np.zeros(layout.count)
+    for name, part in zip(DAMPING, normal, strict=True):
+        if (column := layout.coordinate(name)) is not None:
+            wall[column] = part
+    return (wall, -float(normal @ point.p[:3])) if wall.any() else None
 
 
 def pulled(freedom: Freedom) -> Array:
@@ -195,20 +242,17 @@ def pulled(freedom: Freedom) -> Array:
     return np.flatnonzero(np.isfinite(freedom.std) & (freedom.std > 0))
 
 
-def coordinate_rows(freedom: Freedom, names: Sequence[str]) -> Array:
-    """Rows (m, k) of the coordinates' priors over the named columns."""
-    rows = np.zeros((len(pulled(freedom)), len(names)))
-    for row, k in zip(rows, pulled(freedom), strict=True):
-        row[list(names).index(f"p{k}")] = 1 / freedom.std[k]
-    return rows
+def coordinate_rows(freedom: Freedom, layout: Layout) -> Array:
+    """Rows (m, k) of the coordinates' priors over all columns."""
+    own = pulled(freedom)
+    return layout.beside([layout.coordinates.index(k) for k in own], np.diag(1 / freedom.std[own]))
 
 
-def prior_rows(freedom: Freedom, names: Sequence[str], series: Series) -> Array:
+def prior_rows(freedom: Freedom, layout: Layout, series: Series) -> Array:
     """Rows (m, k) that pull the coordinates and the runs' offsets to their priors."""
     strays = freedom.strays(series)
-    rows = np.zeros((len(strays), len(names)))
-    rows[:, [list(names).index(f"run{k}.{OWN - 1}") for k in range(len(series.names))]] = strays
-    return np.concatenate([coordinate_rows(freedom, names), rows])
+    offsets = layout.beside([layout.frequency(k) for k in range(layout.runs)], strays)
+    return np.concatenate([coordinate_rows(freedom, layout), offsets])
 
 
 def prior_residual(freedom: Freedom, point: Point, series: Series) -> Array:
@@ -220,10 +264,14 @@ def prior_residual(freedom: Freedom, point: Point, series: Series) -> Array:
 def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, near: Near | None = None) -> Fit:
     """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ² a degree of freedom.
 
-    `near`: a motion close to that of the point, which is found sooner from it.
+    Where the damping would become negative along an axis the step runs along that bound, which is part of the fit (`Freedom.passive`);
+    the covariance is that without the bound. `near`: a motion close to that of the point, which is found sooner from it.
+    DivergedError: the model has no motion at the start.
     """
-    amplitude = amplitude_of(series)
-    free = [freedom.std[k] > 0 for k in range(COUNT)]
+    layout = layout_of(series, point, freedom)
+    held = freedom.std == 0
+    if freedom.passive:
+        point = replace(point, p=np.where(held, point.p, passive_damping(point.p)))
 
     def cost(prediction: Prediction) -> float:
         if not np.all(np.isfinite(prediction.seen)):
@@ -241,21 +289,27 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, 
                 "diagnose free and forced runs apart, or leave out the run that differs most"
             )
         settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
-        converged, steps = False, 0
+        converged, steps, lost = False, 0, 0.0
         while True:
             flow = propagation(prediction)
-            design, names, blocks = design_of(flow, free, amplitude)
+            design = design_of(flow, layout)
             residual = flat(series, prediction.residual())
-            factored = evidence.factored(design, blocks)
-            rows, right = prior_rows(freedom, names, series), prior_residual(freedom, prediction.point, series)
+            factored = evidence.factored(design)
+            rows, right = prior_rows(freedom, layout, series), prior_residual(freedom, prediction.point, series)
             step, covariance = factored.solve(residual, rows, right)
+            wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
+            lost = 0.0
+            if wall is not None:
+                free = step
+                step, _ = factored.solve(residual, rows, right, *wall)
+                lost = _fall(design, residual, free) - _fall(design, residual, step)
             if converged or steps == most:
                 break
             steps += 1
-            expected = float(np.sum((design @ step) ** 2))
+            expected = float(np.sum(design.times(step) ** 2))
             size = 1.0
             while True:
-                trial = predict(series, moved(prediction.point, names, size * step), flow.near)
+                trial = predict(series, moved(prediction.point, layout, size * step, freedom.passive), flow.near)
                 now = cost(trial)
                 if now <= value + settled * value or size < 1e-2:
                     break
@@ -267,7 +321,13 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, 
             gained, value, prediction = value - now, now, trial
             converged = expected < settled * value or (gained < settled * value and size == 1.0)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
-    return Fit(freedom, flow, design, residual, names, covariance, converged, index, factored)
+    return Fit(freedom, flow, design, residual, layout, covariance, converged, max(lost, 0.0), index, factored)
+
+
+def _fall(design: Design, residual: Array, step: Array) -> float:
+    """By how much a step lowers χ² in the linear model."""
+    change = design.times(step)
+    return float(2 * residual @ change - change @ change)
 
 
 def with_effect(point: Point, effect: Effect, values: Mapping[str, float]) -> Point:

@@ -64,7 +64,7 @@ class Offsets:
 def offsets_of(fit: Fit, noise_factor: float) -> tuple[Offsets, list[int]]:
     """The offsets of a fit and their places among its parameters."""
     runs = len(fit.series.names)
-    index = [fit.names.index(f"run{k}.4") for k in range(runs)]
+    index = [fit.layout.frequency(k) for k in range(runs)]
     forced = fit.series.forced[:, 0] > 0
     means = np.stack([kind.astype(float) for kind in (~forced, forced) if kind.any()], axis=1)
     return Offsets(fit.point.offset_rad_s, fit.covariance[np.ix_(index, index)] * noise_factor, means), index
@@ -97,7 +97,7 @@ def patterns(fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[
     out: dict[str, Pattern] = {}
     open_ones = [v for v in candidates if v.effect.name not in active and v.effect.name != "saturation"]
     for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):
-        response = (fit.covariance @ (fit.design.T @ S))[index]
+        response = (fit.covariance @ fit.design.along(S))[index]
         if not np.all(np.isfinite(response)) or not response.any():
             continue
         wander = offsets.wander(response)

@@ -29,6 +29,8 @@ DEGREES, ENDS = 3, 3
 """Highest power of time by which a temperature log is smoothed, and rows at its ends that do not count."""
 EXACT = 1e-6
 """Misfit, as a part of its range, below which a temperature log is the polynomial."""
+DIFFERENT_RATES = 0.1
+"""Part of the greatest rate by which rates must differ to count as different."""
 QUIET = 1e-3
 """Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
@@ -234,11 +236,30 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
 
 
 def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Freedom:
-    """Weak priors: K where nothing turns, the second order's scale between plain averaging (0) and a real resonator (1)."""
+    """Weak priors on the splits; K is held where these runs cannot tell it, the second order's scale at that of a real resonator.
+
+    With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale factor fitted there takes up any misfit.
+    """
     span = float(series.time_s.max())
     damping = max(abs(float(point.p[0])), 0.01 / span)
     split = max(float(np.hypot(point.p[3], point.p[4])), damping, 1 / span)
-    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 1.0])
-    if scale_factor is not None:
+    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 0.0])
+    nominal = nominal_scale_factor(series.mode_number) if scale_factor is None else scale_factor
+    if scale_factor is not None or not shows_scale_factor(series, nominal):
         std[5] = 0.0
-    return Freedom(np.array([0, 0, 0, 0, 0, nominal_scale_factor(series.mode_number), 0.5]), std)
+    return Freedom(np.array([0, 0, 0, 0, 0, nominal, 1.0]), std)
+
+
+def shows_scale_factor(series: Series, nominal: float) -> bool:
+    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole period of its splits."""
+    good = series.weight > 0
+    rates = series.rate_rad_s[good]
+    if np.ptp(rates) > DIFFERENT_RATES * np.abs(rates).max(initial=0.0):
+        return True
+    turned = [np.ptp(angle[rows]) for angle, rows in zip(series.table_angle_rad, good, strict=True) if rows.any()]
+    return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)
+
+
+def held(point: Point, freedom: Freedom) -> Point:
+    """The point with what is held at its value."""
+    return replace(point, p=np.where(freedom.std == 0, freedom.mean, point.p))

@@ -1,212 +1,271 @@
-"""Diagnosis, the forecast: the last part of every run predicted from the first, by the base model and with the causes added one by one.
+"""Diagnosis, the forecast: how much better data are predicted that nothing of the model has seen, the choice of the causes included.
 
-A phase that wanders says nothing of the dynamics: judged are the wave angle, the main amplitude and the quadrature over it, each apart,
-and together as the wave's error √(δ(ln a)² + δ(mθ)² + δr²). The terms stand in the order of what each adds. The interval of a gain is that
-of a bootstrap over blocks of the part predicted and, together with it, over what another first part would have taught.
+With four runs or more half of the runs are held out, then the other half; with fewer the last part of every run. On the rest the base model
+is fitted, the causes are *chosen* and fitted anew, and both models predict what was held out: a run from its own start and frequency, the
+last part of a run from nothing but its first. The whole wave counts, its phase included:
+    e = |C − Ĉ|² + |S − Ŝ|²,   ratio = (Σe_base / Σe_causes)^½.
+The interval is that of a bootstrap over blocks of what was held out, each with its own draw of what the training taught.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ...fitting.causes import colour, extended_fit
-from ...fitting.causes.extended import Series
-from ...fitting.causes.extended_fit import Fit
-from .outlook import AMPLITUDE, ANGLE, QUADRATURE, Errors, outlook
-from .search import Search, Variant, adopted, scored
-from .shapes import NAME as DAMPING
-from .shapes import Shape, in_shape
+from ...fitting.causes import extended_fit
+from ...fitting.causes.extended import Series, predict
+from ...fitting.causes.extended_fit import Fit, Freedom, design_of
+from ...fitting.causes.sensitivities import propagation
+from ...fitting.causes.wave_frame import real
+from ...physics import ellipse
+from .search import Search, Variant, leaving_out, select
 
 Array = np.ndarray
+FEWEST_RUNS = 4
 TRAIN = 0.7
-BLOCKS, DRAWS = 8, 400
-FEWEST_ROWS = 40
+"""Part of every run that teaches where there are too few runs to hold whole ones out."""
+FEWEST_ROWS, BLOCKS, DRAWS = 40, 8, 400
 COURSE_POINTS = 60
-MOST_ALTERNATIVES = 4
-OUTSIDE = 2.0
-"""Root mean square errors over their σ from which a component counts as not predicted."""
-WORDS = {ANGLE: "wave angle", AMPLITUDE: "amplitude", QUADRATURE: "quadrature"}
+UNTAUGHT = 3.0
+"""Times its σ from all data beyond which a cause is not known from a part of them, so that what it predicts there says nothing of it."""
 
 
-def forecast(trained: Trained, search: Search, shape: Shape | None, others: Sequence[Shape], seed: int = 0) -> dict[str, Any] | None:
-    """{"train_fraction", "before", "after", "steps", "alternatives", "course", "open"}; None where the runs are driven or too short.
+@dataclass(frozen=True)
+class Fold:
+    """Data split in two: series with weight on what teaches, rows (R, n) to be predicted, whether those are whole runs."""
 
-    shape: the damping's, where it is not the catalogue's; others: shapes that might stand in its place.
+    train: Series
+    test: Array
+    whole_runs: bool
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a forecast at the rows held out: run (k,), time (k,), measured less predicted (k, 4), relative wave errors (k, 4).
+
+    `parts`: δmθ, δ ln a, δr and δφ (k, 4); `learned` (k, 4, m): what one σ of each of m combinations of the parameters moves the errors by.
     """
-    series, mode = search.base.series, search.base.series.mode_number
-    before = trained.errors((), None)
-    if before is None:
+
+    run: Array
+    time_s: Array
+    difference: Array
+    parts: Array
+    learned: Array
+
+    @property
+    def square(self) -> Array:
+        """e of every row, (k,)."""
+        return np.sum(self.difference**2, axis=1)
+
+    def drawn(self, random: np.random.Generator) -> Array:
+        """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
+        other = self.learned.reshape(-1, self.learned.shape[-1]) @ random.standard_normal((self.learned.shape[-1], DRAWS))
+        return np.sum((self.difference[..., None] + other.reshape(*self.difference.shape, DRAWS)) ** 2, axis=1)
+
+
+def folds_of(series: Series) -> list[Fold]:
+    """The splits; empty where the runs are too short for one."""
+    good = series.weight > 0
+    runs = len(series.names)
+    if runs >= FEWEST_RUNS:
+        halves = [np.arange(runs) % 2 == k for k in (0, 1)]
+        return [Fold(series.runs(np.flatnonzero(~half)), good & half[:, None], True) for half in halves]
+    first, last = series.time_s[:, 0], np.max(series.time_s, axis=1, where=good, initial=-np.inf)
+    keep = good & (series.time_s <= (first + TRAIN * (last - first))[:, None])
+    if keep.sum(axis=1).min() < FEWEST_ROWS or (good & ~keep).sum() < BLOCKS:
+        return []
+    return [Fold(replace(series, weight=np.where(keep, series.weight, 0.0), unsettled=None), good & ~keep, False)]
+
+
+def forecast(
+    search: Search, candidates: Sequence[Variant], noise_factor: float, most: int, unit: str, seed: int = 0
+) -> dict[str, Any] | None:
+    """The forecast with causes chosen inside each fold, in the signals' unit; None where no fold can be made or fitted.
+
+    search: that of all data, whose base fit is where each fold's fit starts; most: causes at most.
+    """
+    base, before, after, chosen = search.base, [], [], []
+    for fold in folds_of(base.series):
+        with contextlib.suppress(extended_fit.DivergedError):
+            plain = trained(base, fold)
+            inside = select(plain, candidates, noise_factor, most)
+            pair = errors_of(plain, base, fold), errors_of(inside.final, base, fold)
+            if all(np.all(np.isfinite(one.difference)) for one in pair):
+                before.append(pair[0])
+                after.append(pair[1])
+                chosen.append([one.variant.effect.name for one in inside.found])
+    if not before:
         return None
-    named = [f.variant.effect.name for f in search.found]
-    rng = np.random.default_rng(seed)
-    chosen: tuple[str, ...] = ()
-    now, steps = before, []
-    while len(chosen) < len(named):
-        trials = {name: trained.errors((*chosen, name), shape) for name in named if name not in chosen}
-        there = {name: errors for name, errors in trials.items() if errors is not None}
-        if not there:
-            break
-        name = min(there, key=lambda n: float(there[n].square.mean()))
-        steps.append({"name": name, **there[name].figures(mode), **_gain(now, there[name], rng), **_by_component(now, there[name], mode)})
-        chosen, now = (*chosen, name), there[name]
-    alternatives = []
-    instead = [(other.words, DAMPING, trained.errors(chosen, other)) for other in others if DAMPING in chosen]
-    for one, rival in [(f.variant.effect.name, r) for f in search.found for r in f.rivals if r not in named][:MOST_ALTERNATIVES]:
-        if rival in trained.variants:
-            instead.append((rival, one, trained.errors([*(n for n in chosen if n != one), rival], shape)))
-    for name, one, errors in instead:
-        if errors is not None:
-            alternatives.append({"name": name, "instead_of": one, **errors.figures(mode), **_gain(before, errors, rng)})
+    random = np.random.default_rng(seed)
+    rows = sum(len(e.run) for e in before)
+    ratio, low, high, std = gain_of(before, after, random)
+    levels = [float(np.sqrt(sum(e.square.sum() for e in side) / (2 * rows))) for side in (before, after)]
+    held = "runs" if len(base.series.names) >= FEWEST_RUNS else "time"
     found = {
-        "train_fraction": TRAIN,
-        "before": before.figures(mode),
-        "after": now.figures(mode),
-        **_gain(before, now, rng),
-        **_by_component(before, now, mode),
-        "steps": steps,
-        "alternatives": alternatives,
-        "course": _course(before, now, series),
-        "open": _outside(now, mode),
+        "held_out": held,
+        "before": levels[0],
+        "after": levels[1],
+        "ratio": ratio,
+        "low": low,
+        "high": high,
+        "std": std,
+        "unit": unit,
+        "chosen": chosen,
+        "train_fraction": 0.5 if held == "runs" else TRAIN,
+        "parts": {
+            "before": _root_mean_squares(before, base.series.mode_number),
+            "after": _root_mean_squares(after, base.series.mode_number),
+        },
+        "course": _course(before[0], after[0], base.series),
     }
     return found | {"sentence": sentence(found)}
 
 
-@dataclass(frozen=True)
-class Trained:
-    """The first part of the base fit's runs, and what it takes to add causes to it; all that is fitted is fitted to it alone."""
+def trained(base: Fit, fold: Fold) -> Fit:
+    """The base model fitted to a fold's training data alone."""
+    point = base.point
+    if fold.whole_runs:
+        kept = [base.series.names.index(name) for name in fold.train.names]
+        point = replace(point, start=point.start[kept], offset_rad_s=point.offset_rad_s[kept])
+    return extended_fit.fit(fold.train, replace(point, active=()), base.freedom)
 
-    base: Fit
-    candidates: Sequence[Variant]
-    known: dict[tuple[tuple[str, ...], Shape | None], Fit | None] = field(default_factory=dict)
 
-    @cached_property
-    def linear(self) -> Fit | None:
-        """The base model, with the colour its own residual has there; None where the runs are driven or too short."""
-        first = None if np.any(self.base.series.forced) else _first_part(self.base.series)
-        return None if first is None else _linear(first, self.base)
+def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
+    """What a training fit misses of the rows held out."""
+    series = replace(base.series, weight=np.where(fold.test, base.series.weight, 0.0), unsettled=None)
+    if fold.whole_runs:
+        # a run's start and frequency are its own: they are fitted on it, everything shared is held
+        kept = np.flatnonzero(fold.test.any(axis=1))
+        series = series.runs(kept)
+        still = tuple((replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v) for e, v in fit.point.active)
+        point = replace(fit.point, start=base.point.start[kept], offset_rad_s=base.point.offset_rad_s[kept], active=still)
+        own = extended_fit.fit(series, point, Freedom(fit.point.p, np.zeros(len(fit.point.p)), passive=False))
+        prediction, layout, covariance, names = own.prediction, own.layout, own.covariance, kept
+    else:
+        prediction, names = predict(series, fit.point), np.arange(len(series.names))
+        layout, covariance = fit.layout, fit.covariance
+    with np.errstate(all="ignore"):
+        design = design_of(propagation(prediction), layout)
+    whole = np.zeros(design.shape)
+    whole[:, design.places] = design.shared
+    for rows, columns, values in design.own:
+        whole[rows, columns] = values
+    run, row = np.argwhere(series.weight > 0).T
+    weight = series.weight[run, row]
+    learned = (whole @ _root(covariance)).reshape(len(run), 4, -1) / weight[:, None, None]
+    measured, said = series.envelope[run, row], prediction.seen[run, row]
+    misfit = max(1.0, fit.chi2 / fit.dof)  # a model that misses its own training by more than the noise is trusted that much less
+    parts = _parts(measured, said)
+    return Errors(names[run], series.time_s[run, row], real(measured - said), parts, np.sqrt(misfit) * learned)
 
-    @cached_property
-    def variants(self) -> dict[str, Variant]:
-        """The candidates by name."""
-        return {v.effect.name: v for v in reversed(self.candidates)}
 
-    def errors(self, names: Sequence[str], shape: Shape | None) -> Errors | None:
-        """What the causes' fit of the first part misses in the last."""
-        fit = self.with_causes(names, shape)
-        return None if fit is None else outlook(fit, self.base.series)
+def predicts_worse(final: Fit, name: str, base: Fit, folds: Sequence[Fold]) -> bool:
+    """Whether what is held out is predicted no better with a cause than without it, fitted each time to the training data alone.
 
-    def with_causes(self, names: Sequence[str], shape: Shape | None) -> Fit | None:
-        """The first part fitted with these causes, one after the other; a damping, in its shape, stands first."""
-        order = tuple(sorted(names, key=lambda n: n != DAMPING))
-        if not order:
-            return self.linear
-        key = (order, shape if DAMPING in order else None)
-        if key not in self.known:
-            before = self.with_causes(order[:-1], shape)
-            self.known[key] = None if before is None else self._added(before, order[-1], shape)
-        return self.known[key]
-
-    def _added(self, fit: Fit, name: str, shape: Shape | None) -> Fit | None:
-        if name == DAMPING and shape is not None:
-            square = self.with_causes((DAMPING,), None)
-            return None if square is None else in_shape(square, shape)
-        score = next((s for s, _ in scored(fit, [self.variants[name]]) if s.visible), None)
-        if score is None:
-            return None
+    Folds whose training does not know the cause (`UNTAUGHT`) are left out; none left: it cannot be said, and is not.
+    """
+    with_it = without_it = 0.0
+    for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
-            again = adopted(fit, score, self.variants[name])
-            return again if np.all(np.isfinite(again.prediction.seen)) else None
-        return None
+            point = final.point
+            if fold.whole_runs:
+                kept = [base.series.names.index(n) for n in fold.train.names]
+                point = replace(point, start=point.start[kept], offset_rad_s=point.offset_rad_s[kept])
+            taught = extended_fit.fit(fold.train, point, final.freedom)
+            ratio = [taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300) for p in final.layout.parameters(name)]
+            if not ratio or max(ratio) > UNTAUGHT * (np.sqrt(2) if fold.whole_runs else 1.0):
+                continue
+            reduced = leaving_out(taught, name)
+            if reduced is None:
+                continue
+            one, other = (float(errors_of(f, base, fold).square.sum()) for f in (taught, reduced))
+            if np.isfinite(one) and np.isfinite(other):
+                with_it, without_it = with_it + one, without_it + other
+    return with_it > without_it
 
 
-def _linear(train: Series, base: Fit) -> Fit | None:
-    """The base model on the first part, with the colour that its own residual has there."""
-    point = replace(base.point, start=train.envelope[:, 0].copy())
-    with contextlib.suppress(extended_fit.DivergedError):
-        fit = extended_fit.fit(replace(train, colour=None), point, base.freedom)
-        found = None
-        if base.series.colour is not None:
-            found = colour.coloured(train.time_s, train.weight, train.envelope, fit.prediction.residual())
-        fit = fit if found is None else extended_fit.fit(replace(train, colour=found), point, base.freedom)
-        return fit if np.all(np.isfinite(fit.prediction.seen)) else None
-    return None
-
-
-def _first_part(series: Series) -> Series | None:
-    """The runs up to `TRAIN` of their length, padded as before."""
-    good = series.weight > 0
-    end = np.array([t[g][-1] for t, g in zip(series.time_s, good, strict=True)])
-    start = series.time_s[:, 0]
-    keep = good & (series.time_s <= (start + TRAIN * (end - start))[:, None])
-    if keep.sum(axis=1).min() < FEWEST_ROWS or (good & ~keep).sum() < BLOCKS:
-        return None
-    return replace(series, weight=np.where(keep, series.weight, 0.0), unsettled=None)
-
-
-def _gain(before: Errors, after: Errors, rng: np.random.Generator) -> dict[str, Any]:
-    """Ratio of the wave's errors with its standard deviation and 95 % interval: blocks drawn with replacement, each its own teaching."""
-    blocks = np.array_split(np.arange(len(before.run)), min(BLOCKS, len(before.run)))
-    drawn = rng.multinomial(len(blocks), np.full(len(blocks), 1 / len(blocks)), DRAWS)
-    sums = [np.stack([one[b].sum(axis=0) for b in blocks]) for one in (_taught(before, rng), _taught(after, rng))]
-    left = [np.sum(drawn * s.T, axis=1) for s in sums]
+def gain_of(before: Sequence[Errors], after: Sequence[Errors], random: np.random.Generator) -> tuple[float, float, float, float]:
+    """(ratio of the errors, 2.5 % and 97.5 % quantile, standard deviation): blocks drawn with replacement, each with its own teaching."""
+    sums: list[list[Array]] = [[], []]
+    for pair in zip(before, after, strict=True):
+        blocks = [b for b in np.array_split(np.arange(len(pair[0].run)), BLOCKS) if len(b)]
+        for side, one in enumerate(pair):
+            drawn = one.drawn(random)
+            sums[side] += [drawn[b].sum(axis=0) for b in blocks]
+    count = len(sums[0])
+    picked = random.multinomial(count, np.full(count, 1 / count), DRAWS)
+    left = [np.sum(picked * np.stack(side, axis=1), axis=1) for side in sums]
     ratios = np.sqrt(left[0] / np.maximum(left[1], 1e-300))
     low, high = np.quantile(ratios, [0.025, 0.975])
-    ratio = float(np.sqrt(before.square.sum() / max(after.square.sum(), 1e-300)))
-    return {"ratio": ratio, "std": float(ratios.std(ddof=1)), "interval": [float(low), float(high)]}
+    plain = [sum(float(e.square.sum()) for e in side) for side in (before, after)]
+    ratio = float(np.sqrt(plain[0] / max(plain[1], 1e-300)))
+    return ratio, float(min(low, ratio)), float(max(high, ratio)), float(ratios.std(ddof=1))
 
 
-def _taught(errors: Errors, rng: np.random.Generator) -> Array:
-    """Squared errors (k, DRAWS) had the first part taught something else within its own uncertainty."""
-    other = errors.learned.reshape(-1, errors.learned.shape[-1]) @ rng.standard_normal((errors.learned.shape[-1], DRAWS))
-    return np.sum((errors.parts[..., None] + other.reshape(*errors.parts.shape, DRAWS)) ** 2, axis=1)
+def _root(covariance: Array) -> Array:
+    """Columns whose outer products sum to the covariance, which may be blind to some directions."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    level, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return size[:, None] * vectors * np.sqrt(np.maximum(level, 0.0))
 
 
-def _by_component(before: Errors, after: Errors, mode_number: int) -> dict[str, list[str]]:
-    """{"better", "worse"}: the components that are predicted better, and those that are not."""
-    old, new = before.figures(mode_number), after.figures(mode_number)
+def _parts(measured: Array, said: Array) -> Array:
+    """Measured less said: δmθ, δ ln a, δr, δφ, (k, 4)."""
+    a, b, angle, phase = ellipse.wave(measured, 1)
+    a_said, b_said, angle_said, phase_said = ellipse.wave(said, 1)
+    turn = angle - angle_said
+    half = np.round(turn / np.pi)  # (mθ + π, φ + π) is the same wave
+    shift = phase - phase_said - np.pi * half
+    return np.stack([turn - np.pi * half, np.log(a / a_said), b / a - b_said / a_said, np.angle(np.exp(1j * shift))], axis=1)
+
+
+def _root_mean_squares(sides: Sequence[Errors], mode_number: int) -> dict[str, float]:
+    """Of all folds together: degrees of the wave angle and of the phase, amplitude and quadrature in per cent of the amplitude."""
+    angle, amplitude, quadrature, phase = np.sqrt(np.mean(np.concatenate([e.parts for e in sides]) ** 2, axis=0))
     return {
-        "better": [name for name in WORDS if new[name] < old[name]],
-        "worse": [name for name in WORDS if new[name] >= old[name]],
+        "angle_deg": float(np.degrees(angle) / mode_number),
+        "amplitude_percent": float(100 * amplitude),
+        "quadrature_percent": float(100 * quadrature),
+        "phase_deg": float(np.degrees(phase)),
     }
 
 
-def _outside(errors: Errors, mode_number: int) -> list[str]:
-    """Components whose error exceeds what the fit of the first part and the noise that wanders on allow."""
-    found = errors.figures(mode_number)
-    return [name for name in WORDS if found[name] > OUTSIDE * found["expected"][name]]
-
-
 def _course(before: Errors, after: Errors, series: Series) -> list[dict[str, Any]]:
-    """Errors against time of every run, for a picture."""
+    """Errors against time of every run of the first fold, for a picture."""
     out = []
+    units = {
+        "angle_deg": np.degrees(1) / series.mode_number,
+        "amplitude_percent": 100.0,
+        "quadrature_percent": 100.0,
+        "phase_deg": np.degrees(1),
+    }
     for k in np.unique(before.run):
         rows = np.flatnonzero(before.run == k)
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, COURSE_POINTS).astype(int))]
-
-        def parts(values: Array, rows: Array = rows) -> dict[str, list[float]]:
-            units = (np.degrees(1) / series.mode_number, 100.0, 100.0)
-            return {name: np.round(unit * values[rows, c], 6).tolist() for c, (name, unit) in enumerate(zip(WORDS, units, strict=True))}
-
-        one = {"run": series.names[int(k)], "time_s": np.round(before.time_s[rows], 3).tolist()}
-        out.append(one | {"before": parts(before.parts), "after": parts(after.parts), "after_std": parts(after.std)})
+        one: dict[str, Any] = {"run": series.names[int(k)], "time_s": [float(f"{t:.6g}") for t in before.time_s[rows]]}
+        for name, errors in (("before", before), ("after", after)):
+            one[name] = {
+                word: [float(f"{v:.6g}") for v in unit * errors.parts[rows, column]] for column, (word, unit) in enumerate(units.items())
+            }
+        out.append(one)
     return out
 
 
-def sentence(report: Mapping[str, Any]) -> str:
+def sentence(report: dict[str, Any]) -> str:
     """The forecast in one line."""
-    b, a = report["before"], report["after"]
-    said = a["expected"]
-    missed = [WORDS[name] for name in report["open"]]
+    what = (
+        "runs that taught nothing"
+        if report["held_out"] == "runs"
+        else f"the last {100 * (1 - report['train_fraction']):.0f} % from the first"
+    )
+    names = list(dict.fromkeys(name for fold in report["chosen"] for name in fold))
+    by = f"with {', '.join(names)}" if names else "no cause was chosen there"
     return (
-        f"last {100 * (1 - report['train_fraction']):.0f} % of the run from the first: "
-        f"wave angle {b[ANGLE]:.3g}° → {a[ANGLE]:.3g}° (expected {said[ANGLE]:.2g}°), "
-        f"amplitude {b[AMPLITUDE]:.3g} → {a[AMPLITUDE]:.3g} % ({said[AMPLITUDE]:.2g} %), "
-        f"quadrature {b[QUADRATURE]:.3g} → {a[QUADRATURE]:.3g} % ({said[QUADRATURE]:.2g} %) of the amplitude"
-        + (f"; beyond what was expected: {', '.join(missed)}" if missed else "")
+        f"{what}: {report['before']:.3g} → {report['after']:.3g} {report['unit']} rms, phase included ({by}); "
+        f"{report['ratio']:.3g} times as good, 95 % between {report['low']:.3g} and {report['high']:.3g}"
     )

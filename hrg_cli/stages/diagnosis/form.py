@@ -2,7 +2,7 @@
 
 A passive resonator's linear damping is nowhere negative: ν − |νδμ| ≥ 0. A catalogued damping that needs it negative has the wrong
 form, and so has one whose power, left free, comes out as another. Another shape takes its place. Where ν is forbidden even with the power
-free, those that physics allows stand against each other: of the ones that χ² does not tell apart, the one that predicts best is taken.
+free, those that physics allows stand against each other, and the ones that χ² does not tell from the best are named beside it.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
-from .forecast import Trained
-from .search import WORTH, Found, Search, Variant, adopted, as_fitted, bic, scored
+from .search import Found, Search, Variant, adopted, as_fitted, bic, scored
+from .thresholds import WORTH
 from .shapes import FREE, NAME, PASSIVE, SUPPLIED, Shape, effect_of, in_shape, in_the_catalogue, level_of, power_of, values
 
 Array = np.ndarray
 FORBIDDEN = 2.0
-"""σ by which the least linear damping must be negative to count as forbidden."""
+"""σ by which the linear damping must be beyond the passive bound to count as forbidden."""
 DIFFERENT = 4.0
 """σ by which a fitted power must differ from the catalogue's."""
 PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
@@ -31,16 +31,10 @@ PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
 
 @dataclass(frozen=True)
 class Tried:
-    """A shape that physics allows: χ² of all data and, in per cent of the wave, the error of its forecast (None where there is none)."""
+    """A shape that physics allows, and χ² of all data with it."""
 
     shape: Shape
     chi2: float
-    forecast_percent: float | None
-
-    @property
-    def words(self) -> str:
-        """Its words with what its forecast misses by."""
-        return self.shape.words + ("" if self.forecast_percent is None else f" ({self.forecast_percent:.2g} %)")
 
 
 @dataclass(frozen=True)
@@ -58,11 +52,6 @@ class Form:
     chi2: float
     rivals: tuple[str, ...] = ()
     tried: tuple[Tried, ...] = ()
-
-    @property
-    def other_shapes(self) -> tuple[Shape, ...]:
-        """Shapes that χ² does not tell from it."""
-        return tuple(t.shape for t in self.tried if t.shape != self.shape)
 
     @property
     def formula(self) -> str:
@@ -90,11 +79,9 @@ class Form:
             else f"{self.shape.words}, n = {power:.2f} ± {power_std:.2f}"
         )
         text = f"the catalogue's damping in a² fits only roughly: it {why}; better is {better}"
-        others = [t.words for t in self.tried if t.shape != self.shape]
+        others = [t.shape.words for t in self.tried if t.shape != self.shape]
         if others:
-            own = next(t for t in self.tried if t.shape == self.shape)
-            by = "" if own.forecast_percent is None else f"which predicts the last part best, to {own.forecast_percent:.2g} %, but is "
-            text += f", {by}not told by χ² from {' or '.join(others)}"
+            text += f", not told by χ² from {' or '.join(others)}"
         return text + (f"; not told apart from {' and '.join(self.rivals)}" if self.rivals else "")
 
     def amended(self, effect: dict[str, Any]) -> dict[str, Any]:
@@ -114,7 +101,7 @@ class Form:
             "harmonic": None,
             "formula": self.formula,
             "power": {"value": self.power[0], "std": None if self.shape.supplied else self.power[1]},
-            "shapes": [{"name": t.shape.words, "chi2": t.chi2, "forecast_percent": t.forecast_percent} for t in self.tried],
+            "shapes": [{"name": t.shape.words, "chi2": t.chi2} for t in self.tried],
             "terms": terms,
         }
 
@@ -128,56 +115,60 @@ def least_damping(fit: Fit) -> tuple[float, float]:
     p = fit.point.p
     size = float(np.hypot(p[1], p[2]))
     slope = np.array([1.0, *(-p[1:3] / size if size > 0 else (0.0, 0.0))])
-    index = [fit.names.index(f"p{k}") if f"p{k}" in fit.names else -1 for k in range(3)]
-    there = [k for k in range(3) if index[k] >= 0]
-    rows = [index[k] for k in there]
+    index = [fit.layout.coordinate(name) for name in extended_fit.DAMPING]
+    there = [k for k in range(3) if index[k] is not None]
+    rows = [column for column in index if column is not None]
     variance = slope[there] @ fit.covariance[np.ix_(rows, rows)] @ slope[there] if there else 0.0
     return float(p[0]) - size, float(np.sqrt(max(variance, 0.0)))
 
 
-def better(search: Search, trained: Trained, noise_factor: float, most: int) -> tuple[Search, Form | None]:
+def better(search: Search, candidates: Sequence[Variant], noise_factor: float, most: int) -> tuple[Search, Form | None]:
     """The search with the damping's better form in the catalogue's place, or as it was where that serves.
 
     Causes that the search added to a form that fits only roughly are sought again beside the better one.
     """
     place = next((f for f in search.found if f.variant.effect.name == NAME), None)
-    coloured = search.base.series.colour is not None
-    if place is None or (len(search.found) > 1 and not coloured):
+    if place is None:
         return search, None
     with contextlib.suppress(extended_fit.DivergedError):
         old = search.final if len(search.found) == 1 else adopted(search.base, place.score, place.variant)
         inflate, amplitude = noise_factor**0.5, extended_fit.amplitude_of(old.series)
         low, low_std = least_damping(old)
-        forbidden = low < -FORBIDDEN * inflate * low_std
+        forbidden = _forbidden(old, noise_factor)
         free = in_shape(old, FREE)
         if not forbidden and not (free and _another(old, free, noise_factor)):
             return search, None
-        if free is not None and (not forbidden or least_damping(free)[0] >= 0):
+        if free is not None and (not forbidden or not _forbidden(free, noise_factor)):
             shape, fit = FREE, free
             tried: tuple[Tried, ...] = ()
         else:
             allowed = _allowed(old, noise_factor)
             if not allowed:
                 return search, None
-            shape, fit, tried = _best(allowed, trained)
-        fit, others = _beside(fit, trained.candidates, noise_factor, most - 1)
+            shape, fit = min(allowed, key=lambda pair: bic(pair[1]))
+            tried = tuple(Tried(s, f.chi2) for s, f in allowed)
+        fit, others = _beside(fit, candidates, noise_factor, most - 1)
         # what a missing cause would do must not be taken for a forbidden damping: a model that physics allows has to be beaten
-        whole, whole_std = least_damping(search.final)
-        if whole > -FORBIDDEN * inflate * whole_std and bic(fit) > bic(search.final):
+        if not _forbidden(search.final, noise_factor) and bic(fit) > bic(search.final):
             return search, None
         final = in_the_catalogue(fit, shape, amplitude)
 
         def real(value: float, std: float) -> tuple[float, float]:
             return value, inflate * std
 
-        linear = real(float(final.point.p[0]), final.std("p0") if shape.linear else 0.0)
+        linear = real(float(final.point.p[0]), final.coordinate_std("damping") if shape.linear else 0.0)
         numbers = (real(*power_of(final)), real(*level_of(final, amplitude)), linear, amplitude)
         form = Form(shape, *numbers, forbidden, real(low, low_std), old.chi2, final.chi2, place.rivals, tried)
         fitted = {p.name: 1.0 for p in effect_of(shape).fitted()}
         own = replace(place, variant=Variant(effect_of(shape), values(final), fitted))
-        last = tuple(s for s, _ in scored(final, trained.candidates))
+        last = tuple(s for s, _ in scored(final, candidates))
         return replace(search, final=final, found=(own, *others), last=last), form
     return search, None
+
+
+def _forbidden(fit: Fit, noise_factor: float) -> bool:
+    """Whether the damping stands at the bound of a passive resonator, and would be clearly beyond it if it might."""
+    return fit.bound_cost > FORBIDDEN**2 * noise_factor
 
 
 def _another(old: Fit, free: Fit, noise_factor: float) -> bool:
@@ -189,22 +180,9 @@ def _another(old: Fit, free: Fit, noise_factor: float) -> bool:
 def _allowed(old: Fit, noise_factor: float) -> list[tuple[Shape, Fit]]:
     """The shapes without a forbidden linear damping that the data do not tell from the best of them."""
     fits = [(shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := in_shape(old, shape)) is not None]
-    fits = [(s, f) for s, f in fits if not s.linear or least_damping(f)[0] > -FORBIDDEN * noise_factor**0.5 * least_damping(f)[1]]
+    fits = [(s, f) for s, f in fits if not s.linear or not _forbidden(f, noise_factor)]
     level = min((bic(f) for _, f in fits), default=0.0)
     return [(s, f) for s, f in fits if bic(f) < level + WORTH * noise_factor]
-
-
-def _best(allowed: Sequence[tuple[Shape, Fit]], trained: Trained) -> tuple[Shape, Fit, tuple[Tried, ...]]:
-    """The shape that predicts best, its fit, and what all of them come to; the best fit where there is no forecast."""
-    mode = trained.base.series.mode_number
-    tried = []
-    for shape, fit in allowed:
-        errors = trained.errors((NAME,), shape) if trained.linear is not None else None
-        tried.append(Tried(shape, fit.chi2, None if errors is None else errors.figures(mode)["wave_percent"]))
-    ahead = [t for t in tried if t.forecast_percent is not None]
-    first = min(ahead, key=lambda t: t.forecast_percent or 0.0) if ahead else None
-    shape, fit = min(allowed, key=lambda pair: bic(pair[1])) if first is None else next(p for p in allowed if p[0] == first.shape)
-    return shape, fit, tuple(tried)
 
 
 def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: int) -> tuple[Fit, list[Found]]:

@@ -53,14 +53,27 @@ def folds_of(fit: Fit, origin: Sequence[int] | None = None, fewest_runs: int = F
 
 def predicted(fit: Fit, kind: str, folds: list[Array]) -> Array:
     """Whitened residual (N,) of every fold, predicted from the others (linearised at the optimum)."""
-    own_columns = np.array([name.startswith("run") and "." in name for name in fit.names])
-    shared = ~own_columns if kind == "runs" else np.ones(len(own_columns), bool)
-    own = {}
-    for number, rows in enumerate(folds):
-        block = fit.design[np.ix_(rows, np.flatnonzero(~shared))]
-        own[number] = block[:, np.any(block != 0, axis=0)] if block.size else np.zeros((len(rows), 0))
-    names = [name for name, keep in zip(fit.names, shared, strict=True) if keep]
-    return evidence.predicted(fit.residual, fit.design[:, shared], own, folds, coordinate_rows(fit.freedom, names))
+    prior = coordinate_rows(fit.freedom, fit.layout)
+    if kind == "runs":
+        own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
+        return evidence.predicted(fit.residual, fit.design.shared, own, folds, prior[:, fit.design.places])
+    whole = np.zeros(fit.design.shape)
+    whole[:, fit.design.places] = fit.design.shared
+    for rows, columns, values in fit.design.own:
+        whole[rows, columns] = values
+    own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
+    return evidence.predicted(fit.residual, whole, own, folds, prior)
+
+
+def _own(fit: Fit, rows: Array) -> Array:
+    """Columns of a fold's own runs on its rows, (N_f, q); the rows of a fold are those of whole runs, in order."""
+    blocks = [values for block, _, values in fit.design.own if rows[0] <= block.start and block.stop <= rows[-1] + 1]
+    out = np.zeros((len(rows), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for b in blocks:
+        out[row : row + len(b), column : column + b.shape[1]] = b
+        row, column = row + len(b), column + b.shape[1]
+    return out
 
 
 def held_out(before: Fit, after: Fit, origin_before: Sequence[int] | None = None, origin_after: Sequence[int] | None = None) -> Gain:
@@ -78,16 +91,11 @@ def _errors(fit: Fit, origin: Sequence[int] | None) -> tuple[str, Array, dict[st
     """(How it is held out, mean squared error over σ of every fold, what that is as drift, angle and amplitude)."""
     kind, folds = folds_of(fit, origin)
     left = predicted(fit, kind, folds)
-    # whitened by its colour a residual is no angle any more
-    quantities = _quantities(fit, left, folds) if fit.series.colour is None else {}
-    return kind, np.array([float(np.mean(left[fold] ** 2)) for fold in folds]), quantities
+    return kind, np.array([float(np.mean(left[fold] ** 2)) for fold in folds]), _quantities(fit, left, folds)
 
 
 def predicts_better(before: Fit, after: Fit) -> bool:
     """Whether what was left out is predicted better by runs, or, where single runs alone show a cause, by blocks of time."""
-    if before.series.colour is not None:
-        # whitened errors are those of the next window, which every model predicts: χ² alone decides
-        return True
     kinds = (FEWEST_RUNS, len(before.series.names) + 1)
     for fewest in kinds:
         kind, folds = folds_of(before, fewest_runs=fewest)

@@ -28,8 +28,8 @@ def simulation_file(
     frequency = fit.frequency_hz
     device: dict[str, Any] = {
         "frequency_hz": float(np.median(frequency)),
-        "damping_rate_1_s": max(float(values[0]), 0.0),
-        "damping_split_1_s": float(min(values[1], max(values[0], 0.0))),
+        "damping_rate_1_s": float(values[0]),
+        "damping_split_1_s": float(values[1]),
         "damping_axis_rad": float(values[2]),
         "frequency_split_rad_s": float(values[3]),
         "stiffness_axis_rad": float(values[4]),

@@ -18,7 +18,8 @@ from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.sensitivities import spread
 from ...fitting.causes.wave_frame import directions, real
 from .open_terms import PLACES, Covariate, Place, Shape, covariates, effect_of
-from .search import WORTH, bic, leaving_out
+from .search import bic, leaving_out
+from .thresholds import WORTH
 
 Array = np.ndarray
 CELLS, PEAKS = 48, 8
@@ -243,7 +244,7 @@ def fitted(fit: Fit, name: str, term: Term) -> Term:
     """The term with its coefficients and their σ as they stand in the fit."""
     values = next(values for effect, values in fit.point.active if effect.name == name)
     estimate = np.array(list(values.values()))
-    std = np.array([fit.std(f"{name}.{c}") for c in values])
+    std = np.array([fit.parameter_std(name, c) for c in values])
     return replace(term, score=replace(term.score, estimate=estimate, std=std))
 
 
@@ -254,6 +255,8 @@ def exchanged(fit: Fit, chosen: list[tuple[str, Term]], noise_factor: float) -> 
     rows = len(fit.residual)
     for name, _ in list(chosen):
         reduced = leaving_out(fit, name)
+        if reduced is None:
+            continue
         lost = (bic(reduced) - bic(fit)) / noise_factor
         new = best_of(reduced, terms(reduced))
         better = new.worth(rows, noise_factor)
@@ -276,8 +279,6 @@ def smooth_columns(fit: Fit) -> list[tuple[slice, Array]]:
     x = (series.time_s - first[:, None]) / (last - first)[:, None]
     slow = np.cos(np.pi * np.arange(1, SMOOTH + 1) * x[..., None])
     out = (slow[:, :, None, :, None] * frame[:, :, :, None, :]).reshape(*series.weight.shape, 4, -1)
-    if series.colour is not None:
-        out = fit.flow.prediction.whitened(out * series.weight[..., None, None])
     blocks = fit.basis.own
     return [(rows, out[k][good[k]].reshape(-1, out.shape[-1])) for k, (rows, _) in enumerate(blocks)]
 

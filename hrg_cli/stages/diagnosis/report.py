@@ -12,7 +12,8 @@ from ...effects import find
 from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit, flat
-from ...fitting.envelopes.coordinates import physical
+from ...fitting.causes.layout import FREQUENCY
+from ...fitting.envelopes.coordinates import COUNT, physical
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .gain import Gain, figures
@@ -27,7 +28,15 @@ SAME = 0.999
 """Cosine from which two causes, or one and a part of the other, do the same in these runs."""
 NOTHING = 1e-5
 """σ of all rows together that a difference step, a hundredth of the typical size, makes where it is more than rounding."""
-BASE = ("damping", "damping split", "damping split", "frequency split", "frequency split", "scale factor", "second order of the model")
+BASE = {
+    "damping": "damping",
+    "damping_cos": "damping split",
+    "damping_sin": "damping split",
+    "split_cos": "frequency split",
+    "split_sin": "frequency split",
+    "scale_factor": "scale factor",
+    "second_order": "second order of the model",
+}
 """The fitted coordinates in words."""
 WRONG = 4.0
 """σ from which a base value counts as wrong."""
@@ -69,20 +78,19 @@ def report(
 def _figures(fit: Fit) -> dict[str, float]:
     """χ² a degree of freedom and the residual's rms in the signals' unit."""
     weight = fit.series.weight[fit.rows[:, 0], fit.rows[:, 1]]
-    plain = flat(fit.series, fit.prediction.uncoloured().residual()) / weight
+    plain = flat(fit.series, fit.prediction.residual()) / weight
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 
 def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes them wrong."""
     numbers, slopes = physical(fit.point.p, fit.series.mode_number)
-    index = [fit.names.index(f"p{k}") if f"p{k}" in fit.names else -1 for k in range(7)]
-    covariance = np.zeros((7, 7))
-    there = [k for k in range(7) if index[k] >= 0]
-    covariance[np.ix_(there, there)] = fit.covariance[np.ix_([index[k] for k in there], [index[k] for k in there])]
+    covariance = np.zeros((COUNT, COUNT))
+    there, columns = list(fit.layout.coordinates), range(len(fit.layout.coordinates))
+    covariance[np.ix_(there, there)] = fit.covariance[np.ix_(columns, columns)]
     stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * noise_factor)
     frequency = float(np.mean(fit.frequency_hz))
-    own = [fit.std(f"run{k}.4") for k in range(len(fit.series.names))]
+    own = [fit.std_at(fit.layout.frequency(k)) for k in range(len(fit.series.names))]
     spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(own))
     frequency_std = max(float(np.sqrt(np.sum(np.square(own))) / len(own)), spread) / (2 * np.pi) * np.sqrt(noise_factor)
     given = resonator.parameters() if resonator is not None else {}
@@ -104,7 +112,7 @@ def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[d
 
 def _effect(one: Found, fit: Fit, noise_factor: float, by_name: dict[str, Variant]) -> dict[str, Any]:
     effect = one.variant.effect
-    active = {e.name: v for e, v in fit.point.active}[effect.name]
+    active = fit.values(effect.name)
     score = _beside_the_others(one, fit, noise_factor)
     sentences = [effect.next_experiment] + [by_name[r].effect.next_experiment for r in one.rivals if r in by_name]
     return {
@@ -115,7 +123,7 @@ def _effect(one: Found, fit: Fit, noise_factor: float, by_name: dict[str, Varian
         "parameters": {
             p.name: {
                 "value": float(active[p.name]),
-                "std": float(np.sqrt(noise_factor)) * fit.std(f"{effect.name}.{p.name}"),
+                "std": float(np.sqrt(noise_factor)) * fit.parameter_std(effect.name, p.name),
                 "units": p.units,
             }
             for p in effect.fitted()
@@ -129,12 +137,13 @@ def _effect(one: Found, fit: Fit, noise_factor: float, by_name: dict[str, Varian
 
 def _beside_the_others(one: Found, fit: Fit, noise_factor: float) -> tuple[float, float]:
     """z and p of an effect in the final fit, from its parameters' joint significance."""
-    index = [k for k, name in enumerate(fit.names) if name.startswith(one.variant.effect.name + ".")]
-    values = np.array([dict((e.name, v) for e, v in fit.point.active)[one.variant.effect.name][fit.names[k].split(".")[1]] for k in index])
-    neutral = np.array([p.neutral for p in one.variant.effect.fitted()])
-    covariance = fit.covariance[np.ix_(index, index)] * noise_factor
+    effect = one.variant.effect
+    index, now = fit.layout.effect(effect.name), fit.values(effect.name)
+    values = np.array([now[name] for name in fit.layout.parameters(effect.name)])
+    neutral = np.array([p.neutral for p in effect.fitted()])
+    covariance = fit.covariance[index, index] * noise_factor
     wald = float((values - neutral) @ np.linalg.pinv(covariance) @ (values - neutral))
-    z, p = evidence.significance(min(wald, one.delta_bic + len(index) * float(np.log(len(fit.residual)))), max(1, one.score.rank))
+    z, p = evidence.significance(min(wald, one.delta_bic + len(values) * float(np.log(len(fit.residual)))), max(1, one.score.rank))
     sign = np.sign(values[0] - neutral[0]) if len(values) == 1 else 1.0
     return float(z * (sign or 1.0)), p
 
@@ -248,19 +257,12 @@ def _hidden_behind(fit: Fit, S: Array) -> str:
     size = np.linalg.norm(S, axis=0)
     if not np.all(np.isfinite(size)) or not len(size):
         return ""
-    part = np.abs(fit.covariance @ (fit.design.T @ (S / size))) * np.linalg.norm(fit.design, axis=0)[:, None]
-    causes = {effect.name for effect, _ in fit.point.active}
+    part = np.max(np.abs(fit.covariance @ fit.design.along(S / size)) * fit.design.sizes()[:, None], axis=1)
     shares: dict[str, float] = {}
-    for name, share in zip(fit.names, part.max(axis=1), strict=True):
-        first = name.split(".")[0]
-        if first in causes:
-            word = first
-        elif name[0] == "p" and name[1:].isdigit():
-            word = BASE[int(name[1:])]
-        else:
-            word = "the runs' own frequencies" if name.endswith(".4") else ""
-        if word:
-            shares[word] = max(shares.get(word, 0.0), float(share))
+    for kind, name, columns in fit.layout.groups():
+        word = {"coordinate": BASE.get(name, ""), "run": "the runs' own frequencies", "effect": name}[kind]
+        share = part[columns][FREQUENCY:] if kind == "run" else part[columns]
+        shares[word] = max(shares.get(word, 0.0), float(share.max(initial=0.0)))
     largest = max(shares.values(), default=0.0)
     named = [word for word, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share > 0.3 * largest and share > 0.1]
     return ", ".join(named[:3])

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ...fitting.causes.extended import generators
+from ...fitting.causes.extended import Point, motion_of
 from ...fitting.causes.extended_fit import Fit
 from ...physics import ellipse
-from ...physics.resonator import exponential
 from ...records import Wave
 
 Array = np.ndarray
@@ -19,6 +19,10 @@ COURSE = 1e-6
 """Part of its range by which a course of straight lines may miss the log."""
 LOOP = 0.5
 """Part of a logged command's power that a loop must explain to be taken for one."""
+BACKWARD = 16
+"""Steps from the first row back to the run's start."""
+HELD = ("weight", "temperature_rate_degc_s", "branch", "main_drive", "quadrature_drive", "forced", "held_amplitude", "held_slope")
+"""Columns that stay what they are at the first row."""
 FEWEST, ROUNDS = 20, 8
 """Windows from which a loop is looked for, and rounds of the fit of its level."""
 
@@ -26,7 +30,7 @@ FEWEST, ROUNDS = 20, 8
 def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate_hz: float) -> dict[str, Any]:
     """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces."""
     series, k = fit.series, own[0]
-    a_A, a_B, angle, phase = (float(v) for v in ellipse.wave(_start(fit, k), series.mode_number))
+    a_A, a_B, angle, phase = (float(v) for v in ellipse.wave(_start(fit, k, wave), series.mode_number))
     length = float(wave.time_s[-1] + wave.window_s / 2)
     run: dict[str, Any] = {
         "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},
@@ -49,16 +53,36 @@ def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
     return wave.replace(main_amplitude=np.interp(t, times, a_A), quadrature_amplitude=np.interp(t, times, a_B))
 
 
-def _start(fit: Fit, k: int) -> Array:
-    """Envelopes (2,) at t = 0: the modelled motion of the first three rows taken back.
+def _start(fit: Fit, k: int, wave: Wave) -> Array:
+    """Envelopes (2,) at t = 0: the whole equation integrated back from the first row, drive and effects included."""
+    series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
+    if first <= 0:
+        return fit.prediction.motion[k, 0]
+    times = np.linspace(first, 0.0, BACKWARD + 1)[None]
+    since = times - first
 
-    The generator's own motion is taken back exactly; what drive and effects add to it is a parabola.
-    """
-    L = generators(fit.series, fit.point)[k, 0] + 1j * fit.series.turn_rad_s[k] * np.eye(2)
-    t = fit.series.time_s[k, :3]
-    still = np.einsum("rij,rj->ri", exponential(L, -t), fit.prediction.motion[k, :3])
-    weights = [np.prod([t[j] / (t[j] - t[i]) for j in range(3) if j != i]) for i in range(3)]
-    return np.array(weights) @ still
+    def along(values: Array, slope: Array | float = 0.0) -> Array:
+        return values[:, :1] + slope * since
+
+    rate = along(series.rate_rad_s)
+    if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
+        rate = np.interp(times, np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known])
+    columns = {name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD}
+    back = replace(
+        series,
+        time_s=times,
+        envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
+        rate_rad_s=rate,
+        temperature_degc=along(series.temperature_degc, series.temperature_rate_degc_s[:, :1]),
+        table_angle_rad=along(series.table_angle_rad, rate),
+        phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
+        main_impulse=along(series.main_impulse, series.main_drive[:, :1]),
+        quadrature_impulse=along(series.quadrature_impulse, series.quadrature_drive[:, :1]),
+        unsettled=None,
+        **columns,
+    )
+    point = Point(fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active)
+    return motion_of(back, point)[0, -1]
 
 
 def _sample_noise(wave: Wave, sample_rate_hz: float) -> float:

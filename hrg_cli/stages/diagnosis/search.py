@@ -9,28 +9,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes import evidence, extended_fit, scales
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.sensitivities import Wanted
 from .gain import predicts_better
+from .thresholds import GROSS, MOST_TYPICAL, SIGNIFICANT, SMALL_IN_MOTION, SMALL_IN_READOUT, TOGETHER, WORTH
 
 Array = np.ndarray
-SIGNIFICANT = 1e-3
-"""Chance of a false alarm a step of the selection, corrected for the number tried."""
-WORTH = 10.0
-"""ΔBIC an effect must earn, and by which it must beat a rival to be told from it."""
-MOST_TYPICAL = 1000.0
-"""Times its typical size that no cause exceeds."""
-SHORTLIST = 3
+SHORTLIST, GROSS_SHORTLIST = 3, 10
+"""Candidates refitted before one is chosen; the second while the misfit is gross, when a score says little of the refit."""
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
-GROSS = 10.0
-"""χ² a degree of freedom above which what was found is too far from the data to be weighed against all others."""
 IN_THE_LOG = "finite_quadrature_gain"
 """No candidate where the loop's command is logged: the log holds whatever the loop does."""
-TOGETHER = 0.999
-"""Canonical correlation from which two causes are one to these data, whatever the fit says."""
+ONLY_BESIDE = {"anisotropic_cubic_stiffness": ("cubic_stiffness", "inertial_nonlinearity")}
+"""Effects that are a part of another, which must stand first."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +66,6 @@ class Search:
 def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
     """All ways the candidates may stand beside this fit."""
     series = fit.series
-    amplitude = extended_fit.amplitude_of(series)
     warm = series.temperature_degc[series.weight > 0]
     middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
     seen = np.abs(series.envelope)[series.weight > 0]
@@ -81,7 +74,7 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
         values = effect.values()
         if "reference_temperature_degc" in values:
             values["reference_temperature_degc"] = middle
-        steps = extended_fit.steps_of(effect, amplitude)
+        steps = scales.steps_of(effect, series)
         if effect.name == IN_THE_LOG and np.any(series.quadrature_drive):
             continue
         if effect.name == "saturation":
@@ -95,13 +88,12 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
 def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
-    open_ones = [variant for variant in candidates if variant.effect.name not in active]
+    open_ones = [v for v in candidates if v.effect.name not in active and _may_stand(v.effect.name, active)]
     columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
     found = evidence.scores([variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis)
-    amplitude = extended_fit.amplitude_of(fit.series)
     for score, variant in zip(found, open_ones, strict=True):
-        if score.visible and not _thinkable(score, variant, amplitude):
+        if score.visible and not _thinkable(score, variant, fit):
             continue
         if score.name not in best or score.gain > best[score.name][0].gain:
             best[score.name] = (score, variant)
@@ -109,12 +101,28 @@ def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant
     return sorted(best.values(), key=lambda pair: -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf)
 
 
-def _thinkable(score: Score, variant: Variant, amplitude: float) -> bool:
-    """Whether every estimate that stands out of its noise is of a size such a cause can have."""
-    size = {p.name: p.typical * amplitude**p.amplitude_power for p in variant.effect.parameters}
-    limits = MOST_TYPICAL * np.array([size[name] for name in variant.steps])
-    known = np.isfinite(score.estimate)
-    return bool(np.all((np.abs(score.estimate) - 5 * score.std <= limits)[known]))
+def _may_stand(name: str, active: set[str]) -> bool:
+    """Whether what the effect is a part of stands already."""
+    return name not in ONLY_BESIDE or bool(active & set(ONLY_BESIDE[name]))
+
+
+def _thinkable(score: Score, variant: Variant, fit: Fit) -> bool:
+    """Whether what stands out of the estimate's noise is of a size such a cause can have: small beside the oscillation and the signal."""
+    amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
+    sizes = {p.name: scales.typical(p, amplitude, frequency) for p in variant.effect.parameters}
+    beyond = np.sign(score.estimate) * np.maximum(np.abs(score.estimate) - 5 * score.std, 0.0)
+    least = {name: float(v) for name, v in zip(variant.steps, beyond, strict=True) if np.isfinite(v)}
+    if any(abs(v) > MOST_TYPICAL * sizes[name] for name, v in least.items()):
+        return False
+    values = {name: value + least.get(name, 0.0) for name, value in variant.values.items()}
+    return is_small(variant.effect, values, fit)
+
+
+def is_small(effect: Effect, values: Mapping[str, float], fit: Fit) -> bool:
+    """Whether an effect of these values is small beside the oscillation and the signal along the fit's runs."""
+    u = fit.prediction.motion
+    motion, seen = scales.strength(effect, values, u, fit.flow.rows.lit(u))
+    return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT
 
 
 def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS) -> Fit:
@@ -153,6 +161,7 @@ def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         if step is None:
             break
         fit, one = step
+        fit = loosened(fit)
         found.append(one)
         ranked = scored(fit, candidates)
     chosen = fit
@@ -179,12 +188,16 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
         or evidence.criterion(top.gain / noise_factor, top.rank, len(fit.residual)) < WORTH
     ):
         return None
-    close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
+    if gross(fit):
+        close = [pair for pair in ranked if pair[0].visible][:GROSS_SHORTLIST]
+    else:
+        close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
     trials = []
     for score, variant in close:
         with contextlib.suppress(extended_fit.DivergedError):
             trial = adopted(fit, score, variant)
-            trials.append((bic(trial), trial, score, variant))
+            if trial.converged and is_small(trial.point.active[-1][0], trial.point.active[-1][1], trial):
+                trials.append((bic(trial), trial, score, variant))
     trials.sort(key=lambda t: t[0])
     gain = (bic(fit) - trials[0][0]) / noise_factor if trials else -np.inf
     if not gain >= WORTH:
@@ -203,9 +216,23 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
     return chosen, Found(as_fitted(variant, chosen), score, tried, gain, tuple(rivals))
 
 
-def leaving_out(fit: Fit, name: str) -> Fit:
-    """The fit again without an effect."""
-    return extended_fit.fit(fit.series, extended_fit.without(fit.point, name), fit.freedom, near=fit.flow.near)
+def gross(fit: Fit) -> bool:
+    """Whether the model is far from the data as a whole."""
+    return fit.chi2 > GROSS * fit.dof
+
+
+def loosened(fit: Fit) -> Fit:
+    """The fit with the second order's scale free once the misfit is no longer gross enough to bend it."""
+    if gross(fit) or fit.layout.coordinate("second_order") is not None or fit.freedom.passive is False:
+        return fit
+    return extended_fit.fit(fit.series, fit.point, fit.freedom.freeing_second_order(), near=fit.flow.near)
+
+
+def leaving_out(fit: Fit, name: str) -> Fit | None:
+    """The fit again without an effect; None where no motion is left: the model cannot do without it."""
+    with contextlib.suppress(extended_fit.DivergedError):
+        return extended_fit.fit(fit.series, extended_fit.without(fit.point, name), fit.freedom, near=fit.flow.near)
+    return None
 
 
 def exchanged(
@@ -219,7 +246,10 @@ def exchanged(
     if len(found) < 2 or fit.chi2 > GROSS * noise_factor * fit.dof:
         return fit, found
     for k, old in enumerate(found):
-        reduced = without[old.variant.effect.name] = leaving_out(fit, old.variant.effect.name)
+        reduced = leaving_out(fit, old.variant.effect.name)
+        if reduced is None:
+            continue
+        without[old.variant.effect.name] = reduced
         lost = reduced.chi2 - fit.chi2
         needed = min(0.9 * lost, lost - 2 * WORTH * noise_factor)
         others = [pair for pair in scored(reduced, candidates) if pair[0].visible and pair[0].name != old.variant.effect.name]
@@ -255,7 +285,7 @@ def pruned(fit: Fit, found: list[Found], noise_factor: float, without: Mapping[s
         for one in found:
             name = one.variant.effect.name
             reduced = without[name] if name in without else leaving_out(fit, name)
-            losses.append(((bic(reduced) - bic(fit)) / noise_factor, reduced))
+            losses.append((np.inf, fit) if reduced is None else ((bic(reduced) - bic(fit)) / noise_factor, reduced))
         worst = int(np.argmin([loss for loss, _ in losses]))
         if losses[worst][0] < WORTH:
             fit = losses[worst][1]

@@ -58,7 +58,7 @@ def in_shape(fit: Fit, shape: Shape) -> Fit | None:
     effect = _at(amplitude, fitted=not shape.supplied)
     point = extended_fit.with_effect(replace(fit.point, p=p), effect, {"level_1_s": level, "power": power})
     try:
-        again = extended_fit.fit(fit.series, point, replace(fit.freedom, std=std), most=STEPS)
+        again = extended_fit.fit(fit.series, point, replace(fit.freedom, std=std, passive=shape.linear), most=STEPS)
     except extended_fit.DivergedError:
         return None
     found = values(again)
@@ -84,13 +84,12 @@ def effect_of(shape: Shape) -> Effect:
 
 def values(fit: Fit) -> dict[str, float]:
     """The damping's parameters."""
-    return dict({e.name: v for e, v in fit.point.active}[NAME])
+    return fit.values(NAME)
 
 
 def power_of(fit: Fit) -> tuple[float, float]:
     """The power and its σ, 0 where it is given."""
-    name = f"{NAME}.power"
-    return values(fit)["power"], fit.std(name) if name in fit.names else 0.0
+    return values(fit)["power"], fit.parameter_std(NAME, "power")
 
 
 def level_of(fit: Fit, amplitude: float) -> tuple[float, float]:
@@ -98,8 +97,8 @@ def level_of(fit: Fit, amplitude: float) -> tuple[float, float]:
     now = values(fit)
     level = now["damping_1_s"] * amplitude ** now["power"]
     slopes = {"damping_1_s": amplitude ** now["power"], "power": level * np.log(amplitude)}
-    names = [name for name in slopes if f"{NAME}.{name}" in fit.names]
-    index = [fit.names.index(f"{NAME}.{name}") for name in names]
+    names = [name for name in slopes if name in fit.layout.parameters(NAME)]
+    index = [fit.layout.parameter(NAME, name) for name in names]
     slope = np.array([slopes[name] for name in names])
     return float(level), float(np.sqrt(max(slope @ fit.covariance[np.ix_(index, index)] @ slope, 0.0)))
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...fitting.causes.extended_fit import DivergedError, Fit
 from ...physics import ellipse
 from ...records import Wave
-from .search import GROSS
+from .thresholds import GROSS
 
 Array = np.ndarray
 NEAREST_CYCLES = 4.0

@@ -11,15 +11,11 @@ from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
 from .remainder import Remainder, adequacy, describe
-from .search import SIGNIFICANT, WORTH, Found, Search, Variant, adopted, bic, scored, select
+from .search import Found, Search, Variant, adopted, bic, loosened, scored, select
+from .thresholds import BOUND_COST, CLEARLY, INADEQUATE, NEVER_LESS, SAME, SIGNIFICANT, WORTH
 
-INADEQUATE = 1e-4
-"""Chance at which a clean model would be called inadequate by the residual's smooth part, and again by the open terms."""
 OPEN_TERMS = 3
-SAME = 0.995
-"""Canonical correlation from which an open term is another spelling of a catalogued effect."""
-CLEARLY = 16.0
-"""ΔBIC by which an open description must beat catalogued causes that leave nothing over."""
+"""Open terms that describe a rest; a rest that needs more is not described."""
 
 
 def reweighted(fit: Fit, level: float) -> Fit:
@@ -29,8 +25,6 @@ def reweighted(fit: Fit, level: float) -> Fit:
 
 def noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None where they agree."""
-    if fit.series.colour is not None:
-        return None
     values = np.zeros((*fit.series.weight.shape, 4))
     values[tuple(fit.rows.T)] = (remainder.fit if remainder else fit).residual
     ok = fit.series.weight > 0
@@ -48,7 +42,7 @@ def explain(base: Fit, candidates: Sequence[Variant], most: int) -> tuple[Search
         search = select(base, candidates, noise_factor, most)
         remainder = rest(search.final, noise_factor)
         level, p = adequacy(remainder.fit if remainder else search.final)
-        if p > INADEQUATE or level < 1.2 * noise_factor:
+        if p > INADEQUATE or level < NEVER_LESS * noise_factor:
             break
         noise_factor = level
     return search, remainder, noise_factor
@@ -60,7 +54,7 @@ def rest(fit: Fit, noise_factor: float) -> Remainder | None:
     Not adequate: the residual's smooth part is too large, or one open term of all those tried finds what is too quick for that part.
     """
     level, p = adequacy(fit)
-    if level < 1.2 * noise_factor and noise_factor > 1:
+    if level < NEVER_LESS * noise_factor and noise_factor > 1:
         return None
     if p > INADEQUATE:
         found = describe(fit, noise_factor, OPEN_TERMS, INADEQUATE)
@@ -70,13 +64,13 @@ def rest(fit: Fit, noise_factor: float) -> Remainder | None:
 
 def concluded(
     search: Search, remainder: Remainder | None, noise_factor: float, candidates: Sequence[Variant]
-) -> tuple[str, Search, Remainder | None]:
-    """The word for it; catalogued causes that open terms outdo are dropped and not blamed.
+) -> tuple[Search, Remainder | None]:
+    """The search and what is left over; catalogued causes that open terms outdo are dropped and not blamed.
 
     Every beginning of the list of causes is held, with open terms beside it, against the whole list.
     """
     if not search.found:
-        return ("unexplained" if remainder is not None else "adequate"), search, remainder
+        return search, remainder
     price = float(np.log(len(search.base.residual)))
     full = (search.final.chi2 if remainder is None else remainder.chi2) + price * _rank(search.final, remainder)
     best: tuple[float, Search, Remainder] | None = None
@@ -85,28 +79,30 @@ def concluded(
         described = describe(start, noise_factor, OPEN_TERMS, SIGNIFICANT)
         ranked = search.first if count == 0 else tuple(s for s, _ in scored(start, candidates))
         try:
-            beyond = adopted(start, following.score, following.variant)
+            beyond = loosened(adopted(start, following.score, following.variant))
         except extended_fit.DivergedError:
             beyond = None
         if described.terms and not _is_catalogued(described, ranked, search.found[count:]):
             value = described.chi2 + price * _rank(start, described)
-            # a negative damping says that the catalogue's form is not the right one; what the catalogue explains in full
+            # a damping at its bound says that the catalogue's form is not the right one; what the catalogue explains in full
             # is given up only for something clearly better; what it explains in part must earn its place
             margin = CLEARLY if remainder is None else -0.5 * WORTH
             mimic = remainder is not None and beyond is not None and _single(start, described, beyond) < -CLEARLY * noise_factor
-            forbidden = start.point.p[0] > 0 > search.final.point.p[0] and described.fit.point.p[0] > 0
-            outdone = forbidden or mimic or value < full - margin * noise_factor
+            forbidden = search.final.bound_cost > BOUND_COST * noise_factor > described.fit.bound_cost
+            # nothing is given up for a description that leaves clearly more over
+            near = value < full + CLEARLY * noise_factor
+            outdone = (near and (forbidden or mimic)) or value < full - margin * noise_factor
             # beside open terms too a cause must earn its place
             if outdone and (best is None or value < best[0] - CLEARLY * noise_factor):
                 best = value, replace(search, final=start, found=search.found[:count], last=ranked), described
-            if mimic:  # an open term does better than the next cause: the list ends here
+            if mimic and near:  # an open term does better than the next cause: the list ends here
                 break
         if beyond is None:
             break
         start = beyond
     if best is not None:
-        return ("partly explained" if best[1].found else "unexplained"), best[1], best[2]
-    return ("explained" if remainder is None else "partly explained"), search, remainder
+        return best[1], best[2]
+    return search, remainder
 
 
 def _rank(fit: Fit, beside: Remainder | None) -> int:

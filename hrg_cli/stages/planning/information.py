@@ -14,7 +14,8 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.extended import OWN, Point, predict
+from ...fitting.causes.extended import Point, predict
+from ...fitting.causes.layout import OWN
 from ...fitting.causes.extended_fit import Freedom
 from ...fitting.causes.sensitivities import base_sensitivities, propagation
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
@@ -121,11 +122,10 @@ def information(
             flow = propagation(predict(series, replace(truth, offset_rad_s=np.zeros(1))))
         shared, own = base_sensitivities(flow)
         own_columns = extended_fit.flat(series, own)
-        amplitude = extended_fit.amplitude_of(series)
         columns = [extended_fit.flat(series, shared)]
         for cause in layout.causes:
             values = cause.values() | dict(references.get(cause.name, {})) | dict(layout.acting.get(cause.name, {}))
-            columns.append(extended_fit.sensitivity(flow, cause, values, extended_fit.steps_of(cause, amplitude)))
+            columns.append(extended_fit.sensitivity(flow, cause, values, extended_fit.steps_of(cause, series)))
         A = np.nan_to_num(np.concatenate(columns, axis=1))
         basis = evidence.orthonormal(own_columns[:, :OWN])
         A = A - basis @ (basis.T @ A)
