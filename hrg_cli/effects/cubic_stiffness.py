@@ -1,7 +1,9 @@
 """Isotropic cubic stiffness (Duffing).
 
 Physics: the spring hardens or softens with displacement, z'' = … − κ|z|² z.
-Equation: u' = (jκ/8ω)[2(u†u) u + (uᵀu) u*]; φ̇ = 3κ(a_A² + a_B²)/8ω, 2θ̇ = −κ a_A a_B/4ω   (PHYSICS M4).
+Equation: u' = (jκ/8ω)[2(u†u) u + (uᵀu) u*]; φ̇ = 3κ(a_A² + a_B²)/8ω, 2θ̇ = −κ a_A a_B/4ω   (PHYSICS M4),
+and to second order, for the fundamental of the motion, u' += −(jκ²/ω³)[S² u/32 − 3|q|² u/256 + 5 S q u*/128], S = u†u, q = uᵀu: a line
+is slower by 15κ²a⁴/256ω³ (Lindstedt), a circle by κ²(a_A² + a_B²)²/32ω³ (exact: Ω² = ω² + κr²).
 The parameter is the frequency pull 3κ/8ω in rad/s at unit amplitude.
 Size: 0.01 … 10 mHz at the working amplitude.
 Mistaken for: temperature drift of the frequency, inertial nonlinearity (same pull, another precession). What separates it: two amplitudes
@@ -20,9 +22,12 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
-    """(j pull/3)[2(u†u) u + (uᵀu) u*]."""
+    """(j pull/3)[2(u†u) u + (uᵀu) u*] and the second order, κ²/ω³ = 64 pull²/9ω."""
     size, square = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
-    return 1j * p["pull_rad_s"] / 3 * (2 * size * u + square * np.conj(u))
+    first = p["pull_rad_s"] / 3 * (2 * size * u + square * np.conj(u))
+    own, mirrored = size**2 / 32 - 3 * np.abs(square) ** 2 / 256, 5 * size * square / 128
+    second = 64 * p["pull_rad_s"] ** 2 / (9 * state.mechanics.omega_rad_s) * (own * u + mirrored * np.conj(u))
+    return 1j * (first - second)
 
 
 EFFECT = Effect(

@@ -22,7 +22,7 @@ SMOOTH = 10
 """Degree of the polynomial in time up to which the residual may be the model's fault."""
 SLOWEST = 20
 """Part of the run a wander's rate may stay correlated: what is slower cannot be told from a fault of the model."""
-FEWEST, MOST_ROWS = 40, 240
+FEWEST, MOST_ROWS = 40, 120
 """Rows from which a colour is estimated, and rows to which the residual is averaged for that."""
 CLEAR, BESIDE = 30.0, 10.0
 """2 ln of the likelihood ratio from which noise counts as coloured, and a component does beside another that clearly is.

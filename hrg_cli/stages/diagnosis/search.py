@@ -19,6 +19,8 @@ from .thresholds import GROSS, MOST_TYPICAL, SIGNIFICANT, SMALL_IN_MOTION, SMALL
 Array = np.ndarray
 SHORTLIST, GROSS_SHORTLIST = 3, 10
 """Candidates refitted before one is chosen; the second while the misfit is gross, when a score says little of the refit."""
+QUICK_STEPS = 6
+"""Steps of a first refit where many are compared."""
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
 IN_THE_LOG = "finite_quadrature_gain"
@@ -192,13 +194,7 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
         close = [pair for pair in ranked if pair[0].visible][:GROSS_SHORTLIST]
     else:
         close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
-    trials = []
-    for score, variant in close:
-        with contextlib.suppress(extended_fit.DivergedError):
-            trial = adopted(fit, score, variant)
-            if trial.converged and is_small(trial.point.active[-1][0], trial.point.active[-1][1], trial):
-                trials.append((bic(trial), trial, score, variant))
-    trials.sort(key=lambda t: t[0])
+    trials = _refitted(fit, close)
     gain = (bic(fit) - trials[0][0]) / noise_factor if trials else -np.inf
     if not gain >= WORTH:
         rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
@@ -214,6 +210,32 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
         if s.name != score.name and s.visible and s.name not in rivals and evidence.alike(s, score) > TOGETHER and s.rank == score.rank
     ]
     return chosen, Found(as_fitted(variant, chosen), score, tried, gain, tuple(rivals))
+
+
+Trial = tuple[float, Fit, Score, Variant]
+"""A candidate refitted: its criterion, its fit, its score before, and how it stands."""
+
+
+def _refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+    """The candidates refitted, best first; what did not settle or came out larger than thinkable is none.
+
+    Many are refitted in few steps first where the misfit is gross, and only the best of these to the end.
+    """
+    trials: list[Trial] = []
+    for score, variant in close:
+        with contextlib.suppress(extended_fit.DivergedError):
+            trial = adopted(fit, score, variant, QUICK_STEPS if len(close) > SHORTLIST else extended_fit.MOST_STEPS)
+            trials.append((bic(trial), trial, score, variant))
+    trials.sort(key=lambda t: t[0])
+    whole: list[Trial] = []
+    for level, trial, score, variant in trials[:SHORTLIST]:
+        if not trial.converged:
+            trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
+            level = bic(trial)
+        effect, values = trial.point.active[-1]
+        if trial.converged and is_small(effect, values, trial):
+            whole.append((level, trial, score, variant))
+    return sorted(whole, key=lambda t: t[0])
 
 
 def gross(fit: Fit) -> bool:
