@@ -17,6 +17,8 @@ import numpy as np
 Array = np.ndarray
 BLIND = 3e-4
 """Independence |s⊥|/|s| below which a candidate counts as invisible beside the base model."""
+CLEAR_RANK = 1e-6
+"""Ratio of a triangle's pivots above which the rank is full beyond doubt; below it singular values decide."""
 TOGETHER = 16
 """Columns of candidates multiplied with one another in one matrix product."""
 
@@ -150,6 +152,10 @@ def _split(J: Array, tolerance: float) -> tuple[Array, Array]:
     """Orthonormal (N, r) and (r, k) whose product is J; directions weaker than `tolerance` of the strongest are none."""
     if J.shape[1] == 0:
         return J, np.zeros((0, 0))
+    Q, R = np.linalg.qr(J)
+    pivots = np.abs(np.diag(R))
+    if len(J) >= J.shape[1] and pivots.min() > CLEAR_RANK * pivots.max():
+        return Q, R
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     keep = s > tolerance * s[0]
     return U[:, keep], s[keep, None] * Vt[keep]

@@ -190,11 +190,12 @@ def best_step(fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise_factor: f
         or evidence.criterion(top.gain / noise_factor, top.rank, len(fit.residual)) < WORTH
     ):
         return None
-    if gross(fit):
-        close = [pair for pair in ranked if pair[0].visible][:GROSS_SHORTLIST]
-    else:
-        close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
+    close = [pair for pair in ranked if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)][:SHORTLIST]
     trials = _refitted(fit, close)
+    if gross(fit) and not (trials and not gross(trials[0][1])):
+        # so far from the data a score says little of the refit: more are refitted before one is chosen
+        close = [pair for pair in ranked if pair[0].visible][:GROSS_SHORTLIST]
+        trials = _refitted(fit, close)
     gain = (bic(fit) - trials[0][0]) / noise_factor if trials else -np.inf
     if not gain >= WORTH:
         rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
