@@ -27,7 +27,7 @@ from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
 from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import contradicting_logs, strangers
-from .diagnosis.data import freedom_of, held, prepare
+from .diagnosis.data import freedom_of, prepare
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import better
 from .diagnosis.gain import held_out
@@ -41,7 +41,7 @@ from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wander
 from .diagnosis.waveform import causes, phase_steps, split_at
-from .diagnosis.written import hold
+from .diagnosis.written import faithful
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray
@@ -70,7 +70,7 @@ def diagnose(
         series, point, _ = prepare(pieces, scale_factor, rows)
         series = replace(series, free_phase=free_phase)
         freedom = freedom_of(series, point, scale_factor)
-        return settled(started(extended_fit.fit(series, held(point, freedom), freedom)))
+        return settled(started(extended_fit.fit(series, point, freedom)))
 
     steps = phase_steps(waves)
     pieces, origin = split_at(waves, steps)
@@ -106,8 +106,9 @@ def diagnose(
     shown, lines = causes(waves, steps, tones, float(np.mean(search.final.frequency_hz)), [f.variant.effect.name for f in search.found])
     if not steps and not tones:
         untouched = search.base
-    model = simulation_file(search.final, waves, pieces, origin, shown)
-    written = hold(model, search.final, origin, extra_effects)
+    model, written = faithful(
+        lambda change: simulation_file(search.final, waves, pieces, origin, shown, change), search.final, origin, extra_effects
+    )
     closing = closing_checks(search, remainder, form, level or 1.0, written, shown)
     ahead = forecast(search, candidates, noise_factor, most_effects, waves[0].units) if search.found else None
     stability = _stability(search, candidates, noise_factor, most_effects, ahead, lambda: fitted(pieces, blocks // 2))
@@ -138,11 +139,11 @@ def diagnose(
 
 
 def started(fit: Fit) -> Fit:
-    """The base fit with the second order's scale free where that is no way to hide a gross misfit."""
-    if not gross(fit):
+    """The base fit with what is weakly known free where that is no way to hide a gross misfit."""
+    if not gross(fit) or fit.freedom.loose is None:
         return loosened(fit)
     with contextlib.suppress(extended_fit.DivergedError):
-        free = extended_fit.fit(fit.series, fit.point, fit.freedom.freeing_second_order())
+        free = extended_fit.fit(fit.series, fit.point, fit.freedom.loose)
         return fit if gross(free) else free
     return fit
 

@@ -85,7 +85,7 @@ def sized(effect, fit, z, random):
             size = np.linalg.norm(beside(extended_fit.flat(fit.series, change)))
             low, high = (middle, high) if size < z else (low, middle)
         return {"inverse_level": low}
-    steps = extended_fit.steps_of(effect, extended_fit.amplitude_of(fit.series))
+    steps = extended_fit.steps_of(effect, fit.series)
     S = extended_fit.sensitivity(fit.flow, effect, values, steps)
     free, whole = beside(S), np.linalg.norm(S, axis=0)
     size = np.linalg.norm(free, axis=0)

@@ -87,4 +87,4 @@ def test_a_gradient_beside_a_temperature_dependence_has_its_own_size():
 def test_a_rate_of_the_wrong_sign_is_suspect():
     found = [w.replace(rate_rad_s=-w.rate_rad_s) for w in waves(programme(8, runs=4))]
     diagnosis = diagnose(found)
-    assert diagnosis.status == "suspect" and "wrong sign" in diagnosis.status_reasons[0]
+    assert diagnosis.status == "suspect" and "another unit or sign" in diagnosis.status_reasons[0]

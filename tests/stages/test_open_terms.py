@@ -25,7 +25,7 @@ def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
         for place in PLACES:
             ((_, columns, _),) = columns_of(fit, [(place, some[name])])
             effect = effect_of(place, some[name], "open")
-            steps = extended_fit.steps_of(effect, 1.0)
+            steps = extended_fit.steps_of(effect, fit.series)
             own = extended_fit.sensitivity(fit.flow, effect, effect.values(), steps)
             assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (place.name, name)
 

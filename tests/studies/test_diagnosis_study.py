@@ -45,7 +45,7 @@ def test_a_size_is_what_an_ideal_detector_measures():
     one = hidden.hiding("gain_mismatch", np.random.default_rng(4), 3e-4)
     for seed in range(8):
         fit = hidden.base_fit(one.measured(size, seed), None, {})
-        step = hidden.extended_fit.steps_of(one.effect, 1.0)
+        step = hidden.extended_fit.steps_of(one.effect, fit.series)
         direction = hidden._beside(hidden.extended_fit.sensitivity(fit.flow, one.effect, one.neutral, step), fit)[:, 0]
         found.append(np.sign(next(iter(one.direction.values()))) * direction @ fit.residual / np.linalg.norm(direction))
     assert np.mean(found) == pytest.approx(size, abs=4 / np.sqrt(8))

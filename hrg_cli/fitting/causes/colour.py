@@ -9,7 +9,6 @@ not taken for noise, and the wander at long times is what the quick wander makes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np

@@ -42,17 +42,13 @@ class Freedom:
     """Wander of the runs' frequencies about the mean of their kind (free, forced), rad/s; inf: every run has a frequency of its own."""
     passive: bool = True
     """The fit stays where a resonator without a supply can be: the damping is nowhere negative, ν ≥ |νδμ|."""
+    loose: Freedom | None = None
+    """What takes its place once the misfit is no longer gross enough to bend what is weakly known; None: the same."""
 
     def holding(self, name: str, value: float) -> Freedom:
         """The same with one coordinate held at a value."""
         mean, std = self.mean.copy(), self.std.copy()
         mean[COORDINATES.index(name)], std[COORDINATES.index(name)] = value, 0.0
-        return replace(self, mean=mean, std=std)
-
-    def freeing_second_order(self) -> Freedom:
-        """The same with the second order's scale between plain averaging (0) and a real resonator (1)."""
-        mean, std = self.mean.copy(), self.std.copy()
-        mean[COORDINATES.index("second_order")], std[COORDINATES.index("second_order")] = 0.5, 1.0
         return replace(self, mean=mean, std=std)
 
     def strays(self, series: Series) -> Array:
@@ -269,9 +265,8 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, 
     DivergedError: the model has no motion at the start.
     """
     layout = layout_of(series, point, freedom)
-    held = freedom.std == 0
-    if freedom.passive:
-        point = replace(point, p=np.where(held, point.p, passive_damping(point.p)))
+    p = passive_damping(point.p) if freedom.passive else point.p
+    point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
 
     def cost(prediction: Prediction) -> float:
         if not np.all(np.isfinite(prediction.seen)):

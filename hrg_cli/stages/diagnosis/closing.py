@@ -19,7 +19,7 @@ from .form import Form
 from .gain import folds_of, predicted
 from .remainder import Remainder
 from .search import Search, is_small
-from .thresholds import BOUND_COST, NOISE_LEVEL, OWN_SIGMA, RUN_PREDICTED, SCALE_FACTORS, WRITTEN
+from .thresholds import BOUND_COST, NOISE_LEVEL, OWN_SIGMA, RUN_PREDICTED, SCALE_FACTORS, WRITTEN, WRITTEN_FORCED
 from .written import Written
 
 Array = np.ndarray
@@ -60,7 +60,7 @@ def closing_checks(
         *_causes(search, waveform),
         *_physics(final),
         checks.holds("converged", final.converged and search.base.converged, "a fit stopped before it had settled"),
-        *_written(written),
+        *_written(written, bool(np.any(final.series.forced))),
     ]
 
 
@@ -152,7 +152,7 @@ def _physics(fit: Fit) -> Iterator[Check]:
     yield checks.covariance_is_one(fit.covariance, "the covariance of the fit is none")
 
 
-def _written(written: Written | None) -> Iterator[Check]:
+def _written(written: Written | None, driven: bool) -> Iterator[Check]:
     """The file that was written against the fit."""
     if written is None:
         yield checks.holds("written_model", False, "the extended model could not be simulated from its own file")
@@ -161,4 +161,4 @@ def _written(written: Written | None) -> Iterator[Check]:
         f"the extended model simulated from its file misses the measurement by {written.rms_over_noise:.3g} σ rms, "
         f"the fit by {written.fitted_rms_over_noise:.3g}"
     )
-    yield checks.at_most("written_model", written.ratio, WRITTEN, text)
+    yield checks.at_most("written_model", written.ratio, WRITTEN_FORCED if driven else WRITTEN, text)

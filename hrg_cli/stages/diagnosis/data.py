@@ -29,6 +29,8 @@ DEGREES, ENDS = 3, 3
 """Highest power of time by which a temperature log is smoothed, and rows at its ends that do not count."""
 EXACT = 1e-6
 """Misfit, as a part of its range, below which a temperature log is the polynomial."""
+SHAPES = 0.1
+"""Part of the nominal scale factor by which the mode shapes of shells differ."""
 DIFFERENT_RATES = 0.1
 """Part of the greatest rate by which rates must differ to count as different."""
 QUIET = 1e-3
@@ -236,18 +238,24 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
 
 
 def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Freedom:
-    """Weak priors on the splits; K is held where these runs cannot tell it, the second order's scale at that of a real resonator.
+    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell it, the second order's scale at 1.
 
     With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale factor fitted there takes up any misfit.
+    Once it is not gross, K may be any that a mode shape makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
     """
     span = float(series.time_s.max())
     damping = max(abs(float(point.p[0])), 0.01 / span)
     split = max(float(np.hypot(point.p[3], point.p[4])), damping, 1 / span)
-    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 0.0])
     nominal = nominal_scale_factor(series.mode_number) if scale_factor is None else scale_factor
-    if scale_factor is not None or not shows_scale_factor(series, nominal):
-        std[5] = 0.0
-    return Freedom(np.array([0, 0, 0, 0, 0, nominal, 1.0]), std)
+    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 0.0, 0.0])
+    loose = std.copy()
+    loose[6] = 1.0
+    if scale_factor is None and shows_scale_factor(series, nominal):
+        std[5] = loose[5] = 3.0
+    elif scale_factor is None and series.mode_number > 1:
+        loose[5] = SHAPES * nominal
+    mean = np.array([0, 0, 0, 0, 0, nominal, 1.0])
+    return Freedom(mean, std, loose=Freedom(np.append(mean[:6], 0.5), loose))
 
 
 def shows_scale_factor(series: Series, nominal: float) -> bool:
@@ -258,8 +266,3 @@ def shows_scale_factor(series: Series, nominal: float) -> bool:
         return True
     turned = [np.ptp(angle[rows]) for angle, rows in zip(series.table_angle_rad, good, strict=True) if rows.any()]
     return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)
-
-
-def held(point: Point, freedom: Freedom) -> Point:
-    """The point with what is held at its value."""
-    return replace(point, p=np.where(freedom.std == 0, freedom.mean, point.p))

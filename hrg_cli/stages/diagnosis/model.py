@@ -8,24 +8,33 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.layout import FREQUENCY, OWN
 from ...fitting.envelopes.coordinates import physical
 from ...records import Wave
 from ...settings import to_toml
 from .orientation import COHERENT
 from .run import run_table
 
+Array = np.ndarray
 SAMPLES_A_PERIOD = 8
 
 
 def simulation_file(
-    fit: Fit, waves: Sequence[Wave], pieces: Sequence[Wave], origin: Sequence[int], effects_named: Sequence[dict[str, Any]]
+    fit: Fit,
+    waves: Sequence[Wave],
+    pieces: Sequence[Wave],
+    origin: Sequence[int],
+    effects_named: Sequence[dict[str, Any]],
+    change: Array | None = None,
 ) -> str:
     """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start, rate, temperature and length.
 
     The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces become the run's own effect.
+    change (R, 5): of the runs' start states and frequency offsets, by what a simulation of the file missed the fit.
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
-    frequency = fit.frequency_hz
+    change = np.zeros((len(fit.series.names), OWN)) if change is None else change
+    frequency = fit.frequency_hz + change[:, FREQUENCY] / (2 * np.pi)
     device: dict[str, Any] = {
         "frequency_hz": float(np.median(frequency)),
         "damping_rate_1_s": float(values[0]),
@@ -66,7 +75,7 @@ def simulation_file(
         if not own:
             continue
         run = {"run_id": _unused(fit.series.names[own[0]], names), "device": {"frequency_hz": float(frequency[own[0]])}}
-        run |= run_table(fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"])
+        run |= run_table(fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"], change[own[0]])
         turned = [name for name in COHERENT if name in effects and _turned(fit, own[0], run)]
         own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
         if wave.run_id in lost:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -58,12 +59,13 @@ def report(
 ) -> dict[str, Any]:
     """Everything the contract names, and the steps that led there; `untouched`: the base fit before tones and steps were taken out."""
     by_name = {v.effect.name: v for v in candidates}
+    sized = Sized.of(search.final, remainder, noise_factor)
     return {
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
         "baseline": _figures(untouched),
-        "values": values(search.final, noise_factor, resonator),
-        "effects": [_effect(one, search.final, noise_factor, by_name) for one in search.found],
+        "values": values(sized, resonator),
+        "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
         "gain": figures(gain),
         "tested": _tested(search, noise_factor, by_name, candidates),
@@ -82,13 +84,42 @@ def _figures(fit: Fit) -> dict[str, float]:
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 
-def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[dict[str, Any]]:
+@dataclass(frozen=True)
+class Sized:
+    """The fit whose numbers are told: beside the open terms where there are any, its variances times `factor`.
+
+    What the catalogue does not hold pulls at every number: it is fitted along as well as it can be described, by how much a number
+    moves thereby counts as an error of its own, and what is still left over widens the noise.
+    """
+
+    fit: Fit
+    alone: Fit
+    factor: float
+
+    @classmethod
+    def of(cls, final: Fit, remainder: Remainder | None, noise_factor: float) -> Sized:
+        """From the final fit of the catalogue's causes and what is left over."""
+        fit = final if remainder is None else remainder.fit
+        return cls(fit, final, max(noise_factor, fit.chi2 / fit.dof, 1.0))
+
+    def std(self, std: float, value: float, alone: float) -> float:
+        """Standard deviation of a number with σ `std` in the fit, which stands at `alone` without the open terms."""
+        return float(np.hypot(np.sqrt(self.factor) * std, value - alone))
+
+
+def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes them wrong."""
+    fit, noise_factor = sized.fit, sized.factor
     numbers, slopes = physical(fit.point.p, fit.series.mode_number)
+    others = physical(sized.alone.point.p, fit.series.mode_number)[0]
     covariance = np.zeros((COUNT, COUNT))
     there, columns = list(fit.layout.coordinates), range(len(fit.layout.coordinates))
     covariance[np.ix_(there, there)] = fit.covariance[np.ix_(columns, columns)]
     stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * noise_factor)
+    moved = numbers - others
+    period = np.pi / fit.series.mode_number
+    moved[[2, 4]] = (moved[[2, 4]] + period / 2) % period - period / 2
+    stds = np.hypot(stds, moved)
     frequency = float(np.mean(fit.frequency_hz))
     own = [fit.std_at(fit.layout.frequency(k)) for k in range(len(fit.series.names))]
     spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(own))
@@ -101,7 +132,6 @@ def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[d
             believed, believed_std, _ = given[name]
             difference = float(value) - believed
             if name.endswith("axis_rad"):
-                period = np.pi / fit.series.mode_number
                 difference = float((difference + period / 2) % period - period / 2)
             sigma = float(np.hypot(std, believed_std if np.isfinite(believed_std) else 0.0))
             row |= {"believed": believed, "sigma": difference / sigma if sigma > 0 else 0.0}
@@ -110,10 +140,10 @@ def values(fit: Fit, noise_factor: float, resonator: Resonator | None) -> list[d
     return out
 
 
-def _effect(one: Found, fit: Fit, noise_factor: float, by_name: dict[str, Variant]) -> dict[str, Any]:
-    effect = one.variant.effect
-    active = fit.values(effect.name)
-    score = _beside_the_others(one, fit, noise_factor)
+def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, Any]:
+    effect, fit = one.variant.effect, sized.fit
+    active, alone = fit.values(effect.name), sized.alone.values(effect.name)
+    score = _beside_the_others(one, fit, sized.factor)
     sentences = [effect.next_experiment] + [by_name[r].effect.next_experiment for r in one.rivals if r in by_name]
     return {
         "name": effect.name,
@@ -123,7 +153,7 @@ def _effect(one: Found, fit: Fit, noise_factor: float, by_name: dict[str, Varian
         "parameters": {
             p.name: {
                 "value": float(active[p.name]),
-                "std": float(np.sqrt(noise_factor)) * fit.parameter_std(effect.name, p.name),
+                "std": sized.std(fit.parameter_std(effect.name, p.name), active[p.name], alone[p.name]),
                 "units": p.units,
             }
             for p in effect.fitted()

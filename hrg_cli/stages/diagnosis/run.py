@@ -11,6 +11,8 @@ import numpy as np
 
 from ...fitting.causes.extended import Point, motion_of
 from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.layout import FREQUENCY
+from ...fitting.causes.wave_frame import imaginary
 from ...physics import ellipse
 from ...records import Wave
 
@@ -27,10 +29,13 @@ FEWEST, ROUNDS = 20, 8
 """Windows from which a loop is looked for, and rounds of the fit of its level."""
 
 
-def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate_hz: float) -> dict[str, Any]:
-    """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces."""
+def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate_hz: float, change: Array) -> dict[str, Any]:
+    """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
+
+    change (5,): what is added to the start state.
+    """
     series, k = fit.series, own[0]
-    a_A, a_B, angle, phase = (float(v) for v in ellipse.wave(_start(fit, k, wave), series.mode_number))
+    a_A, a_B, angle, phase = (float(v) for v in ellipse.wave(_start(fit, k, wave) + imaginary(change[:FREQUENCY]), series.mode_number))
     length = float(wave.time_s[-1] + wave.window_s / 2)
     run: dict[str, Any] = {
         "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},

@@ -14,7 +14,7 @@ from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.sensitivities import Wanted
 from .gain import predicts_better
-from .thresholds import GROSS, MOST_TYPICAL, SIGNIFICANT, SMALL_IN_MOTION, SMALL_IN_READOUT, TOGETHER, WORTH
+from .thresholds import CLEARLY, GROSS, MOST_TYPICAL, SIGNIFICANT, SMALL_IN_MOTION, SMALL_IN_READOUT, TOGETHER, WORTH
 
 Array = np.ndarray
 SHORTLIST, GROSS_SHORTLIST = 3, 10
@@ -245,10 +245,16 @@ def gross(fit: Fit) -> bool:
 
 
 def loosened(fit: Fit) -> Fit:
-    """The fit with the second order's scale free once the misfit is no longer gross enough to bend it."""
-    if gross(fit) or fit.layout.coordinate("second_order") is not None or fit.freedom.passive is False:
+    """The fit with what is weakly known free once the misfit is no longer gross enough to bend it.
+
+    The second order's scale is that of a real resonator, which a simulation has, unless the data clearly ask for another.
+    """
+    loose = fit.freedom.loose
+    if gross(fit) or loose is None:
         return fit
-    return extended_fit.fit(fit.series, fit.point, fit.freedom.freeing_second_order(), near=fit.flow.near)
+    real = extended_fit.fit(fit.series, fit.point, replace(loose.holding("second_order", 1.0), loose=loose), near=fit.flow.near)
+    free = extended_fit.fit(fit.series, real.point, loose, near=real.flow.near)
+    return free if real.chi2 - free.chi2 > CLEARLY else real
 
 
 def leaving_out(fit: Fit, name: str) -> Fit | None:

@@ -25,6 +25,8 @@ def wander(fit: Fit) -> list[dict[str, Any]]:
         return []
     series = fit.series
     noises = colour.noises(series.time_s, series.weight, series.envelope, fit.prediction.residual())
+    if not noises:
+        return []
     return [
         {
             "component": name,
