@@ -71,7 +71,7 @@ def identify(
         if bootstrap:
             resampled(verdict, bootstrap, seed)
     else:
-        verdict = by_regression(runs, known, method, eliminate_rate)
+        verdict = by_regression(runs, known, method, eliminate_rate, blocks)
     if method == "all":
         verdict.details["methods"] = compared(runs, known, verdict, eliminate_rate)
     return record(verdict, waves, method)
@@ -95,19 +95,20 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
         chi2_per_dof=verdict.chi2_per_dof,
         condition=verdict.condition,
         flat_directions=json.dumps(verdict.flat, ensure_ascii=False),
-        details=json.dumps(verdict.details, ensure_ascii=False),
+        details=json.dumps(verdict.details | {"checks": [c.table() for c in verdict.checks]}, ensure_ascii=False),
         run=np.array([w.run_id for w in waves], dtype=object),
         run_chi2_per_dof=verdict.run_chi2_per_dof,
         run_residual_rms=verdict.run_residual_rms,
         run_rows=verdict.run_rows,
     )
-    if not all(np.isfinite(resonator.value)) or not names:
+    if not names or not all(np.isfinite(resonator.value)):
         raise HrgError("the fit gives no finite parameters; look at the runs' envelopes")
     return resonator.judged(verdict.suspect, "suspect").judged(verdict.refused, "refused")
 
 
 def summary(resonator: Resonator) -> dict[str, Any]:
     """The contract's JSON keys of identify."""
+    details = json.loads(resonator.details)
     return {
         "parameters": {n: {"value": v, "std": s, "units": u} for n, (v, s, u) in resonator.parameters().items()},
         "chi2_per_dof": resonator.chi2_per_dof if np.isfinite(resonator.chi2_per_dof) else None,
@@ -117,5 +118,6 @@ def summary(resonator: Resonator) -> dict[str, Any]:
             "flat_directions": json.loads(resonator.flat_directions),
         },
         "method": resonator.method,
-        "details": json.loads(resonator.details),
+        "checks": details.pop("checks", []),
+        "details": details,
     }

@@ -116,11 +116,14 @@ def pooled_std(std: Array, u: Array) -> Array:
     return np.maximum(np.sqrt(pooled), 1e-12 * scale)
 
 
-def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Matrix]) -> EnvelopeRun:
+def averaged(
+    run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Matrix], phase: Callable[[Array], Array] | None = None
+) -> EnvelopeRun:
     """At most about `blocks` rows: each block's rows are carried to its mean time with an approximate motion, then averaged.
 
-    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad]. The mean time is the weighted one, so an
-    error δL of that motion enters only as (δL·dt)²; weights 1/σ². Blocks are equal pieces of time; empty ones (gaps) vanish.
+    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad], `phase(time_s)` [rad] what a moving frequency adds. The mean
+    time is the weighted one, so an error δL of that motion enters only as (δL·dt)²/24 of the row: averaging along the motion that is
+    fitted to the rows, until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones (gaps) vanish.
     """
     if len(run) <= blocks:
         return run
@@ -137,6 +140,9 @@ def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Matr
     time = mean(run.time_s)
     turn = np.interp(time, run.time_s, run.turn_rad)
     c, s = applied(carry(time[which] - run.time_s, turn[which] - run.turn_rad), (run.envelope[:, 0], run.envelope[:, 1]))
+    if phase is not None:
+        turned_by = np.exp(1j * (phase(time)[which] - phase(run.time_s)))
+        c, s = c * turned_by, s * turned_by
     return dataclasses.replace(
         run,
         time_s=time,

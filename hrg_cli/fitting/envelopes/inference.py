@@ -107,6 +107,13 @@ def covariance_z(fit: Fit, factor: float) -> Array:
     return inverse @ inverse.T
 
 
+def parameters_by_z(fit: Fit, mode_number: int) -> Array:
+    """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by rounding."""
+    _, slopes = coordinates.physical(fit.p, mode_number)
+    through = slopes @ fit.freedom.directions
+    return np.where(np.abs(through) > 1e-12 * (np.abs(slopes) @ np.abs(fit.freedom.directions)), through, 0.0)
+
+
 def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Array | None = None) -> tuple[Array, Array]:
     """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by 1/factor, priors kept.
 
@@ -114,10 +121,11 @@ def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Arr
 
     The size of a split that is lost in noise keeps the standard deviation of a component; its axis has the spread of its components'.
     """
-    values, slopes = coordinates.physical(fit.p, mode_number)
+    values, _ = coordinates.physical(fit.p, mode_number)
     cov_z = covariance_z(fit, factor) + (0.0 if between is None else between)
     cov_p = fit.freedom.directions @ cov_z @ fit.freedom.directions.T
-    covariance = slopes @ cov_p @ slopes.T
+    through = parameters_by_z(fit, mode_number)
+    covariance = through @ cov_z @ through.T
     for axis, first in ((2, 1), (4, 3)):
         part = cov_p[first : first + 2, first : first + 2]
         std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(fit.p[first] ** 2 + fit.p[first + 1] ** 2)
@@ -201,11 +209,12 @@ def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Mean frequency of each run, Hz: values (R,), covariance (R, R), covariance with z (R, k)."""
+    """Mean frequency of each run, Hz: values (R,), covariance (R, R), change with z (R, k) and what is its own beside z (R,)."""
 
     value: Array
     covariance: Array
-    with_z: Array
+    by_z: Array
+    own_variance: Array
     drift_hz: Array
     """Range of the frequency within each run, (R,)."""
 
@@ -230,4 +239,4 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
     x = np.linspace(0.0, 1.0, 65)
     orders = np.arange(1, response.state.phase.shape[1] + 1)
     course = (response.state.phase[:, :, None] * orders[:, None] * x ** (orders[:, None] - 1)).sum(axis=1) / (2 * np.pi * span[:, None])
-    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through @ covariance, np.ptp(course, axis=1))
+    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through, variance, np.ptp(course, axis=1))
