@@ -18,6 +18,7 @@ from ...fitting.envelopes import (
     envelope_runs,
     method_ranges,
     propagator,
+    rate_offset,
     regressions,
     resampling,
     rotation_integrals,
@@ -273,24 +274,60 @@ def _row(method: str, values: dict[str, float], std: dict[str, float], best: Ver
 
 
 def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
-    """One unknown constant rate beside the resonator; refused where a damping split imitates it."""
+    """One unknown constant rate beside the resonator, added to the logged rates; refused where a damping split imitates it.
+
+    K is fitted where the logs hold different rates and none is given; else it is held, for K·Ω alone is seen.
+    """
     mode = runs[0].mode_number
-    factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
-    turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
-    result = base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks)
-    verdict = judged(result, turning, Known())
-    if one_rate(result) or not verdict.std["scale_factor"] < 0.3 * max(abs(result.p[5]), abs(result.p[0])):
-        span = 2 * max(float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) for r in result.response.batch.runs)
-        verdict.refused.append(
-            f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}): the wave passes "
-            f"{np.degrees(span):.0f}° of the 360° of 2mθ, "
-            "where a steady rate and a damping split turn it alike, and the residual's own structure decides "
-            "between them; give the rate, or runs at several angles"
-        )
-    rate, std = result.p[5] / factor, verdict.std["scale_factor"] / factor
-    verdict.details["rate_rad_s"] = {"value": float(rate), "std": float(std), "scale_factor": factor}
-    verdict.values.pop("scale_factor", None)
+    told = known.scale_factor is not None
+    if not told and not _rates_differ(runs):
+        known = dataclasses.replace(known, scale_factor=nominal_scale_factor(mode))
+    start = 0.0
+    if max(float(np.ptp(r.turn_rad)) for r in runs) == 0:  # no log: K·Ω at unit rate is the start
+        turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
+        factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
+        start = float(base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[5]) / factor
+    found = rate_offset.rate_offset(runs, known, blocks, start)
+    verdict = judged(found.fit, rate_offset.shifted(runs, found.value), known, found.beside)
+    std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
+    factor = float(found.fit.p[5])
+    seen = max(abs(found.value), abs(found.fit.p[0] / factor))
+    unclear = not std < 0.3 * seen or (known.scale_factor is not None and one_rate(found.fit))
+    span = 2 * max(float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) for r in found.fit.response.batch.runs)
+    closing.close(
+        verdict,
+        [
+            checks.holds(
+                "rate_offset_converged", found.converged, "the unknown rate did not settle; give the rate, or runs at several angles"
+            ),
+            checks.holds(
+                "rate_is_distinct",
+                not unclear,
+                f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}, {found.distinct:.1g} of its information "
+                f"is its own): the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, "
+                "where a steady rate and a damping split turn it alike, and the residual's own structure decides "
+                "between them; give the rate, or runs at several angles",
+            ),
+        ],
+    )
+    logged = max(float(np.ptp(r.turn_rad)) for r in runs) > 0
+    verdict.details["rate_rad_s"] = {
+        "value": found.value,
+        "std": std,
+        "scale_factor": factor,
+        "of": "common offset of the logged rates" if logged else "constant rate of all runs",
+        "logged_mean_rad_s": [float((r.turn_rad[-1] - r.turn_rad[0]) / r.duration_s) for r in runs],
+    }
+    if not told and known.scale_factor is not None:
+        verdict.values.pop("scale_factor", None)
     return verdict
+
+
+def _rates_differ(runs: Sequence[EnvelopeRun]) -> bool:
+    """Whether the runs' logged rates differ enough between or within them for K to be seen beside a common offset."""
+    rate = np.concatenate([np.diff(r.turn_rad) / np.diff(r.time_s) for r in runs])
+    low, high = np.quantile(rate, [0.01, 0.99])
+    return bool(high - low > 0.1 * max(abs(low), abs(high)) > 0)
 
 
 def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:

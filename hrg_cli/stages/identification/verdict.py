@@ -91,12 +91,14 @@ def one_rate(fit: Fit) -> bool:
     return not differ and max(spans) < 2 * np.pi and factor > 2
 
 
-def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
-    """Parameters, errors and sentences of one fit."""
+def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | None = None) -> Verdict:
+    """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what was fitted beside it, at the nominal noise."""
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
     poor = fit.chi2 / fit.dof > POOR_FIT
-    between = inference.between_runs(fit) if poor else None
+    between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else factor * beside
+    if poor:
+        between = between + inference.between_runs(fit)
     values, covariance = inference.parameter_covariance(fit, factor, mode, between)
     runs_hz = inference.run_frequencies(fit, factor)
     frequency, frequency_std = runs_hz.value, np.sqrt(np.diag(runs_hz.covariance))
@@ -106,9 +108,7 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     weight /= weight.sum()
     mean = float(weight @ frequency)
     drift = float(np.sqrt(np.mean(runs_hz.drift_hz**2)))
-    full = _with_frequency(
-        fit, covariance, inference.covariance_z(fit, factor) + (0.0 if between is None else between), runs_hz, weight, mode
-    )
+    full = _with_frequency(fit, covariance, inference.covariance_z(fit, factor) + between, runs_hz, weight, mode)
     full[0, 0] += (scatter**2 if differ else 0.0) + drift**2 / 12
     order = list(ORDER)
     std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
