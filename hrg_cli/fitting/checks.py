@@ -19,6 +19,8 @@ NOISE_KNOWN = 0.1
 """Part of the noise's variance to which the windows know it: χ² a degree of freedom cannot be judged more sharply."""
 FEWEST_BLOCKS = 6
 """Blocks from which the scatter of block sums is judged."""
+SLOW_BLOCKS = 16
+"""Blocks from which the power of their sums says how much wider colour makes an error."""
 LARGEST_CORRELATION = 1.0 + 1e-9
 """Correlation above which a covariance matrix is none (rounding allowed)."""
 
@@ -102,6 +104,24 @@ def whiteness(residuals: Sequence[Array], sentence: str = "", name: str = "white
         length *= 2
     chance = min(1.0, len(chances) * min(chances)) if chances else 1.0
     return at_most(name, -float(np.log10(max(chance, 1e-300))), -float(np.log10(CHANCE)), sentence)
+
+
+def slow_part(residuals: Sequence[Array]) -> float:
+    """Power of the residuals' slow part over that of white noise of their own level, at least 1: what colour does to a variance.
+
+    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks show.
+    """
+    level = np.concatenate([np.asarray(r, float).ravel() for r in residuals]) if residuals else np.zeros(0)
+    variance = float(np.mean(level**2)) if len(level) else 0.0
+    worst, length = 1.0, 2
+    while variance > 0:
+        sums = [np.asarray(r, float)[: len(r) // length * length].reshape(len(r) // length, length, -1).sum(axis=1) for r in residuals]
+        joined = np.concatenate([s.ravel() for s in sums])
+        if len(joined) < SLOW_BLOCKS:
+            break
+        worst = max(worst, float(np.mean(joined**2)) / length / variance)
+        length *= 2
+    return worst
 
 
 def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:

@@ -303,8 +303,8 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
             checks.holds(
                 "rate_is_distinct",
                 not unclear,
-                f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}, {found.distinct:.1g} of its information "
-                f"is its own): the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, "
+                f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}, "
+                f"{found.distinct:.1g} of its information is its own): the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, "
                 "where a steady rate and a damping split turn it alike, and the residual's own structure decides "
                 "between them; give the rate, or runs at several angles",
             ),

@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting import checks
 from ...fitting.checks import Check
-from ...fitting.envelopes import coordinates, inference
+from ...fitting.envelopes import inference
 from ...fitting.envelopes.base_fit import Known, nominal_scale_factor
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
