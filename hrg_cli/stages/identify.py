@@ -14,6 +14,7 @@ from ..fitting.envelopes import envelope_runs, free_windows
 from ..fitting.envelopes.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
+from .earth_rate import earth_rate_rad_s
 from .identification.methods import RegressionMethod, by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
 from .identification.verdict import Verdict
 from .one_gyro import of_one_gyro
@@ -30,7 +31,9 @@ def identify(
         Method, Field(description="method of identification; all: every one beside the likelihood, in one table")
     ] = "likelihood",
     rate_rad_s: Annotated[float | None, Field(description="constant rate about the axis instead of the waves' own")] = None,
-    fit_rate: Annotated[bool, Field(description="fit one unknown constant rate; needs scale_factor or takes its nominal value")] = False,
+    fit_rate: Annotated[
+        bool, Field(description="fit one unknown constant rate, added to the logged ones; K is held unless the logs hold several rates")
+    ] = False,
     scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
     damping_axis_rad: Annotated[float | None, Field(description="known damping axis, held")] = None,
     stiffness_axis_rad: Annotated[float | None, Field(description="known stiffness axis, held")] = None,
@@ -42,7 +45,11 @@ def identify(
     profile: Annotated[bool, Field(description="profile-likelihood intervals of every parameter")] = False,
     bootstrap: Annotated[int, Field(ge=0, description="block-bootstrap draws for the errors, 0: none")] = 0,
     seed: Annotated[int, Field(ge=0, description="seed of the bootstrap")] = 0,
-    blocks: Annotated[int, Field(ge=20, description="fewest averaged rows a run in the likelihood")] = 300,
+    blocks: Annotated[int, Field(ge=20, description="fewest averaged rows a run; more are taken as the wave turns")] = 300,
+    earth_rate_deg_h: Annotated[float | None, Field(description="Earth's rate about the axis, °/h, added to the logged rates")] = None,
+    latitude_deg: Annotated[float | None, Field(description="latitude from which the Earth's rate is taken instead")] = None,
+    axis_tilt_deg: Annotated[float, Field(description="tilt of the sensitive axis from the vertical")] = 0.0,
+    axis_azimuth_deg: Annotated[float, Field(description="direction of that tilt from north")] = 0.0,
 ) -> Resonator:
     """Resonator parameters from free runs; every run keeps its own start and frequency.
 
@@ -56,7 +63,8 @@ def identify(
         return record(monitored(waves, rate_rad_s), waves, method)
     if window == "auto":
         waves = [part for wave in waves for part in free_windows.cut(wave)]
-    runs = [envelope_runs.from_wave(w, rate_rad_s) for w in waves]
+    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+    runs = [envelope_runs.turned_by(envelope_runs.from_wave(w, rate_rad_s), earth) for w in waves]
     check(runs)
     if most_different is not None:
         chosen = free_windows.most_different(runs, most_different)

@@ -60,6 +60,13 @@ def retuned(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
     )
 
 
+def turned_by(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
+    """The same run on a table that turns by a constant rate more."""
+    if rate_rad_s == 0:
+        return run
+    return dataclasses.replace(run, turn_rad=run.turn_rad + rate_rad_s * (run.time_s - run.time_s[0]))
+
+
 def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     """Envelopes of a wave's good rows; the rate is the wave's own, or `rate_rad_s`, or zero.
 

@@ -107,6 +107,19 @@ def covariance_z(fit: Fit, factor: float) -> Array:
     return inverse @ inverse.T
 
 
+def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> None:
+    """Give axes whose split is lost in noise the spread of their components instead of the slope's, in the covariance (6, 6) in place."""
+    for axis, first in ((2, 1), (4, 3)):
+        part = cov_p[first : first + 2, first : first + 2]
+        std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(p[first] ** 2 + p[first + 1] ** 2)
+        if not np.any(part) or not np.isfinite(size2) or size2 > CLEAR**2 * np.trace(part):
+            continue
+        spread = coordinates.axis_spread(p[first : first + 2], part, mode_number)
+        covariance[axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
+        covariance[:, axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
+        covariance[axis, axis] = spread**2
+
+
 def parameters_by_z(fit: Fit, mode_number: int) -> Array:
     """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by rounding."""
     _, slopes = coordinates.physical(fit.p, mode_number)
@@ -126,15 +139,7 @@ def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Arr
     cov_p = fit.freedom.directions @ cov_z @ fit.freedom.directions.T
     through = parameters_by_z(fit, mode_number)
     covariance = through @ cov_z @ through.T
-    for axis, first in ((2, 1), (4, 3)):
-        part = cov_p[first : first + 2, first : first + 2]
-        std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(fit.p[first] ** 2 + fit.p[first + 1] ** 2)
-        if not np.any(part) or size2 > CLEAR**2 * np.trace(part):
-            continue
-        spread = coordinates.axis_spread(fit.p[first : first + 2], part, mode_number)
-        covariance[axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
-        covariance[:, axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
-        covariance[axis, axis] = spread**2
+    widen_axes(covariance, cov_p, fit.p, mode_number)
     return values, covariance
 
 
@@ -181,6 +186,28 @@ def between_runs(fit: Fit) -> Array:
         shift = vector @ ((vector.T @ (gradient / size)) / np.maximum(value, 1e-12)) / size
         out += (count - 1) / count * np.outer(shift, shift)
     return out
+
+
+def considered(fit: Fit, coordinate: int, std: float) -> Array:
+    """Covariance of z (k, k) by a held coordinate that is known to `std` only: how the fit would move with it, squared."""
+    response = fit.response
+    shared = fit.freedom.along(response.coordinate_sensitivities())
+    held = response.coordinate_sensitivities()[coordinate : coordinate + 1]
+    own = response.run_sensitivities()
+    k = len(shared)
+    total = np.zeros((k + 1, k + 1))
+    total[:k, :k] = _prior_information(fit)
+    for run, record in enumerate(response.batch.runs):
+        n = len(record)
+        weight = response.batch.weight[run, :n]
+        Q, _ = np.linalg.qr(real(own[:, run, :n], weight))
+        design = real(np.concatenate([shared, held])[:, run, :n], weight)
+        design = design - Q @ (Q.T @ design)
+        total += design.T @ design
+    size = np.sqrt(np.maximum(np.diag(total)[:k], 1e-300))
+    inverse = np.linalg.pinv(total[:k, :k] / np.outer(size, size), rcond=1e-12, hermitian=True)
+    shift = inverse @ (total[:k, k] / size) / size * std
+    return np.outer(shift, shift)
 
 
 def _prior_information(fit: Fit) -> Array:

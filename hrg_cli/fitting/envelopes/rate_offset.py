@@ -7,14 +7,13 @@ others hold Ω₀'s own uncertainty.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .base_fit import Known, base_fit
-from .envelope_runs import EnvelopeRun
+from .envelope_runs import EnvelopeRun, turned_by
 from .likelihood import Fit, real
 
 Array = np.ndarray
@@ -39,16 +38,11 @@ class RateOffset:
     converged: bool
 
 
-def shifted(runs: Sequence[EnvelopeRun], rate_rad_s: float) -> list[EnvelopeRun]:
-    """Runs whose table turns by a constant rate more."""
-    return [dataclasses.replace(r, turn_rad=r.turn_rad + rate_rad_s * (r.time_s - r.time_s[0])) for r in runs]
-
-
 def rate_offset(runs: Sequence[EnvelopeRun], known: Known, blocks: int, start_rad_s: float = 0.0) -> RateOffset:
     """The common offset of the runs' logged rates; K is held where `known` says so. HrgError: nothing can be fitted."""
     value, before = start_rad_s, np.inf
     for _ in range(STEPS):
-        fit = base_fit(shifted(runs, value), known, blocks)
+        fit = base_fit([turned_by(r, value) for r in runs], known, blocks)
         step, std, beside, distinct = _step(fit)
         if not np.isfinite(step) or distinct < DISTINCT:
             break

@@ -16,6 +16,7 @@ from ...fitting import checks
 from ...fitting.envelopes import (
     coordinates,
     envelope_runs,
+    inference,
     method_ranges,
     propagator,
     rate_offset,
@@ -229,6 +230,7 @@ def _physical(
     covariance[1:, 1:] = slopes @ own @ slopes.T
     held = np.diag(covariance)[1:] < 1e-20 * np.einsum("ij,jk,ik->i", np.abs(slopes), np.abs(own), np.abs(slopes))
     covariance[1:, 1:][held] = covariance[1:, 1:][:, held] = 0.0  # what is held moves with nothing, not even by rounding
+    inference.widen_axes(covariance[1:, 1:], own, np.nan_to_num(answer.p), mode)
     present = {"frequency_hz"}
     for row, name in enumerate(ORDER[1:]):
         index = {0: [0], 1: [1, 2], 2: [1, 2], 3: [3, 4], 4: [3, 4], 5: [5]}[row]
@@ -288,7 +290,8 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
         factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
         start = float(base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[5]) / factor
     found = rate_offset.rate_offset(runs, known, blocks, start)
-    verdict = judged(found.fit, rate_offset.shifted(runs, found.value), known, found.beside)
+    noise = inference.inflation(found.fit)[0]
+    verdict = judged(found.fit, [envelope_runs.turned_by(r, found.value) for r in runs], known, noise * found.beside)
     std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
     factor = float(found.fit.p[5])
     seen = max(abs(found.value), abs(found.fit.p[0] / factor))

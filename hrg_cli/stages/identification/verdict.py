@@ -13,7 +13,8 @@ from ...errors import HrgError
 from ...fitting import checks
 from ...fitting.checks import Check
 from ...fitting.envelopes import inference
-from ...fitting.envelopes.base_fit import Known, nominal_scale_factor
+from ...fitting.envelopes.base_fit import Known, nominal_scale_factor, scale_factor_spread
+from ...fitting.envelopes.coordinates import COORDINATES
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...physics import ellipse
@@ -29,6 +30,7 @@ CANDIDATES = 3
 """Runs at most that are left out one at a time."""
 ORDER = tuple(name for name, _ in PARAMETERS)
 """Parameters in the contract's order, as the covariance has them."""
+SCALE_FACTOR = COORDINATES.index("scale_factor")
 WORDS = {
     "damping": "the mean decay",
     "damping_cos": "the damping split along the electrodes",
@@ -63,7 +65,8 @@ class Verdict:
 
 def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]) -> Verdict:
     """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted `again`."""
-    notes = []
+    notes: list[str] = []
+    beside = None
     turning = max(float(np.ptp(r.turn_rad)) for r in runs)
     mode = runs[0].mode_number
     if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor") or one_rate(fit)):
@@ -74,7 +77,10 @@ def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callabl
         notes.append(f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both signs of a larger rate")
         known = dataclasses.replace(known, scale_factor=nominal)
         fit = again(known)
-    verdict = judged(fit, runs, known)
+        if turning:
+            beside = inference.considered(fit, SCALE_FACTOR, scale_factor_spread(mode))
+            notes[-1] += f"; what K within {nominal:g} ± {scale_factor_spread(mode):g} may do to the others is in their errors"
+    verdict = judged(fit, runs, known, beside)
     if notes:
         del verdict.values["scale_factor"]  # nobody said it and no run shows it
     verdict.flat = notes + verdict.flat
@@ -92,11 +98,11 @@ def one_rate(fit: Fit) -> bool:
 
 
 def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | None = None) -> Verdict:
-    """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what was fitted beside it, at the nominal noise."""
+    """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what stands beside it."""
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
     poor = fit.chi2 / fit.dof > POOR_FIT
-    between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else factor * beside
+    between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else beside
     if poor:
         between = between + inference.between_runs(fit)
     values, covariance = inference.parameter_covariance(fit, factor, mode, between)
