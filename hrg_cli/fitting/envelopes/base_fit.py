@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...errors import HrgError
-from . import propagator, rows
+from . import phase_course, propagator, rows
 from .coordinates import COORDINATES, COUNT
 from .envelope_runs import EnvelopeRun
 from .likelihood import Batch, Fit, Freedom, batch, fit, free
 
 Array = np.ndarray
 MAX_PHASE_ORDER = 9
-FIRST_ORDERS = 1
-"""Orders of a run's phase from which a misfit's fit begins anew once the second order is held."""
 AVERAGINGS = 8
 SETTLED = 0.1
 """Part of a standard deviation by which rows averaged along the fit's own motion, or twice as many, may still move the fit."""
@@ -122,6 +120,25 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
 
 
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
+    courses = phase_course.bends(runs)
+    result = _first_fit(runs if courses is None else phase_course.straightened(runs, courses), known, blocks)
+    if result is None:
+        return None
+    if courses is not None:
+        seen, phase = phase_course.bent_back(result.response.batch, runs, courses, result.response.state.phase)
+        data = batch(seen)
+        result = solve(data, result.freedom, result.z, data.envelope[:, 0], phase)
+    result = settled(runs, grown(result), blocks)
+    held = second_order(result)
+    if held is not None:
+        space = without_second_order(result.freedom, held)
+        state = result.response.state
+        result = settled(runs, grown(solve(result.response.batch, space, result.z[:-1], state.start, state.phase)), blocks)
+    return result
+
+
+def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
+    """From the propagator's start, or, where that leads nowhere, from a rough guess."""
     p, offsets, _, _ = start(runs, known)
     result = _from_start(runs, known, blocks, p, offsets)
     if result is None or not result.converged:
@@ -130,16 +147,6 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
         again = _from_start(runs, known, blocks, plain, offsets)
         if again is not None and (result is None or again.chi2 < result.chi2):
             result = again
-    if result is None:
-        return None
-    result = settled(runs, grown(result), blocks)
-    held = second_order(result)
-    if held is not None:
-        state = result.response.state
-        space = without_second_order(result.freedom, held)
-        plain_phase = state.phase[:, :FIRST_ORDERS] if result.chi2 / result.dof > MISFIT else state.phase
-        result = grown(solve(result.response.batch, space, result.z[:-1], state.start, plain_phase))
-        result = settled(runs, result, blocks)
     return result
 
 
