@@ -22,7 +22,7 @@ class Programme:
 
 
 def draw(seed: int) -> Programme:
-    """One programme: τ 1…1000 s, rates 0.01…100 °/s, ½ to 3 τ long, windows by the hundred or ten thousand, with and without Earth's rate."""
+    """One programme: τ 1…1000 s, rates 0.01…100 °/s, ½ to 3 τ long, 300 to 12 000 windows, with and without Earth's rate."""
     rng = np.random.default_rng(seed)
 
     def over(low, high):

@@ -16,6 +16,8 @@ from .likelihood import Batch, Fit, Freedom, batch, fit, free
 Array = np.ndarray
 MAX_PHASE_ORDER = 9
 AVERAGINGS = 8
+WRAPPED_RAD = 0.7
+"""Turn of the wave within one window from which its ellipse may turn half way round unseen."""
 SETTLED = 0.1
 """Part of a standard deviation by which rows averaged along the fit's own motion, or twice as many, may still move the fit."""
 PHASE_GAIN = 30.0
@@ -111,12 +113,25 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
             best = _base_fit(runs, known or Known(), blocks)
     except np.linalg.LinAlgError:
         best = None
-    if best is None or not (np.all(np.isfinite(best.p)) and np.isfinite(best.chi2)):
+    if best is None or not (np.all(np.isfinite(best.p)) and np.isfinite(best.chi2) and np.all(np.isfinite(best.root))):
         raise HrgError(
             f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of a resonator "
-            "can be fitted; look at the envelopes"
+            f"can be fitted; {_advice(runs, known or Known())}"
         )
     return best
+
+
+def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
+    """What to do where nothing can be fitted: shorter windows where the table turns the wave by much within one."""
+    factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(runs[0].mode_number)
+    turning = [rows.speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
+    worst = int(np.argmax(turning))
+    if turning[worst] < WRAPPED_RAD:
+        return "look at the envelopes"
+    return (
+        f"{runs[worst].run_id or 'the run'} turns by {turning[worst]:.2g} rad within one window of {runs[worst].window_s:.3g} s, "
+        f"so its turns are lost: demodulate with windows of at most {runs[worst].window_s * 0.25 / turning[worst]:.2g} s"
+    )
 
 
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
