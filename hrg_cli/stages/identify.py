@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.envelopes import envelope_runs, free_windows
+from ..fitting.envelopes import condensed, free_windows
 from ..fitting.envelopes.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
@@ -60,16 +60,16 @@ def identify(
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     of_one_gyro(waves, "identify")
     if method == "working-mode":
-        return record(monitored(waves, rate_rad_s), waves, method)
+        return record(monitored([w.rows(0, len(w)) for w in waves], rate_rad_s), waves, method)
+    known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
     if window == "auto":
         waves = [part for wave in waves for part in free_windows.cut(wave)]
     earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
-    runs = [envelope_runs.turned_by(envelope_runs.from_wave(w, rate_rad_s), earth) for w in waves]
+    runs = condensed.read(waves, rate_rad_s, earth, known, blocks)
     check(runs)
     if most_different is not None:
         chosen = free_windows.most_different(runs, most_different)
         runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
-    known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
     if fit_rate:
         return record(unknown_rate(runs, known, blocks), waves, method)
     if method in ("likelihood", "all"):

@@ -1,14 +1,17 @@
 """ "valid" is earned: rows follow the wave in every method, every method judges itself, and no quiet answer over the whole range."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from identify_programmes import draw
 from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
 
+from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.envelopes import coordinates, envelope_runs, matrices, rows
+from hrg_cli.fitting.envelopes import condensed, coordinates, envelope_runs, matrices, rows
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
@@ -289,3 +292,40 @@ def test_no_quiet_answer_in_five_hundred_programmes():
     assert np.median(ratios) < 1.05
     worst, _, _ = quiet(range(500), ALL)
     assert max(worst.values()) < 5, worst
+
+
+@pytest.mark.parametrize("course", [2.0, lambda t: 2 * np.sin(3 * t) + 1])
+def test_long_records_are_read_by_blocks_to_the_same_answer(monkeypatch, course):
+    """A sample of the windows shows the motion, all of them are averaged along it: as with every window in memory, gaps and flags too."""
+    waves = programme(std=1e-3, seed=8, window=1e-3, runs=[(0.1, course), (0.5, -2.0), (0.9, 0.0)])
+    flags = np.zeros(len(waves[0]), "u1")
+    flags[700:1100] = 2
+    flags[::37] = 1
+    waves[0] = waves[0].replace(flags=flags)
+    whole = identify(waves)
+    for name, size in (("IN_MEMORY", 1000), ("SAMPLE", 1500), ("CONDENSED", 2400), ("BLOCK", 997)):
+        monkeypatch.setattr(condensed, name, size)
+    blockwise = identify(waves)
+    assert blockwise.status == whole.status == "valid" and within(blockwise, GYRO)
+    assert np.all(np.abs(blockwise.value - whole.value) < 0.3 * whole.std)
+    assert np.allclose(blockwise.std, whole.std, rtol=0.05)
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_windows(tmp_path):
+    gyro = Mechanics(5000.0, 1 / 200, 1e-4, 0.35, 5e-3, 0.9, 0.554)
+    peak = {}
+    for count in (100_000, 400_000):
+        files = []
+        for i, rate_ in enumerate((0.17, -0.17, 0.0, 0.1)):
+            wave = run_down(0.1 + 0.3 * i, rate_, mechanics=gyro, std=1e-3, seconds=count * 1e-3, window=1e-3, seed=i)
+            files.append(str(tmp_path / f"{count}-{i}.h5"))
+            store.write(files[-1], wave)
+        code = (
+            "import resource, sys; from hrg_cli.cli import main\n"
+            "try:\n    main()\nexcept SystemExit:\n    pass\n"
+            "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        )
+        command = [sys.executable, "-c", code, "identify", *files, "-o", str(tmp_path / f"{count}.h5"), "-q"]
+        peak[count] = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[-1]) / 1024
+    assert peak[400_000] < 300 and peak[400_000] < 1.3 * peak[100_000], peak

@@ -18,6 +18,8 @@ Array = np.ndarray
 DEGREE = 8
 """Degree of the frequency's polynomial; the phase's is one more."""
 FEWEST_ROWS = 64
+CLEAR, MOSTLY = 8.0, 0.8
+"""Amplitude over its noise from which a phase step is believed, and the part of the rows that must be so clear."""
 WRAPS_RAD = 3.0
 """Bend of the phase's course above which a fit that starts from a straight line may lose a turn."""
 Course = np.polynomial.Polynomial
@@ -34,9 +36,12 @@ def bends(runs: Sequence[EnvelopeRun]) -> list[Course] | None:
 def _bend(run: EnvelopeRun) -> Course:
     if len(run) < FEWEST_ROWS:
         return Course([0.0])
+    clear = np.linalg.norm(run.envelope, axis=1) > CLEAR * run.std
+    if np.mean(clear) < MOSTLY:
+        return Course([0.0])
     t = run.time_s - run.time_s[0]
     step = np.diff(t)
-    near = step < 1.5 * np.median(step)
+    near = (step < 1.5 * np.median(step)) & clear[1:] & clear[:-1]
     product = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]), axis=1)
     mean = np.angle(np.sum(product[near]))
     rate = np.angle(product * np.exp(-1j * mean)) / step

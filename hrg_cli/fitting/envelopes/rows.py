@@ -7,7 +7,7 @@ the rate, and a row's length decides only how well the fit's slopes and differen
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .likelihood import Response
 from .matrices import Matrix
 
 Array = np.ndarray
+Carry = Callable[[Array, Array], Matrix]
 MOTION_RAD = 0.25
 """Motion of the wave (turning, beat, decay) that a row spans at most."""
 COARSEST_RAD = 1.0
@@ -57,21 +58,33 @@ def needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
 
 def along(runs: Sequence[EnvelopeRun], response: Response, rows: int) -> list[EnvelopeRun]:
     """Runs averaged to at most `rows` rows each along the motion of a fit: its generator, second order and phase."""
+    return [averaged(run, rows, carry, phase) for run, (carry, phase) in zip(runs, motions(runs, response), strict=True)]
+
+
+def motions(runs: Sequence[EnvelopeRun], response: Response) -> list[tuple[Carry, Callable[[Array], Array]]]:
+    """Each run's motion by a fit, as `averaged` takes it: the propagator over (dt, table turn), and the phase [rad] at times [s]."""
     state, data = response.state, response.batch
     offsets = state.offsets_rad_s(data.span_s)
     out = []
     for i, (run, seen) in enumerate(zip(runs, data.runs, strict=True)):
         omega = 2 * np.pi * run.reference_frequency_hz + float(offsets[i])
-
-        def carry(dt: Array, turn: Array, omega: float = omega) -> Matrix:
-            rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
-            mean, L = matrices.traceless(coordinates.entries(state.p, rate, np.array([omega])))
-            growth, m = np.exp(mean * dt), matrices.exponential(L, dt)
-            return m[0] * growth, m[1] * growth, m[2] * growth, m[3] * growth
-
-        def phase(time_s: Array, i: int = i, first: float = float(seen.time_s[0])) -> Array:
-            x = (time_s - first) / data.span_s[i]
-            return np.asarray(x * np.polynomial.polynomial.polyval(x, state.phase[i]))
-
-        out.append(averaged(run, rows, carry, phase))
+        out.append((_carry(state.p, omega), _phase(state.phase[i], float(seen.time_s[0]), float(data.span_s[i]))))
     return out
+
+
+def _carry(p: Array, omega: float) -> Carry:
+    def carry(dt: Array, turn: Array) -> Matrix:
+        rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
+        mean, L = matrices.traceless(coordinates.entries(p, rate, np.array([omega])))
+        growth, m = np.exp(mean * dt), matrices.exponential(L, dt)
+        return m[0] * growth, m[1] * growth, m[2] * growth, m[3] * growth
+
+    return carry
+
+
+def _phase(coefficients: Array, first_s: float, span_s: float) -> Callable[[Array], Array]:
+    def phase(time_s: Array) -> Array:
+        x = (time_s - first_s) / span_s
+        return np.asarray(x * np.polynomial.polynomial.polyval(x, coefficients))
+
+    return phase

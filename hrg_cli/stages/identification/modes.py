@@ -199,15 +199,15 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
         mode_number=found[0].run.mode_number,
     )
     if pair:
-        high, low = mean[0] + mean[2] / (2 * np.pi), mean[0] - mean[2] / (2 * np.pi)
-        decays = (mean[1] + mean[3], mean[1] - mean[3])
+        half = mean[2] / (2 * np.pi)
+        shown = [(mean[0] + half, mean[1] + mean[3]), (mean[0] - half, mean[1] - mean[3])]
     else:
-        high, low, decays = mean[0], None, (mean[1],)
+        shown = [(mean[0], mean[1])]
         verdict.details["amplitude_dependence"] = _dependence(found)
     error = float(std[1] * np.sqrt(2)) if pair else float(std[1])
     verdict.details["modes"] = [
         {"frequency_hz": float(f), "damping_rate_1_s": float(d), "std_1_s": error, "aliases_hz": _aliases(float(f), found)}
-        for f, d in zip([high] if low is None else [high, low], decays, strict=True)
+        for f, d in shown
     ]
     verdict.flat.append(_alias_sentence(verdict.details["modes"], found))
     verdict.suspect += [sentence for s in found if (sentence := _cut_sentence(s))]
