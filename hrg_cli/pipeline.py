@@ -48,7 +48,7 @@ STAGES = {
     for stage in (
         Stage("demodulate", "recording", "periods"),
         Stage("estimate", "periods", "wave"),
-        Stage("identify", "wave", "resonator", many=True),
+        Stage("identify", "wave", "resonator", many=True, lazy=True),
         Stage("calibrate", "wave", "calibration", many=True, lazy=True, beside={"resonator": "resonator"}),
         Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
         Stage("rate", "wave", "compensated", beside={"resonator": "resonator"}),

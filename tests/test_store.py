@@ -40,6 +40,8 @@ def small(kind, rows=7):
             values[name] = rng.integers(-100, 100, shape).astype("i2")
         else:
             values[name] = np.sort(rng.uniform(1, 50, shape), axis=0).astype(spec.dtype)
+            if name == "covariance" and shape[0] == shape[1]:
+                values[name] = values[name] @ values[name].T  # else it is none, and is not written
     values |= {k: v for k, v in {"mode": "free", "readout": "direct", "axis": "temperature"}.items() if k in kind.columns()}
     if kind is Recording:
         values |= {"time_s": None, "c_units": "V", "s_units": "V"}
@@ -258,3 +260,16 @@ def test_status_only_gets_worse():
     assert record.judged(["a"], "refused").judged(["b"], "suspect").status == "refused"
     assert record.judged(["a"]).judged(["b"]).status_reasons == ("a", "b")
     assert small(Compensated) and small(Diagnosis)
+
+
+def test_a_covariance_that_is_none_is_not_written(tmp_path):
+    record = small(KINDS[3])
+    broken = record.covariance.copy()
+    broken[0, 1] = broken[1, 0] = 6.13 * np.sqrt(broken[0, 0] * broken[1, 1])
+    with pytest.raises(HrgError, match="correlation of 6.13"):
+        store.write(tmp_path / "a.h5", record.replace(covariance=broken))
+    assert not (tmp_path / "a.h5").exists()
+    negative = record.covariance.copy()
+    negative[2, 2] *= -1
+    with pytest.raises(HrgError, match="negative variance"):
+        store.write(tmp_path / "a.h5", record.replace(covariance=negative))

@@ -136,7 +136,10 @@ def identify(
         float | None, typer.Option(help="Constant rate where the files log none (or to override).", show_default=False)
     ] = None,
     fit_rate: Annotated[
-        bool | None, typer.Option("--fit-rate", help="Fit one unknown constant rate beside the resonator.", show_default=False)
+        bool | None,
+        typer.Option(
+            "--fit-rate", help="Fit one unknown constant rate beside the resonator, added to the logged rates.", show_default=False
+        ),
     ] = None,
     scale_factor: Annotated[float | None, typer.Option(help="Known scale factor K, held fixed.", show_default=False)] = None,
     damping_axis_rad: Annotated[float | None, typer.Option(help="Known damping axis, held fixed.", show_default=False)] = None,
@@ -152,6 +155,16 @@ def identify(
         typer.Option(
             "--eliminate-rate", help="fixed-axes with the published elimination of the rate (halves the damping split).", show_default=False
         ),
+    ] = None,
+    earth_rate_deg_h: Annotated[
+        float | None, typer.Option(help="Earth's rate about the axis, added to the logged rates.", show_default=False)
+    ] = None,
+    latitude_deg: Annotated[float | None, typer.Option(help="Latitude from which the Earth's rate is taken.", show_default=False)] = None,
+    axis_tilt_deg: Annotated[
+        float | None, typer.Option(help="Tilt of the sensitive axis from the vertical (default 0).", show_default=False)
+    ] = None,
+    axis_azimuth_deg: Annotated[
+        float | None, typer.Option(help="Direction of that tilt, from north (default 0).", show_default=False)
     ] = None,
 ) -> None:
     """Resonator parameters from free run-downs: damping and frequency split, their axes, scale factor."""
@@ -170,6 +183,10 @@ def identify(
         window=window,
         profile=profile,
         eliminate_rate=eliminate_rate,
+        earth_rate_deg_h=earth_rate_deg_h,
+        latitude_deg=latitude_deg,
+        axis_tilt_deg=axis_tilt_deg,
+        axis_azimuth_deg=axis_azimuth_deg,
     )
 
 
@@ -179,13 +196,33 @@ def rate(
     wave: OneFile = None,
     resonator: Annotated[Path | None, typer.Option(help="The identified resonator, held.", show_default=False)] = None,
     nodes: Annotated[
-        int | None, typer.Option(help="Times at which the rate is fitted (default 20, fewer for a short run).", show_default=False)
+        int | None, typer.Option(help="Times at which the rate is fitted (default: as many as the run asks).", show_default=False)
+    ] = None,
+    earth_rate_deg_h: Annotated[
+        float | None, typer.Option(help="Earth's rate about the axis, taken off the answer.", show_default=False)
+    ] = None,
+    latitude_deg: Annotated[float | None, typer.Option(help="Latitude from which the Earth's rate is taken.", show_default=False)] = None,
+    axis_tilt_deg: Annotated[
+        float | None, typer.Option(help="Tilt of the sensitive axis from the vertical (default 0).", show_default=False)
+    ] = None,
+    axis_azimuth_deg: Annotated[
+        float | None, typer.Option(help="Direction of that tilt, from north (default 0).", show_default=False)
     ] = None,
 ) -> None:
     """The rate a free run shows, with the identified resonator as reference model."""
     if resonator is None and not run.show_config:
         raise UsageError("no resonator is named; add --resonator resonator.h5")
-    run_stage_on_files(run, "rate", [wave] if wave else [], beside={"resonator": resonator}, nodes=nodes)
+    run_stage_on_files(
+        run,
+        "rate",
+        [wave] if wave else [],
+        beside={"resonator": resonator},
+        nodes=nodes,
+        earth_rate_deg_h=earth_rate_deg_h,
+        latitude_deg=latitude_deg,
+        axis_tilt_deg=axis_tilt_deg,
+        axis_azimuth_deg=axis_azimuth_deg,
+    )
 
 
 @command(app, "calibrate", "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder", idle=ONE_PROCESS)

@@ -19,6 +19,8 @@ NOISE_KNOWN = 0.1
 """Part of the noise's variance to which the windows know it: χ² a degree of freedom cannot be judged more sharply."""
 FEWEST_BLOCKS = 6
 """Blocks from which the scatter of block sums is judged."""
+SLOW_BLOCKS = 16
+"""Blocks from which the power of their sums says how much wider colour makes an error."""
 LARGEST_CORRELATION = 1.0 + 1e-9
 """Correlation above which a covariance matrix is none (rounding allowed)."""
 
@@ -71,11 +73,12 @@ def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_do
     return at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
 
 
-def whiteness(residuals: Sequence[Array], sentence: str = "", name: str = "whiteness") -> Check:
+def whiteness(residuals: Sequence[Array], sentence: str = "", name: str = "whiteness", allowed: float = 0.0) -> Check:
     """−log₁₀ of the chance of the residuals' slow part under white noise of their own level, against that of `CHANCE`.
 
     residuals: one array (n,) or (n, k) a run, in the order of time (or of whatever they are held against). The sums over blocks of
     2, 4, 8 … rows of white noise of variance σ² have variance mσ²; the largest excess of all lengths counts, for all of them tried.
+    allowed: excess of the slow part that does no harm, as a part of the white level.
     """
     from scipy.special import chdtrc
 
@@ -97,10 +100,28 @@ def whiteness(residuals: Sequence[Array], sentence: str = "", name: str = "white
             count += sums.size
         if count < FEWEST_BLOCKS:
             break
-        chances.append(float(chdtrc(count, power / variance)))
+        chances.append(float(chdtrc(count, power / variance / (1 + allowed))))
         length *= 2
     chance = min(1.0, len(chances) * min(chances)) if chances else 1.0
     return at_most(name, -float(np.log10(max(chance, 1e-300))), -float(np.log10(CHANCE)), sentence)
+
+
+def slow_part(residuals: Sequence[Array]) -> float:
+    """Power of the residuals' slow part over that of white noise of their own level, at least 1: what colour does to a variance.
+
+    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks show.
+    """
+    level = np.concatenate([np.asarray(r, float).ravel() for r in residuals]) if residuals else np.zeros(0)
+    variance = float(np.mean(level**2)) if len(level) else 0.0
+    worst, length = 1.0, 2
+    while variance > 0:
+        sums = [np.asarray(r, float)[: len(r) // length * length].reshape(len(r) // length, length, -1).sum(axis=1) for r in residuals]
+        joined = np.concatenate([s.ravel() for s in sums])
+        if len(joined) < SLOW_BLOCKS:
+            break
+        worst = max(worst, float(np.mean(joined**2)) / length / variance)
+        length *= 2
+    return worst
 
 
 def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:
@@ -112,3 +133,28 @@ def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covari
     std = np.sqrt(np.where(variance > 0, variance, 1.0))
     correlation = np.abs(matrix / np.outer(std, std) * (1 - np.eye(len(matrix))))
     return at_most(name, float(correlation.max(initial=0.0)), LARGEST_CORRELATION, sentence)
+
+
+def closing(
+    chi2: float,
+    dof: int,
+    residuals: Sequence[Array] = (),
+    *,
+    sentence: str = "",
+    coloured: str = "",
+) -> list[Check]:
+    """The two statistical checks that close every fit: χ² at the stated noise, and white residuals run by run where they are given."""
+    checks = [goodness(chi2, dof, sentence)]
+    if len(residuals):
+        checks.append(whiteness(residuals, coloured, allowed=NOISE_KNOWN))
+    return checks
+
+
+def sound(covariance: Array, converged: bool, reason: str = "") -> list[Check]:
+    """What a fit must be whatever it says: converged (else `reason`), with a covariance that is one."""
+    return [
+        holds("converged", converged, reason or "the fit did not settle; look at the runs' residuals"),
+        covariance_is_one(
+            covariance, "the covariance of the answer is none (a correlation beyond 1, or not finite): nothing it says of its errors holds"
+        ),
+    ]

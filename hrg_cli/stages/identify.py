@@ -10,10 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.envelopes import envelope_runs, free_windows
+from ..fitting.envelopes import condensed, free_windows
 from ..fitting.envelopes.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
+from .earth_rate import earth_rate_rad_s
 from .identification.methods import RegressionMethod, by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
 from .identification.verdict import Verdict
 from .one_gyro import of_one_gyro
@@ -30,7 +31,9 @@ def identify(
         Method, Field(description="method of identification; all: every one beside the likelihood, in one table")
     ] = "likelihood",
     rate_rad_s: Annotated[float | None, Field(description="constant rate about the axis instead of the waves' own")] = None,
-    fit_rate: Annotated[bool, Field(description="fit one unknown constant rate; needs scale_factor or takes its nominal value")] = False,
+    fit_rate: Annotated[
+        bool, Field(description="fit one unknown constant rate, added to the logged ones; K is held unless the logs hold several rates")
+    ] = False,
     scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
     damping_axis_rad: Annotated[float | None, Field(description="known damping axis, held")] = None,
     stiffness_axis_rad: Annotated[float | None, Field(description="known stiffness axis, held")] = None,
@@ -42,7 +45,11 @@ def identify(
     profile: Annotated[bool, Field(description="profile-likelihood intervals of every parameter")] = False,
     bootstrap: Annotated[int, Field(ge=0, description="block-bootstrap draws for the errors, 0: none")] = 0,
     seed: Annotated[int, Field(ge=0, description="seed of the bootstrap")] = 0,
-    blocks: Annotated[int, Field(ge=20, description="fewest averaged rows a run in the likelihood")] = 300,
+    blocks: Annotated[int, Field(ge=20, description="fewest averaged rows a run; more are taken as the wave turns")] = 300,
+    earth_rate_deg_h: Annotated[float | None, Field(description="Earth's rate about the axis, °/h, added to the logged rates")] = None,
+    latitude_deg: Annotated[float | None, Field(description="latitude from which the Earth's rate is taken instead")] = None,
+    axis_tilt_deg: Annotated[float, Field(description="tilt of the sensitive axis from the vertical")] = 0.0,
+    axis_azimuth_deg: Annotated[float, Field(description="direction of that tilt from north")] = 0.0,
 ) -> Resonator:
     """Resonator parameters from free runs; every run keeps its own start and frequency.
 
@@ -53,15 +60,16 @@ def identify(
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     of_one_gyro(waves, "identify")
     if method == "working-mode":
-        return record(monitored(waves, rate_rad_s), waves, method)
+        return record(monitored([w.rows(0, len(w)) for w in waves], rate_rad_s), waves, method)
+    known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
     if window == "auto":
         waves = [part for wave in waves for part in free_windows.cut(wave)]
-    runs = [envelope_runs.from_wave(w, rate_rad_s) for w in waves]
+    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+    runs = condensed.read(waves, rate_rad_s, earth, known, blocks)
     check(runs)
     if most_different is not None:
         chosen = free_windows.most_different(runs, most_different)
         runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
-    known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
     if fit_rate:
         return record(unknown_rate(runs, known, blocks), waves, method)
     if method in ("likelihood", "all"):
@@ -71,7 +79,7 @@ def identify(
         if bootstrap:
             resampled(verdict, bootstrap, seed)
     else:
-        verdict = by_regression(runs, known, method, eliminate_rate)
+        verdict = by_regression(runs, known, method, eliminate_rate, blocks)
     if method == "all":
         verdict.details["methods"] = compared(runs, known, verdict, eliminate_rate)
     return record(verdict, waves, method)
@@ -95,19 +103,20 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
         chi2_per_dof=verdict.chi2_per_dof,
         condition=verdict.condition,
         flat_directions=json.dumps(verdict.flat, ensure_ascii=False),
-        details=json.dumps(verdict.details, ensure_ascii=False),
+        details=json.dumps(verdict.details | {"checks": [c.table() for c in verdict.checks]}, ensure_ascii=False),
         run=np.array([w.run_id for w in waves], dtype=object),
         run_chi2_per_dof=verdict.run_chi2_per_dof,
         run_residual_rms=verdict.run_residual_rms,
         run_rows=verdict.run_rows,
     )
-    if not all(np.isfinite(resonator.value)) or not names:
+    if not names or not all(np.isfinite(resonator.value)):
         raise HrgError("the fit gives no finite parameters; look at the runs' envelopes")
     return resonator.judged(verdict.suspect, "suspect").judged(verdict.refused, "refused")
 
 
 def summary(resonator: Resonator) -> dict[str, Any]:
     """The contract's JSON keys of identify."""
+    details = json.loads(resonator.details)
     return {
         "parameters": {n: {"value": v, "std": s, "units": u} for n, (v, s, u) in resonator.parameters().items()},
         "chi2_per_dof": resonator.chi2_per_dof if np.isfinite(resonator.chi2_per_dof) else None,
@@ -117,5 +126,6 @@ def summary(resonator: Resonator) -> dict[str, Any]:
             "flat_directions": json.loads(resonator.flat_directions),
         },
         "method": resonator.method,
-        "details": json.loads(resonator.details),
+        "checks": details.pop("checks", []),
+        "details": details,
     }

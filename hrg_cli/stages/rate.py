@@ -10,12 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.envelopes.rate_from_model import HOPELESS, TOO_COARSE, RateEstimate, rate_from_model
+from ..fitting import checks
+from ..fitting.checks import Check
+from ..fitting.envelopes.rate_from_model import HOPELESS, SETTLED, TOO_COARSE, RateEstimate, rate_from_model
 from ..records import Compensated, Resonator, Wave
+from .earth_rate import earth_rate_rad_s
 
 Array = np.ndarray
-POOR_FIT = 1.5
-"""χ² a degree of freedom above which the reference model does not hold within the noise."""
 
 
 def rate(
@@ -26,8 +27,14 @@ def rate(
         int | None,
         Field(ge=4, description="times at which the rate is fitted; by default 20 or more, as the run asks; fewer for a short one"),
     ] = None,
+    earth_rate_deg_h: Annotated[float | None, Field(description="Earth's rate about the axis, °/h, taken off the answer")] = None,
+    latitude_deg: Annotated[float | None, Field(description="latitude from which the Earth's rate is taken instead")] = None,
+    axis_tilt_deg: Annotated[float, Field(description="tilt of the sensitive axis from the vertical")] = 0.0,
+    axis_azimuth_deg: Annotated[float, Field(description="direction of that tilt from north")] = 0.0,
 ) -> Compensated:
     """Ω(t) of a free run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
+
+    A gyro shows the rate against the stars; with the Earth's rate given the answer is the rate against the ground, as a table logs it.
 
     HrgError: another gyro or mode number, a refused resonator or one without K, a driven run, too few windows for the nodes.
     """
@@ -42,8 +49,10 @@ def rate(
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
     if wave.mode == "forced":
         raise HrgError(f"{name}: is driven; a reference model without the drive describes free runs only, use compensate")
+    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     found = rate_from_model(wave, resonator, nodes)
-    count = len(found.time_s)
+    found = dataclasses.replace(found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth)
+    impossible, doubtful = closing(found)
     result = Compensated(
         time_s=found.time_s,
         rate_estimate_rad_s=found.rate_rad_s,
@@ -55,25 +64,43 @@ def rate(
         run_id=wave.run_id,
         lot_id=wave.lot_id,
         mode_number=wave.mode_number,
-        details=json.dumps(_figures(found, wave)),
+        details=json.dumps(_figures(found, wave) | {"checks": [c.table() for c in (*impossible, *doubtful)]}),
     )
-    if found.chi2_per_dof > POOR_FIT:
-        result = result.judged(
-            [
-                f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise (another resonator, or a rate that "
-                f"changes faster than {count} nodes follow); the errors are inflated by it"
-            ],
-            "suspect" if found.chi2_per_dof < HOPELESS else "refused",
-        )
-    if found.finer_z > TOO_COARSE:
-        result = result.judged(
-            [
-                f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by {found.finer_z:.2g} of its standard "
-                "deviations more than by chance, so the errors hold at smooth places only; ask for more nodes"
-            ],
-            "suspect",
-        )
-    return result
+    return result.judged(checks.failures(impossible), "refused").judged(checks.failures(doubtful), "suspect")
+
+
+def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
+    """The closing checks of a rate: (what refuses it, what makes it suspect)."""
+    count = len(found.time_s)
+    poor = (
+        f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise (another resonator, or a rate that "
+        f"changes faster than {count} nodes follow); the errors are inflated by it"
+    )
+    impossible = [
+        *checks.sound(found.covariance, found.converged or found.adequate, f"the rate did not settle on {count} nodes; give other nodes"),
+        checks.at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
+    ]
+    doubtful = [
+        *checks.closing(
+            found.chi2_per_dof * found.dof,
+            found.dof,
+            [found.residual],
+            sentence=poor,
+            coloured=f"what the reference model leaves is coloured: the rate changes within {count} nodes' distance, or the resonator "
+            "is another; the errors are those of white noise",
+        ),
+        checks.at_most(
+            "row_truncation", found.truncation, 2 * SETTLED, f"averaging along the rate found still moves it by {found.truncation:.2g} σ"
+        ),
+        checks.at_most(
+            "nodes_follow",
+            found.finer_z,
+            TOO_COARSE,
+            f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by {found.finer_z:.2g} of its standard "
+            "deviations more than by chance, so the errors hold at smooth places only; ask for more nodes",
+        ),
+    ]
+    return impossible, doubtful
 
 
 def summary(record: Compensated) -> dict[str, Any]:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...errors import HrgError
-from . import propagator
+from . import phase_course, propagator, rows
 from .coordinates import COORDINATES, COUNT
 from .envelope_runs import EnvelopeRun
 from .likelihood import Batch, Fit, Freedom, batch, fit, free
 
 Array = np.ndarray
-MAX_BLOCKS = 4000
 MAX_PHASE_ORDER = 9
+AVERAGINGS = 8
+WRAPPED_RAD = 0.7
+"""Turn of the wave within one window from which its ellipse may turn half way round unseen."""
+SETTLED = 0.1
+"""Part of a standard deviation by which rows averaged along the fit's own motion, or twice as many, may still move the fit."""
 PHASE_GAIN = 30.0
 """Δχ² for which two further orders of a run's phase are taken in."""
 WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
@@ -40,6 +44,11 @@ def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
 def nominal_scale_factor(mode_number: int) -> float:
     """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a shell."""
     return 1.0 if mode_number == 1 else 0.55
+
+
+def scale_factor_spread(mode_number: int) -> float:
+    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a pendulum 1 but for its pivot."""
+    return 0.05 if mode_number == 1 else 0.2
 
 
 @dataclass(frozen=True)
@@ -93,14 +102,6 @@ def start(runs: Sequence[EnvelopeRun], known: Known) -> tuple[Array, Array, Arra
     return p, offsets, covariance, space
 
 
-def blocks_needed(p: Array, runs: Sequence[EnvelopeRun], blocks: int) -> int:
-    """Rows a run for steps of at most a quarter radian of everything the wave does, at least `blocks`."""
-    turning = max(abs(p[5]) * float(np.abs(np.diff(r.turn_rad)).sum()) for r in runs)
-    span = max(r.duration_s for r in runs)
-    motion = turning + (abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4])) * span
-    return int(np.clip(4 * motion, blocks, MAX_BLOCKS)) if np.isfinite(motion) else blocks
-
-
 def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: int = 300) -> Fit:
     """The likelihood's optimum over free runs; averaged envelopes, phase orders as the data demand.
 
@@ -112,16 +113,48 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
             best = _base_fit(runs, known or Known(), blocks)
     except np.linalg.LinAlgError:
         best = None
-    if best is None or not (np.all(np.isfinite(best.p)) and np.isfinite(best.chi2)):
+    if best is None or not (np.all(np.isfinite(best.p)) and np.isfinite(best.chi2) and np.all(np.isfinite(best.root))):
         raise HrgError(
             f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of a resonator "
-            "can be fitted; look at the envelopes"
+            f"can be fitted; {_advice(runs, known or Known())}"
         )
     return best
 
 
+def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
+    """What to do where nothing can be fitted: shorter windows where the table turns the wave by much within one."""
+    factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(runs[0].mode_number)
+    turning = [rows.speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
+    worst = int(np.argmax(turning))
+    if turning[worst] < WRAPPED_RAD:
+        return "look at the envelopes"
+    return (
+        f"{runs[worst].run_id or 'the run'} turns by {turning[worst]:.2g} rad within one window of {runs[worst].window_s:.3g} s, "
+        f"so its turns are lost: demodulate with windows of at most {runs[worst].window_s * 0.25 / turning[worst]:.2g} s"
+    )
+
+
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
-    p, offsets, _, space = start(runs, known)
+    courses = phase_course.bends(runs)
+    result = _first_fit(runs if courses is None else phase_course.straightened(runs, courses), known, blocks)
+    if result is None:
+        return None
+    if courses is not None:
+        seen, phase = phase_course.bent_back(result.response.batch, runs, courses, result.response.state.phase)
+        data = batch(seen)
+        result = solve(data, result.freedom, result.z, data.envelope[:, 0], phase)
+    result = settled(runs, grown(result), blocks)
+    held = second_order(result)
+    if held is not None:
+        space = without_second_order(result.freedom, held)
+        state = result.response.state
+        result = settled(runs, grown(solve(result.response.batch, space, result.z[:-1], state.start, state.phase)), blocks)
+    return result
+
+
+def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
+    """From the propagator's start, or, where that leads nowhere, from a rough guess."""
+    p, offsets, _, _ = start(runs, known)
     result = _from_start(runs, known, blocks, p, offsets)
     if result is None or not result.converged:
         plain, offsets = propagator.rough(runs)
@@ -129,18 +162,60 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
         again = _from_start(runs, known, blocks, plain, offsets)
         if again is not None and (result is None or again.chi2 < result.chi2):
             result = again
-    if result is None:
-        return None
-    space, data = result.freedom, result.response.batch
+    return result
+
+
+def grown(result: Fit) -> Fit:
+    """The fit with further orders of the runs' phases as long as one of them gains much by two more."""
     while result.response.state.phase.shape[1] < MAX_PHASE_ORDER and result.phase_demand > PHASE_GAIN:
         state = result.response.state
-        phase = np.concatenate([state.phase, np.zeros((len(runs), 2))], axis=1)
-        result = fit(data, space, result.z, state.start, phase)
-    held = second_order(result)
-    if held is not None:
-        state = result.response.state
-        result = solve(data, without_second_order(space, held), result.z[:-1], state.start, state.phase)
+        phase = np.concatenate([state.phase, np.zeros((len(state.phase), 2))], axis=1)
+        result = fit(result.response.batch, result.freedom, result.z, state.start, phase)
     return result
+
+
+def settled(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
+    """The fit to rows averaged along its own motion: averaged and fitted again until that moves it by less than a tenth of σ.
+
+    Where the rate changes within a run the rows are also doubled until that moves nothing. What the last change was is kept
+    (`Fit.truncation`, in standard deviations of whatever combination moved most).
+    """
+    last = np.inf
+    for _ in range(AVERAGINGS):
+        blocks = rows.needed(result.p, runs, blocks)
+        if not np.all(np.isfinite(result.p)):
+            return result
+        before, result = result, _averaged_again(runs, result, blocks)
+        last = moved_by(before, result)
+        if last > SETTLED:
+            continue
+        most = max(len(r) for r in runs)
+        if blocks >= most or not _rate_varies(result.response.batch):
+            break
+        finer = min(2 * blocks, most)
+        if finer * len(runs) > rows.MOST_ROWS:
+            break
+        before, result = result, _averaged_again(runs, result, finer)
+        last = moved_by(before, result)
+        if last < SETTLED:
+            break
+        blocks = finer
+    return replace(result, truncation=last)
+
+
+def _averaged_again(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
+    """The same fit to rows averaged along its own motion."""
+    data = batch(rows.along(runs, result.response, blocks))
+    state = result.response.state
+    shift = data.span_s / result.response.batch.span_s
+    phase = state.phase * shift[:, None] ** np.arange(1, state.phase.shape[1] + 1)
+    return grown(solve(data, result.freedom, result.z, data.envelope[:, 0], phase))
+
+
+def moved_by(before: Fit, after: Fit) -> float:
+    """Distance of two fits in standard deviations, along the combination of coordinates that moved most."""
+    change = after.root @ (after.z - before.z)
+    return float(np.linalg.norm(change) / np.sqrt(max(1.0, after.chi2 / after.dof)))
 
 
 def second_order(result: Fit) -> float | None:
@@ -163,18 +238,13 @@ def _from_start(runs: Sequence[EnvelopeRun], known: Known, blocks: int, p: Array
     space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
     p = p.copy()
     p[6] = 1.0
-    result = None
-    for attempt in (1, 2):
-        data = batch(propagator.thinned(runs, p, offsets, blocks_needed(p, runs, blocks)))
-        z = np.linalg.pinv(space.directions) @ (p - space.origin)
-        try:
-            result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
-        except np.linalg.LinAlgError:
-            return None
-        if attempt == 2 or not result.converged or not _rate_varies(data):
-            break
-        p, offsets = result.p.copy(), result.response.state.offsets_rad_s(data.span_s)  # blocks again along the better motion
-    return result if result is not None and np.isfinite(result.chi2) else None
+    data = batch(propagator.thinned(runs, p, offsets, rows.needed(p, runs, blocks)))
+    z = np.linalg.pinv(space.directions) @ (p - space.origin)
+    try:
+        result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
+    except np.linalg.LinAlgError:
+        return None
+    return result if np.isfinite(result.chi2) else None
 
 
 def _rate_varies(data: Batch) -> bool:
@@ -190,8 +260,8 @@ def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> 
     if result.converged:
         return result
     for share in (0.1, 0.3, 0.6, 1.0):
-        rows = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
-        part = Batch(data.runs, data.time_s, data.turn_rad, data.envelope, data.weight * rows)
+        kept = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
+        part = Batch(data.runs, data.time_s, data.turn_rad, data.envelope, data.weight * kept)
         result = fit(part, space, z, first, phase)
         z, first, phase = result.z, result.response.state.start, result.response.state.phase
     return result

@@ -60,29 +60,47 @@ def retuned(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
     )
 
 
+def turned_by(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
+    """The same run on a table that turns by a constant rate more."""
+    if rate_rad_s == 0:
+        return run
+    return dataclasses.replace(run, turn_rad=run.turn_rad + rate_rad_s * (run.time_s - run.time_s[0]))
+
+
 def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     """Envelopes of a wave's good rows; the rate is the wave's own, or `rate_rad_s`, or zero.
 
     HrgError: fewer than 8 good rows, times that do not increase.
     """
     name = wave.run_id or "the run"
+    time = np.asarray(wave.time_s, float)
+    run = good_rows(wave, turned(time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s)))
+    if len(run) < MIN_ROWS:
+        raise HrgError(f"{name}: {len(run)} windows without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner record")
+    if np.any(np.diff(run.time_s) <= 0):
+        raise HrgError(f"{name}: the windows' times do not increase; sort the record or remove repeated rows")
+    return run
+
+
+def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> EnvelopeRun:
+    """The good rows among `inside` of a wave whose table has turned by turn_rad (n,)."""
     good = wave.good() & np.isfinite(wave.time_s) & np.isfinite(wave.main_amplitude) & np.isfinite(wave.phase_rad)
     good &= np.isfinite(wave.quadrature_amplitude)
-    if good.sum() < MIN_ROWS:
-        raise HrgError(
-            f"{name}: {good.sum()} windows without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner record"
-        )
-    time = np.asarray(wave.time_s, float)
-    if np.any(np.diff(time[good]) <= 0):
-        raise HrgError(f"{name}: the windows' times do not increase; sort the record or remove repeated rows")
-    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[good]
+    chosen = np.arange(len(good))[inside][good[inside]]
+    u = ellipse.envelopes(
+        wave.main_amplitude[chosen],
+        wave.quadrature_amplitude[chosen],
+        wave.wave_angle_rad[chosen],
+        wave.phase_rad[chosen],
+        wave.mode_number,
+    )
     return EnvelopeRun(
         run_id=wave.run_id,
-        time_s=time[good],
+        time_s=np.asarray(wave.time_s, float)[chosen],
         envelope=u,
-        std=pooled_std(np.asarray(wave.signal_std, float)[good], u),
-        turn_rad=turned(time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s))[good],
-        temperature_degc=None if wave.temperature_degc is None else np.asarray(wave.temperature_degc, float)[good],
+        std=pooled_std(np.asarray(wave.signal_std, float)[chosen], u) if len(chosen) else np.zeros(0),
+        turn_rad=turn_rad[chosen],
+        temperature_degc=None if wave.temperature_degc is None else np.asarray(wave.temperature_degc, float)[chosen],
         reference_frequency_hz=float(wave.reference_frequency_hz),
         mode_number=int(wave.mode_number),
         window_s=float(wave.window_s),
@@ -116,16 +134,25 @@ def pooled_std(std: Array, u: Array) -> Array:
     return np.maximum(np.sqrt(pooled), 1e-12 * scale)
 
 
-def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Matrix]) -> EnvelopeRun:
+def averaged(
+    run: EnvelopeRun,
+    blocks: int,
+    carry: Callable[[Array, Array], Matrix],
+    phase: Callable[[Array], Array] | None = None,
+    grid: tuple[float, float] | None = None,
+) -> EnvelopeRun:
     """At most about `blocks` rows: each block's rows are carried to its mean time with an approximate motion, then averaged.
 
-    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad]. The mean time is the weighted one, so an
-    error δL of that motion enters only as (δL·dt)²; weights 1/σ². Blocks are equal pieces of time; empty ones (gaps) vanish.
+    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad], `phase(time_s)` [rad] what a moving frequency adds. The mean
+    time is the weighted one, so an error δL of that motion enters only as (δL·dt)²/24 of the row: averaging along the motion that is
+    fitted to the rows, until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones (gaps) vanish.
+    `grid`: where the first piece begins and how long each is, of the whole run that this is a part of.
     """
-    if len(run) <= blocks:
-        return run
-    step = (run.duration_s * (1 + 1e-12) + run.window_s) / blocks
-    index = np.floor((run.time_s - run.time_s[0]) / step).astype(int)
+    if grid is None:
+        if len(run) <= blocks:
+            return run
+        grid = float(run.time_s[0]), (run.duration_s * (1 + 1e-12) + run.window_s) / blocks
+    index = np.floor((run.time_s - grid[0]) / grid[1]).astype(int)
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     weight = 1 / run.std**2
     total = np.add.reduceat(weight, starts)
@@ -137,6 +164,9 @@ def averaged(run: EnvelopeRun, blocks: int, carry: Callable[[Array, Array], Matr
     time = mean(run.time_s)
     turn = np.interp(time, run.time_s, run.turn_rad)
     c, s = applied(carry(time[which] - run.time_s, turn[which] - run.turn_rad), (run.envelope[:, 0], run.envelope[:, 1]))
+    if phase is not None:
+        turned_by = np.exp(1j * (phase(time)[which] - phase(run.time_s)))
+        c, s = c * turned_by, s * turned_by
     return dataclasses.replace(
         run,
         time_s=time,

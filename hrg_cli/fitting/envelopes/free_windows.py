@@ -23,6 +23,9 @@ def cut(wave: Wave) -> list[Wave]:
 
     A free wave without a drive is one window. HrgError: a forced wave in which no free window is found.
     """
+    if wave.drive_main is None and wave.mode == "free":
+        return [wave]
+    wave = wave.rows(0, len(wave))
     drive = wave.drive_main
     driven = drive is not None and np.isfinite(drive).any() and np.nanmax(np.abs(drive)) > 0
     if not driven and wave.mode == "free":

@@ -107,6 +107,26 @@ def covariance_z(fit: Fit, factor: float) -> Array:
     return inverse @ inverse.T
 
 
+def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> None:
+    """Give axes whose split is lost in noise the spread of their components instead of the slope's, in the covariance (6, 6) in place."""
+    for axis, first in ((2, 1), (4, 3)):
+        part = cov_p[first : first + 2, first : first + 2]
+        std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(p[first] ** 2 + p[first + 1] ** 2)
+        if not np.any(part) or not np.isfinite(size2) or size2 > CLEAR**2 * np.trace(part):
+            continue
+        spread = coordinates.axis_spread(p[first : first + 2], part, mode_number)
+        covariance[axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
+        covariance[:, axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
+        covariance[axis, axis] = spread**2
+
+
+def parameters_by_z(fit: Fit, mode_number: int) -> Array:
+    """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by rounding."""
+    _, slopes = coordinates.physical(fit.p, mode_number)
+    through = slopes @ fit.freedom.directions
+    return np.where(np.abs(through) > 1e-12 * (np.abs(slopes) @ np.abs(fit.freedom.directions)), through, 0.0)
+
+
 def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Array | None = None) -> tuple[Array, Array]:
     """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by 1/factor, priors kept.
 
@@ -114,19 +134,12 @@ def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Arr
 
     The size of a split that is lost in noise keeps the standard deviation of a component; its axis has the spread of its components'.
     """
-    values, slopes = coordinates.physical(fit.p, mode_number)
+    values, _ = coordinates.physical(fit.p, mode_number)
     cov_z = covariance_z(fit, factor) + (0.0 if between is None else between)
     cov_p = fit.freedom.directions @ cov_z @ fit.freedom.directions.T
-    covariance = slopes @ cov_p @ slopes.T
-    for axis, first in ((2, 1), (4, 3)):
-        part = cov_p[first : first + 2, first : first + 2]
-        std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(fit.p[first] ** 2 + fit.p[first + 1] ** 2)
-        if not np.any(part) or size2 > CLEAR**2 * np.trace(part):
-            continue
-        spread = coordinates.axis_spread(fit.p[first : first + 2], part, mode_number)
-        covariance[axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
-        covariance[:, axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
-        covariance[axis, axis] = spread**2
+    through = parameters_by_z(fit, mode_number)
+    covariance = through @ cov_z @ through.T
+    widen_axes(covariance, cov_p, fit.p, mode_number)
     return values, covariance
 
 
@@ -175,6 +188,28 @@ def between_runs(fit: Fit) -> Array:
     return out
 
 
+def considered(fit: Fit, coordinate: int, std: float) -> Array:
+    """Covariance of z (k, k) by a held coordinate that is known to `std` only: how the fit would move with it, squared."""
+    response = fit.response
+    shared = fit.freedom.along(response.coordinate_sensitivities())
+    held = response.coordinate_sensitivities()[coordinate : coordinate + 1]
+    own = response.run_sensitivities()
+    k = len(shared)
+    total = np.zeros((k + 1, k + 1))
+    total[:k, :k] = _prior_information(fit)
+    for run, record in enumerate(response.batch.runs):
+        n = len(record)
+        weight = response.batch.weight[run, :n]
+        Q, _ = np.linalg.qr(real(own[:, run, :n], weight))
+        design = real(np.concatenate([shared, held])[:, run, :n], weight)
+        design = design - Q @ (Q.T @ design)
+        total += design.T @ design
+    size = np.sqrt(np.maximum(np.diag(total)[:k], 1e-300))
+    inverse = np.linalg.pinv(total[:k, :k] / np.outer(size, size), rcond=1e-12, hermitian=True)
+    shift = inverse @ (total[:k, k] / size) / size * std
+    return np.outer(shift, shift)
+
+
 def _prior_information(fit: Fit) -> Array:
     """Information of the priors on z, (k, k)."""
     std = fit.freedom.prior_std
@@ -201,11 +236,12 @@ def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Mean frequency of each run, Hz: values (R,), covariance (R, R), covariance with z (R, k)."""
+    """Mean frequency of each run, Hz: values (R,), covariance (R, R), change with z (R, k) and what is its own beside z (R,)."""
 
     value: Array
     covariance: Array
-    with_z: Array
+    by_z: Array
+    own_variance: Array
     drift_hz: Array
     """Range of the frequency within each run, (R,)."""
 
@@ -230,4 +266,4 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
     x = np.linspace(0.0, 1.0, 65)
     orders = np.arange(1, response.state.phase.shape[1] + 1)
     course = (response.state.phase[:, :, None] * orders[:, None] * x ** (orders[:, None] - 1)).sum(axis=1) / (2 * np.pi * span[:, None])
-    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through @ covariance, np.ptp(course, axis=1))
+    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through, variance, np.ptp(course, axis=1))

@@ -260,6 +260,7 @@ class Fit:
     iterations: int
     run_chi2: Array = field(default_factory=lambda: np.zeros(0))
     phase_demand: float = 0.0  # largest Δχ² a run gains from two further orders of its phase, in units of χ²/dof
+    truncation: float = 0.0  # what the last averaging along its own motion moved, in standard deviations
 
     @property
     def p(self) -> Array:

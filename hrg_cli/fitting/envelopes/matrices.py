@@ -9,6 +9,8 @@ Matrix = tuple[Array, Array, Array, Array]
 Vector = tuple[Array, Array]
 SERIES = 1e-3
 """|x| below which sinh(x)/x is taken from its series: (1 − e^{−2x}) would lose digits."""
+SLOPE_SERIES = 0.05
+"""|x| below which the derivative of sinh(x)/x is taken from its series."""
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
@@ -59,6 +61,24 @@ def exponential(m: Matrix, time_s: Array) -> Matrix:
         slope = np.where(small, time_s * (1 + x**2 / 6 + x**4 / 120), slope)
     even = (up + down) / 2
     return even + slope * m[0], slope * m[1], slope * m[2], even - slope * m[0]
+
+
+def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, Array]:
+    """exp(m·t) of traceless m, and f, g, s of its exact derivative along a traceless E: (f I + g m)·tr(mE) + s E.
+
+    exp(mt) = c I + s m with d² = tr(m²)/2, so ∂d²/∂E = tr(mE), ∂c/∂d² = ts/2 = f, ∂s/∂d² = (tc − s)/2d² = g: no integral is needed,
+    however far the motion turns in t.
+    """
+    d2 = m[0] ** 2 + m[1] * m[2] + 0j
+    x2 = d2 * time_s**2
+    small = np.abs(x2) < SLOPE_SERIES**2
+    safe = np.where(small, 1.0, d2)
+    d = np.sqrt(safe)
+    even = np.where(small, 1 + x2 / 2 + x2**2 / 24, np.cosh(d * time_s))
+    slope = np.where(small, time_s * (1 + x2 / 6 + x2**2 / 120), np.sinh(d * time_s) / d)
+    third = np.where(small, time_s**3 * (1 / 6 + x2 / 60 + x2**2 / 1680), (time_s * even - slope) / (2 * safe))
+    whole = (even + slope * m[0], slope * m[1], slope * m[2], even - slope * m[0])
+    return whole, time_s * slope / 2, third, slope
 
 
 def chain(steps: Matrix) -> Matrix:

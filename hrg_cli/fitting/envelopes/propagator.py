@@ -125,20 +125,21 @@ def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Ar
     """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets, covariance of z, misfit before it."""
     k = len(freedom.names)
     dt = data.dt
-    half = plain_exponential(p, dt / 2, data.turn / 2, offsets[data.run])
-    before = data.before[:, 0], data.before[:, 1]
-    middle = applied(half, before)
-    flow = applied(half, middle)
+    rate = data.turn / dt
+    mean, L = matrices.traceless(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    factor = np.exp((mean + 1j * offsets[data.run]) * dt)
+    before = data.before[:, 0] * factor, data.before[:, 1] * factor
+    whole, even, third, slope = matrices.exponential_slopes(L, dt)
+    flow, turned = applied(whole, before), applied(L, before)
     columns = np.empty((6, len(dt), 2), complex)
-    columns[0, :, 0], columns[0, :, 1] = -6 * flow[0], -6 * flow[1]
-    for row, begin, between, end in zip((1, 2, 5), *map(reflected, (before, middle, flow)), strict=True):  # ν alone commutes
-        x, y = applied(half, begin)
-        x, y = applied(half, (x + 4 * between[0], y + 4 * between[1]))
-        columns[row, :, 0], columns[row, :, 1] = x + end[0], y + end[1]
+    columns[0, :, 0], columns[0, :, 1] = -dt * flow[0], -dt * flow[1]  # ν alone commutes
+    for row, trace, image in zip((1, 2, 5), (2 * L[0], L[1] + L[2], L[2] - L[1]), reflected(before), strict=True):
+        for channel in (0, 1):
+            columns[row, :, channel] = trace * (even * before[channel] + third * turned[channel]) + slope * image[channel]
     columns[1:3] *= -1
     np.multiply(columns[1:3], -1j, out=columns[3:5])
-    columns *= (dt / 6 * data.weight)[:, None]
-    columns[5] *= (data.turn / dt)[:, None]
+    columns *= data.weight[:, None]
+    columns[5] *= rate[:, None]
     now = np.stack(flow, axis=-1)
     shared = freedom.along(columns)
     own = 1j * (dt * data.weight)[:, None] * now

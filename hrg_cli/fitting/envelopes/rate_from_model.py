@@ -8,9 +8,8 @@ S₁' = A₁ + 2KΩS₂, S₂' = A₂ − 2KΩS₁, both integrated from the run
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +17,8 @@ from ...errors import HrgError
 from ...physics import ellipse
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Resonator, Wave
-from . import coordinates, propagator
+from ..checks import goodness
+from . import coordinates, rows
 from .envelope_runs import EnvelopeRun, from_wave
 from .likelihood import Response, State, batch, real, respond, triangle
 
@@ -27,15 +27,17 @@ ITERATIONS = 20
 ROWS_A_NODE = 6
 START_ROWS = 8000
 """Rows from which the start is taken at most."""
-FEWEST_NODES, USUAL_NODES, MOST_NODES = 4, 20, 160
-ROWS = 2000
-"""Averaged rows of the run that are fitted, the same for any number of nodes."""
+FEWEST_NODES, USUAL_NODES, MOST_NODES = 4, 20, 640
+ROWS, ROWS_OF_A_NODE = 2000, 12
+"""Averaged rows of the run that are fitted, at least, and for each node: a row must not span what the nodes follow."""
 HOPELESS = 1000.0
 """χ² a degree of freedom from which the fit has not found the rate at all (another resonator, another gyro)."""
 TOO_COARSE = 5.0
 """Standard deviations of a fall of χ² with twice as many nodes from which the rate changes faster than the nodes follow."""
-POOR_START = 1.5
-"""χ² a degree of freedom above which other starts are tried as well."""
+NO_BETTER = 0.9
+"""Part of the χ² that twice as many nodes must leave at most for a poor fit to be worth still more of them."""
+AVERAGINGS, SETTLED = 4, 0.1
+"""Times the rows are averaged along the rate found at most, and the part of a standard deviation it may still move."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,16 @@ class RateEstimate:
     dof: int
     finer_z: float = 0.0
     """By how many of its standard deviations χ² falls more than by chance with twice as many nodes."""
+    converged: bool = True
+    truncation: float = 0.0
+    """What averaging along the better motion still moved, in standard deviations of a node."""
+    residual: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """What is left of the rows over their noise, (n, 4)."""
+
+    @property
+    def adequate(self) -> bool:
+        """Whether χ² agrees with the noise the windows state."""
+        return goodness(self.chi2_per_dof * self.dof, self.dof).passed
 
     @property
     def rate_rad_s_std(self) -> Array:
@@ -60,7 +72,7 @@ class RateEstimate:
 def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) -> RateEstimate:
     """Ω(t) of a free run on `nodes` even times, given the resonator; its standard deviations are those of the noise alone.
 
-    nodes None: 20, fewer for a short run, and twice as many again and again while χ² asks for them.
+    nodes None: 20, fewer for a short run, and twice as many again and again until χ² agrees with the stated noise and asks for no more.
     HrgError: the resonator has no scale factor, or too few windows for the nodes.
     """
     values = {name: value for name, (value, _, _) in resonator.parameters().items()}
@@ -76,18 +88,33 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
     mechanics = Mechanics(**{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number)
     p = coordinates.from_mechanics(mechanics)
     p[6] = float(json.loads(resonator.details or "{}").get("second_order", {}).get("value", 1.0))
-    found = _best(run, count, p)
-    while True:
+    if nodes is not None:
+        found = _best(run, count, p)
+        finer_count = 2 * count - 1
+        return found if finer_count > min(most, MOST_NODES) else _asked(found, _fitted(run, *_again(run, found, finer_count, p[5]), p))
+    found = _first(run, count, p)
+    while 2 * len(found.time_s) - 1 <= min(most, MOST_NODES):
         finer_count = 2 * len(found.time_s) - 1
-        if finer_count > min(most, MOST_NODES) or found.chi2_per_dof > HOPELESS:
-            return found
-        finer = _fitted(run, *_again(run, found, finer_count, p[5]), p)
-        fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(1.0, finer.chi2_per_dof)
-        extra = found.dof - finer.dof
-        found = dataclasses.replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
-        if nodes is not None or found.finer_z < TOO_COARSE:
-            return found
+        # what too few nodes found is no start for more
+        finer = _fitted(run, *_again(run, found, finer_count, p[5]), p) if found.adequate else _first(run, finer_count, p)
+        found = _asked(found, finer)
+        if found.finer_z < TOO_COARSE and (found.adequate or finer.chi2_per_dof > NO_BETTER * found.chi2_per_dof):
+            break
         found = finer
+    return found if found.adequate else min(found, _best(run, len(found.time_s), p), key=lambda e: e.chi2_per_dof)
+
+
+def _asked(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
+    """The estimate, with what twice as many nodes gain."""
+    fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(1.0, finer.chi2_per_dof)
+    extra = max(1, len(finer.time_s) - len(found.time_s))
+    return replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
+
+
+def _first(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
+    """The fit from the Stokes start."""
+    grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
+    return _fitted(run, grid, stokes_start(run, grid, p), _plain(run, grid, p[5]), p)
 
 
 def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
@@ -99,7 +126,7 @@ def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
         found = _fitted(run, grid, rate, plain, p)
         if best is None or found.chi2_per_dof < best.chi2_per_dof:
             best = found
-        if best.chi2_per_dof < POOR_START:
+        if best.adequate:
             break
     assert best is not None
     return best
@@ -163,17 +190,24 @@ def _cardinal(time_s: Array, grid: Array) -> Array:
 
 
 def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array) -> RateEstimate:
-    """Gauss–Newton with step halving from a rate; the rows are averaged along the motion twice, the second time along the better one."""
-    result = None
-    for _ in range(2):
+    """Gauss–Newton with step halving from a rate; the rows are averaged along the motion found until that moves it no more."""
+    result, moved = None, np.inf
+    for _ in range(AVERAGINGS):
         turn = _integrated(_cardinal(whole.time_s, grid).T @ rate, whole.time_s)
-        run = dataclasses.replace(whole, turn_rad=turn)
+        run = replace(whole, turn_rad=turn)
         offset = _offset(run, p)
-        run = propagator.thinned([run], p, np.array([offset]), ROWS)[0]
+        count = min(rows.needed(p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS)
+        start = respond(
+            batch([run.rows(slice(None, None, max(1, len(run) - 1)))]), State(p, run.envelope[:1], np.array([[offset * run.duration_s]]))
+        )
+        run = rows.along([run], start, count)[0]
         result = _from(run, grid, rate, plain, p, offset)
+        moved = float(np.max(np.abs(result.rate_rad_s - rate) / np.maximum(result.rate_rad_s_std, 1e-300)))
         rate = result.rate_rad_s
+        if moved < SETTLED or len(run) == len(whole) or result.chi2_per_dof > HOPELESS:
+            break
     assert result is not None
-    return result
+    return replace(result, truncation=0.0 if len(run) == len(whole) else moved)
 
 
 def _offset(run: EnvelopeRun, p: Array) -> float:
@@ -195,12 +229,12 @@ def _from(run: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array, of
     span, count = run.time_s[-1] - run.time_s[0], len(grid)
 
     def at(x: Array) -> Response:
-        data = batch([dataclasses.replace(run, turn_rad=x[5:] @ turning)])
+        data = batch([replace(run, turn_rad=x[5:] @ turning)])
         return respond(data, State(p, np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]]), x[4:5][None]))
 
     first = run.envelope[0]
     x = np.concatenate([[first[0].real, first[0].imag, first[1].real, first[1].imag, offset * span], rate])
-    covariance = np.zeros((count, count))
+    covariance, converged = np.zeros((count, count)), False
     with np.errstate(over="ignore", invalid="ignore"):
         response = at(x)
         for _ in range(ITERATIONS):
@@ -218,10 +252,14 @@ def _from(run: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array, of
                 size /= 2
                 trial = at(x + size * change)
             if not trial.chi2 <= response.chi2 * (1 + 1e-9):
+                converged = bool(np.all(np.abs(change[5:]) < SETTLED * np.sqrt(np.diag(covariance))))  # nothing left to gain
                 break
             x, response = x + size * change, trial
-            if np.all(np.abs(change[5:]) < 0.01 * np.sqrt(np.diag(covariance))):
+            if np.all(np.abs(change[5:]) < 0.01 * np.sqrt(np.diag(covariance) * max(1.0, response.chi2 / (4 * len(run))))):
+                converged = True
                 break
     dof = max(1, 4 * len(run) - count - 5)
     chi2 = response.chi2 / dof
-    return RateEstimate(grid, x[5:], covariance * max(1.0, chi2), plain, chi2, dof)
+    left = response.residual()[0]
+    residual = np.concatenate([left.real, left.imag], axis=1)
+    return RateEstimate(grid, x[5:], covariance * max(1.0, chi2), plain, chi2, dof, converged=converged, residual=residual)

@@ -3,12 +3,15 @@
 All are linear in the coordinates of `coordinates.py`. The published forms are corrected where PHYSICS §4 shows an error: 1/π and a full
 turn in the rotation integrals, the true rate in fixed axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an
 option), e^{+jωt} throughout. Derivatives are central differences, each row for itself, as published; `increments` and `stokes` integrate
-the right-hand side along the run instead, with a free first value, and so weigh the rows as their noise asks. Standard deviations are
-the envelopes' noise carried through the equations (`noise_propagation.py`): what neighbouring differences share cancels.
+the right-hand side along the run instead, with a free first value, and so weigh the rows as their noise asks. What differences and sums
+over rows of finite length leave out (x²/6 of what turns by x a row) is found by putting the method's own answer through its own
+equations without noise, and is taken off, until neither changes. Standard deviations are the envelopes' noise carried through the
+equations (`noise_propagation.py`): what neighbouring differences share cancels.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -22,6 +25,12 @@ from .likelihood import Freedom
 from .method_ranges import out_of_range, warnings
 
 Array = np.ndarray
+Noiseless = Callable[[Array], list[EnvelopeRun]]
+"""Coordinates (7,) -> the runs' rows as a resonator of these coordinates would show them, without noise."""
+CORRECTIONS = 6
+"""Times the truncation is found anew at most."""
+SETTLED = 0.05
+"""Part of a standard deviation by which the last correction may still move an answer."""
 WIDE_STEP = 3.0
 """Step over the median from which two rows are no neighbours: a gap."""
 
@@ -55,6 +64,12 @@ class Regression:
     covariance: Array
     warnings: list[str] = field(default_factory=list)
     refused: str = ""
+    run_chi2: Array = field(default_factory=lambda: np.zeros(0))
+    """Each run's misfit squared over what its windows' stated noise predicts, summed, (R,)."""
+    run_rows: Array = field(default_factory=lambda: np.zeros(0))
+    """Equations of each run in it, (R,)."""
+    unsettled: float = 0.0
+    """What the last correction of the truncation moved, in the method's own standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -287,6 +302,8 @@ METHODS: dict[str, Callable[..., Equations]] = {
     "products": products,
     "stokes": stokes,
 }
+EXACT = {"moving-axes-small-quadrature": "moving-axes"}
+"""Methods whose equations are approximate -> the exact ones with the same differences."""
 
 
 @dataclass(frozen=True)
@@ -323,15 +340,62 @@ def weighted(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> Rows:
     return Rows(rows[:, :-1], rows[:, -1], basis, weight)
 
 
-def solve(runs: Sequence[EnvelopeRun], freedom: Freedom, method: str, eliminate_rate: bool = False) -> Regression:
+def truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Array]:
+    """What the method's differences and sums leave of noiseless runs of coordinates p, equation by equation (N,) a run.
+
+    The approximations of a method are none of it: those of small quadrature are judged by the exact equations' differences.
+    """
+    exact = METHODS[EXACT.get(method, method)]
+    out = []
+    for run in model:
+        equations = exact(run)
+        out.append(equations.target - equations.columns @ p)
+    return out
+
+
+def solve(
+    runs: Sequence[EnvelopeRun],
+    freedom: Freedom,
+    method: str,
+    eliminate_rate: bool = False,
+    model: Noiseless | None = None,
+    start: Array | None = None,
+) -> Regression:
     """Pooled weighted least squares of one method over all runs, its covariance from the envelopes' noise.
 
-    The noise's level is that of the residuals over what the runs' standard deviations predict of them.
+    model, start: noiseless rows for any coordinates, and the coordinates (7,) at which the truncation is first taken from them; None:
+    the equations stay as published. The noise's level is the stated one, or what the residuals say where that is more.
     """
     reason = out_of_range(runs, method)
     if reason:
         return Regression(np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan), refused=reason)
-    equations = [METHODS[method](run, eliminate_rate) for run in runs]
+    published = [METHODS[method](run, eliminate_rate) for run in runs]
+    corrected = model is not None and start is not None and not eliminate_rate
+    here = np.zeros(COUNT) if start is None else np.array(start, float)
+    left_out = [np.zeros(len(e.target)) for e in published]
+    change = 0.0
+    for _ in range(CORRECTIONS if corrected else 1):
+        if model is not None and corrected:
+            left_out = truncation(model(here), here, method)
+        equations = [dataclasses.replace(e, target=e.target - t) for e, t in zip(published, left_out, strict=True)]
+        p, covariance, chi2, rows = _least_squares(runs, freedom, method, eliminate_rate, equations, left_out)
+        known = np.isfinite(p) & (np.diag(covariance) > 0)
+        change = float(np.max(np.abs(p - here)[known] / np.sqrt(np.diag(covariance)[known]), initial=0.0)) if corrected else 0.0
+        here = np.where(np.isfinite(p), p, here)
+        if change < SETTLED:
+            break
+    return Regression(p, covariance, warnings(runs, method, eliminate_rate), run_chi2=chi2, run_rows=rows, unsettled=change)
+
+
+def _least_squares(
+    runs: Sequence[EnvelopeRun],
+    freedom: Freedom,
+    method: str,
+    eliminate_rate: bool,
+    equations: Sequence[Equations],
+    left_out: Sequence[Array],
+) -> tuple[Array, Array, Array, Array]:
+    """Coordinates (7,), covariance (7, 7), and each run's χ² and number of equations (R,)."""
     parts = [weighted(run, e, freedom) for run, e in zip(runs, equations, strict=True)]
     design, target = np.concatenate([p.design for p in parts]), np.concatenate([p.target for p in parts])
     scale = np.linalg.norm(design, axis=0)
@@ -345,24 +409,26 @@ def solve(runs: Sequence[EnvelopeRun], freedom: Freedom, method: str, eliminate_
     present = np.flatnonzero(used)
     D = freedom.directions[:, present]
     p = freedom.origin + D @ z[present]
-    cov[np.ix_(used, used)] = _covariance(runs, equations, parts, inverse, p, method, eliminate_rate)
+    total, chi2, rows = _covariance(runs, equations, left_out, parts, inverse, p, method, eliminate_rate)
+    cov[np.ix_(used, used)] = total
     p[~(np.abs(D).sum(axis=1) > 0) & (np.abs(freedom.directions).sum(axis=1) > 0)] = np.nan
-    return Regression(p, D @ cov[np.ix_(present, present)] @ D.T, warnings(runs, method, eliminate_rate))
+    return p, D @ cov[np.ix_(present, present)] @ D.T, chi2, rows
 
 
 def _covariance(
     runs: Sequence[EnvelopeRun],
     equations: Sequence[Equations],
+    left_out: Sequence[Array],
     parts: Sequence[Rows],
     inverse: Array,
     p: Array,
     method: str,
     eliminate_rate: bool,
-) -> Array:
-    """Covariance (k, k) of z = inverse·target by the noise of every row of every run."""
-    total, squares = np.zeros((len(inverse),) * 2), []
+) -> tuple[Array, Array, Array]:
+    """Covariance (k, k) of z = inverse·target by the noise of every row of every run, and each run's χ² and its equations (R,)."""
+    total, chi2, rows = np.zeros((len(inverse),) * 2), [], []
     ends = np.cumsum([len(part.target) for part in parts])
-    for run, e, part, end in zip(runs, equations, parts, ends, strict=True):
+    for run, e, known, part, end in zip(runs, equations, left_out, parts, ends, strict=True):
         influence = inverse[:, end - len(part.target) : end] * part.weight
         if e.levels is not None:  # an increment moves every sum after it
             nodes = influence.reshape(len(influence), len(e.levels), -1)
@@ -370,11 +436,13 @@ def _covariance(
         left, own = (e.target - e.columns @ p) * e.weight, e.offset * e.weight
         offset = float(own @ left / (own @ own)) if np.any(own) else 0.0
 
-        def misfit(moved: EnvelopeRun, offset: float = offset) -> Array:
+        def misfit(moved: EnvelopeRun, offset: float = offset, known: Array = known) -> Array:
             trial = METHODS[method](moved, eliminate_rate)
-            return trial.target - trial.columns @ p - trial.offset * offset
+            return trial.target - known - trial.columns @ p - trial.offset * offset
 
         covariance, variance = noise_propagation.covariance(run, misfit, e.first, e.reach, influence)
         total += covariance
-        squares.append(misfit(run)[variance > 0] ** 2 / variance[variance > 0])
-    return total * float(np.concatenate(squares).mean())
+        seen = variance > 0
+        chi2.append(float(np.sum(misfit(run)[seen] ** 2 / variance[seen])))
+        rows.append(int(seen.sum()))
+    return total * max(1.0, sum(chi2) / max(1, sum(rows))), np.array(chi2), np.array(rows)

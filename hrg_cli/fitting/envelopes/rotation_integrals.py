@@ -8,7 +8,9 @@ of (15) and the drift in K are put back from the estimates themselves, three tim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -16,23 +18,32 @@ from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .method_ranges import USES_AXES, out_of_range, quadrature_significance
-from .regressions import Ellipse, Regression, ellipse_of
+from .regressions import CORRECTIONS, Ellipse, Noiseless, Regression, ellipse_of
 
 Array = np.ndarray
 METHOD = "rotation-integrals"
 assert METHOD in USES_AXES
 
 
-def solve(runs: Sequence[EnvelopeRun]) -> Regression:
-    """All runs that make at least one full turn of 2mθ, weighted by their turns; refused when none does."""
+def solve(runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Array | None = None) -> Regression:
+    """All runs that make at least one full turn of 2mθ, weighted by their turns; refused when none does.
+
+    model, start: noiseless rows for any coordinates and the first coordinates (7,), by which the differences' truncation is taken off.
+    """
     refusal = out_of_range(runs, METHOD)
-    estimates, variances, weights = [], [], []
-    for run in runs:
-        found = None if refusal else one_run(run)
+    estimates, variances, weights, chi2, rows, unsettled = [], [], [], [], [], 0.0
+    for i, run in enumerate(runs):
+        found = None if refusal else one_run(run, None if model is None else partial(_of_run, model, i), start)
         if found is not None:
-            estimates.append(found[0])
-            variances.append(found[1])
-            weights.append(found[2])
+            estimates.append(found.p)
+            variances.append(found.covariance)
+            weights.append(found.turns)
+            chi2.append(found.chi2)
+            rows.append(found.rows)
+            unsettled = max(unsettled, found.unsettled)
+        else:
+            chi2.append(np.nan)
+            rows.append(0)
     if not estimates:
         nan = np.full(COUNT, np.nan)
         refusal = refusal or f"{METHOD} needs a run that turns through a full period of 2mθ; rotate the gyro uniformly for longer"
@@ -43,11 +54,28 @@ def solve(runs: Sequence[EnvelopeRun]) -> Regression:
     warnings = []
     if quadrature_significance(runs) < 3:
         warnings.append("the quadrature is lost in the noise: the frequency split is skipped")
-    return Regression(p, covariance, warnings)
+    return Regression(p, covariance, warnings, run_chi2=np.array(chi2), run_rows=np.array(rows), unsettled=unsettled)
 
 
-def one_run(run: EnvelopeRun) -> tuple[Array, Array, float] | None:
-    """Coordinates (7,), covariance and number of full turns of one run; None without a full turn or when the wave does not turn one way."""
+def _of_run(model: Noiseless, number: int, p: Array) -> EnvelopeRun:
+    """One run of a model's."""
+    return model(p)[number]
+
+
+@dataclass(frozen=True)
+class OneRun:
+    """Coordinates (7,), covariance (7, 7), number of full turns, χ² and equations, and the last correction's change in σ."""
+
+    p: Array
+    covariance: Array
+    turns: float
+    chi2: float
+    rows: int
+    unsettled: float
+
+
+def one_run(run: EnvelopeRun, model: Callable[[Array], EnvelopeRun] | None = None, start: Array | None = None) -> OneRun | None:
+    """What one run says; None without a full turn or when the wave does not turn one way."""
     w = ellipse_of(run)
     alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
     turns = int((alpha[-1] - alpha[0]) / (2 * np.pi))
@@ -79,23 +107,30 @@ def one_run(run: EnvelopeRun) -> tuple[Array, Array, float] | None:
         turning[0] += angle[0] - moved.angle[0]
         return np.concatenate([growth, quadrature, turning])
 
-    p, slope = np.zeros(6), np.eye(6)
-    for _ in range(4):
-        here = misfit(w, p)
-        slope = np.stack([influence @ (misfit(w, p + e) - here) for e in np.eye(6)], axis=1)
+    p, before, slope = np.zeros(6), np.zeros(6), np.eye(6)
+    left_out: Array | float = 0.0
+    for trial in range(CORRECTIONS):
+        before = p
+        if model is not None and start is not None:
+            at = np.append(p, 0.0) if trial else start
+            left_out = misfit(ellipse_of(model(at)), at[:6])
+        here = misfit(w, p) - left_out
+        slope = np.stack([influence @ (misfit(w, p + e) - here - left_out) for e in np.eye(6)], axis=1)
         if not turned:
             slope[5, 5] = 1.0
         p = p - np.linalg.solve(slope, influence @ here)
-    left = misfit(w, p)
+    left = misfit(w, p) - left_out
     covariance, variance = noise_propagation.covariance(
         run, lambda moved: misfit(ellipse_of(moved), p), np.tile(np.arange(n) - 1, 3), 3, -np.linalg.solve(slope, influence)
     )
-    covariance *= float(np.mean(left[: 2 * n] ** 2 / variance[: 2 * n]))
+    chi2 = float(np.sum(left[: 2 * n] ** 2 / variance[: 2 * n]))
+    covariance *= max(1.0, chi2 / (2 * n))
+    change = float(np.max(np.abs(p - before) / np.sqrt(np.maximum(np.diag(covariance), 1e-300)))) if model is not None else 0.0
     full, whole = np.zeros((COUNT, COUNT)), np.append(p, 0.0)
     full[:6, :6] = covariance
     if not turned:
         whole[5] = np.nan
-    return whole, full, float(turns)
+    return OneRun(whole, full, float(turns), chi2, 2 * n, change)
 
 
 def _trapezium(x: Array, length: float) -> Array:

@@ -18,13 +18,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Modes:
-    """λ (k,) complex 1/s against the reference, standard deviation of a real part (k,), amplitudes (k, channels), χ²/dof."""
+    """λ (k,) complex 1/s against the reference, standard deviation of a real part (k,), amplitudes (k, channels), χ²/dof, and the misfit
+    over the noise (n, 2·channels).
+    """
 
     exponent: Array
     std: Array
     amplitude: Array
     chi2_per_dof: float
     dof: int
+    residual: Array
 
 
 def channels(run: EnvelopeRun) -> tuple[Array, bool]:
@@ -105,7 +108,11 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     dof = max(1, 2 * u.size - 2 * count * (width + 1))
     order = np.argsort(-exponent.imag)
     factor = max(1.0, chi2 / dof)
-    return Modes(exponent[order], np.sqrt(np.maximum(0.0, np.diag(covariance)) * factor)[order], amplitude[order], chi2 / dof, dof)
+    left = (u - np.exp(np.outer(x, exponent)) @ amplitude) / std[:, None]
+    residual = np.concatenate([left.real, left.imag], axis=1)
+    return Modes(
+        exponent[order], np.sqrt(np.maximum(0.0, np.diag(covariance)) * factor)[order], amplitude[order], chi2 / dof, dof, residual
+    )
 
 
 def resolved(two: Modes, one: Modes) -> bool:

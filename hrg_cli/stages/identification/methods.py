@@ -6,32 +6,36 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from ...errors import HrgError
+from ...fitting import checks
 from ...fitting.envelopes import (
     coordinates,
     envelope_runs,
+    inference,
     method_ranges,
     propagator,
+    rate_offset,
     regressions,
     resampling,
     rotation_integrals,
     working_mode,
 )
-from ...fitting.envelopes.base_fit import Known, base_fit, check, nominal_scale_factor, start
+from ...fitting.envelopes.base_fit import Known, base_fit, check, freedom, nominal_scale_factor
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, State, batch, fit, respond
 from ...fitting.envelopes.regressions import Regression
 from ...physics import ellipse
 from ...records import Wave
+from . import closing
 from .modes import free_modes, one_channel
 from .verdict import ORDER, POOR_FIT, Verdict, contradictions, from_fit, judged, one_rate
 
 Array = np.ndarray
-REGRESSION_ROWS = 300
 RegressionMethod = Literal[
     "propagator",
     "stokes",
@@ -65,84 +69,155 @@ def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Ver
     return verdict if modes is None else modes
 
 
-def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit | None = None) -> tuple[list[EnvelopeRun], Array, Array, Freedom]:
-    """Averaged runs against their own mean frequency, the propagator's coordinates and covariance, and what is free.
+@dataclass(frozen=True)
+class Prepared:
+    """What a regression starts from: the likelihood's rows as a first-order resonator shows them at its own mean frequency, the
+    likelihood's coordinates (7,) and what is free.
+    """
+
+    rows: list[EnvelopeRun]
+    p: Array
+    covariance: Array
+    space: Freedom
+
+    def noiseless(self, p: Array) -> list[EnvelopeRun]:
+        """The rows as a resonator of coordinates p (7,) would show them, started as the runs did."""
+        data = batch(self.rows)
+        p = np.append(p[:6], 0.0)
+        found = fit(data, only_second_order(p), np.zeros(1), data.envelope[:, 0], np.zeros((len(self.rows), 1)))
+        x = data.time_s / data.span_s[:, None]
+        model = found.response.model * np.exp(-1j * found.response.state.phase * x)[..., None]
+        return [dataclasses.replace(r, envelope=model[i, : len(r)]) for i, r in enumerate(self.rows)]
+
+
+def only_second_order(p: Array) -> Freedom:
+    """All coordinates held at p, the second order at its own value: what is fitted are the runs' starts and phases."""
+    only = np.zeros((coordinates.COUNT, 1))
+    only[6, 0] = 1.0
+    return Freedom(("second_order",), np.append(p[:6], 0.0), only, np.full(1, p[6]), np.full(1, 1e-9))
+
+
+def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
+    """The rows the likelihood was fitted to, averaged along its motion, without their phases' drift and second order.
 
     Seed A's equations are of first order in |L|/ω. What the second order (rate times split or damping over ω) does to the envelopes is
-    taken off them by the likelihood's model, with the scale the likelihood found (`best`) or finds.
+    taken off them by the likelihood's model, with the scale the likelihood found.
     """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
-    p, offsets, covariance, space = start(runs, known)
-    thin = propagator.thinned(runs, p, offsets, REGRESSION_ROWS)
-    thin = [envelope_runs.retuned(r, o) for r, o in zip(thin, offsets)]
-    try:
-        full = (best or base_fit(runs, known)).p
-    except HrgError:
-        return thin, p, covariance, space
-    data = batch(thin)
-    first, second = (
-        respond(data, State(np.append(full[:6], order), data.envelope[:, 0], np.zeros((len(thin), 1)))).model for order in (0.0, full[6])
-    )
+    data, state = best.response.batch, best.response.state
+    x = data.time_s / data.span_s[:, None]
+    phase = sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1))
+    none = np.zeros((len(data.runs), 1))
+    first, second = (respond(data, State(np.append(best.p[:6], order), state.start, none)).model for order in (0.0, best.p[6]))
     # the mean frequency's shift by the second order is the run's own and stays
-    thin = [dataclasses.replace(r, envelope=r.envelope - (second - first)[i, : len(r)]) for i, r in enumerate(thin)]
-    p, _, covariance = propagator.identify(thin, space, p, np.zeros(len(thin)))
-    return thin, p, covariance, space
+    envelope = data.envelope * np.exp(-1j * phase)[..., None] - (second - first)
+    offsets = state.offsets_rad_s(data.span_s) / (2 * np.pi)
+    thin = [
+        dataclasses.replace(r, envelope=envelope[i, : len(r)], reference_frequency_hz=r.reference_frequency_hz + float(offsets[i]))
+        for i, r in enumerate(data.runs)
+    ]
+    space = freedom(known, best.p, runs[0].mode_number, max(r.duration_s for r in runs))
+    p, _, covariance = propagator.identify(thin, space, np.append(best.p[:6], 0.0), np.zeros(len(thin)))
+    return Prepared(thin, p, covariance, space)
 
 
-def regression(method: str, thin: Sequence[EnvelopeRun], p: Array, covariance: Array, space: Freedom, eliminate_rate: bool) -> Regression:
+def regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) -> Regression:
     """One method's answer."""
     if method == "propagator":
-        full = space.directions @ covariance @ space.directions.T
-        return Regression(p, full, method_ranges.warnings(thin, method, False))
+        space = ready.space
+        return Regression(
+            ready.p, space.directions @ ready.covariance @ space.directions.T, method_ranges.warnings(ready.rows, method, False)
+        )
+    start = np.append(best.p[:6], 0.0)
     if method == "rotation-integrals":
-        return rotation_integrals.solve(thin)
-    return regressions.solve(thin, space, method, eliminate_rate)
+        return rotation_integrals.solve(ready.rows, ready.noiseless, start)
+    return regressions.solve(ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start)
 
 
-def by_regression(runs: Sequence[EnvelopeRun], known: Known, method: str, eliminate_rate: bool) -> Verdict:
-    """One of seed A's methods, judged: its parameters, its own warnings, and the χ² its parameters leave in the likelihood."""
-    thin, p, covariance, space = prepared(runs, known)
-    answer = regression(method, thin, p, covariance, space, eliminate_rate)
+def by_regression(runs: Sequence[EnvelopeRun], known: Known, method: str, eliminate_rate: bool, blocks: int) -> Verdict:
+    """One of seed A's methods, judged by its own misfit, by its distance from the likelihood on the same rows, and by physics."""
+    best = base_fit(runs, known, blocks)
+    ready = prepared(runs, known, best)
+    answer = regression(method, ready, best, eliminate_rate)
     if answer.refused:
         raise HrgError(answer.refused)
-    return _verdict(answer, thin, known, method)
+    return _verdict(answer, ready, judged(best, runs, known), known, method)
 
 
-def _verdict(answer: Regression, thin: Sequence[EnvelopeRun], known: Known, method: str) -> Verdict:
-    mode = thin[0].mode_number
-    values, std, covariance = _physical(answer, mode, method, thin, known)
-    data = batch(thin)
-    p = np.nan_to_num(answer.p)
-    if not np.isfinite(answer.p[5]):
-        p[5] = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
-    p[6] = 1.0
-    only = np.zeros((coordinates.COUNT, 1))
-    only[6, 0] = 1.0
-    held = Freedom(("second_order",), np.append(p[:6], 0.0), only, np.ones(1), np.ones(1))
-    result = fit(data, held, np.ones(1), data.envelope[:, 0], np.zeros((len(thin), 1)))
-    rows = np.array([len(r) for r in thin])
+def _verdict(answer: Regression, ready: Prepared, likelihood: Verdict, known: Known, method: str) -> Verdict:
+    """A regression's verdict; the frequency is the likelihood's, which every method has to know."""
+    mode = ready.rows[0].mode_number
+    values, std, covariance = _physical(answer, mode, method, ready.rows, known)
+    values["frequency_hz"], std["frequency_hz"] = likelihood.values["frequency_hz"], likelihood.std["frequency_hz"]
+    covariance[0, 0] = std["frequency_hz"] ** 2
+    rows = np.array([len(r) for r in ready.rows])
+    own = len(answer.run_chi2) > 0
+    run_chi2 = answer.run_chi2 / np.maximum(1, answer.run_rows) if own else likelihood.run_chi2_per_dof
+    chi2, dof = (
+        (float(np.nansum(answer.run_chi2)), int(answer.run_rows.sum()))
+        if own
+        else (likelihood.chi2_per_dof * rows.sum() * 4, 4 * rows.sum())
+    )
     verdict = Verdict(
         values,
         std,
         list(ORDER),
         covariance,
-        result.chi2 / result.dof,
+        chi2 / max(1, dof),
         float("nan"),
-        result.run_chi2 / np.maximum(1, 4 * rows - 5),
-        np.array([float(np.sqrt(c / n / 4) * r.std.mean()) for c, n, r in zip(result.run_chi2, rows, thin)]),
+        run_chi2,
+        likelihood.run_residual_rms,
         rows,
+        mode_number=mode,
     )
     verdict.suspect = list(answer.warnings)
-    frequency = np.array([r.reference_frequency_hz for r in thin]) + result.response.state.offsets_rad_s(data.span_s) / (2 * np.pi)
-    values["frequency_hz"] = float(frequency.mean())
-    std["frequency_hz"] = float(
-        max(
-            frequency.std(ddof=1) if len(frequency) > 1 else 0.0, (thin[0].std / np.abs(thin[0].envelope).max()).mean() / thin[0].duration_s
-        )
+    refusing, doubting = closing.physical(verdict)
+    assert likelihood.fit is not None
+    apart = _apart(answer, likelihood.fit)
+    closing.close(
+        verdict,
+        [
+            *checks.sound(
+                covariance, answer.unsettled < closing.UNSETTLED, f"{method}: taking off the differences' truncation did not settle"
+            ),
+            *refusing,
+        ],
+        [
+            checks.goodness(
+                chi2,
+                dof,
+                f"χ²/dof = {chi2 / max(1, dof):.3g}: {method} leaves more than the noise of its own rows; the errors are inflated",
+            ),
+            checks.at_most(
+                "row_truncation",
+                max(answer.unsettled, likelihood.fit.truncation),
+                closing.SETTLED,
+                f"the length of the rows still moves {method} by {max(answer.unsettled, likelihood.fit.truncation):.2g} σ",
+            ),
+            checks.at_most(
+                "distance_from_likelihood",
+                apart,
+                closing.AGREES,
+                f"{method} is {apart:.3g} of its own standard deviations away from what fits the same rows best; use likelihood",
+            ),
+            *(c for c in likelihood.checks if c.name == "motion_within_a_window"),
+            *doubting,
+        ],
     )
-    covariance[0, 0] = std["frequency_hz"] ** 2
+    if not next(c for c in likelihood.checks if c.name == "chi2_per_dof").passed:
+        verdict.suspect.append(f"no linear resonator describes these runs within their noise (χ²/dof {likelihood.chi2_per_dof:.3g})")
     return verdict
+
+
+def _apart(answer: Regression, best: Fit) -> float:
+    """Largest distance of a method's coordinates from the likelihood's, in the standard deviations of their difference.
+
+    The likelihood is efficient, so the variance of the difference is the difference of the variances, at most the method's own.
+    """
+    std = np.sqrt(np.maximum(0.0, np.diag(answer.covariance)[:6]))
+    known = np.isfinite(answer.p[:6]) & (std > 0)
+    return float(np.max(np.abs(answer.p[:6] - best.p[:6])[known] / std[known], initial=0.0))
 
 
 def _physical(
@@ -151,13 +226,17 @@ def _physical(
     """Parameters by name, standard deviations, covariance (7, 7) in ORDER; what the method does not give is left out."""
     numbers, slopes = coordinates.physical(np.nan_to_num(answer.p), mode)
     covariance = np.zeros((7, 7))
-    covariance[1:, 1:] = slopes @ np.nan_to_num(answer.covariance) @ slopes.T
+    own = np.nan_to_num(answer.covariance)
+    covariance[1:, 1:] = slopes @ own @ slopes.T
+    held = np.diag(covariance)[1:] < 1e-20 * np.einsum("ij,jk,ik->i", np.abs(slopes), np.abs(own), np.abs(slopes))
+    covariance[1:, 1:][held] = covariance[1:, 1:][:, held] = 0.0  # what is held moves with nothing, not even by rounding
+    inference.widen_axes(covariance[1:, 1:], own, np.nan_to_num(answer.p), mode)
     present = {"frequency_hz"}
     for row, name in enumerate(ORDER[1:]):
         index = {0: [0], 1: [1, 2], 2: [1, 2], 3: [3, 4], 4: [3, 4], 5: [5]}[row]
         if np.all(np.isfinite(answer.p[index])):
             present.add(name)
-    if known.scale_factor is not None or max(float(np.ptp(r.turn_rad)) for r in thin) == 0:
+    if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in thin) == 0:
         present.discard("scale_factor")
     if method in method_ranges.USES_AXES and any("frequency split is skipped" in w for w in answer.warnings):
         present -= {"frequency_split_rad_s", "stiffness_axis_rad"}
@@ -168,16 +247,20 @@ def _physical(
 
 def compared(runs: Sequence[EnvelopeRun], known: Known, best: Verdict, eliminate_rate: bool) -> list[dict[str, Any]]:
     """Every method on the same inputs: parameters, and the difference from the likelihood in units of the method's own error."""
-    thin, p, covariance, space = prepared(runs, known, best.fit)
+    if best.fit is None:
+        raise HrgError(
+            "the methods of seed A need both channels of a resonator, these runs show modes alone; give --method likelihood for them"
+        )
+    ready = prepared(runs, known, best.fit)
     table = [_row("likelihood", best.values, best.std, best, [], "")]
     for method in ALL:
-        answer = regression(method, thin, p, covariance, space, eliminate_rate)
+        answer = regression(method, ready, best.fit, eliminate_rate)
         if answer.refused:
             table.append(_row(method, {}, {}, best, [], answer.refused))
             continue
-        values, std, _ = _physical(answer, runs[0].mode_number, method, thin, known)
-        values.pop("frequency_hz", None)
-        table.append(_row(method, values, std, best, answer.warnings, ""))
+        verdict = _verdict(answer, ready, best, known, method)
+        verdict.values.pop("frequency_hz", None)
+        table.append(_row(method, verdict.values, verdict.std, best, [*verdict.refused, *verdict.suspect], ""))
     return table
 
 
@@ -193,24 +276,61 @@ def _row(method: str, values: dict[str, float], std: dict[str, float], best: Ver
 
 
 def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
-    """One unknown constant rate beside the resonator; refused where a damping split imitates it."""
+    """One unknown constant rate beside the resonator, added to the logged rates; refused where a damping split imitates it.
+
+    K is fitted where the logs hold different rates and none is given; else it is held, for K·Ω alone is seen.
+    """
     mode = runs[0].mode_number
-    factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
-    turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
-    result = base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks)
-    verdict = judged(result, turning, Known())
-    if one_rate(result) or not verdict.std["scale_factor"] < 0.3 * max(abs(result.p[5]), abs(result.p[0])):
-        span = 2 * max(float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) for r in result.response.batch.runs)
-        verdict.refused.append(
-            f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}): the wave passes "
-            f"{np.degrees(span):.0f}° of the 360° of 2mθ, "
-            "where a steady rate and a damping split turn it alike, and the residual's own structure decides "
-            "between them; give the rate, or runs at several angles"
-        )
-    rate, std = result.p[5] / factor, verdict.std["scale_factor"] / factor
-    verdict.details["rate_rad_s"] = {"value": float(rate), "std": float(std), "scale_factor": factor}
-    verdict.values.pop("scale_factor", None)
+    told = known.scale_factor is not None
+    if not told and not _rates_differ(runs):
+        known = dataclasses.replace(known, scale_factor=nominal_scale_factor(mode))
+    start = 0.0
+    if max(float(np.ptp(r.turn_rad)) for r in runs) == 0:  # no log: K·Ω at unit rate is the start
+        turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
+        factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
+        start = float(base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[5]) / factor
+    found = rate_offset.rate_offset(runs, known, blocks, start)
+    noise = inference.inflation(found.fit)[0]
+    verdict = judged(found.fit, [envelope_runs.turned_by(r, found.value) for r in runs], known, noise * found.beside)
+    std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
+    factor = float(found.fit.p[5])
+    seen = max(abs(found.value), abs(found.fit.p[0] / factor))
+    unclear = not std < 0.3 * seen or (known.scale_factor is not None and one_rate(found.fit))
+    span = 2 * max(float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) for r in found.fit.response.batch.runs)
+    closing.close(
+        verdict,
+        [
+            checks.holds(
+                "rate_offset_converged", found.converged, "the unknown rate did not settle; give the rate, or runs at several angles"
+            ),
+            checks.holds(
+                "rate_is_distinct",
+                not unclear,
+                f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}, "
+                f"{found.distinct:.1g} of its information is its own): the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, "
+                "where a steady rate and a damping split turn it alike, and the residual's own structure decides "
+                "between them; give the rate, or runs at several angles",
+            ),
+        ],
+    )
+    logged = max(float(np.ptp(r.turn_rad)) for r in runs) > 0
+    verdict.details["rate_rad_s"] = {
+        "value": found.value,
+        "std": std,
+        "scale_factor": factor,
+        "of": "common offset of the logged rates" if logged else "constant rate of all runs",
+        "logged_mean_rad_s": [float((r.turn_rad[-1] - r.turn_rad[0]) / r.duration_s) for r in runs],
+    }
+    if not told and known.scale_factor is not None:
+        verdict.values.pop("scale_factor", None)
     return verdict
+
+
+def _rates_differ(runs: Sequence[EnvelopeRun]) -> bool:
+    """Whether the runs' logged rates differ enough between or within them for K to be seen beside a common offset."""
+    rate = np.concatenate([np.diff(r.turn_rad) / np.diff(r.time_s) for r in runs])
+    low, high = np.quantile(rate, [0.01, 0.99])
+    return bool(high - low > 0.1 * max(abs(low), abs(high)) > 0)
 
 
 def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:

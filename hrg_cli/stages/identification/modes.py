@@ -1,41 +1,127 @@
-"""Records that show two modes but no axes: one channel, or two channels that are not an orthogonal pair."""
+"""Records that show modes but no axes: one channel, or two channels that are not an orthogonal pair; one mode or two, as the data say."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ...fitting.envelopes import two_modes
+from ...fitting import checks
+from ...fitting.envelopes import one_mode, two_modes
+from ...fitting.envelopes.decay_stretch import decay_stretch
 from ...fitting.envelopes.envelope_runs import EnvelopeRun, averaged
+from ...fitting.envelopes.one_mode import OneMode
+from ...fitting.envelopes.two_modes import Modes
+from . import closing
 from .verdict import ORDER, Verdict
 
 Array = np.ndarray
 ROWS = 2000
 BETTER = 3.0
 """Factor by which two free modes must beat the resonator's χ² before its axes are given up."""
+DEAD = 1e-6
+"""Part of the signal's energy below which a channel carries none, if it is not within its noise anyway."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One run's decay: its rows, the whole record they were cut from, the window's spacing, and the one or two modes found in them."""
+
+    run: EnvelopeRun
+    whole: EnvelopeRun
+    spacing_s: float
+    one: OneMode | None
+    two: Modes | None
+
+    @property
+    def chi2(self) -> float:
+        """χ² of the model that was chosen."""
+        return self.two.chi2_per_dof * self.two.dof if self.two is not None else _of(self.one).chi2
+
+    @property
+    def dof(self) -> int:
+        """Its degrees of freedom."""
+        return self.two.dof if self.two is not None else _of(self.one).dof
+
+    def residual(self) -> Array:
+        """Its misfit over the noise, row by row (n, k)."""
+        if self.two is not None:
+            return self.two.residual
+        laws = _of(self.one)
+        return np.column_stack([laws.decay.residual, laws.frequency.residual])
+
+
+def _of(one: OneMode | None) -> OneMode:
+    assert one is not None
+    return one
 
 
 def thinned(run: EnvelopeRun) -> EnvelopeRun:
-    """At most 2000 rows by plain averages; a split turns little in one."""
-    still, none = np.ones(1), np.zeros(1)
-    return averaged(run, ROWS, lambda _dt, _turn: (still, none, none, still))
+    """At most 2000 rows by averages about the run's own mean frequency; a split turns little in one."""
+    turn = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]))
+    offset = float(np.angle(turn)) / float(np.median(np.diff(run.time_s)))
+    none = np.zeros(1)
+
+    def carry(dt: Array, _turn: Array) -> tuple[Array, Array, Array, Array]:
+        factor = np.exp(1j * offset * dt)
+        return factor, none, none, factor
+
+    return averaged(run, ROWS, carry)
 
 
 def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
-    """The verdict of runs at rest that are one signal each and hold two modes; None: they are ordinary runs."""
+    """The verdict of runs at rest that are one signal each, with one mode or two; None: they are ordinary runs.
+
+    Two live channels that are proportional show a line that does not turn: that is an ordinary run-down unless it holds two modes.
+    """
     if max(float(np.ptp(r.turn_rad)) for r in runs) > 0:
         return None
-    found = []
-    for run in map(thinned, runs):
-        u, one = two_modes.channels(run)
+    signals, dead = [], True
+    for run in runs:
+        thin = thinned(run)
+        u, one = two_modes.channels(thin)
         if not one:
             return None
-        two, single = two_modes.identify(run, u, 2), two_modes.identify(run, u, 1)
-        if not two_modes.resolved(two, single):
-            return None
-        found.append((run, two))
-    return _verdict(found, "the channels carry one signal (one is dead or proportional): the split and both decays are given, no axes")
+        power = np.sum(np.abs(thin.envelope / thin.std[:, None]) ** 2, axis=0)
+        dead &= bool(power.min() < max(DEAD * power.max(), 2 * len(thin) * (1 + 6 / np.sqrt(len(thin)))))
+        signals.append((run, thin, u))
+    found = [_seen(run, thin, u) for run, thin, u in signals]
+    if not dead and not all(s.two is not None for s in found):
+        return None
+    return _verdict(found, "the channels carry one signal (one is dead or proportional): {what}, no axes")
+
+
+def _seen(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
+    """The decay's rows and its modes: two where they are apart and leave less than one whose decay and frequency follow its amplitude."""
+    from_two = decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
+    from_one = decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
+    both = [_fitted(thin, u, s, run) for s in dict.fromkeys(((from_one.start, from_one.stop), (from_two.start, from_two.stop)))]
+    return min(both, key=lambda s: (s.chi2 / s.dof) * (len(thin) / len(s.run)) ** 2)
+
+
+def _fitted(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: EnvelopeRun) -> Seen:
+    rows = slice(*stretch)
+    part, signal = thin.rows(rows), u[rows]
+    one = one_mode.identify(part, signal[:, 0])
+    two, single = two_modes.identify(part, signal, 2), two_modes.identify(part, signal, 1)
+    spacing = float(np.median(np.diff(run.time_s)))
+    adequate = checks.goodness(one.chi2, one.dof).passed
+    if two_modes.resolved(two, single) and not adequate and two.chi2_per_dof < one.chi2 / one.dof:
+        return Seen(part, thin, spacing, None, two)
+    return Seen(part, thin, spacing, one, None)
+
+
+def _misfit_of_two(run: EnvelopeRun, u: Array, rows: slice) -> tuple[Array, Array]:
+    """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what two modes of some rows foretell."""
+    modes = two_modes.identify(run.rows(rows), u[rows], 2)
+    with np.errstate(over="ignore", invalid="ignore"):
+        model = np.exp(np.outer(run.time_s - run.time_s[rows][0], modes.exponent)) @ modes.amplitude
+        power = np.nan_to_num(np.sum(np.abs(u - model) ** 2, axis=1), nan=np.inf)
+        size = np.maximum(np.sum(np.abs(u) ** 2, axis=1), np.sum(np.abs(modes.amplitude) ** 2) * 1e-12)
+        larger = np.maximum(size, np.nan_to_num(np.sum(np.abs(model) ** 2, axis=1), nan=0.0))
+    return power / (2 * u.shape[1] * run.std**2), power / larger
 
 
 def free_modes(runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: bool = False) -> Verdict | None:
@@ -54,59 +140,154 @@ def free_modes(runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: boo
         if impossible
         else (f"a resonator before an orthogonal pair of channels (χ²/dof {chi2_per_dof:.3g})")
     )
+    spacing = float(np.median(np.diff(runs[0].time_s)))
     return _verdict(
-        [(run, two)],
-        f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}: the split "
-        "and both decays are given, no axes",
+        [Seen(run, run, spacing, None, two)],
+        f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}: {{what}}, no axes",
     )
 
 
-def _verdict(found: Sequence[tuple[EnvelopeRun, two_modes.Modes]], reason: str) -> Verdict:
-    """ν and δω from the mean and half difference of the modes; errors from the runs' own, or their scatter where it is larger."""
-    rows, stds = [], []
-    for run, modes in found:
-        high, low = modes.exponent
-        reference = 2 * np.pi * run.reference_frequency_hz
-        rows.append(
-            [
-                (reference + (high.imag + low.imag) / 2) / (2 * np.pi),
-                -(high.real + low.real) / 2,
-                (high.imag - low.imag) / 2,
-                -(high.real - low.real) / 2,
-            ]
-        )
-        half = float(np.hypot(*modes.std)) / 2
-        stds.append([half / (2 * np.pi), half, half, half])
-    table, errors = np.array(rows), np.array(stds)
-    weight = errors**-2.0 / np.sum(errors**-2.0, axis=0)
-    mean = np.sum(weight * table, axis=0)
-    std = 1 / np.sqrt(np.sum(errors**-2.0, axis=0))
-    if len(rows) > 1:
-        std = np.maximum(std, np.std(table, axis=0, ddof=1) / np.sqrt(len(rows)))
-    names = ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")
+def _row(seen: Seen) -> tuple[list[float], list[float]]:
+    """(mean frequency, mean decay, half the frequency difference, half the decay difference) of a run, with standard deviations."""
+    reference = 2 * np.pi * seen.run.reference_frequency_hz
+    wider = float(np.sqrt(checks.slow_part([seen.residual()])))
+    if seen.two is not None:
+        high, low = seen.two.exponent
+        half = wider * float(np.hypot(*seen.two.std)) / 2
+        return [
+            (reference + (high.imag + low.imag) / 2) / (2 * np.pi),
+            -(high.real + low.real) / 2,
+            (high.imag - low.imag) / 2,
+            -(high.real - low.real) / 2,
+        ], [half / (2 * np.pi), half, half, half]
+    laws = _of(seen.one)
+    omega, nu = laws.frequency.of("zero_amplitude_rad_s"), laws.decay.of("viscous_1_s")
+    return [(reference + omega[0]) / (2 * np.pi), nu[0]], [wider * omega[1] / (2 * np.pi), wider * nu[1]]
+
+
+def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
+    """ν and δω (two modes), or ν and the laws of the amplitude (one): the runs' weighted mean, errors their own or their scatter."""
+    pair = all(s.two is not None for s in found)
+    if not pair and any(s.two is not None for s in found):  # they disagree on what they are: one mode is what all of them show
+        found = [
+            s if s.two is None else Seen(s.run, s.whole, s.spacing_s, one_mode.identify(s.run, s.run.envelope[:, 0]), None) for s in found
+        ]
+    rows, stds = zip(*(_row(s) for s in found), strict=True)
+    mean, std = _mean(np.array(rows), np.array(stds))
+    names = ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")[: 3 if pair else 2]
     covariance = np.zeros((7, 7))
-    for name, error in zip(names, std[:3]):
+    for name, error in zip(names, std, strict=False):
         covariance[ORDER.index(name), ORDER.index(name)] = error**2
-    chi2 = np.array([m.chi2_per_dof for _, m in found])
+    chi2, dof = sum(s.chi2 for s in found), sum(s.dof for s in found)
+    each = np.array([s.chi2 / s.dof for s in found])
+    laws = "" if pair else _laws(found)
+    reason = reason.format(
+        what="the split and both decays are given" if pair else f"one mode is seen{laws}; its frequency and decay are given"
+    )
     verdict = Verdict(
-        values=dict(zip(names, map(float, mean[:3]))),
-        std=dict(zip(names, map(float, std[:3]))),
+        values=dict(zip(names, map(float, mean), strict=False)),
+        std=dict(zip(names, map(float, std), strict=False)),
         order=list(ORDER),
         covariance=covariance,
-        chi2_per_dof=float(chi2.mean()),
+        chi2_per_dof=chi2 / dof,
         condition=float("nan"),
-        run_chi2_per_dof=chi2,
-        run_residual_rms=np.array([float(r.std.mean() * np.sqrt(c)) for (r, _), c in zip(found, chi2)]),
-        run_rows=np.array([len(r) for r, _ in found]),
+        run_chi2_per_dof=each,
+        run_residual_rms=np.array([float(s.run.std.mean() * np.sqrt(c)) for s, c in zip(found, each, strict=True)]),
+        run_rows=np.array([len(s.run) for s in found]),
         flat=[reason],
         suspect=[reason],
-        mode_number=found[0][0].mode_number,
+        mode_number=found[0].run.mode_number,
     )
-    high, low = mean[0] + mean[2] / (2 * np.pi), mean[0] - mean[2] / (2 * np.pi)
+    if pair:
+        half = mean[2] / (2 * np.pi)
+        shown = [(mean[0] + half, mean[1] + mean[3]), (mean[0] - half, mean[1] - mean[3])]
+    else:
+        shown = [(mean[0], mean[1])]
+        verdict.details["amplitude_dependence"] = _dependence(found)
+    error = float(std[1] * np.sqrt(2)) if pair else float(std[1])
     verdict.details["modes"] = [
-        {"frequency_hz": float(high), "damping_rate_1_s": float(mean[1] + mean[3]), "std_1_s": float(std[1] * np.sqrt(2))},
-        {"frequency_hz": float(low), "damping_rate_1_s": float(mean[1] - mean[3]), "std_1_s": float(std[1] * np.sqrt(2))},
+        {"frequency_hz": float(f), "damping_rate_1_s": float(d), "std_1_s": error, "aliases_hz": _aliases(float(f), found)}
+        for f, d in shown
     ]
-    if verdict.chi2_per_dof > 1.5:
-        verdict.suspect.append(f"χ²/dof = {verdict.chi2_per_dof:.3g}: two modes leave more than the noise; the errors are inflated")
-    return verdict
+    verdict.flat.append(_alias_sentence(verdict.details["modes"], found))
+    verdict.suspect += [sentence for s in found if (sentence := _cut_sentence(s))]
+    refusing, doubting = closing.physical(verdict)
+    model = "two modes leave" if pair else "one mode leaves"
+    return closing.close(
+        verdict,
+        [*checks.sound(covariance, bool(np.all(np.isfinite(mean)))), *refusing],
+        [
+            *checks.closing(
+                chi2,
+                dof,
+                [s.residual() for s in found],
+                sentence=f"χ²/dof = {chi2 / dof:.3g}: {model} more than the noise; the errors are inflated",
+                coloured=f"what {model} is coloured; the errors are inflated by that",
+            ),
+            *doubting,
+        ],
+    )
+
+
+def _mean(table: Array, errors: Array) -> tuple[Array, Array]:
+    """Weighted mean over the runs (first axis), and its standard deviation by their errors or their scatter, whichever is larger."""
+    weight = np.maximum(errors, 1e-300) ** -2.0
+    total = np.sum(weight, axis=0)
+    mean, std = np.sum(weight * table, axis=0) / total, 1 / np.sqrt(total)
+    if len(table) > 1:
+        std = np.maximum(std, np.std(table, axis=0, ddof=1) / np.sqrt(len(table)))
+    return mean, std
+
+
+def _dependence(found: Sequence[Seen]) -> dict[str, dict[str, float]]:
+    """Coefficients of the laws of one mode with standard deviations, the mean over the runs."""
+    out: dict[str, dict[str, float]] = {}
+    reference = np.array([2 * np.pi * s.run.reference_frequency_hz for s in found])
+    wider = np.array([np.sqrt(checks.slow_part([s.residual()])) for s in found])
+    for law, powers in (("frequency", one_mode.FREQUENCY_POWERS), ("decay", one_mode.DECAY_POWERS)):
+        for name in powers:
+            table = np.array([getattr(_of(s.one), law).of(name) for s in found])
+            if not np.any(table[:, 1] > 0):
+                continue
+            shift = reference if name == "zero_amplitude_rad_s" else 0.0
+            taken = table[:, 1] > 0  # a run that does not show a term says nothing about it
+            value, std = _mean((table[:, 0] + shift)[taken], (wider * table[:, 1])[taken])
+            out[f"{law}_{name}"] = {"value": float(value), "std": float(std)}
+    return out
+
+
+def _laws(found: Sequence[Seen]) -> str:
+    """What follows the amplitude, in words."""
+    out = []
+    dependence = _dependence(found)
+    if (k := dependence.get("frequency_per_amplitude2_rad_s")) is not None:
+        out.append(f"its frequency follows the amplitude (dω/da² = {k['value']:.4g} ± {k['std']:.1g} rad/s)")
+    if any(len(_of(s.one).decay.names) > 1 for s in found):
+        out.append("its decay is not exponential")
+    return f", {' and '.join(out)}" if out else ""
+
+
+def _aliases(frequency_hz: float, found: Sequence[Seen]) -> list[float]:
+    """The nearest frequencies that windows so far apart show alike."""
+    spacing = float(np.median([s.spacing_s for s in found]))
+    return [frequency_hz - 1 / spacing, frequency_hz + 1 / spacing]
+
+
+def _alias_sentence(modes: Sequence[dict[str, Any]], found: Sequence[Seen]) -> str:
+    spacing = float(np.median([s.spacing_s for s in found]))
+    each = "; ".join(f"{m['frequency_hz']:.8g} Hz for {m['aliases_hz'][0]:.8g} or {m['aliases_hz'][1]:.8g} Hz" for m in modes)
+    return f"windows every {spacing:.3g} s cannot tell {each}: shorter windows move these aliases away"
+
+
+def _cut_sentence(seen: Seen) -> str:
+    """What of the record is no part of the decay; empty: nothing."""
+    first, last = seen.run.time_s[[0, -1]]
+    before, after = first - seen.whole.time_s[0], seen.whole.time_s[-1] - last
+    parts = [f"the first {before:.3g} s (a strike)"] if before > 0 else []
+    parts += [f"the last {after:.3g} s (another sound, or silence)"] if after > 0 else []
+    if not parts:
+        return ""
+    return (
+        f"{seen.run.run_id or 'the run'}: {' and '.join(parts)} are no part of the decay and left out; "
+        f"it is fitted from {first:.4g} to {last:.4g} s"
+    )

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes import coordinates, inference
-from ...fitting.envelopes.base_fit import Known, nominal_scale_factor
+from ...fitting import checks
+from ...fitting.checks import Check
+from ...fitting.envelopes import inference
+from ...fitting.envelopes.base_fit import Known, nominal_scale_factor, scale_factor_spread
+from ...fitting.envelopes.coordinates import COORDINATES
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...physics import ellipse
 from ...physics.resonator import PARAMETERS
+from . import closing
 
 Array = np.ndarray
 POOR_FIT = 1.5
@@ -26,6 +30,7 @@ CANDIDATES = 3
 """Runs at most that are left out one at a time."""
 ORDER = tuple(name for name, _ in PARAMETERS)
 """Parameters in the contract's order, as the covariance has them."""
+SCALE_FACTOR = COORDINATES.index("scale_factor")
 WORDS = {
     "damping": "the mean decay",
     "damping_cos": "the damping split along the electrodes",
@@ -55,11 +60,13 @@ class Verdict:
     details: dict[str, Any] = field(default_factory=dict)
     mode_number: int = 2
     fit: Fit | None = None
+    checks: list[Check] = field(default_factory=list)
 
 
 def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]) -> Verdict:
     """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted `again`."""
-    notes = []
+    notes: list[str] = []
+    beside = None
     turning = max(float(np.ptp(r.turn_rad)) for r in runs)
     mode = runs[0].mode_number
     if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor") or one_rate(fit)):
@@ -70,7 +77,12 @@ def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callabl
         notes.append(f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both signs of a larger rate")
         known = dataclasses.replace(known, scale_factor=nominal)
         fit = again(known)
-    verdict = judged(fit, runs, known)
+        if turning:
+            beside = inference.considered(fit, SCALE_FACTOR, scale_factor_spread(mode))
+            notes[-1] += f"; what K within {nominal:g} ± {scale_factor_spread(mode):g} may do to the others is in their errors"
+    verdict = judged(fit, runs, known, beside)
+    if notes:
+        del verdict.values["scale_factor"]  # nobody said it and no run shows it
     verdict.flat = notes + verdict.flat
     return verdict
 
@@ -85,30 +97,28 @@ def one_rate(fit: Fit) -> bool:
     return not differ and max(spans) < 2 * np.pi and factor > 2
 
 
-def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
-    """Parameters, errors and sentences of one fit."""
+def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | None = None) -> Verdict:
+    """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what stands beside it."""
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
     poor = fit.chi2 / fit.dof > POOR_FIT
-    values, covariance = inference.parameter_covariance(fit, factor, mode, inference.between_runs(fit) if poor else None)
+    between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else beside
+    if poor:
+        between = between + inference.between_runs(fit)
+    values, covariance = inference.parameter_covariance(fit, factor, mode, between)
     runs_hz = inference.run_frequencies(fit, factor)
     frequency, frequency_std = runs_hz.value, np.sqrt(np.diag(runs_hz.covariance))
-    full = np.zeros((7, 7))
-    full[1:, 1:] = covariance
     scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
     differ = scatter > 4 * float(np.median(frequency_std))
     weight = np.ones(len(frequency)) if differ else 1 / np.maximum(frequency_std, 1e-15) ** 2
     weight /= weight.sum()
     mean = float(weight @ frequency)
     drift = float(np.sqrt(np.mean(runs_hz.drift_hz**2)))
-    full[0, 0] = (scatter**2 if differ else weight @ runs_hz.covariance @ weight) + drift**2 / 12
-    _, slopes = coordinates.physical(fit.p, mode)
-    full[0, 1:] = full[1:, 0] = slopes @ fit.freedom.directions @ runs_hz.with_z.T @ weight
+    full = _with_frequency(fit, covariance, inference.covariance_z(fit, factor) + between, runs_hz, weight, mode)
+    full[0, 0] += (scatter**2 if differ else 0.0) + drift**2 / 12
     order = list(ORDER)
     std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
     named = dict(zip(order, [mean, *map(float, values)]))
-    if known.scale_factor is not None:
-        del named["scale_factor"]
     condition, flat = inference.flat_directions(fit, factor)
     rows = np.array([len(r) for r in fit.response.batch.runs])
     run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
@@ -146,6 +156,23 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known) -> Verdict:
     return verdict
 
 
+def _with_frequency(fit: Fit, covariance: Array, z: Array, runs_hz: inference.Frequencies, weight: Array, mode: int) -> Array:
+    """Covariance (7, 7) with the mean frequency's before the others': f = b·z + its own noise, so that the whole is a covariance.
+
+    covariance (6, 6) of the others, z's covariance z (k, k); the axes that are lost in noise are wider there than the slope says, and are
+    so here.
+    """
+    through = inference.parameters_by_z(fit, mode)
+    by_z = weight @ runs_hz.by_z
+    plain = np.sqrt(np.maximum(0.0, np.einsum("ij,jk,ik->i", through, z, through)))
+    wider = np.divide(np.sqrt(np.maximum(0.0, np.diag(covariance))), plain, out=np.ones(6), where=plain > 0)
+    full = np.zeros((7, 7))
+    full[1:, 1:] = covariance
+    full[0, 0] = weight**2 @ runs_hz.own_variance + by_z @ z @ by_z
+    full[0, 1:] = full[1:, 0] = wider * (through @ z @ by_z)
+    return full
+
+
 def _frequency_note(differ: bool, drift_hz: float) -> str:
     """What frequency_hz and its standard deviation are here."""
     parts = ["frequency_hz is the mean over the runs"]
@@ -162,31 +189,33 @@ def _second_order_std(fit: Fit) -> float:
 
 
 def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
-    """Sentences that make the result suspect or refused."""
-    if not fit.converged:
-        verdict.refused.append(
-            f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs"
-        )
-    damping, error = verdict.values["damping_rate_1_s"], verdict.std["damping_rate_1_s"]
-    if damping < -3 * error:
-        verdict.refused.append(
-            f"damping_rate_1_s = {damping:.3g} ± {error:.1g}: the wave grows, so these are not free run-downs; use runs with the drive off"
-        )
-    split = verdict.values["damping_split_1_s"]
-    if split - 2 * verdict.std["damping_split_1_s"] > abs(damping):
-        verdict.suspect.append(f"damping_split_1_s = {split:.3g} is above damping_rate_1_s = {damping:.3g}: no passive resonator does that")
+    """The closing checks, and sentences about flat directions and runs that disagree."""
+    refusing, doubting = closing.physical(verdict)
+    residual = fit.response.residual()
+    left = [np.concatenate([r[: len(run)].real, r[: len(run)].imag], axis=1) for r, run in zip(residual, fit.response.batch.runs)]
+    statistics = checks.closing(
+        fit.chi2,
+        fit.dof,
+        left,
+        sentence=f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise; the errors "
+        "are inflated, run diagnose to see why",
+        coloured=f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the same power; "
+        "the errors are inflated by that",
+    )
+    truncated = checks.at_most(
+        "row_truncation",
+        fit.truncation,
+        closing.SETTLED,
+        f"averaging finer or along the better motion still moves the answer by {fit.truncation:.2g} σ; give shorter or fewer runs",
+    )
+    settled = f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs"
+    closing.close(
+        verdict,
+        [*checks.sound(verdict.covariance, fit.converged, settled), *refusing],
+        [*statistics, truncated, closing.blur(fit, runs), *doubting],
+    )
     if verdict.flat:
         verdict.suspect.extend(verdict.flat)
-    if verdict.chi2_per_dof > POOR_FIT:
-        verdict.suspect.append(
-            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise; the errors "
-            "are inflated, run diagnose to see why"
-        )
-    if colour > 1.5:
-        verdict.suspect.append(
-            f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the same power; "
-            "the errors are inflated by that"
-        )
     shifts = inference.run_shifts(fit, verdict.details["variance_factor"])
     typical = np.median(verdict.run_chi2_per_dof)
     if len(runs) == 2 and shifts.max() > 6:

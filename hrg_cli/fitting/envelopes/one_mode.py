@@ -1,0 +1,135 @@
+"""One mode seen in one channel, whose decay and frequency may follow its amplitude: z = a e^{jφ}.
+
+    −(ln a)' = ν + f/a + ν₁ a + ν₂ a²      dry friction f, drag ∝ speed² ν₁, and damping ∝ a² ν₂ beside the viscous ν
+    φ'       = δ + κ a² + κ₄ a⁴            a pendulum's own law: κ = −ω/16
+Both are linear in their coefficients once integrated along the measured amplitude from the run's first row, so there is no start to
+guess; terms are taken in one by one as long as χ² asks for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .envelope_runs import EnvelopeRun
+
+Array = np.ndarray
+DECAY_POWERS = {"viscous_1_s": 0, "dry": -1, "per_amplitude": 1, "per_amplitude2": 2}
+FREQUENCY_POWERS = {"zero_amplitude_rad_s": 0, "per_amplitude2_rad_s": 2, "per_amplitude4_rad_s": 4}
+GAIN = 30.0
+"""Fall of χ², in units of χ² a degree of freedom, for which a further term is taken in."""
+CLEAR = 6.0
+"""Amplitude over its noise below which a row's logarithm and phase are no longer Gaussian."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """Coefficients by name with standard deviations, powers of the amplitude they go with, their covariance, and what is left."""
+
+    names: tuple[str, ...]
+    value: Array
+    covariance: Array
+    chi2: float
+    dof: int
+    residual: Array
+
+    def of(self, name: str) -> tuple[float, float]:
+        """(value, standard deviation) of a coefficient; zeros where the term is not taken in."""
+        if name not in self.names:
+            return 0.0, 0.0
+        i = self.names.index(name)
+        return float(self.value[i]), float(np.sqrt(self.covariance[i, i]))
+
+
+@dataclass(frozen=True)
+class OneMode:
+    """The two laws of one mode, of ln a and of φ, and the rows (n,) they were fitted to; χ² a degree of freedom of both."""
+
+    decay: Law
+    frequency: Law
+    rows: Array
+
+    @property
+    def chi2(self) -> float:
+        """Σ of both laws' squared misfits over the stated noise."""
+        return self.decay.chi2 + self.frequency.chi2
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of both."""
+        return self.decay.dof + self.frequency.dof
+
+    @property
+    def follows_amplitude(self) -> bool:
+        """Whether decay or frequency moves with the amplitude."""
+        return len(self.decay.names) + len(self.frequency.names) > 2
+
+
+def integral(values: Array, time_s: Array) -> Array:
+    """∫ from the first row along the last axis, trapezium rule with its end correction."""
+    step = np.diff(time_s)
+    slope = np.gradient(values, time_s, axis=-1)
+    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(slope, axis=-1) * step**2 / 12
+    return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
+
+
+def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
+    """The laws of one mode from its envelope z (n,); `nonlinear` False: ν and δ alone. Rows lost in noise are left out."""
+    a = np.abs(z)
+    clear = a > CLEAR * run.std
+    last = len(a) if clear.all() else int(np.argmin(clear)) if clear[0] else 0
+    rows = np.arange(last) if last >= max(8, len(a) // 4) else np.flatnonzero(clear)
+    t, a, std = run.time_s[rows], a[rows], run.std[rows]
+    phase = np.unwrap(np.angle(z[rows]))
+    weight = a / std
+    decay = _law(-np.log(a), t, a, weight, DECAY_POWERS, nonlinear)
+    frequency = _law(phase, t, a, weight, FREQUENCY_POWERS, nonlinear)
+    return OneMode(decay, frequency, rows)
+
+
+def misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
+    """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what the laws of some rows foretell."""
+    found = identify(run.rows(rows), z[rows])
+    a = np.maximum(np.abs(z), run.std)
+    inside = np.arange(len(z))[rows][found.rows]
+    left = []
+    for law, target, powers in (
+        (found.decay, -np.log(a), DECAY_POWERS),
+        (found.frequency, np.unwrap(np.angle(z)), FREQUENCY_POWERS),
+    ):
+        model = sum(value * integral(a ** powers[name], run.time_s) for name, value in zip(law.names, law.value, strict=True))
+        apart = target - model
+        left.append(apart - np.average(apart[inside], weights=(a / run.std)[inside] ** 2))
+    larger = a * np.exp(np.clip(left[0], 0.0, 50.0))  # the foretold amplitude where it is above the measured one
+    lost = a < 3 * run.std
+    relative = np.minimum(left[0] ** 2 + np.where(lost, 0.0, left[1] ** 2), 4.0)
+    return relative * (larger / run.std) ** 2 / 2, relative
+
+
+def _law(target: Array, time_s: Array, a: Array, weight: Array, powers: dict[str, int], nonlinear: bool) -> Law:
+    """Forward selection of terms: the first always, then the one that lowers χ² most, as long as it does by `GAIN` of its unit."""
+    columns = {name: integral(a**power, time_s) for name, power in powers.items()}
+    names = [next(iter(powers))]
+    best = _fit(target, [columns[n] for n in names], weight, names)
+    while nonlinear and len(names) < len(powers):
+        trials = [_fit(target, [columns[n] for n in (*names, extra)], weight, [*names, extra]) for extra in powers if extra not in names]
+        law = min(trials, key=lambda trial: trial.chi2)
+        if best.chi2 - law.chi2 < GAIN * max(1.0, law.chi2 / law.dof):
+            break
+        best, names = law, list(law.names)
+    return best
+
+
+def _fit(target: Array, columns: list[Array], weight: Array, names: list[str]) -> Law:
+    design = np.column_stack([*columns, np.ones(len(target))]) * weight[:, None]
+    scale = np.linalg.norm(design, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = np.linalg.pinv(design / scale, rcond=1e-12) / scale[:, None]
+    value = inverse @ (target * weight)
+    residual = target * weight - design @ value
+    dof = max(1, len(target) - len(value))
+    chi2 = float(residual @ residual)
+    covariance = inverse @ inverse.T * max(1.0, chi2 / dof)
+    k = len(names)
+    return Law(tuple(names), value[:k], covariance[:k, :k], chi2, dof, residual)

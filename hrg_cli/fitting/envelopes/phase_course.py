@@ -1,0 +1,76 @@
+"""A run's frequency that moves by more than a fit could find its way through: its course from neighbouring windows, as a polynomial.
+
+Gauss–Newton on phases wraps where the frequency's drift turns the phase by some radians more than a straight line; so that part is taken
+from the windows' own phase steps first (frequency with temperature, a pendulum's with its amplitude squared), and refined by the fit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from .envelope_runs import EnvelopeRun
+from .likelihood import Batch
+
+Array = np.ndarray
+DEGREE = 8
+"""Degree of the frequency's polynomial; the phase's is one more."""
+FEWEST_ROWS = 64
+CLEAR, MOSTLY = 8.0, 0.8
+"""Amplitude over its noise from which a phase step is believed, and the part of the rows that must be so clear."""
+WRAPS_RAD = 3.0
+"""Bend of the phase's course above which a fit that starts from a straight line may lose a turn."""
+Course = np.polynomial.Polynomial
+
+
+def bends(runs: Sequence[EnvelopeRun]) -> list[Course] | None:
+    """Each run's phase [rad] over the time from its first row [s], less its straight line; None where no run's phase bends so far."""
+    found = [_bend(run) for run in runs]
+    times = [run.time_s - run.time_s[0] for run in runs]
+    most = max((float(np.ptp(course(t))) for course, t in zip(found, times, strict=True)), default=0.0)
+    return found if most > WRAPS_RAD else None
+
+
+def _bend(run: EnvelopeRun) -> Course:
+    if len(run) < FEWEST_ROWS:
+        return Course([0.0])
+    clear = np.linalg.norm(run.envelope, axis=1) > CLEAR * run.std
+    if np.mean(clear) < MOSTLY:
+        return Course([0.0])
+    t = run.time_s - run.time_s[0]
+    step = np.diff(t)
+    near = (step < 1.5 * np.median(step)) & clear[1:] & clear[:-1]
+    product = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]), axis=1)
+    mean = np.angle(np.sum(product[near]))
+    rate = np.angle(product * np.exp(-1j * mean)) / step
+    middle = (t[1:] + t[:-1]) / 2
+    weight = np.sqrt(np.abs(product)) / run.std[1:]
+    weight = np.minimum(weight, 10 * np.median(weight[near]))
+    fitted = Course.fit(middle[near], rate[near], DEGREE, w=weight[near]).convert()
+    phase = fitted.integ()
+    line = Course.fit(t, phase(t), 1).convert()
+    return phase - line
+
+
+def straightened(runs: Sequence[EnvelopeRun], courses: Sequence[Course], sign: float = -1.0) -> list[EnvelopeRun]:
+    """Runs with these courses of the phase taken off (or, sign +1, put back)."""
+    return [
+        dataclasses.replace(r, envelope=r.envelope * np.exp(sign * 1j * c(r.time_s - r.time_s[0]))[:, None])
+        for r, c in zip(runs, courses, strict=True)
+    ]
+
+
+def bent_back(data: Batch, runs: Sequence[EnvelopeRun], courses: Sequence[Course], phase: Array) -> tuple[list[EnvelopeRun], Array]:
+    """Rows of straightened runs with the courses put back, and the phase coefficients (R, k) of (t/T)¹…ᵏ that go with them."""
+    rows, orders = [], max([phase.shape[1], *(len(c) - 1 for c in courses)])
+    out = np.zeros((len(courses), orders))
+    out[:, : phase.shape[1]] = phase
+    for i, (seen, run, course) in enumerate(zip(data.runs, runs, courses, strict=True)):
+        first = float(seen.time_s[0] - run.time_s[0])
+        turn = course(seen.time_s - run.time_s[0])
+        rows.append(dataclasses.replace(seen, envelope=seen.envelope * np.exp(1j * turn)[:, None]))
+        moved = course(Course([first, float(data.span_s[i])])).coef
+        out[i, : len(moved) - 1] += moved[1:]
+    return rows, out

@@ -1,0 +1,87 @@
+"""One unknown constant rate common to all runs, added to what their logs say: Ω = Ω_log + Ω₀, fitted beside the resonator.
+
+The generator is L(p, Ω_log) + K·Ω₀·J. For a given Ω₀ the likelihood is the ordinary one with the table angle turned by Ω₀·t more; the
+step of Ω₀ comes from the joint least squares over the runs' own unknowns, the coordinates and Ω₀, so that σ and the covariance of the
+others hold Ω₀'s own uncertainty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .base_fit import Known, base_fit
+from .envelope_runs import EnvelopeRun, turned_by
+from .likelihood import Fit, real
+
+Array = np.ndarray
+STEPS = 12
+SETTLED = 0.02
+"""Part of a standard deviation by which the last step may still move the offset."""
+DISTINCT = 1e-4
+"""Part of the offset's own information that must be left beside the other unknowns for it to be told from them."""
+
+
+@dataclass(frozen=True)
+class RateOffset:
+    """The fit at the offset, Ω₀ and its standard deviation at the nominal noise [rad/s], what the other coordinates' covariance gains by
+    it (k, k), the part of its information left beside them, and whether it settled.
+    """
+
+    fit: Fit
+    value: float
+    std: float
+    beside: Array
+    distinct: float
+    converged: bool
+
+
+def rate_offset(runs: Sequence[EnvelopeRun], known: Known, blocks: int, start_rad_s: float = 0.0) -> RateOffset:
+    """The common offset of the runs' logged rates; K is held where `known` says so. HrgError: nothing can be fitted."""
+    value, before = start_rad_s, np.inf
+    for _ in range(STEPS):
+        fit = base_fit([turned_by(r, value) for r in runs], known, blocks)
+        step, std, beside, distinct = _step(fit)
+        if not np.isfinite(step) or distinct < DISTINCT:
+            break
+        if abs(step) < SETTLED * std:
+            return RateOffset(fit, value + step, std, beside, distinct, True)
+        if abs(step) > before:
+            step = float(np.sign(step)) * before / 2  # farther than the last step: beyond where the slope holds
+        value, before = value + step, abs(step)
+    return RateOffset(fit, value, std, beside, distinct, False)
+
+
+def _step(fit: Fit) -> tuple[float, float, Array, float]:
+    """Gauss–Newton step of the offset, its standard deviation, cov(z) it adds (k, k), and the part of its information left to it."""
+    response, freedom = fit.response, fit.freedom
+    data = response.batch
+    shape = np.full((1, *data.step_s.shape), response.state.p[5])
+    columns = np.concatenate(
+        [freedom.along(response.coordinate_sensitivities()), response.turning_sensitivity(shape, shape, shape)], axis=0
+    )
+    own, residual = response.run_sensitivities(), response.residual()
+    k = len(freedom.names)
+    prior = np.where(np.isfinite(freedom.prior_std), freedom.prior_std, np.inf) ** -2.0
+    information = np.diag(np.append(prior, 0.0))
+    gradient = np.append(prior * (freedom.prior_mean - fit.z), 0.0)
+    alone = 0.0
+    for run, record in enumerate(data.runs):
+        n = len(record)
+        weight = data.weight[run, :n]
+        Q, _ = np.linalg.qr(real(own[:, run, :n], weight))
+        design = real(columns[:, run, :n], weight)
+        alone += float(design[:, k] @ design[:, k])
+        design = design - Q @ (Q.T @ design)
+        r = residual[run, :n].ravel()
+        information += design.T @ design
+        gradient += design.T @ np.concatenate([r.real, r.imag])
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+    variance = float(inverse[k, k])
+    if not (variance > 0 and alone > 0):
+        return float("nan"), float("inf"), np.zeros((k, k)), 0.0
+    along = inverse[:k, k] / variance
+    return float(inverse[k] @ gradient), float(np.sqrt(variance)), variance * np.outer(along, along), 1 / (variance * alone)

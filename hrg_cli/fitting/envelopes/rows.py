@@ -1,0 +1,90 @@
+"""How finely runs are averaged: no row spans more of the wave's motion than the fit can follow, and memory stays bounded.
+
+A mean over a row in which the wave turns by x is short by x²/24 of what turns. Windows are therefore carried along a motion before they
+are averaged, and the motion is the fitted one, found again until the rows and the fit agree: then nothing of x²/24 is left, whatever
+the rate, and a row's length decides only how well the fit's slopes and differences follow it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...errors import HrgError
+from . import coordinates, matrices
+from .envelope_runs import EnvelopeRun, averaged
+from .likelihood import Response
+from .matrices import Matrix
+
+Array = np.ndarray
+Carry = Callable[[Array, Array], Matrix]
+MOTION_RAD = 0.25
+"""Motion of the wave (turning, beat, decay) that a row spans at most."""
+COARSEST_RAD = 1.0
+"""Motion a row may span where memory allows no more rows; beyond it the runs are refused."""
+MOST_ROWS = 40_000
+"""Rows of all runs together that are kept: about a kilobyte each in the fit."""
+FAST = 0.99
+"""Quantile of |Ω| that counts as a run's rate: single spikes of a log do not."""
+
+
+def speed(run: EnvelopeRun, p: Array) -> float:
+    """How fast the wave moves, rad/s: turning, beat and decay together, at the run's fastest."""
+    step = np.diff(run.time_s)
+    turning = float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, FAST)) if len(step) else 0.0
+    return float(abs(p[5]) * turning + abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]))
+
+
+def needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
+    """Rows a run, at least `least`, so that none spans more than a quarter radian of motion; fewer windows than that are not averaged.
+
+    HrgError: memory allows only rows so long that the fit could not follow the wave.
+    """
+    motion = [speed(r, p) * (r.duration_s + r.window_s) for r in runs]
+    wanted = max((min(m / MOTION_RAD, len(r)) for m, r in zip(motion, runs, strict=True)), default=0.0)
+    if not np.isfinite(wanted):
+        return least
+    most = max(least, MOST_ROWS // len(runs))
+    rows = int(np.clip(np.ceil(wanted), least, most))
+    for run, whole in zip(runs, motion, strict=True):
+        if len(run) > rows and whole / rows > COARSEST_RAD:
+            raise HrgError(
+                f"{run.run_id or 'the run'}: the wave moves by {whole:.3g} rad, and {len(runs)} runs leave {rows} rows in memory for each, "
+                f"{whole / rows:.2g} rad a row where {COARSEST_RAD:g} is the most; identify fewer or shorter runs at once"
+            )
+    return rows
+
+
+def along(runs: Sequence[EnvelopeRun], response: Response, rows: int) -> list[EnvelopeRun]:
+    """Runs averaged to at most `rows` rows each along the motion of a fit: its generator, second order and phase."""
+    return [averaged(run, rows, carry, phase) for run, (carry, phase) in zip(runs, motions(runs, response), strict=True)]
+
+
+def motions(runs: Sequence[EnvelopeRun], response: Response) -> list[tuple[Carry, Callable[[Array], Array]]]:
+    """Each run's motion by a fit, as `averaged` takes it: the propagator over (dt, table turn), and the phase [rad] at times [s]."""
+    state, data = response.state, response.batch
+    offsets = state.offsets_rad_s(data.span_s)
+    out = []
+    for i, (run, seen) in enumerate(zip(runs, data.runs, strict=True)):
+        omega = 2 * np.pi * run.reference_frequency_hz + float(offsets[i])
+        out.append((_carry(state.p, omega), _phase(state.phase[i], float(seen.time_s[0]), float(data.span_s[i]))))
+    return out
+
+
+def _carry(p: Array, omega: float) -> Carry:
+    def carry(dt: Array, turn: Array) -> Matrix:
+        rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
+        mean, L = matrices.traceless(coordinates.entries(p, rate, np.array([omega])))
+        growth, m = np.exp(mean * dt), matrices.exponential(L, dt)
+        return m[0] * growth, m[1] * growth, m[2] * growth, m[3] * growth
+
+    return carry
+
+
+def _phase(coefficients: Array, first_s: float, span_s: float) -> Callable[[Array], Array]:
+    def phase(time_s: Array) -> Array:
+        x = (time_s - first_s) / span_s
+        return np.asarray(x * np.polynomial.polynomial.polyval(x, coefficients))
+
+    return phase

@@ -1,0 +1,331 @@
+""" "valid" is earned: rows follow the wave in every method, every method judges itself, and no quiet answer over the whole range."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from identify_programmes import draw
+from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
+
+from hrg_cli import store
+from hrg_cli.errors import HrgError
+from hrg_cli.fitting.envelopes import condensed, coordinates, envelope_runs, matrices, rows
+from hrg_cli.physics.resonator import Mechanics
+from hrg_cli.records import collect
+from hrg_cli.stages.demodulate import demodulate
+from hrg_cli.stages.estimate import estimate
+from hrg_cli.stages.identification.methods import ALL
+from hrg_cli.stages.identify import identify, summary
+from hrg_cli.stages.rate import rate
+from hrg_cli.stages.simulate import simulate
+
+TABLE = Mechanics(5000.0, 1 / 600, 2e-5, 0.35, 3.1e-3, 0.9, 0.554)
+TEN_DEG_S = np.radians(10)
+
+
+def on_a_table(std=1e-5, gyro=TABLE, windows=30_000, seed=1):
+    """Two run-downs of a 5 kHz gyro of τ = 600 s on a table at ±10 °/s, 20 min of 40 ms windows: the wave turns by 116 rad."""
+    return [
+        run_down(angle, sign * TEN_DEG_S, mechanics=gyro, std=std, seconds=1200.0, window=1200 / windows, seed=10 * seed + i)
+        for i, (angle, sign) in enumerate(((0.1, 1.0), (0.6, -1.0)))
+    ]
+
+
+def checks_of(record):
+    return {c["name"]: c for c in summary(record)["checks"]}
+
+
+def within(record, gyro, limit=4.5):
+    return all(abs(e) < limit for e in errors(record, gyro).values())
+
+
+@pytest.mark.parametrize("std", [1e-4, 1e-6])
+@pytest.mark.parametrize("split_hz", [1e-4, 0.05])
+def test_likelihood_on_a_turning_table_in_few_rows(std, split_hz):
+    """300 rows of 4 s: the wave turns by 0.8 rad of 2mθ in one; averaging along another motion than the fitted one biased by 10³ σ."""
+    gyro = Mechanics(5000.0, 1 / 600, 2e-5, 0.35, np.pi * split_hz, 0.9, 0.554)
+    record = identify(on_a_table(std, gyro))
+    assert record.status == "valid" and within(record, gyro), errors(record, gyro)
+    assert checks_of(record)["row_truncation"]["value"] < 0.1
+
+
+def test_every_method_on_a_turning_table():
+    waves = on_a_table(1e-5)
+    record = identify(waves, method="all")
+    table = {row["method"]: row for row in json.loads(record.details)["methods"]}
+    assert set(table) == {"likelihood", *ALL}
+    for method, row in table.items():
+        if method == "moving-axes-small-quadrature":
+            continue  # approximate by itself
+        assert not row["warnings"] and not row["refused"], (method, row["warnings"])
+        for name, cell in row["parameters"].items():
+            true = getattr(TABLE, name)
+            off = cell["value"] - true
+            off = (off + np.pi / 4) % (np.pi / 2) - np.pi / 4 if name.endswith("axis_rad") else off
+            assert abs(off) < 4.5 * cell["std"], (method, name, off / cell["std"])
+        assert abs(row["parameters"]["scale_factor"]["std"]) < 1e-6
+    alone = identify(waves, method="products")
+    assert alone.status == "valid" and within(alone, TABLE) and alone.chi2_per_dof == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["products", "fixed-axes-weighted", "fixed-axes", "moving-axes"])
+def test_differences_are_corrected_in_short_runs(method):
+    """K was off by 5 σ even in short runs, for the differences' truncation is x²/6 of the turning."""
+    squares = []
+    for seed in range(4):
+        record = identify(programme(std=1e-4, seed=seed, window=1e-2, runs=PROGRAMME[3:]), method=method)
+        squares.append(errors(record)["scale_factor"] ** 2)
+    assert np.mean(squares) < 4.5
+
+
+def test_a_drifting_frequency_does_not_turn_the_axes_of_fixed_axes():
+    """30 ppm of drift within a run moved θ_ω by 19 σ."""
+    waves = []
+    for wave in programme(std=1e-4, seed=1, window=1e-2):
+        waves.append(wave.replace(phase_rad=wave.phase_rad + 2 * np.pi * 0.15 * wave.time_s**2 / 8))
+    record = identify(waves, method="fixed-axes")
+    assert all(abs(e) < 4.5 for n, e in errors(record).items() if n != "frequency_hz"), errors(record)
+
+
+def test_through_raw_samples():
+    """The same chain a user runs, at a tenth of the time: 20 windows of samples a second, turned ten times as fast."""
+    device = {
+        "frequency_hz": 500.0,
+        "time_constant_s": 60.0,
+        "damping_split": 0.01,
+        "damping_axis_rad": 0.35,
+        "frequency_split_hz": 1e-3,
+        "stiffness_axis_rad": 0.9,
+        "scale_factor": 0.554,
+    }
+    gyro = Mechanics(500.0, 1 / 60, 0.01 / 60, 0.35, np.pi * 1e-3, 0.9, 0.554)
+    waves = []
+    for i, (angle, sign) in enumerate(((0.1, 1.0), (0.6, -1.0))):
+        config = {
+            "device": device,
+            "readout": {"noise": 1e-4},
+            "recording": {"sample_rate_hz": 5000.0, "duration_s": 60.0},
+            "environment": {"rate_rad_s": sign * 1.745},
+            "control": {"mode": "free"},
+            "start": {"wave_angle_rad": angle},
+        }
+        recording = collect(simulate(config, model="slow", seed=i))
+        waves.append(collect(estimate(collect(demodulate(recording, periods_per_window=10.0)))))
+    for method in ("likelihood", "increments", "products"):
+        record = identify(waves, method=method)
+        assert record.status == "valid" and within(record, gyro), (method, record.status_reasons, errors(record, gyro))
+
+
+def test_a_method_that_disagrees_with_its_data_says_so():
+    """A wave of much quadrature before the equations of small quadrature, and a log that is a percent off before every method."""
+    record = identify(programme(std=1e-5, ratio=0.3), method="moving-axes-small-quadrature")
+    assert record.status == "suspect" and not checks_of(record)["distance_from_likelihood"]["passed"]
+    waves = programme(std=1e-4, seed=3)
+    waves[4] = waves[4].replace(rate_rad_s=waves[4].rate_rad_s * 1.01)
+    for method in ("likelihood", "stokes", "products", "increments", "fixed-axes", "propagator"):
+        record = identify(waves, method=method)
+        assert record.status != "valid", method
+        assert not all(c["passed"] for c in summary(record)["checks"]) or record.status_reasons
+
+
+def test_windows_that_blur_the_wave_are_noticed():
+    waves = programme(Mechanics(5000.0, 0.01, 1e-3, 0.35, 0.11, 0.9, 0.55), runs=[(0.1, 10.0), (0.5, -10.0)], window=0.25, seconds=60.0)
+    with pytest.raises(HrgError, match=r"turns by 1.4 rad within one window of 0.25 s.* windows of at most 0.04"):
+        identify(waves)
+    slower = programme(
+        Mechanics(5000.0, 0.01, 1e-3, 0.35, 0.11, 0.9, 0.55), runs=[(0.1, 8.0), (0.5, -8.0)], window=0.25, seconds=60.0, std=1e-3
+    )
+    record = identify(slower)
+    assert record.status != "valid" and any("within one window" in s and "windows of at most" in s for s in record.status_reasons)
+
+
+def test_what_memory_does_not_hold_is_refused_with_a_sentence():
+    run = envelope_runs.from_wave(run_down(0.1, 1.0, seconds=100.0))
+    assert rows.needed(coordinates.from_mechanics(GYRO), [run], 300) == pytest.approx((0.55 + 0.31 + 0.122) * 100 / 0.25, rel=0.02)
+    fast = envelope_runs.turned_by(run, 1e4)
+    with pytest.raises(HrgError, match="rad a row where 1 is the most"):
+        rows.needed(coordinates.from_mechanics(GYRO), [fast] * 40, 300)
+
+
+def test_the_scale_of_the_noise_is_no_truth():
+    """Noise three times the stated one: the errors grow, and it is said."""
+    record = identify([w.replace(signal_std=w.signal_std / 3) for w in programme(std=3e-4, seed=5)])
+    assert record.status == "suspect" and not checks_of(record)["chi2_per_dof"]["passed"]
+    assert within(record, GYRO)
+
+
+def test_a_negative_scale_factor_is_said():
+    record = identify([w.replace(rate_rad_s=-w.rate_rad_s) for w in programme(std=1e-4, seed=4)])
+    assert record.status == "suspect" and any("sign" in s and "rate log" in s for s in record.status_reasons)
+
+
+def test_the_derivative_of_the_exponential_is_exact_however_far_it_turns():
+    rng = np.random.default_rng(0)
+    p, dt = rng.standard_normal(7), np.array([1e-6, 0.01, 0.5, 7.0, 60.0])
+    p[6] = 0.0
+    rate = np.full(len(dt), 3.0)
+    _, L = matrices.traceless(coordinates.entries(p, rate, np.ones(1)))
+    whole, even, third, slope = matrices.exponential_slopes(L, dt)
+    for got, want in zip(whole, matrices.exponential(L, dt), strict=True):
+        assert np.allclose(got, want, rtol=1e-10)
+    step = 1e-6
+    for E, trace in (((1, 0, 0, -1), 2 * L[0]), ((0, 1, 1, 0), L[1] + L[2]), ((0, 1, -1, 0), L[2] - L[1])):
+        moved = [matrices.exponential(tuple(m + s * step * e for m, e in zip(L, E, strict=True)), dt) for s in (1, -1)]
+        for i in range(4):
+            got = trace * (even * (i in (0, 3)) + third * L[i]) + slope * E[i]
+            want = (moved[0][i] - moved[1][i]) / (2 * step)
+            assert np.allclose(got, want, rtol=1e-5, atol=1e-6 * np.abs(want).max())
+
+
+def test_a_long_pendulum_run_with_known_scale_factor():
+    """The frequency follows a², by 20 rad of phase in one run: followed, the damping's error at the bound, no correlation above 1."""
+    gyro = Mechanics(0.1118, 2.5e-4, 1e-5, 0.6, 3e-5, 1.9, 1.0, 1)
+    for std, kappa in ((1e-5, 1e-3), (1e-3, 1e-2)):
+        wave = run_down(0.4, 5.3e-5, mechanics=gyro, std=std, seconds=9000.0, window=9.0, ratio=0.01, seed=3)
+        a2 = wave.main_amplitude**2
+        phase = -kappa * np.concatenate([[0.0], np.cumsum((a2[1:] + a2[:-1]) / 2 * np.diff(wave.time_s))])
+        record = identify([wave.replace(phase_rad=wave.phase_rad + phase)], scale_factor=1.0, bootstrap=50)
+        bound = json.loads(record.details)["cramer_rao_std"]["damping_rate_1_s"]
+        plain = identify([wave.replace(phase_rad=wave.phase_rad + phase)], scale_factor=1.0)
+        assert plain.chi2_per_dof < 1.2 and plain.parameters()["damping_rate_1_s"][1] < 1.15 * bound
+        assert all(abs(e) < 4.5 for n, e in errors(plain, gyro).items() if n != "frequency_hz")
+        for found in (record, plain):
+            assert found.parameters()["scale_factor"][:2] == (1.0, 0.0)
+            std_ = np.sqrt(np.diag(found.covariance))
+            seen = std_ > 0
+            assert np.abs(found.covariance[np.ix_(seen, seen)] / np.outer(std_[seen], std_[seen])).max() < 1 + 1e-9
+        assert rate(wave, plain, nodes=5).rate_estimate_rad_s is not None
+
+
+def test_a_nominal_scale_factor_is_uncertain_in_what_the_turning_moves():
+    """Too little turning to see K, yet K·Ω is a hundred σ of the damping split: the error holds what K may be."""
+    gyro = Mechanics(2000.0, 0.33, 1.1e-3, 0.58, 3.3e-3, 0.3, 0.84)
+    record = identify(programme(gyro, std=3e-5, seconds=6.0, window=1e-2, runs=[(0.2, 5e-4), (0.9, -5e-4)], seed=2))
+    assert "scale_factor" not in record.parameters() and within(record, gyro)
+    told = identify(programme(gyro, std=3e-5, seconds=6.0, window=1e-2, runs=[(0.2, 5e-4), (0.9, -5e-4)], seed=2), scale_factor=0.84)
+    assert within(told, gyro) and record.parameters()["damping_split_1_s"][1] > 10 * told.parameters()["damping_split_1_s"][1]
+
+
+def test_an_unknown_rate_is_the_common_offset_of_the_logs():
+    gyro = Mechanics(5000.0, 0.1, 0.004, 0.35, 0.05, 0.9, 0.55)
+    offset, runs = 7.3e-3, [(0.0, 0.0), (0.5, 0.0), (0.1, 1.0), (0.4, -1.0)]
+    for seed in range(3):
+        waves = programme(gyro, seed=seed, seconds=10.0, window=5e-3, runs=[(a, w + offset) for a, w in runs])
+        waves = [w.replace(rate_rad_s=w.rate_rad_s - offset) for w in waves]
+        assert identify(waves).status != "valid"
+        record = identify(waves, fit_rate=True)
+        found = json.loads(record.details)["rate_rad_s"]
+        assert record.status == "valid" and abs(found["value"] - offset) < 4.5 * found["std"] < 1e-4
+        assert set(record.parameters()) == set(NAMES) and within(record, gyro)
+
+
+def test_earths_rate_by_value_or_latitude():
+    earth = 15.041067 * np.sin(np.radians(50)) * np.pi / 180 / 3600
+    gyro = Mechanics(5000.0, 1e-3, 1e-6, 0.35, 1e-3, 0.9, 0.55)
+    waves = [
+        run_down(a, w + earth, mechanics=gyro, std=1e-6, seconds=600.0, window=0.2, seed=i)
+        for i, (a, w) in enumerate(((0.1, 0.1), (0.5, -0.1), (0.9, 0.0)))
+    ]
+    waves = [w.replace(rate_rad_s=w.rate_rad_s - earth) for w in waves]
+    assert identify(waves).status != "valid"
+    for told in ({"latitude_deg": 50.0}, {"earth_rate_deg_h": np.degrees(earth) * 3600}, {"latitude_deg": 40.0, "axis_tilt_deg": -10.0}):
+        record = identify(waves, **told)
+        if "axis_tilt_deg" in told:  # tilted to the south by 10° at 40°: as at 30° latitude
+            assert record.status != "valid"
+            record = identify(waves, **told | {"axis_tilt_deg": 10.0})
+        assert within(record, gyro), told
+        on_ground = rate(waves[0], record, nodes=6, **told | ({"axis_tilt_deg": 10.0} if "axis_tilt_deg" in told else {}))
+        assert np.all(np.abs(on_ground.rate_estimate_rad_s - 0.1) < 5 * on_ground.rate_estimate_rad_s_std)
+    with pytest.raises(HrgError, match="both given"):
+        identify(waves, latitude_deg=1.0, earth_rate_deg_h=1.0)
+    with pytest.raises(HrgError, match="add latitude_deg"):
+        identify(waves, axis_tilt_deg=1.0)
+
+
+def test_a_rate_of_two_hertz_takes_the_nodes_it_needs():
+    gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, 0.3, 0.9, 0.55)
+    resonator = identify(programme(gyro, std=1e-5, window=4e-3))
+    course = lambda t: np.sin(2 * np.pi * 2 * t) + 0.2  # noqa: E731
+    wave = run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11)
+    record = rate(wave, resonator)
+    assert record.status == "valid" and len(record.time_s) > 50
+    error = (record.rate_estimate_rad_s - course(record.time_s)) / record.rate_estimate_rad_s_std
+    assert np.mean(error**2) < 1 + 5 * np.sqrt(2 / len(error))
+    assert rate(wave, resonator, nodes=20).status != "valid"
+
+
+def quiet(seeds, methods):
+    """(worst |error|/σ of valid answers by method, all (error/σ) of valid likelihoods, their σ over the bound)."""
+    worst, scores, ratios = {m: 0.0 for m in methods}, [], []
+    for seed in seeds:
+        drawn = draw(seed)
+        told = {"earth_rate_deg_h": np.degrees(drawn.earth_rad_s) * 3600}
+        for method in methods:
+            try:
+                record = identify(drawn.waves, method=method, **told)
+            except HrgError:
+                continue
+            if record.status != "valid":
+                continue
+            found = errors(record, drawn.gyro)
+            worst[method] = max(worst[method], *map(abs, found.values()))
+            if method == "likelihood":
+                scores += list(found.values())
+                bound = json.loads(record.details)["cramer_rao_std"]
+                ratios += [record.parameters()[n][1] / bound[n] for n in ("damping_rate_1_s", "frequency_split_rad_s")]
+    return worst, np.abs(scores), np.array(ratios)
+
+
+def test_no_quiet_answer_over_the_range():
+    worst, scores, ratios = quiet(range(6), ("likelihood", "increments", "stokes", "products", "propagator"))
+    assert max(worst.values()) < 5, worst
+    assert 0.5 < np.mean(scores < 1) < 0.85 and np.median(ratios) < 1.05
+
+
+@pytest.mark.slow
+def test_no_quiet_answer_in_five_hundred_programmes():
+    worst, scores, ratios = quiet(range(500), ("likelihood",))
+    assert worst["likelihood"] < 5
+    assert 0.65 < np.mean(scores < 1) < 0.71 and 0.93 < np.mean(scores < 1.96) < 0.97
+    assert np.median(ratios) < 1.05
+    worst, _, _ = quiet(range(500), ALL)
+    assert max(worst.values()) < 5, worst
+
+
+@pytest.mark.parametrize("course", [2.0, lambda t: 2 * np.sin(3 * t) + 1])
+def test_long_records_are_read_by_blocks_to_the_same_answer(monkeypatch, course):
+    """A sample of the windows shows the motion, all of them are averaged along it: as with every window in memory, gaps and flags too."""
+    waves = programme(std=1e-3, seed=8, window=1e-3, runs=[(0.1, course), (0.5, -2.0), (0.9, 0.0)])
+    flags = np.zeros(len(waves[0]), "u1")
+    flags[700:1100] = 2
+    flags[::37] = 1
+    waves[0] = waves[0].replace(flags=flags)
+    whole = identify(waves)
+    for name, size in (("IN_MEMORY", 1000), ("SAMPLE", 1500), ("CONDENSED", 2400), ("BLOCK", 997)):
+        monkeypatch.setattr(condensed, name, size)
+    blockwise = identify(waves)
+    assert blockwise.status == whole.status == "valid" and within(blockwise, GYRO)
+    assert np.all(np.abs(blockwise.value - whole.value) < 0.3 * whole.std)
+    assert np.allclose(blockwise.std, whole.std, rtol=0.05)
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_windows(tmp_path):
+    gyro = Mechanics(5000.0, 1 / 200, 1e-4, 0.35, 5e-3, 0.9, 0.554)
+    peak = {}
+    for count in (100_000, 400_000):
+        files = []
+        for i, rate_ in enumerate((0.17, -0.17, 0.0, 0.1)):
+            wave = run_down(0.1 + 0.3 * i, rate_, mechanics=gyro, std=1e-3, seconds=count * 1e-3, window=1e-3, seed=i)
+            files.append(str(tmp_path / f"{count}-{i}.h5"))
+            store.write(files[-1], wave)
+        code = (
+            "import resource, sys; from hrg_cli.cli import main\n"
+            "try:\n    main()\nexcept SystemExit:\n    pass\n"
+            "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        )
+        command = [sys.executable, "-c", code, "identify", *files, "-o", str(tmp_path / f"{count}.h5"), "-q"]
+        peak[count] = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[-1]) / 1024
+    assert peak[400_000] < 300 and peak[400_000] < 1.3 * peak[100_000], peak
