@@ -11,7 +11,7 @@ from ...errors import HrgError
 from ...fitting.tables.fourier import coefficients_at, evaluate, harmonic_basis, node_weights
 from ...fitting.tables.increments import Path
 from ...records import Calibration
-from .factors import quadrature
+from .factors import ellipticity, flattening, phase_ratio, quadrature, weights_of
 
 Array = np.ndarray
 
@@ -71,12 +71,24 @@ def bump(x: Array, nodes: Array) -> Array:
 
 
 def measured_drift(calibration: Calibration, path: Path) -> Array:
-    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise."""
+    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise.
+
+    With it comes what r does to the damping, whose coefficients are the first harmonic of the table (`variants`). Files written before
+    the formulas were exact in r are applied as they were fitted.
+    """
     part: dict[str, Any] | None = json.loads(calibration.details).get("measured")
     if not part:
         return np.zeros(len(path))
+    exact = bool(part.get("exact"))
+    weights = weights_of(path, np.asarray(calibration.node, float), calibration.axis, calibration.interpolation)
+    anisotropy = weights @ np.asarray(calibration.drift_harmonics)[:, 1:3]
     if part["kind"] == "quadrature":
-        return np.asarray(quadrature(path) @ np.array(part["coefficients"]))
-    x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
-    mean = coefficients_at(x, calibration.node, np.array(part["mean_frequency_hz"])[:, None], calibration.interpolation)[:, 0]
-    return np.asarray(-2 * path.middle(path.ratio) * 2 * np.pi * (path.middle(path.frequency_hz) - mean))
+        coefficients = np.atleast_2d(np.array(part["coefficients"], float))
+        if len(coefficients) == 1:
+            coefficients = np.repeat(coefficients, len(calibration.node), axis=0)
+        drift = (quadrature(path) * (weights @ coefficients)).sum(axis=1)
+        return np.asarray(drift + (ellipticity(path) * anisotropy).sum(axis=1) if exact else drift)
+    speed = 2 * np.pi * (path.middle(path.frequency_hz) - weights @ np.array(part["mean_frequency_hz"]))
+    if not exact:
+        return np.asarray(-2 * path.middle(path.ratio) * speed)
+    return np.asarray(phase_ratio(path) * speed + (flattening(path) * anisotropy).sum(axis=1))
