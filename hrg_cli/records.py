@@ -65,11 +65,15 @@ def attribute(
 
 @dataclass(frozen=True)
 class Source:
-    """One input of a command, as kept in the root attribute `sources`."""
+    """One input of a command, as kept in the root attribute `sources`.
+
+    samples: fingerprints of the recorded samples it goes back to (`origins`), so that a copied recording is known at any later stage.
+    """
 
     name: str
     kind: str
     sha256: str
+    samples: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
