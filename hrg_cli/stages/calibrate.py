@@ -85,8 +85,11 @@ def calibrate(
         raise HrgError(
             "model physical takes its coefficients from a resonator file; run `hrg identify` on free runs and give it with --resonator"
         )
-    drift_most = max(harmonics if harmonics is not None else LARGEST_LIMIT, 1)
-    scale_most = scale_factor_harmonics if scale_factor_harmonics is not None else LARGEST_LIMIT
+    # one harmonic more than asked for, so that what is left out is looked at (monotone weights of an absent one are those of its noise)
+    beyond, least = (0, 1) if interpolation == "monotone" else (1, LEAST_REPEATED)
+    drift_most, scale_most = (
+        LARGEST_LIMIT if asked is None else max(asked + beyond, least) for asked in (harmonics, scale_factor_harmonics)
+    )
     given = rates_rad_s or {}
     paths = [
         path_of(

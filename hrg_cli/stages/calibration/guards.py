@@ -200,9 +200,16 @@ def _spread(layout: Layout, tried: Tried) -> Check:
     return holds("drift_has_an_error", bool(std.max(initial=0.0) > 0), sentence)
 
 
+def _settled(A: Array, b: Array, tried: Tried) -> Array:
+    """The coefficients whose residual should be white: those from elsewhere, moved within their own errors to where the data want them."""
+    c, C = tried.solution.coefficients, tried.solution.covariance
+    return c if not tried.foreign else np.asarray(c + C @ np.linalg.solve(np.eye(len(c)) + A @ C, b - A @ c))
+
+
 def _whiteness(fitted: Fitted, tried: Sequence[Tried]) -> list[list[Check]]:
     """Whiteness of each variant's residual over time, wave angle, temperature (or frequency) and rate."""
-    coefficients = np.stack([t.solution.coefficients for t in tried], axis=1)
+    A, b, _, _ = fitted.pieces.sum()
+    coefficients = np.stack([_settled(A, b, t) for t in tried], axis=1)
     white, angle, place, rate = [], [], [], []
     for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
         rest = turn[:, None] - predicted(path, fitted.layout, coefficients, fitted.solution.coefficients)
