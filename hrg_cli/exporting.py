@@ -96,7 +96,7 @@ def _json(calibration: Calibration) -> str:
         "measured": None if not details.get("measured") else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]},
     }
     for name in ("drift_harmonics", "drift_harmonics_std", "scale_factor_harmonics", "scale_factor_harmonics_std"):
-        tree[name] = np.asarray(getattr(calibration, name)).tolist()
+        tree[name] = [[_finite(v) for v in row] for row in np.asarray(getattr(calibration, name), float)]
     return json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
