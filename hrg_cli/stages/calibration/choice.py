@@ -165,19 +165,22 @@ def best(tried: Sequence[Answer]) -> Answer:
     return min((a for a in chosen if a.held_out_chi2 <= least + AS_WELL), key=lambda a: (a.tried.model.free, a.held_out_chi2))
 
 
-def told(fitted: Fitted, tried: Sequence[Answer], chosen: Answer, not_tried: dict[str, str]) -> dict[str, Any]:
-    """Why a variant was chosen, for JSON and screen."""
+def told(fitted: Fitted, tried: Sequence[Answer], written: Answer, not_tried: dict[str, str]) -> dict[str, Any]:
+    """Why a variant was chosen, for JSON and screen; where another was asked for, which `auto` would have taken."""
     rows = fitted.pieces.sum()[3]
     words = ", ".join(f"{a.name} {a.held_out_chi2 / max(rows, 1):.4g}" for a in tried)
     fitting = [a.name for a in tried if a.fits]
+    chosen = best(tried)
     if chosen.fits:
         why = (
-            f"{chosen.name} passes its checks and, of those that do ({', '.join(fitting)}), predicts data left out best or as well with fewer coefficients; "
-            f"held-out χ² a row: {words}"
+            f"{chosen.name} passes its checks and, of those that do ({', '.join(fitting)}), predicts data left out best, or as well "
+            f"with fewer coefficients"
         )
     else:
-        why = f"no variant passes its checks; {chosen.name} predicts data left out best, held-out χ² a row: {words}"
-    return {"model": chosen.name, "why": why, "fitting": fitting, "not_tried": not_tried}
+        why = f"no variant passes its checks; {chosen.name} predicts data left out best"
+    if written.name != chosen.name:
+        why = f"{written.name} is written as asked, --model auto would take another: {why}"
+    return {"model": chosen.name, "why": f"{why}; held-out χ² a row: {words}", "fitting": fitting, "not_tried": not_tried}
 
 
 def compared(fitted: Fitted, folds: Array, tried: Sequence[Answer], scale_factor: float, draws: int, seed: int) -> list[dict[str, Any]]:
