@@ -55,6 +55,7 @@ STAGES = {
         Stage("calibrate", "wave", "calibration", many=True, lazy=True, beside={"resonator": "resonator"}, many_beside=("resonator",)),
         Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
         Stage("rate", "wave", "compensated", beside={"resonator": "resonator"}),
+        Stage("update", "calibration", "calibration", beside={"resonator": "resonator", "reference": "resonator"}),
         Stage("compensate", "wave", "compensated", beside={"calibration": "calibration"}),
     )
 }

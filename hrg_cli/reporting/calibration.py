@@ -11,7 +11,7 @@ from .console import print_table
 
 def show(report: Mapping[str, Any]) -> None:
     """Print the tables of a calibration's JSON that it holds."""
-    for head, rows in (variants(report), stability(report), coefficients(report)):
+    for head, rows in (variants(report), stability(report), coefficients(report), moved(report)):
         if rows:
             print_table("", head, rows)
     choice = report.get("choice")
@@ -56,9 +56,15 @@ def stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[An
 
 
 def coefficients(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """The resonators' coefficients over temperature or frequency, and what an update moved."""
+    """The resonators' coefficients over temperature or frequency."""
     rows = []
     for row in report.get("resonator") or []:
         place = next((row[key] for key in ("temperature_degc", "frequency_hz") if row.get(key) is not None), None)
         rows += [(name, place, row[name], row[f"{name}_std"]) for name in row if f"{name}_std" in row]
     return ("coefficient", "at", "value", "std"), rows
+
+
+def moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """What an update moved: each coefficient before and now, and the change in its standard deviation."""
+    rows = [(row["name"], row["before"], row["now"], row["std"], row["moved_sigma"]) for row in report.get("moved", [])]
+    return ("coefficient", "before", "now", "std of the change", "moved, σ"), rows

@@ -121,7 +121,7 @@ def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, h
                 f"a resonator file was identified from runs that span {span:.3g} °C; its coefficients are those of no temperature: "
                 f"identify the runs of each temperature by themselves and give each file with --resonator"
             )
-    places = np.array([_place(r, axis) for r in resonators])
+    places = np.array([place_of(r, axis) for r in resonators])
     found = [coefficients_of(r) for r in resonators]
     wide = np.isfinite([low, high]).all() and len(nodes) > 1
     if not np.isfinite(places).all():
@@ -150,7 +150,8 @@ def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, h
     )
 
 
-def _place(resonator: Resonator, axis: str) -> float:
+def place_of(resonator: Resonator, axis: str) -> float:
+    """Temperature or frequency a resonator was identified at; NaN where its file does not say."""
     if axis == "temperature":
         return float("nan") if resonator.temperature_degc is None else float(resonator.temperature_degc)
     names = [str(n) for n in resonator.name]
