@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from .errors import HrgError
-from .records import Calibration
 from .measured_export import MEASURED_FORMULA, c_measured, csv_measured
+from .records import Calibration
 from .stages.calibration.table import values
 
 Array = np.ndarray
@@ -93,7 +93,9 @@ def _json(calibration: Calibration) -> str:
         "node_range": [_finite(calibration.node_min), _finite(calibration.node_max)],
         "rate_range_rad_s": [float(calibration.rate_min_rad_s), float(calibration.rate_max_rad_s)],
         _axis(calibration): np.asarray(calibration.node).tolist(),
-        "measured": None if not details.get("measured") else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]},
+        "measured": None
+        if not details.get("measured")
+        else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]},
     }
     for name in ("drift_harmonics", "drift_harmonics_std", "scale_factor_harmonics", "scale_factor_harmonics_std"):
         tree[name] = [[_finite(v) for v in row] for row in np.asarray(getattr(calibration, name), float)]

@@ -42,7 +42,9 @@ def _columns(part: Measured) -> tuple[list[str], Array]:
     else:
         assert part.quadrature is not None
         names, first = ["quadrature_cos_rad_s", "quadrature_sin_rad_s"], part.quadrature
-    return [*names, "damping_cos_rad_s", "damping_sin_rad_s"], np.concatenate([first, part.damping if part.exact else 0 * part.damping], axis=1)
+    return [*names, "damping_cos_rad_s", "damping_sin_rad_s"], np.concatenate(
+        [first, part.damping if part.exact else 0 * part.damping], axis=1
+    )
 
 
 def c_measured(calibration: Calibration, nodes: Array) -> str:
@@ -62,7 +64,12 @@ def c_measured(calibration: Calibration, nodes: Array) -> str:
     text = _C_QUADRATURE if part.kind == "quadrature" else _C_PHASE
     step = (fine[1] - fine[0]) if len(fine) > 1 else 1.0
     head = _HEAD.format(
-        count=len(fine), width=values.shape[1], rows=rows, first=float(fine[0]), step=float(step), worst=", ".join(f"{w:.2g}" for w in worst)
+        count=len(fine),
+        width=values.shape[1],
+        rows=rows,
+        first=float(fine[0]),
+        step=float(step),
+        worst=", ".join(f"{w:.2g}" for w in worst),
     )
     return head + text.replace("FLATTEST", repr(LEAST_FLATNESS))
 

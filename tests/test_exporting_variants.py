@@ -21,7 +21,11 @@ VARIANTS = ("table", "parametric", "quadrature", "phase", "combined", "physical"
 
 @pytest.fixture(scope="module")
 def runs():
-    plan = [(T, rate, start, ratio) for T in (0.0, 40.0) for rate, start, ratio in ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))]
+    plan = [
+        (T, rate, start, ratio)
+        for T in (0.0, 40.0)
+        for rate, start, ratio in ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
+    ]
     return [elliptic_run(tempered(T), T, rate, start, ratio, f"r{i}", seed=i) for i, (T, rate, start, ratio) in enumerate(plan)]
 
 
@@ -51,7 +55,9 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
     draw = np.random.default_rng(1)
     count = 1001
     theta = 0.3 + np.cumsum(draw.normal(size=count)) * 1e-9 + np.linspace(0, 1e-6, count)
-    wave = wave_of(np.arange(count) * 1.0, theta, draw.uniform(0, 40, count), np.zeros(count), 1e-9, "p", ratio=draw.uniform(-0.1, 0.1, count))
+    wave = wave_of(
+        np.arange(count) * 1.0, theta, draw.uniform(0, 40, count), np.zeros(count), 1e-9, "p", ratio=draw.uniform(-0.1, 0.1, count)
+    )
     path = path_of(wave.replace(frequency_hz=5000.0 + draw.normal(size=count) * 0.01), harmonics=0, per_block=1)
     x, angle = path.middle(path.temperature_degc), path.middle(path.angle_rad)
     ratio, frequency, speed = path.middle(path.ratio), path.middle(path.frequency_hz), path.turn / path.interval_s / 2

@@ -195,8 +195,8 @@ def calibrate(
     model: Annotated[
         str | None,
         typer.Option(
-            help="auto (default: of those that fit, the one that predicts data left out best), table, parametric, quadrature, phase, combined, "
-            "physical, or all (table, the others compared).",
+            help="auto (default: of those that fit, the one that predicts data left out best), table, parametric, quadrature, phase, "
+            "combined, physical, or all (table, the others compared).",
             show_default=False,
         ),
     ] = None,

@@ -28,6 +28,4 @@ def update(
     """A calibration whose coefficients moved, brought up to date by a resonator found later; what moved is told in σ."""
     if resonator is None and not run.show_config:
         raise UsageError("no resonator is named; add --resonator resonator.h5")
-    run_stage_on_files(
-        run, "update", [calibration] if calibration else [], beside={"resonator": resonator, "reference": reference}
-    )
+    run_stage_on_files(run, "update", [calibration] if calibration else [], beside={"resonator": resonator, "reference": reference})

@@ -46,8 +46,8 @@ def calibrate(
     model: Annotated[
         Literal["auto", "table", "parametric", "quadrature", "phase", "combined", "physical", "all"],
         Field(
-            description="seed A's drift model: table, parametric (10), quadrature (11), phase (12), combined (table and quadrature), physical "
-            "(resonator files); auto: of those that fit, the one that predicts data left out best; all: table, the others compared"
+            description="seed A's drift model: table, parametric (10), quadrature (11), phase (12), combined (table and quadrature), "
+            "physical (resonator files); auto: of those that fit, the one that predicts data left out best; all: table, the others compared"
         ),
     ] = "auto",
     axis: Annotated[Literal["temperature", "frequency"], Field(description="what the nodes are of")] = "temperature",
@@ -113,7 +113,9 @@ def calibrate(
 
     factors, widths = build(forced, table_nodes, axis, interpolation, FACTORS)
     if model == "phase" and "phase" not in factors:
-        raise HrgError("model phase needs frequency_hz and a quadrature in every run, one is missing or not finite; estimate the runs again")
+        raise HrgError(
+            "model phase needs frequency_hz and a quadrature in every run, one is missing or not finite; estimate the runs again"
+        )
     layout = Layout(table_nodes, axis, waves[0].mode_number, drift_most, scale_most, interpolation, factors, widths)
     # every table, measured part and suspected cause is free: what is left is the noise at which each variant is judged
     fitted = fit(forced, layout)
@@ -131,7 +133,7 @@ def calibrate(
     answer = best(tried) if model == "auto" else tried[0]
     drift_limit, scale_limit = answer.limits
     stability = repeats(
-        fitted, answer.tried.solution.coefficients, *(max(limit, LEAST_REPEATED) for limit in answer.limits), programmes
+        fitted, answer.tried.solution.coefficients, max(drift_limit, LEAST_REPEATED), max(scale_limit, LEAST_REPEATED), programmes
     )
     dropped: list[str] = []
     penalty, smoothness = None, None
@@ -140,9 +142,12 @@ def calibrate(
         answer = again(fitted, folds, answer, Model("table", matrix))
     elif stable_only and stability is None:
         remarks.append("stable_only needs repeated programmes (several days or switch-ons, or warming and cooling); nothing was dropped")
-    elif interpolation == "smooth" and answer.name == "table":
-        penalty, smoothness = choose_smoothness(fitted, variant("table", layout, *answer.limits))
-        answer = again(fitted, folds, answer, variant("table", layout, *answer.limits), penalty)
+    elif stable_only and answer.name != "table":
+        remarks.append(f"stable_only drops harmonics of model table, {answer.name} is written: nothing was dropped; give --model table")
+    if interpolation == "smooth" and not answer.tried.foreign and not dropped:
+        plain = variant(answer.name, layout, *answer.limits)
+        penalty, smoothness = choose_smoothness(fitted, plain)
+        answer = again(fitted, folds, answer, plain, penalty)
     solution, chosen = answer.tried.solution, answer.tried.model
     A, b, square, rows = fitted.pieces.sum()
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
@@ -271,7 +276,8 @@ def _values(row: dict[str, Any]) -> dict[str, Any]:
 def _same_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:
     if not waves:
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
-    for resonator in resonators or [None]:
+    of_one_gyro(waves, "calibrate")
+    for resonator in resonators:
         of_one_gyro(waves, "calibrate", resonator)
     modes = sorted({w.mode_number for w in waves})
     if len(modes) > 1:

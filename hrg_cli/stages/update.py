@@ -69,7 +69,9 @@ def _guard(calibration: Calibration, resonator: Resonator, reference: Resonator 
     if calibration.status == "refused":
         raise HrgError(f"the calibration is refused ({'; '.join(calibration.status_reasons)}); there is nothing to bring up to date")
     if calibration.drift_harmonics.shape[1] < 3:
-        raise HrgError("the calibration holds no harmonic of the wave angle (a table of dwells, or harmonics = 0); a resonator cannot update it")
+        raise HrgError(
+            "the calibration holds no harmonic of the wave angle (a table of dwells, or harmonics = 0); a resonator cannot update it"
+        )
     for name, r in (("resonator", resonator), ("reference", reference)):
         if r is None:
             continue
@@ -78,7 +80,9 @@ def _guard(calibration: Calibration, resonator: Resonator, reference: Resonator 
         if r.mode_number != calibration.mode_number:
             raise HrgError(f"the {name} file has mode_number {r.mode_number}, the tables have {calibration.mode_number}")
         if r.gyro_id and calibration.gyro_id and r.gyro_id != calibration.gyro_id:
-            raise HrgError(f"the {name} file is of gyro {r.gyro_id}, the tables are of gyro {calibration.gyro_id}; use one of {calibration.gyro_id}")
+            raise HrgError(
+                f"the {name} file is of gyro {r.gyro_id}, the tables are of gyro {calibration.gyro_id}; use one of {calibration.gyro_id}"
+            )
 
 
 def _where(calibration: Calibration, resonator: Resonator) -> float:
@@ -95,8 +99,8 @@ def _where(calibration: Calibration, resonator: Resonator) -> float:
         calibration.node_min - margin <= x <= calibration.node_max + margin
     ):
         raise HrgError(
-            f"the resonator was identified at {x:.4g} {unit}, the tables hold from {calibration.node_min:.4g} to {calibration.node_max:.4g} "
-            f"{unit}; use windows inside that range"
+            f"the resonator was identified at {x:.4g} {unit}, the tables hold from {calibration.node_min:.4g} to "
+            f"{calibration.node_max:.4g} {unit}; use windows inside that range"
         )
     return float(x)
 
@@ -208,7 +212,10 @@ def _moved_tables(calibration: Calibration, change: Array, new: Array, then: Arr
         old, old_std = (np.broadcast_to(np.atleast_2d(measured[key]), (count, 2)) for key in ("coefficients", "std"))
         further = np.diag(new + then if by_reference else new)[3:]
         own = np.eye(count) - (0.0 if by_reference else 1.0) * weights[None, :]
-        details["measured"] = measured | {"coefficients": (old + change[3:]).tolist(), "std": np.sqrt(own**2 @ old_std**2 + further).tolist()}
+        details["measured"] = measured | {
+            "coefficients": (old + change[3:]).tolist(),
+            "std": np.sqrt(own**2 @ old_std**2 + further).tolist(),
+        }
     return calibration.replace(
         drift_harmonics=drift,
         drift_harmonics_std=std[:, :first],

@@ -234,7 +234,8 @@ def _provenance(file: h5py.File, path: Path) -> Provenance:
         if isinstance(entry, dict):
             samples = entry.get("samples")
             known = tuple(map(str, samples)) if isinstance(samples, list) else ()
-            sources.append(Source(*(str(entry.get(k, "")) for k in ("name", "kind", "sha256")), samples=known))
+            name, kind, digest = (str(entry.get(key, "")) for key in ("name", "kind", "sha256"))
+            sources.append(Source(name, kind, digest, known))
     return Provenance(
         history=tuple(history.splitlines()),
         settings=_text(file.attrs.get("settings", "")),

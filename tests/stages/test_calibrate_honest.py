@@ -79,7 +79,9 @@ def test_physical_over_temperature_predicts_the_drift_at_temperatures_never_seen
     for seed in range(5):
         found = [resonator_of(tempered(T), T, 2e-3, seed=10 * seed + i) for i, T in enumerate((0.0, 20.0, 40.0))]
         record = calibrate(waves, found, model="physical", bootstrap=0)
-        assert not any("does not fit" in r or "leaves more" in r for r in record.status_reasons) and record.status != "refused", record.status_reasons
+        assert not any("does not fit" in r or "leaves more" in r for r in record.status_reasons) and record.status != "refused", (
+            record.status_reasons
+        )
         z, error = errors_of(record, unseen, tempered)
         square.append(np.mean(z**2))
         assert error < 0.01 * 8e-4
@@ -152,6 +154,8 @@ def test_an_instability_reaches_status_reasons_and_json():
             for i, (T, R) in enumerate([(0, -0.5), (0, 0.5), (40, -0.5), (40, 0.5)])
         ]
     record = calibrate(waves, model="table", harmonics=1, scale_factor_harmonics=1, bootstrap=0)
-    assert record.status == "suspect" and any("drift 8θ does not repeat" in reason for reason in record.status_reasons), record.status_reasons
+    assert record.status == "suspect" and any("drift 8θ does not repeat" in reason for reason in record.status_reasons), (
+        record.status_reasons
+    )
     rows = summary(record)["stability"]["harmonics"]
     assert next(row for row in rows if row["name"] == "drift 8θ")["p_value"] < 1e-20

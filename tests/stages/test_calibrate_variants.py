@@ -176,7 +176,9 @@ def test_two_sweep_speeds_tell_lag_from_hysteresis(lag, hysteresis):
 def test_a_drift_that_moves_with_the_quadrature_is_said(free_runs):
     """−2rδω cos ζ stays in the residual of a table; the quadrature variant takes it and is silent."""
     words = "moves with the measured quadrature"
-    assert any(words in reason for reason in calibrate(free_runs, model="table", harmonics=1, scale_factor_harmonics=0, bootstrap=0).status_reasons)
+    assert any(
+        words in reason for reason in calibrate(free_runs, model="table", harmonics=1, scale_factor_harmonics=0, bootstrap=0).status_reasons
+    )
     model = calibrate(free_runs, model="quadrature", scale_factor_harmonics=0, bootstrap=0)
     assert not any(words in reason for reason in model.status_reasons)
     plain = calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=15), bootstrap=0)

@@ -101,7 +101,9 @@ def test_the_command_writes_what_compensate_takes(calibration, hrg, tmp_path):
     from hrg_cli import store
 
     store.write(tmp_path / "cal.h5", calibration)
-    store.write(tmp_path / "now.h5", resonator_of(later(20.0), 20.0, 2e-3, seed=0).replace(name=np.array(resonator_of(DEVICE, 20.0).name, object)))
+    store.write(
+        tmp_path / "now.h5", resonator_of(later(20.0), 20.0, 2e-3, seed=0).replace(name=np.array(resonator_of(DEVICE, 20.0).name, object))
+    )
     result = hrg("update", tmp_path / "cal.h5", "--resonator", tmp_path / "now.h5", "-o", tmp_path / "new.h5", "--json")
     assert result.status == 0 and result.json["kind"] == "calibration" and result.json["changed"]
     assert {row["name"] for row in result.json["moved"]} >= {"K_DC_rad_s", "K_DS_rad_s", "K"}

@@ -83,7 +83,8 @@ def answers(fitted: Fitted, folds: Array, names: Sequence[str], wanted: Wanted, 
         stored.append(widest(layout, wanted, own) if name in WHOLE_DRIFT else own)
     checks = judged(fitted, folds, tries)
     return [
-        Answer(t.model.name, t, u, s, tuple(c), tuple(f), held_out(fitted, folds, t)) for t, u, s, (c, f) in zip(tries, used, stored, checks)
+        Answer(t.model.name, t, u, s, tuple(c), tuple(f), held_out(fitted, folds, t))
+        for t, u, s, (c, f) in zip(tries, used, stored, checks)
     ]
 
 
@@ -109,7 +110,9 @@ def again(fitted: Fitted, folds: Array, answer: Answer, model: Model, penalty: A
     """The answer solved anew with another model matrix or a penalty, and judged anew."""
     tried = linear(fitted, folds, model, penalty)
     ((checks, failed),) = judged(fitted, folds, [tried])
-    return replace(answer, tried=tried, stored=answer.limits, checks=tuple(checks), failed=tuple(failed), held_out_chi2=held_out(fitted, folds, tried))
+    return replace(
+        answer, tried=tried, stored=answer.limits, checks=tuple(checks), failed=tuple(failed), held_out_chi2=held_out(fitted, folds, tried)
+    )
 
 
 def _averaged(fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits: tuple[int, int]) -> Tried:

@@ -1,7 +1,7 @@
 """The closing checks of a drift model, the same for every variant: fit at the noise known, whiteness, unseen data, noise, spread.
 
 The noise is that of the fit in which every table, every measured part and every suspected cause is free; the variants are judged at it,
-so that what a variant fails to hold cannot pass for noise. Each cause a variant leaves out is tested by its score at the variant's solution:
+so that what a variant fails to hold cannot pass for noise. Each cause a variant leaves out is tested by its score at its solution:
     s = Gᵀ(b − A c),  Var s = Gᵀ(A − A C A)G (coefficients fitted to these data) or Gᵀ(A + A C A)G (coefficients from elsewhere)
 with A, b the whitened normal equations and C the covariance of the variant's coefficients c: sᵀ Var⁻¹ s is χ² if the cause is absent.
 """
@@ -126,7 +126,7 @@ def causes(layout: Layout) -> list[tuple[str, Array, Callable[[float], str]]]:
         what = "the drift" if kind == "drift" else "the scale factor"
         part = f"its harmonic {2 * layout.mode_number * k}θ" if k else "its constant part"
         return lambda z: (
-            f"{what} holds more than the model does in {part} ({z:.3g} times its error): a defect beside the resonator's linear anisotropy; "
+            f"{what} holds more than the model does in {part} ({z:.3g} times its error): a defect beside the linear anisotropy; "
             f"use --model table, or --model combined"
         )
 
@@ -162,7 +162,9 @@ def unseen(fitted: Fitted, folds: Array, tried: Tried) -> Check:
         A, b, _, rows = fitted.pieces.sum(folds == f)
         if rows == 0:
             continue
-        chi2, rank = score(A, b - A @ solution.coefficients, np.eye(len(b)), solution.covariance, 1.0, not_seen(everything - A, tried.model))
+        chi2, rank = score(
+            A, b - A @ solution.coefficients, np.eye(len(b)), solution.covariance, 1.0, not_seen(everything - A, tried.model)
+        )
         sentence = (
             f"data left out are predicted {np.sqrt(chi2 / max(rank, 1)):.3g} times worse than model {tried.model.name} states "
             f"(fold {f + 1} of {len(tried.held)}): the runs do not repeat, or the model is not theirs; look at stability in `hrg info`"
@@ -177,8 +179,8 @@ def noise_known(fitted: Fitted) -> Check:
     """The angles' white noise against what the windows state, as a ratio of variances; 0 where they state none."""
     ratio = noise_ratio(fitted)
     sentence = (
-        f"the angles scatter {np.sqrt(ratio or 0):.3g} times as much as their windows state; the errors hold that, but what makes it is not "
-        f"known: look at the residual of demodulate, and run diagnose on free runs"
+        f"the angles scatter {np.sqrt(ratio or 0):.3g} times as much as their windows state; the errors hold that, but what makes it "
+        f"is not known: look at the residual of demodulate, and run diagnose on free runs"
     )
     return at_most("noise_over_stated", 0.0 if ratio is None else ratio, LARGEST_NOISE, sentence)
 
@@ -219,7 +221,9 @@ def _whiteness(fitted: Fitted, tried: Sequence[Tried]) -> list[list[Check]]:
         rate.append(path.rate_rad_s)
     orders = {"wave angle": angle, "temperature" if fitted.layout.axis == "temperature" else "frequency": place, "rate": rate}
     whole = np.concatenate(white)
-    sorts = {name: np.argsort(np.concatenate(values), kind="stable") for name, values in orders.items() if np.ptp(np.concatenate(values)) > 0}
+    sorts = {
+        name: np.argsort(np.concatenate(values), kind="stable") for name, values in orders.items() if np.ptp(np.concatenate(values)) > 0
+    }
     out = []
     for i, t in enumerate(tried):
         rows = {"time": [w[:, i] for w in white]} | {name: [whole[order, i]] for name, order in sorts.items()}

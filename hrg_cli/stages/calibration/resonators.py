@@ -111,7 +111,9 @@ def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, h
     low, high: the range the runs to be described take. HrgError: a resonator without its temperature where it matters, a range that
     the resonators do not span, a refused resonator.
     """
-    margin, name, unit = (SINGLE_NODE_MARGIN_DEGC, "temperature", "°C") if axis == "temperature" else (SINGLE_NODE_MARGIN_HZ, "frequency", "Hz")
+    margin, name, unit = (
+        (SINGLE_NODE_MARGIN_DEGC, "temperature", "°C") if axis == "temperature" else (SINGLE_NODE_MARGIN_HZ, "frequency", "Hz")
+    )
     for r in resonators:
         if r.status == "refused":
             raise HrgError(f"a resonator file is refused ({'; '.join(r.status_reasons)}); identify it from better runs")
@@ -127,8 +129,8 @@ def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, h
     if not np.isfinite(places).all():
         if wide or len(resonators) > 1:
             raise HrgError(
-                f"a resonator file says no {name} and the runs go from {low:.4g} to {high:.4g} {unit}; identify it again from runs that log "
-                f"their {name}, one resonator file a {name}"
+                f"a resonator file says no {name} and the runs go from {low:.4g} to {high:.4g} {unit}; identify it again from runs that "
+                f"log their {name}, one resonator file a {name}"
             )
         places = np.full(1, nodes[0])
     groups = _groups(places, margin)

@@ -133,7 +133,7 @@ def _scatter(offsets: Array, covariances: Sequence[Array]) -> dict[str, float]:
 
 
 def harmonic_name(layout: Layout, kind: str, k: int) -> str:
-    """"drift 8θ", "scale factor constant"."""
+    """ "drift 8θ", "scale factor constant"."""
     return f"{'drift' if kind == 'drift' else 'scale factor'} {f'{2 * layout.mode_number * k}θ' if k else 'constant'}"
 
 

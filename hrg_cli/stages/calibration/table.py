@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.fourier import coefficients_at, evaluate, harmonic_basis, node_weights
+from ...fitting.tables.fourier import evaluate, harmonic_basis, node_weights
 from ...fitting.tables.increments import Path
 from ...records import Calibration
 from .factors import ellipticity, flattening, phase_ratio, quadrature
