@@ -18,8 +18,8 @@ from .resonators import Coefficients
 from .variants import NEEDS, VARIANTS, WHOLE_DRIFT, missing, tied, variant
 
 Array = np.ndarray
-AS_WELL = 2.0
-"""Difference in χ² of data left out that tells nothing: one coefficient of the size of its error."""
+AS_WELL = 4.0
+"""Difference in χ² of data left out that tells nothing: what a few coefficients of the size of their errors make."""
 
 
 @dataclass(frozen=True)
