@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .commands import around, chain
+from .commands import around, chain, updating
 
 app = typer.Typer(
     name="hrg",
@@ -19,6 +19,7 @@ app = typer.Typer(
 )
 
 app.add_typer(chain.app)
+app.add_typer(updating.app)
 app.add_typer(around.app)
 
 

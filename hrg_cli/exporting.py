@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from .errors import HrgError
+from .measured_export import MEASURED_FORMULA, c_measured, csv_measured
 from .records import Calibration
 from .stages.calibration.table import values
 
@@ -63,12 +64,13 @@ def _csv(calibration: Calibration) -> str:
     """One row a node and angle: the tables with standard deviations."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([_axis(calibration), "wave_angle_rad", "drift_rad_s", "drift_rad_s_std", "scale_factor", "scale_factor_std"])
+    further, cells = csv_measured(calibration)
+    writer.writerow([_axis(calibration), "wave_angle_rad", "drift_rad_s", "drift_rad_s_std", "scale_factor", "scale_factor_std", *further])
     for j, node in enumerate(calibration.node):
         for i, angle in enumerate(calibration.wave_angle_rad):
             row = (
                 node, angle, calibration.drift_rad_s[j, i], calibration.drift_rad_s_std[j, i],
-                calibration.scale_factor[j, i], calibration.scale_factor_std[j, i],
+                calibration.scale_factor[j, i], calibration.scale_factor_std[j, i], *cells[j],
             )  # fmt: skip
             writer.writerow([repr(float(v)) for v in row])
     return text.getvalue()
@@ -91,10 +93,12 @@ def _json(calibration: Calibration) -> str:
         "node_range": [_finite(calibration.node_min), _finite(calibration.node_max)],
         "rate_range_rad_s": [float(calibration.rate_min_rad_s), float(calibration.rate_max_rad_s)],
         _axis(calibration): np.asarray(calibration.node).tolist(),
-        "measured": details.get("measured"),
+        "measured": None
+        if not details.get("measured")
+        else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]},
     }
     for name in ("drift_harmonics", "drift_harmonics_std", "scale_factor_harmonics", "scale_factor_harmonics_std"):
-        tree[name] = np.asarray(getattr(calibration, name)).tolist()
+        tree[name] = [[_finite(v) for v in row] for row in np.asarray(getattr(calibration, name), float)]
     return json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -259,7 +263,7 @@ static inline void hrg_place(double x, double theta, int *i, double *u, int *k, 
 static inline double hrg_drift_rad_s(double x, double theta) {{ return {drift_call}; }}
 static inline double hrg_scale_factor(double x, double theta) {{ return {scale_call}; }}
 
-/* Rate from the measured speed of the wave; `measured_drift` is the part computed in operation (0 for model table). */
+/* Rate from the measured speed of the wave; `measured_drift` is what hrg_measured_drift_rad_s below computes (0 for a model without). */
 static inline double hrg_rate_rad_s(double x, double theta, double dtheta_dt, double measured_drift) {{
     return (hrg_drift_rad_s(x, theta) + measured_drift - HRG_MODE_NUMBER * dtheta_dt) / hrg_scale_factor(x, theta);
 }}
@@ -313,17 +317,6 @@ def _c_text(
         tables.append(f"static const {kind} hrg_{short[name]}_table[HRG_NODES][HRG_ANGLES] = {{\n" + ",\n".join(rows) + "\n};\n")
         look = f"hrg_lookup(hrg_{short[name]}_table, x, theta)"
         calls[name] = f"HRG_{short[name].upper()}_OFFSET + HRG_{short[name].upper()}_STEP * (double){look}" if bits else look
-    measured = json.loads(calibration.details).get("measured")
-    extra = ""
-    if measured and measured["kind"] == "quadrature":
-        c, s = measured["coefficients"]
-        extra = (
-            "\n/* Seed A (11): drift from the observed ratio of quadrature to main amplitude. */\n"
-            "static inline double hrg_measured_drift_rad_s(double theta, double ratio) {\n"
-            f"    return ratio * ({c:.17g} * cos(2.0 * HRG_MODE_NUMBER * theta) + {s:.17g} * sin(2.0 * HRG_MODE_NUMBER * theta));\n}}\n"
-        )
-    elif measured:
-        extra = "\n/* Seed A (12): add -2*ratio*dphi/dt, dphi/dt against the mean frequency; its table is in the JSON export. */\n"
     low, high = (v if np.isfinite(v) else n for v, n in ((calibration.node_min, -1e308), (calibration.node_max, 1e308)))
     return _C.format(
         gyro=calibration.gyro_id.replace("*/", ""), model=calibration.model, status=calibration.status, mode=int(calibration.mode_number),
@@ -334,7 +327,7 @@ def _c_text(
         drift_worst=errors["drift_rad_s_interpolation"] + errors["drift_rad_s_rounding"],
         scale_worst=errors["scale_factor_interpolation"] + errors["scale_factor_rounding"],
         tables="".join(tables), lookup=_LOOKUP_FIXED.replace("{type}", kind) if bits else _LOOKUP_FLOAT,
-        drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"], measured=extra,
+        drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"], measured=c_measured(calibration, nodes),
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from . import __version__, settings, store
 from .errors import HrgError
+from .origins import overlap, part_of, samples_of
 from .records import KINDS, Provenance, Record, Recording, Source
 from .store import AnyRecord
 
@@ -32,6 +33,8 @@ class Stage:
     """Of many records: rows are read when sliced, so that memory does not grow with the runs' length."""
     beside: Mapping[str, str] = field(default_factory=dict)
     """Further records by argument name -> kind."""
+    many_beside: tuple[str, ...] = ()
+    """Names of the further records of which there may be several."""
 
     def function(self) -> Callable[..., Any]:
         """The stage's function, imported now."""
@@ -49,9 +52,10 @@ STAGES = {
         Stage("demodulate", "recording", "periods"),
         Stage("estimate", "periods", "wave"),
         Stage("identify", "wave", "resonator", many=True, lazy=True),
-        Stage("calibrate", "wave", "calibration", many=True, lazy=True, beside={"resonator": "resonator"}),
+        Stage("calibrate", "wave", "calibration", many=True, lazy=True, beside={"resonator": "resonator"}, many_beside=("resonator",)),
         Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
         Stage("rate", "wave", "compensated", beside={"resonator": "resonator"}),
+        Stage("update", "calibration", "calibration", beside={"resonator": "resonator", "reference": "resonator"}),
         Stage("compensate", "wave", "compensated", beside={"calibration": "calibration"}),
     )
 }
@@ -74,7 +78,7 @@ def run_stage(
     output: Path,
     values: Mapping[str, Any],
     *,
-    beside: Mapping[str, Path] | None = None,
+    beside: Mapping[str, Path | Sequence[Path]] | None = None,
     further: Mapping[str, Any] | None = None,
     force: bool = False,
     command_line: str = "",
@@ -82,34 +86,37 @@ def run_stage(
 ) -> Outcome:
     """Run one stage on files: records in, one record out, whole or not at all.
 
-    values: the stage's resolved settings; beside: files of further records; further: arguments that are no file.
-    HrgError: an input is of the wrong kind, damaged or changed while it was read; the output exists.
+    values: the stage's resolved settings; beside: files of further records, a list where the stage takes several; further: arguments
+    that are no file. HrgError: an input is of the wrong kind, damaged or changed while it was read, or holds samples that another
+    input holds; the output exists.
     """
     stage = STAGES[name]
     started = time.monotonic()
     store.check_output(output, force)
-    beside = beside or {}
-    for path in (*inputs, *beside.values()):
+    paths_beside = {key: [given] if isinstance(given, Path) else list(given) for key, given in (beside or {}).items()}
+    all_beside = [path for paths in paths_beside.values() for path in paths]
+    for path in (*inputs, *all_beside):
         if path.exists() and output.exists() and path.samefile(output):
             raise HrgError(f"{output}: is an input of this command too; choose another --output")
-    with ExitStack() as open_files, Sources([*inputs, *beside.values()]) as sources:
+    with ExitStack() as open_files, Sources([*inputs, *all_beside], taken=values) as sources:
         kind = _KIND[stage.takes]
-        records_beside = {key: store.read(path, _KIND[stage.beside[key]]) for key, path in beside.items()}
-        arguments = {**records_beside, **(further or {}), **values}
+        read = {key: [store.read(path, _KIND[stage.beside[key]]) for path in paths] for key, paths in paths_beside.items()}
+        records_beside = [record for records in read.values() for record in records]
+        arguments = {**{key: r if key in stage.many_beside else r[0] for key, r in read.items()}, **(further or {}), **values}
         if stage.many:
             records: list[Record] = [
                 open_files.enter_context(store.open_record(path, kind)) if stage.lazy else store.read(path, kind) for path in inputs
             ]
             result = stage.function()(records, **arguments)
             result = result.judged(_doubts(inputs, records))
-            parents = [*records, *records_beside.values()]
+            parents = [*records, *records_beside]
         else:
             record = open_files.enter_context(store.open_record(inputs[0], kind))
             with _naming(inputs[0]):
                 result = stage.function()(record, **arguments)
             if not isinstance(result, Record):
                 result = _watched(result, record, inputs[0], progress)
-            parents = [record, *records_beside.values()]
+            parents = [record, *records_beside]
         text = settings.to_toml({name: values})
         written = store.write(
             output, result, force, finish=lambda last: _with_provenance(last, parents, sources.done(), text, command_line or f"hrg {name}")
@@ -196,11 +203,15 @@ def _with_provenance(record: AnyRecord, parents: Sequence[Record], sources: tupl
 
 
 class Sources:
-    """The inputs' names, kinds and SHA-256, hashed in the background while the stage reads them; a changed input is an error."""
+    """The inputs' names, kinds and SHA-256, hashed in the background while the stage reads them; a changed input is an error.
 
-    def __init__(self, paths: Sequence[Path]) -> None:
+    taken: the command's settings; a part cut out of a recording (from_s, to_s) is told from its other parts by them.
+    """
+
+    def __init__(self, paths: Sequence[Path], taken: Mapping[str, Any] | None = None) -> None:
         self._paths = [Path(p) for p in paths]
         self._pool = ThreadPoolExecutor(1)
+        self._part = part_of(taken or {})
 
     def __enter__(self) -> Sources:
         for path in self._paths:
@@ -208,6 +219,16 @@ class Sources:
                 raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
         self._before = [self._stamp(p) for p in self._paths]
         self._hashes: list[Future[str]] = [self._pool.submit(store.sha256, p) for p in self._paths]
+        self._samples = [samples_of(path, self._part) for path in self._paths]
+        first: dict[str, list[tuple[Path, str]]] = {}
+        for path, samples in zip(self._paths, self._samples):
+            for sample in samples:
+                whole, _, part = sample.partition("@")
+                key = f"{_kind_name(path)} {whole}"
+                for other, taken in first.get(key, []):
+                    if other != path and overlap(part, taken):
+                        raise HrgError(f"{path}: is the same data as {other}, both go back to the same samples; {ONCE}")
+                first.setdefault(key, []).append((path, part))
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -227,9 +248,14 @@ class Sources:
         first: dict[str, Path] = {}
         for path, digest in zip(self._paths, hashes):
             if digest in first:
-                raise HrgError(f"{path}: is the same data as {first[digest]}; name each run once, or its errors come out too small")
+                raise HrgError(f"{path}: is the same data as {first[digest]}; {ONCE}")
             first[digest] = path
-        return tuple(Source(path.name, _kind_name(path), digest) for path, digest in zip(self._paths, hashes))
+        return tuple(
+            Source(path.name, _kind_name(path), digest, samples) for path, digest, samples in zip(self._paths, hashes, self._samples)
+        )
+
+
+ONCE = "name each run once, or its errors come out too small"
 
 
 def _kind_name(path: Path) -> str:

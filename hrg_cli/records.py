@@ -65,11 +65,15 @@ def attribute(
 
 @dataclass(frozen=True)
 class Source:
-    """One input of a command, as kept in the root attribute `sources`."""
+    """One input of a command, as kept in the root attribute `sources`.
+
+    samples: fingerprints of the recorded samples it goes back to (`origins`), so that a copied recording is known at any later stage.
+    """
 
     name: str
     kind: str
     sha256: str
+    samples: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -320,6 +324,8 @@ class Resonator(Record):
     lot_id: str = attribute("the lot", default="")
     chi2_per_dof: float = attribute("χ² a degree of freedom of the fit", default=float("nan"), dtype="f8")
     condition: float = attribute("condition number of the scaled Fisher information", default=float("nan"), dtype="f8")
+    temperature_degc: float | None = attribute("mean temperature of the runs, where it was logged", default=None, dtype="f8")
+    temperature_span_degc: float | None = attribute("range of the runs' temperatures", default=None, dtype="f8")
     flat_directions: str = attribute("JSON list of sentences: what these runs cannot tell", default="[]")
     details: str = attribute("JSON: method comparison, profiles, bounds", default="{}")
     run: Array | None = column("1", "run", ("run",), group="/fit", name="run_id", dtype="str", optional=True)
@@ -365,7 +371,7 @@ class Calibration(Record):
         "any", "covariance of all coefficients, node-major, drift then scale factor a node", ("coefficient", "coefficient_2")
     )
     axis: str = attribute('"temperature" or "frequency"', default="temperature")
-    model: str = attribute("variant: table, parametric, quadrature, phase, physical", default="table")
+    model: str = attribute("variant: table, parametric, quadrature, phase, combined, physical", default="table")
     interpolation: str = attribute("between nodes: linear, cubic, monotone", default="linear")
     mode_number: int = attribute("angular mode number m", default=2, dtype="i8")
     gyro_id: str = attribute("the gyro", default="")

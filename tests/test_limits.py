@@ -11,7 +11,7 @@ from hrg_cli.stages.calibrate import calibrate
 
 @pytest.fixture(scope="module")
 def record():
-    return calibrate(programme(Truth(3), (0, 40), (-0.5, 0.5), duration=12), harmonics=1, scale_factor_harmonics=1, bootstrap=0)
+    return calibrate(programme(Truth(3), (0, 40), (-0.5, 0.5), duration=12), harmonics=2, scale_factor_harmonics=2, bootstrap=0)
 
 
 def test_within_and_outside(record):

@@ -229,7 +229,14 @@ def rate(
 def calibrate(
     run: Common,
     waves: Files = None,
-    model: Annotated[str | None, typer.Option(help="table, parametric, quadrature, phase, physical or all.", show_default=False)] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="auto (default: of those that fit, the one that predicts data left out best), table, parametric, quadrature, phase, "
+            "combined, physical, or all (table, the others compared).",
+            show_default=False,
+        ),
+    ] = None,
     harmonics: Annotated[
         int | None, typer.Option(help="Fourier band limit in 2m*angle; by cross-validation where not given.", show_default=False)
     ] = None,
@@ -245,7 +252,10 @@ def calibrate(
     ] = None,
     ladder: Annotated[bool | None, typer.Option("--ladder", help="Residual after each of the seven stages.", show_default=False)] = None,
     stable_only: Annotated[bool | None, typer.Option("--stable-only", help="Drop what does not repeat.", show_default=False)] = None,
-    resonator: Annotated[Path | None, typer.Option(help="Resonator file of --model physical.", show_default=False)] = None,
+    resonator: Annotated[
+        list[Path] | None,
+        typer.Option(help="Resonator file of --model physical; repeated, one a temperature (or frequency).", show_default=False),
+    ] = None,
     output_column: Annotated[str | None, typer.Option(help="Of a table of dwells (CSV …): the gyro's output.", show_default=False)] = None,
     rate_column: Annotated[
         str | None, typer.Option(help="Of a table of dwells: the rate in rad/s; none: the gyro at rest.", show_default=False)
@@ -275,12 +285,12 @@ def calibrate(
         from ..reporting import tables
 
         strange = [name for name, value in of_waves.items() if value is not None and name != "interpolation"]
-        if strange or resonator is not None:
+        if strange or resonator:
             raise UsageError(f"--{(strange or ['resonator'])[0].replace('_', '-')} is for wave files; a table of dwells has no wave angle")
         outcome = calibrate_table(waves or [], run, {**of_table, "interpolation": interpolation})
         run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
         return
-    run_stage_on_files(run, "calibrate", waves or [], beside={"resonator": resonator}, **of_waves)
+    run_stage_on_files(run, "calibrate", waves or [], beside={"resonator": resonator or None}, **of_waves)
 
 
 @command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5", idle=NO_DRAWS | ONE_PROCESS)

@@ -257,7 +257,9 @@ def numbers(text: str, flag: str) -> list[float]:
         raise UsageError(f"{flag} {text!r}: numbers joined by commas were expected, for instance {flag} -20,0,20,40,60") from None
 
 
-def run_stage_on_files(run: Common, name: str, inputs: list[Path], *, beside: dict[str, Path | None] | None = None, **flags: Any) -> None:
+def run_stage_on_files(
+    run: Common, name: str, inputs: list[Path], *, beside: Mapping[str, Path | list[Path] | None] | None = None, **flags: Any
+) -> None:
     """The body of every command that is one stage on files."""
     from ..pipeline import STAGES, run_stage
     from ..reporting import console, tables

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
 from ..units import to_deg_per_hour
-from . import diagnosis, identification
+from . import calibration, diagnosis, identification
 from .console import print_table
 from .json_text import json_object
 
@@ -23,6 +23,8 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
         print_table("", head, rows)
     if isinstance(record, Resonator):
         identification.show(report)
+    if isinstance(record, Calibration):
+        calibration.show(report)
     head, rows = _faults(report)
     if rows:
         print_table("", head, rows)

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
+from ..fitting.checks import failures
 from ..fitting.tables.increments import path_of
-from ..fitting.tables.joint import Fitted, Layout, Model, Solution, chi_square, fit, solve
-from ..fitting.tables.shrinkage import FEWER_SWEEPS, SWEEPS, averaged, doubtful_harmonics
+from ..fitting.tables.joint import Fitted, Layout, Model, chi_square, fit
 from ..records import Calibration, Resonator, Wave
-from .calibration.checks import interpolation_doubt, noisy_angles, quadrature_left, rate_left, stray_harmonics
-from .calibration.factors import build, measured_details, physical_covariance, variant
+from .calibration.checks import interpolation_doubt, noisy_angles, stray_harmonics
+from .calibration.choice import Wanted, again, answers, best, compared, possible, told
+from .calibration.factors import build
 from .calibration.figures import cells, figure_rows, predictions
 from .calibration.folds import choose_folds, choose_limits, choose_smoothness
+from .calibration.guards import noise_told
 from .calibration.ladder import Settings, climb, first_stages
 from .calibration.programme import choose_nodes, examine
 from .calibration.record import record_of
-from .calibration.stability import repeats, thermal_memory, without_unstable
+from .calibration.resonators import Coefficients, over
+from .calibration.stability import repeats, thermal_memory, unstable, without_unstable
+from .calibration.variants import FACTORS, measured_details, variant
 from .figures_of_merit import trade_figures
 from .one_gyro import of_one_gyro
 from .rate_table import is_rate_table
@@ -30,19 +35,21 @@ from .rate_table import summary as table_summary
 Array = np.ndarray
 LARGEST_LIMIT = 4
 """Highest harmonic of 2mθ that cross-validation tries."""
-VARIANTS = ("table", "parametric", "quadrature", "phase", "physical")
+LEAST_REPEATED = 2
+"""Harmonics of 2mθ whose repeat between programmes is looked at, at least."""
 
 
 def calibrate(
     waves: Sequence[Wave],
-    resonator: Resonator | None = None,
+    resonator: Resonator | Sequence[Resonator] | None = None,
     *,
     model: Annotated[
-        Literal["table", "parametric", "quadrature", "phase", "physical", "all"],
+        Literal["auto", "table", "parametric", "quadrature", "phase", "combined", "physical", "all"],
         Field(
-            description="seed A's drift model: table, parametric (10), quadrature (11), phase (12), physical; all: table, others compared"
+            description="seed A's drift model: table, parametric (10), quadrature (11), phase (12), combined (table and quadrature), "
+            "physical (resonator files); auto: of those that fit, the one that predicts data left out best; all: table, the others compared"
         ),
-    ] = "table",
+    ] = "auto",
     axis: Annotated[Literal["temperature", "frequency"], Field(description="what the nodes are of")] = "temperature",
     harmonics: Annotated[
         int | None, Field(ge=0, le=12, description="band limit of the drift in harmonics of 2mθ; none: cross-validation")
@@ -72,13 +79,17 @@ def calibrate(
     HrgError: no runs, different gyros or mode numbers, no rate, times that go back, `physical` without a resonator.
     """
     waves = list(waves)
-    _same_gyro(waves, resonator)
-    if model == "physical" and resonator is None:
+    resonators = [] if resonator is None else [resonator] if isinstance(resonator, Resonator) else list(resonator)
+    _same_gyro(waves, resonators)
+    if model == "physical" and not resonators:
         raise HrgError(
             "model physical takes its coefficients from a resonator file; run `hrg identify` on free runs and give it with --resonator"
         )
-    drift_most = max(harmonics if harmonics is not None else LARGEST_LIMIT, 1)
-    scale_most = scale_factor_harmonics if scale_factor_harmonics is not None else LARGEST_LIMIT
+    # one harmonic more than asked for, so that what is left out is looked at (monotone weights of an absent one are those of its noise)
+    beyond, least = (0, 1) if interpolation == "monotone" else (1, LEAST_REPEATED)
+    drift_most, scale_most = (
+        LARGEST_LIMIT if asked is None else max(asked + beyond, least) for asked in (harmonics, scale_factor_harmonics)
+    )
     given = rates_rad_s or {}
     paths = [
         path_of(
@@ -100,113 +111,126 @@ def calibrate(
     refusals = [f.sentence for f in findings if f.refuses]
     remarks += words + [f.sentence for f in findings if not f.refuses]
 
-    wanted = ["quadrature"] if model in ("quadrature", "physical", "phase", "all") or ladder else []
-    wanted += ["phase", "mean_frequency"] if model in ("phase", "all") else []
-    wanted += ["quadrature_drive", "main_drive"] if ladder else []
-    factors, widths = build(forced, table_nodes, axis, interpolation, wanted)
+    factors, widths = build(forced, table_nodes, axis, interpolation, FACTORS)
     if model == "phase" and "phase" not in factors:
-        raise HrgError("model phase needs frequency_hz in every run, it is missing or not finite; estimate the runs again")
+        raise HrgError(
+            "model phase needs frequency_hz and a quadrature in every run, one is missing or not finite; estimate the runs again"
+        )
     layout = Layout(table_nodes, axis, waves[0].mode_number, drift_most, scale_most, interpolation, factors, widths)
+    # every table, measured part and suspected cause is free: what is left is the noise at which each variant is judged
     fitted = fit(forced, layout)
-    folds, held_out = choose_folds(fitted, needed)
-    drift_limit, scale_limit, scores = choose_limits(fitted, harmonics, scale_factor_harmonics)
-    chosen = variant("table" if model == "all" else model, layout, drift_limit, scale_limit, resonator)
-    if chosen.name != "table":
-        drift_limit = 1
+    folds, held_out_by = choose_folds(fitted, needed)
+    coefficients, why_not = _of_resonators(resonators, model, axis, table_nodes, low, high, interpolation)
+    names, not_tried = possible(layout, coefficients, why_not)
+    wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
+    if model == "auto" and refusals:
+        names = ["table"]
+    elif model not in ("auto", "all"):
+        if model in not_tried:
+            raise HrgError(f"model {model} cannot be tried: {not_tried[model]}")
+        names = [model]
+    tried = answers(fitted, folds, names, wanted, coefficients)
+    answer = best(tried) if model == "auto" else tried[0]
+    drift_limit, scale_limit = answer.limits
     stability = repeats(
-        fitted, _coefficients(fitted, variant("table", layout, drift_limit, scale_limit)), drift_limit, scale_limit, programmes
+        fitted, answer.tried.solution.coefficients, max(drift_limit, LEAST_REPEATED), max(scale_limit, LEAST_REPEATED), programmes
     )
     dropped: list[str] = []
-    if stable_only and stability is not None and chosen.name == "table":
+    penalty, smoothness = None, None
+    if stable_only and stability is not None and answer.name == "table":
         matrix, dropped = without_unstable(layout, drift_limit, scale_limit, stability)
-        chosen = Model("table", matrix)
+        answer = again(fitted, folds, answer, Model("table", matrix))
     elif stable_only and stability is None:
         remarks.append("stable_only needs repeated programmes (several days or switch-ons, or warming and cooling); nothing was dropped")
-    penalty, smoothness = choose_smoothness(fitted, chosen) if interpolation == "smooth" and chosen.name == "table" else (None, None)
-    rich = fitted
-    if factors:
-        # what the chosen model leaves is its noise; the variants and the ladder are compared under the noise of the richest model
-        fitted = fit(forced, layout, chosen, rich)
+    elif stable_only and answer.name != "table":
+        remarks.append(f"stable_only drops harmonics of model table, {answer.name} is written: nothing was dropped; give --model table")
+    if interpolation == "smooth" and not answer.tried.foreign and not dropped:
+        plain = variant(answer.name, layout, *answer.limits)
+        penalty, smoothness = choose_smoothness(fitted, plain)
+        answer = again(fitted, folds, answer, plain, penalty)
+    solution, chosen = answer.tried.solution, answer.tried.model
     A, b, square, rows = fitted.pieces.sum()
-    solution = solve(A, b, chosen, penalty)
-    stored = drift_limit, scale_limit
-    written: Callable[[Array, Array, int], Solution] | None = None
-    doubtful = [kind for kind, given in (("drift", harmonics), ("scale", scale_factor_harmonics)) if given is None]
-    if chosen.name == "table" and doubtful and not dropped and not refusals:
-        stored = (
-            (layout.drift_harmonics if harmonics is None else drift_limit),
-            (layout.scale_harmonics if scale_factor_harmonics is None else scale_limit),
-        )
-        in_doubt = doubtful_harmonics(layout, doubtful, float(np.mean(layout.tables(solution.coefficients)[1][:, 0])))
-        everything = variant("table", layout, *stored).matrix
-
-        added = 0.0 if penalty is None else penalty
-
-        def written(information: Array, vector: Array, sweeps: int) -> Solution:
-            return averaged(information + added, vector, everything, in_doubt, seed, sweeps)
-
-        solution = written(A, b, SWEEPS)
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
+    # a fit may find more noise than it was judged at, never less than there is; coefficients from elsewhere keep their own errors
+    inflation = 1.0 if answer.tried.foreign else max(chi2, 1.0)
     scale_factor = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
 
-    stages = [
-        *first_stages(layout, drift_limit, scale_limit)[:2],
-        Model("3 drift and scale factor over temperature and angle", chosen.matrix, chosen.start),
-    ]
-    whole, held = predictions(fitted, stages, folds, penalty)
-    if written is not None:
-        # the figures are those of the tables that are written: made again, the same way, without each fold
-        whole[:, -1] = solution.coefficients
-        for f in range(held.shape[2]):
-            A_f, b_f, _, _ = fitted.pieces.sum(folds == f)
-            held[:, -1, f] = written(A - A_f, b - b_f, FEWER_SWEEPS).coefficients
-    found = cells(fitted, whole, held, folds)
-    steps = figure_rows([m.name for m in stages], *found, scale_factor, bootstrap, seed)
-    remarks += noisy_angles(fitted, drift_limit)
-    if chosen.name == "table":
-        moved = quadrature_left(fitted, solution) or rate_left(fitted, variant("table", layout, drift_limit, scale_limit))
-        remarks += [moved] if moved is not None else []
-    strays = stray_harmonics(fitted, solution)
-    remarks += [s["sentence"] for s in strays if s["significant"]]
+    whole, held = predictions(fitted, first_stages(layout, drift_limit, scale_limit)[:2], folds)
+    whole = np.concatenate([whole, solution.coefficients[:, None]], axis=1)
+    held = np.concatenate([held, np.stack([s.coefficients for s in answer.tried.held], axis=1)[:, None]], axis=1)
+    names_of_stages = [m.name for m in first_stages(layout, drift_limit, scale_limit)]
+    steps = figure_rows(names_of_stages, *cells(fitted, whole, held, folds), scale_factor, bootstrap, seed)
+    strays = stray_harmonics(fitted, fitted.solution)
+    if not refusals:
+        remarks += noisy_angles(fitted, drift_limit)
+        remarks += [s["sentence"] for s in strays if s["significant"]]
+        remarks += unstable(stability, dropped)
+        if answer.tried.foreign:
+            refusals += answer.failed
+        else:
+            remarks += answer.failed
     details: dict[str, Any] = {
         "scale_factor": scale_factor,
         "figures": {
             kind: {"before": steps[0][kind], "after": steps[-1][kind + "_used"], "held_out": steps[-1][kind]} for kind in ("drift", "scale")
         },
-        "held_out_by": held_out,
+        "held_out_by": held_out_by,
         "harmonics": drift_limit,
         "scale_factor_harmonics": scale_limit,
         "ladder": steps,
-        "band_limit_scores": scores,
+        "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
         "smoothness": smoothness,
         "chi2_per_dof": chi2,
+        "checks": [check.table() for check in answer.checks],
+        "choice": told(fitted, tried, answer, not_tried) if model in ("auto", "all") else None,
+        "noise": noise_told(fitted),
         "stray_harmonics": strays,
         "stability": stability,
         "dropped": dropped,
         "thermal_memory": thermal_memory(fitted, chosen, solution.coefficients) if chosen.start is None else None,
-        "interpolation_std": interpolation_doubt(fitted, solution, chi2, *stored),
-        "measured": measured_details(chosen.name, layout, solution.coefficients, solution.covariance * chi2),
+        "interpolation_std": interpolation_doubt(fitted, solution, inflation, *answer.stored),
+        "measured": measured_details(chosen.name, layout, solution.coefficients, solution.covariance * inflation, fitted.paths),
+        "resonator": None if coefficients is None else coefficients.table(),
         "jumps_of_half_a_turn": fitted.jumps,
         "runs": [
             {"run_id": p.run_id, "rows": p.rows, "blocks": len(p) + 1, "white_rad": float(np.sqrt(n.white)), "walk_rad2_s": n.walk}
             for p, n in zip(fitted.paths, fitted.noises)
         ],
     }
-    if model == "all":
-        details["variants"] = compare(rich, folds, drift_limit, scale_limit, resonator, scale_factor, bootstrap, seed)
+    if len(tried) > 1:
+        details["variants"] = compared(fitted, folds, tried, scale_factor, bootstrap, seed)
     if ladder:
         settings = Settings(drift_limit, scale_limit, scale_factor, bootstrap, seed)
-        details["ladder"], details["final_analysis"] = climb(rich, free, folds, settings, penalty)
-    if chosen.name == "physical" and resonator is not None:
-        solution = _of_resonator(layout, solution, resonator, chi2)
-        if chi2 > 2:
-            remarks.append(
-                f"the resonator's coefficients leave χ² = {chi2:.3g} a degree of freedom: these runs hold more than they explain"
-            )
-    record = record_of(waves, fitted, solution, chi2, stored, (low, high), chosen.name, details)
-    if chosen.name == "table" and not refusals:
+        details["ladder"], details["final_analysis"] = climb(_with_loops(fitted), free, folds, settings, penalty)
+    record = record_of(waves, fitted, solution, inflation, answer.stored, (low, high), chosen.name, details)
+    if not refusals:
         record = record.replace(details=json.dumps(details | {"trade": trade_figures(record, fitted.paths)}))
     return record.judged(refusals, "refused").judged(remarks, "suspect")
+
+
+def _with_loops(fitted: Fitted) -> Fitted:
+    """The same runs with the columns of the ladder's factors."""
+    old = fitted.layout
+    factors, widths = build(fitted.paths, old.nodes, old.axis, old.interpolation, ["quadrature", "quadrature_drive", "main_drive"])
+    return fit(fitted.paths, replace(old, factors=factors, factor_columns=widths))
+
+
+def _of_resonators(
+    resonators: Sequence[Resonator], model: str, axis: str, nodes: Array, low: float, high: float, interpolation: str
+) -> tuple[Coefficients | None, str | None]:
+    """The resonators' coefficients over the nodes' quantity, or why there are none; an error where they were asked for by name."""
+    if not resonators:
+        return None, None
+    try:
+        found = over(resonators, axis, nodes, low, high, interpolation)
+    except HrgError as error:
+        if model == "physical":
+            raise
+        return None, str(error)
+    disagree = failures(found.checks)
+    if disagree and model == "physical":
+        raise HrgError(disagree[0])
+    return (None, disagree[0]) if disagree else (found, None)
 
 
 def summary(record: Calibration) -> dict[str, Any]:
@@ -231,8 +255,12 @@ def summary(record: Calibration) -> dict[str, Any]:
     if "final_analysis" in details:
         analysis = details["final_analysis"]
         out |= {key: analysis[key] for key in ("loops", "readout_matrix", "factors", "significant", "correlated", "false_rate")}
+    out |= {key: details[key] for key in ("choice", "checks", "noise", "resonator") if details.get(key) is not None}
+    if details.get("stability") is not None:
+        out["stability"] = details["stability"]
     if "variants" in details:
-        out["variants"] = [{"model": s["stage"], "coefficients": s["coefficients"], **_values(s)} for s in details["variants"]]
+        own = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
+        out["variants"] = [{"model": s["stage"], **{key: s[key] for key in own}, **_values(s)} for s in details["variants"]]
     return out
 
 
@@ -245,58 +273,12 @@ def _values(row: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _same_gyro(waves: Sequence[Wave], resonator: Resonator | None) -> None:
+def _same_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:
     if not waves:
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
-    of_one_gyro(waves, "calibrate", resonator)
+    of_one_gyro(waves, "calibrate")
+    for resonator in resonators:
+        of_one_gyro(waves, "calibrate", resonator)
     modes = sorted({w.mode_number for w in waves})
     if len(modes) > 1:
         raise HrgError(f"runs of mode numbers {modes} were given, one was expected; correct mode_number of the recordings")
-
-
-def _coefficients(fitted: Fitted, model: Model) -> Array:
-    A, b, _, _ = fitted.pieces.sum()
-    return solve(A, b, model).coefficients
-
-
-def compare(
-    fitted: Fitted,
-    folds: Array,
-    drift_limit: int,
-    scale_limit: int,
-    resonator: Resonator | None,
-    scale_factor: float,
-    draws: int,
-    seed: int,
-) -> list[dict[str, Any]]:
-    """Held-out figures of the variants, one row each; for (12) the demand on the mean frequency in numbers.
-
-    δD = 4πr·δf: `mean_frequency_needed_hz` is the error of the mean frequency that alone makes the drift figure of the table.
-    """
-    models = [variant(n, fitted.layout, drift_limit, scale_limit, resonator) for n in VARIANTS if _possible(n, fitted.layout, resonator)]
-    rows = figure_rows([m.name for m in models], *cells(fitted, *predictions(fitted, models, folds), folds), scale_factor, draws, seed)
-    ratio = float(np.sqrt(np.mean(np.concatenate([p.ratio for p in fitted.paths]) ** 2)))
-    for row, model in zip(rows, models):
-        row["coefficients"] = model.free
-        if model.name == "phase":
-            row["quadrature_ratio_rms"] = ratio
-            target = rows[0]["drift"]["value"]
-            row["mean_frequency_needed_hz"] = target / (4 * np.pi * ratio) if ratio > 0 and target is not None else None
-    return rows
-
-
-def _possible(name: str, layout: Layout, resonator: Resonator | None) -> bool:
-    return (name != "physical" or resonator is not None) and (name != "phase" or "phase" in layout.factors)
-
-
-def _of_resonator(layout: Layout, solution: Solution, resonator: Resonator, chi2: float) -> Solution:
-    """The solution with the resonator's own covariance, which is common to all nodes."""
-    table, measured = physical_covariance(resonator)
-    spread = np.zeros((layout.size, 4))
-    for j in range(len(layout.nodes)):
-        spread[layout.drift(j)][:3, :3] = np.eye(3)
-        spread[layout.scale(j)][0, 3] = 1.0
-    covariance = spread @ table @ spread.T
-    place = layout.factor("quadrature")
-    covariance[place, place] = measured
-    return Solution(solution.coefficients, covariance / chi2, solution.degrees)

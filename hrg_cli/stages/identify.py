@@ -90,6 +90,7 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
     units = dict(PARAMETERS)
     names = [n for n, _ in PARAMETERS if n in verdict.values]
     index = [verdict.order.index(n) for n in names]
+    temperature, span = _temperature(waves)
     resonator = Resonator(
         name=np.array(names, dtype=object),
         value=np.array([verdict.values[n] for n in names]),
@@ -102,6 +103,8 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
         lot_id=waves[0].lot_id,
         chi2_per_dof=verdict.chi2_per_dof,
         condition=verdict.condition,
+        temperature_degc=temperature,
+        temperature_span_degc=span,
         flat_directions=json.dumps(verdict.flat, ensure_ascii=False),
         details=json.dumps(verdict.details | {"checks": [c.table() for c in verdict.checks]}, ensure_ascii=False),
         run=np.array([w.run_id for w in waves], dtype=object),
@@ -112,6 +115,15 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
     if not names or not all(np.isfinite(resonator.value)):
         raise HrgError("the fit gives no finite parameters; look at the runs' envelopes")
     return resonator.judged(verdict.suspect, "suspect").judged(verdict.refused, "refused")
+
+
+def _temperature(waves: Sequence[Wave]) -> tuple[float | None, float | None]:
+    """Mean and range of the runs' logged temperatures, °C; None where a run logs none."""
+    logs = [np.zeros(0) if w.temperature_degc is None else np.asarray(w.temperature_degc[:], float) for w in waves]
+    known = [log[np.isfinite(log)] for log in logs]
+    if not known or any(len(log) == 0 for log in known):
+        return None, None
+    return float(np.mean([log.mean() for log in known])), float(max(log.max() for log in known) - min(log.min() for log in known))
 
 
 def summary(resonator: Resonator) -> dict[str, Any]:

@@ -6,7 +6,7 @@ Datasets carry dimension scales, so each group opens with `xarray.open_dataset(p
 
 from .atomic import atomic_path, check_output
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
-from .reading import is_hdf5, kind_of, open_record, read, read_any
+from .reading import is_hdf5, kind_of, open_record, provenance_of, read, read_any
 from .writing import created_now, sha256, write
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "is_hdf5",
     "kind_of",
     "open_record",
+    "provenance_of",
     "read",
     "read_any",
     "sha256",

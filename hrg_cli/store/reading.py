@@ -44,6 +44,12 @@ def read_any(path: Path | str) -> Record:
     return read(path, kind_of(path))
 
 
+def provenance_of(path: Path | str) -> Provenance:
+    """Where the file of `path` comes from, without reading its datasets."""
+    with _opened(Path(path)) as file:
+        return _provenance(file, Path(path))
+
+
 def is_hdf5(path: Path | str) -> bool:
     """Whether the file's first bytes are those of HDF5."""
     return bool(h5py.is_hdf5(path))
@@ -226,7 +232,10 @@ def _provenance(file: h5py.File, path: Path) -> Provenance:
     sources = []
     for entry in _json_list(file, "sources", path):
         if isinstance(entry, dict):
-            sources.append(Source(*(str(entry.get(k, "")) for k in ("name", "kind", "sha256"))))
+            samples = entry.get("samples")
+            known = tuple(map(str, samples)) if isinstance(samples, list) else ()
+            name, kind, digest = (str(entry.get(key, "")) for key in ("name", "kind", "sha256"))
+            sources.append(Source(name, kind, digest, known))
     return Provenance(
         history=tuple(history.splitlines()),
         settings=_text(file.attrs.get("settings", "")),

@@ -92,3 +92,69 @@ def test_cold_mems_gyro():
         assert abs(np.ptp(records[axis].drift_rad_s)) == pytest.approx(change, rel=0.15)
         assert summary(records[axis])["residual_rms_rad_s"]["held_out"] < 0.5 * summary(records[axis])["residual_rms_rad_s"]["before"]
     assert all("bias only" in record.status_reasons[-1] for record in records.values())
+
+
+def counted(step=150.0, rows=10):
+    """Ten dwells of a quartz-like oscillator, no repetition, read by a counter with coarse steps; no spike."""
+    degc = np.linspace(20, 65, rows)
+    truth = 3.7286e6 - 110 * (degc - 20) - 0.1 * (degc - 20) ** 2
+    return {"hz": np.round(truth / step) * step, "degc": degc}, truth
+
+
+def test_smooth_dwells_without_repetition_have_no_spikes_and_an_honest_spread():
+    """The nodes took every row: residuals of nothing, "6 of 10 rows are spikes", D = 0.0 ± 0.0 at six temperatures."""
+    table, truth = counted()
+    record = rate_table(table, output="hz", temperature="degc")
+    assert summary(record)["rejected"] == 0 and not any("spike" in reason for reason in record.status_reasons)
+    assert len(record.node) <= 7 and (np.abs(record.drift_rad_s) > 3e6).all()
+    found = np.interp(table["degc"], record.node, -record.drift_rad_s[:, 0])
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 150
+    assert (record.drift_rad_s_std > 10).all() and (record.drift_rad_s_std < 200).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_of_few_dwells_are_as_stated(seed):
+    square = []
+    for k in range(30):
+        draw = np.random.default_rng(100 * seed + k)
+        degc = np.linspace(20, 65, 12)
+        table = {"out": 1.0 + 1e-3 * (degc - 40) + 1e-4 * draw.normal(size=12), "degc": degc}
+        record = rate_table(table, output="out", temperature="degc")
+        square.append(np.mean(((-record.drift_rad_s[:, 0] - 1.0 - 1e-3 * (record.node - 40)) / record.drift_rad_s_std[:, 0]) ** 2))
+    assert 0.5 < np.sqrt(np.mean(square)) < 1.4
+
+
+def test_rows_on_the_curve_to_the_last_digit_have_no_standard_deviation():
+    degc = np.linspace(20, 65, 12)
+    record = rate_table({"out": 1.0 + 0.25 * degc, "degc": degc}, output="out", temperature="degc")
+    assert record.status == "suspect" and any("cannot be known" in reason for reason in record.status_reasons)
+    assert np.isnan(record.drift_rad_s_std).all()
+    constant = rate_table({"out": np.ones(12), "degc": degc}, output="out", temperature="degc")
+    assert constant.status == "suspect" and not (constant.drift_rad_s_std == 0).any()
+
+
+def test_a_true_spike_among_a_few_dwells_and_a_curve_that_is_wrong():
+    draw = np.random.default_rng(0)
+    degc = np.linspace(20, 65, 40)
+    out = 1.0 + 1e-3 * (degc - 40) + 1e-5 * draw.normal(size=40)
+    out[17] += 5e-3
+    record = rate_table({"out": out, "degc": degc}, output="out", temperature="degc", node_spacing_degc=20)
+    assert summary(record)["rejected"] == 1
+    bent = 1.0 + 1e-2 * np.sin((degc - 20) / 3) ** 9
+    wrong = rate_table({"out": bent + 1e-6 * draw.normal(size=40), "degc": degc}, output="out", temperature="degc", node_spacing_degc=40)
+    assert summary(wrong)["rejected"] <= 8
+
+
+def test_three_dwell_temperatures_carry_three_nodes():
+    """Nodes between the dwells would be nobody's: lstsq put nothing there."""
+    draw = np.random.default_rng(1)
+    degc = np.repeat([0.0, 20.0, 40.0], 30)
+    record = rate_table({"out": 2.0 + 1e-2 * degc + 1e-4 * draw.normal(size=90), "degc": degc}, output="out", temperature="degc")
+    assert len(record.node) <= 3 and -record.drift_rad_s[:, 0] == pytest.approx(2.0 + 1e-2 * record.node, abs=1e-3)
+
+
+def test_quartz_has_no_spike():
+    table = measured("quartz_temperature", "B100.csv")
+    record = rate_table(table, output="frequency_hz", temperature="temperature_c")
+    assert summary(record)["rejected"] == 0 and (np.abs(record.drift_rad_s) > 3e6).all()
+    assert (record.drift_rad_s_std > 20).all() and (record.drift_rad_s_std < 1000).all()

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...fitting.tables.fourier import harmonic_basis, node_weights
-from ...fitting.tables.increments import Path, covariance_bands, whiten
-from ...fitting.tables.joint import Factor, Fitted, Model, Solution, fit, predicted
-from .factors import quadrature
+from ...fitting.tables.increments import covariance_bands, whiten
+from ...fitting.tables.joint import Fitted, Solution, predicted
 
 Array = np.ndarray
 STRAY_PROBABILITY = 1e-6
@@ -59,78 +57,6 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
             }
         )
     return out
-
-
-def quadrature_left(fitted: Fitted, solution: Solution) -> str | None:
-    """The sentence for a residual that moves with the measured quadrature (seed A (11)), which no table over (T, θ) can hold."""
-    left = _explained(fitted, solution, quadrature)
-    if left is None:
-        return None
-    return (
-        f"the drift moves with the measured quadrature, which is no function of temperature and angle (it takes the angle's residual to "
-        f"{100 * left[0]:.0f} %); use --model quadrature, or a firmer quadrature loop"
-    )
-
-
-def rate_left(fitted: Fitted, model: Model) -> str | None:
-    """The sentence for a drift that moves with the rate itself, (Ω/Ω_max)² and (Ω/Ω_max)³: no table over (T, θ) can hold it.
-
-    Noise is estimated again beside them: what they explain must not count as a random walk. None too where the rates cannot tell.
-    """
-    from scipy.stats import chi2
-
-    layout = fitted.layout
-    fastest = max(float(np.abs(p.rate_rad_s).max(initial=0.0)) for p in fitted.paths)
-    means = np.array([float(np.mean(p.rate_rad_s)) for p in fitted.paths])
-    if fastest == 0 or len(np.unique(np.round(means / fastest, 2))) < 4:
-        return None
-
-    def powers(path: Path) -> Array:
-        return np.stack([(path.rate_rad_s / fastest) ** k for k in (2, 3)], axis=1)
-
-    wide = replace(layout, factors={**layout.factors, "rate": powers}, factor_columns={**layout.factor_columns, "rate": 2})
-    grown = np.concatenate([model.matrix, np.zeros((2, model.matrix.shape[1]))])
-    both = Model("rate", np.concatenate([grown, wide.of_factors("rate")], axis=1))
-    refitted = fit(fitted.paths, wide, both, fitted)
-    place = wide.factor("rate")
-    found = refitted.solution.coefficients[place]
-    covariance = refitted.solution.covariance[place, place] * max(refitted.chi2_per_dof, 1.0)
-    if np.linalg.cond(covariance) > 1e10 or chi2.sf(float(found @ np.linalg.solve(covariance, found)), 2) > STRAY_PROBABILITY:
-        return None
-    even, odd = found
-    return (
-        f"the drift moves with the rate itself, which the tables over temperature and angle do not hold (at {fastest:.3g} rad/s "
-        f"{even:.1e} rad/s in its even part, {odd:.1e} rad/s in its cube): an asymmetry or nonlinearity of the scale factor, or a "
-        f"frequency split under a soft quadrature loop"
-    )
-
-
-def _explained(fitted: Fitted, solution: Solution, columns_of: Factor) -> tuple[float, Array] | None:
-    """(rms of the angle's residual with the columns taken out, relative; their coefficients); None unless sure and large."""
-    from scipy.stats import chi2
-
-    information, vector, before, after = np.zeros((2, 2)), np.zeros(2), 0.0, 0.0
-    kept = []
-    for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
-        columns = columns_of(path) * path.interval_s[:, None]
-        residual = turn - predicted(path, fitted.layout, solution.coefficients, solution.coefficients)
-        white, _ = whiten(covariance_bands(path, noise), np.column_stack([columns, residual]))
-        information += white[:, :2].T @ white[:, :2]
-        vector += white[:, :2].T @ white[:, 2]
-        kept.append((columns, residual))
-    if not (np.diag(information) > 0).all() or np.linalg.cond(information) > 1e10:
-        return None
-    found = np.linalg.solve(information, vector)
-    if chi2.sf(float(vector @ found) / max(fitted.chi2_per_dof, 1.0), 2) > STRAY_PROBABILITY:
-        return None
-    for columns, residual in kept:
-        part = columns @ found
-        before, after = before + float(np.sum(np.cumsum(residual) ** 2)), after + float(np.sum(np.cumsum(residual - part) ** 2))
-    return None if after > LEAST_GAIN * before else (float(np.sqrt(after / before)), found)
-
-
-LEAST_GAIN = 0.7
-"""Part of the angle's residual power that a cause beside the tables must leave at most, to be spoken of."""
 
 
 def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:

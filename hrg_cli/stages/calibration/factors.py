@@ -6,20 +6,20 @@ Signs: PHYSICS §0 and §4, checked against the exact slow model in the tests. r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ...fitting.tables.fourier import node_weights
 from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import Factor, Layout, Model
-from ...records import Resonator
+from ...fitting.tables.joint import Factor
 
 Array = np.ndarray
 
 
 LEAST_FLATNESS = 0.1
 """Least 1 − r²: a nearly circular orbit has no wave angle, and no drift formula."""
+FEWEST_RATES = 4
+"""Different mean rates from which a square and a cube of the rate are told from the tables."""
 
 
 def quadrature(path: Path) -> Array:
@@ -34,18 +34,60 @@ def ellipticity(path: Path) -> Array:
     return np.asarray((2 * square / np.maximum(1 - square, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:])
 
 
-def phase(path: Path) -> Array:
-    """−2r·dφ/dt: seed A (12), coefficient 1 when dφ/dt is taken against the mean frequency; here against the run's reference."""
-    return np.asarray(-2 * path.middle(path.ratio) * 2 * np.pi * path.middle(path.frequency_hz))[:, None]
-
-
-def mean_frequency(nodes: Array, axis: str, interpolation: str) -> Factor:
-    """4πr·ψ_j(x): what the mean frequency f(T), Hz, adds to `phase` at each node."""
+def courses(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
+    """A factor whose coefficients are interpolated between the nodes: columns ψ_j(x)·factor (n, J·q), node-major."""
 
     def columns(path: Path) -> Array:
-        x = path.middle(path.temperature_degc if axis == "temperature" else path.frequency_hz) if len(nodes) > 1 else np.zeros(len(path))
-        weights = node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
-        return np.asarray(4 * np.pi * path.middle(path.ratio)[:, None] * weights)
+        own = factor(path)
+        return np.asarray((weights_of(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]).reshape(len(own), -1))
+
+    return columns
+
+
+def weights_of(path: Path, nodes: Array, axis: str, interpolation: str) -> Array:
+    """Weights ψ_j (n, J) of the nodes at the increments' temperature or frequency."""
+    if len(nodes) == 1:
+        return np.ones((len(path), 1))
+    x = path.middle(path.temperature_degc if axis == "temperature" else path.frequency_hz)
+    return node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
+
+
+def phase_ratio(path: Path) -> Array:
+    """−2r/(1 + r²) (n,): what seed A (12) multiplies dφ/dt with, exact in r (PHYSICS §4, unnumbered after (7))."""
+    ratio = path.middle(path.ratio)
+    return np.asarray(-2 * ratio / (1 + ratio**2))
+
+
+def flattening(path: Path) -> Array:
+    """−2r²/(1 + r²)·(cos 2mθ, sin 2mθ): what an ellipse takes from the damping in (12), νδμ sin χ·(1 − r²)/(1 + r²)."""
+    square = path.middle(path.ratio) ** 2
+    return np.asarray((-2 * square / (1 + square))[:, None] * path.angle_basis(1)[:, 1:])
+
+
+def reference_hz(paths: Sequence[Path]) -> float:
+    """A frequency near all runs': those of `phase` and `mean_frequency` are taken against it, so that their columns differ."""
+    return float(np.mean([np.mean(path.frequency_hz) for path in paths]))
+
+
+def phase(reference: float) -> Factor:
+    """−2r/(1 + r²)·dφ/dt: seed A (12), coefficient 1 when dφ/dt is taken against the mean frequency; here against `reference`, Hz."""
+
+    def columns(path: Path) -> Array:
+        return np.asarray(phase_ratio(path) * 2 * np.pi * (path.middle(path.frequency_hz) - reference))[:, None]
+
+    return columns
+
+
+def mean_frequency(path: Path) -> Array:
+    """4πr/(1 + r²) (n, 1): what a hertz of the mean frequency f(T) adds to `phase`."""
+    return np.asarray(-2 * np.pi * phase_ratio(path))[:, None]
+
+
+def rate_powers(fastest: float) -> Factor:
+    """((Ω/Ω_max)², (Ω/Ω_max)³): a drift that moves with the rate itself."""
+
+    def columns(path: Path) -> Array:
+        return np.stack([(path.rate_rad_s / fastest) ** k for k in (2, 3)], axis=1)
 
     return columns
 
@@ -76,13 +118,28 @@ def build(
     paths: Sequence[Path], nodes: Array, axis: str, interpolation: str, wanted: Sequence[str]
 ) -> tuple[dict[str, Factor], dict[str, int]]:
     """(factors, their widths) of the wanted names that these runs can carry."""
+    at_nodes = nodes, axis, interpolation
+    count = len(nodes)
     available: dict[str, tuple[Factor, int]] = {
         "quadrature": (quadrature, 2),
         "drive_matrix": (forced_only, 3),
         "ellipticity": (ellipticity, 2),
     }
-    if all(np.isfinite(p.frequency_hz).all() for p in paths):
-        available |= {"phase": (phase, 1), "mean_frequency": (mean_frequency(nodes, axis, interpolation), len(nodes))}
+    if any(np.any(p.ratio) for p in paths):
+        available |= {
+            "quadrature_course": (courses(quadrature, *at_nodes), 2 * count),
+            "ellipticity_course": (courses(ellipticity, *at_nodes), 2 * count),
+        }
+        if all(np.isfinite(p.frequency_hz).all() for p in paths):
+            available |= {
+                "phase": (phase(reference_hz(paths)), 1),
+                "mean_frequency": (courses(mean_frequency, *at_nodes), count),
+                "flattening_course": (courses(flattening, *at_nodes), 2 * count),
+            }
+    fastest = max(float(np.abs(p.rate_rad_s).max(initial=0.0)) for p in paths)
+    means = np.array([float(np.mean(p.rate_rad_s)) for p in paths])
+    if fastest > 0 and len(np.unique(np.round(means / fastest, 2))) >= FEWEST_RATES:
+        available["rate"] = (rate_powers(fastest), 2)
     forced = [p for p in paths if p.forced]
     for name, logs, factor, width in (
         ("quadrature_drive", [p.drive_quadrature for p in forced], quadrature_drive, 1),
@@ -92,76 +149,3 @@ def build(
             available[name] = (factor, width)
     chosen = {name: available[name] for name in wanted if name in available}
     return {name: f for name, (f, _) in chosen.items()}, {name: width for name, (_, width) in chosen.items()}
-
-
-def variant(name: str, layout: Layout, drift_limit: int, scale_limit: int, resonator: Resonator | None = None) -> Model:
-    """The models of seed A as linear models: table, parametric (10), quadrature (11), phase (12), physical."""
-    scale = layout.part("scale", scale_limit)
-    if name == "table":
-        return Model(name, np.concatenate([layout.part("drift", drift_limit), scale], axis=1))
-    anisotropy = layout.part("drift", 1, lowest=1)
-    if name == "parametric":
-        return Model(name, np.concatenate([anisotropy, scale], axis=1))
-    if name == "quadrature":
-        return Model(name, np.concatenate([anisotropy, scale, layout.of_factors("quadrature")], axis=1))
-    start = np.zeros(layout.size)
-    if name == "phase":
-        start[layout.factor("phase")] = 1.0
-        return Model(name, np.concatenate([anisotropy, scale, layout.of_factors("mean_frequency")], axis=1), start)
-    assert resonator is not None
-    for j in range(len(layout.nodes)):
-        start[layout.drift(j)][:3] = physical_drift(resonator)
-        start[layout.scale(j)][0] = resonator.get("scale_factor")
-    start[layout.factor("quadrature")] = physical_quadrature(resonator)
-    return Model(name, np.zeros((layout.size, 0)), start)
-
-
-def physical_drift(resonator: Resonator) -> Array:
-    """Constant, cos 2mθ, sin 2mθ of D = νδμ sin 2m(θ − θ_μ) (seed A (8))."""
-    split, axis = resonator.get("damping_split_1_s"), 2 * resonator.mode_number * resonator.get("damping_axis_rad")
-    return np.array([0.0, -split * np.sin(axis), split * np.cos(axis)])
-
-
-def physical_quadrature(resonator: Resonator) -> Array:
-    """Coefficients of r·(cos 2mθ, sin 2mθ) in D = −2rδω cos 2m(θ − θ_ω) (seed A (8))."""
-    split, axis = resonator.get("frequency_split_rad_s"), 2 * resonator.mode_number * resonator.get("stiffness_axis_rad")
-    return -2 * split * np.array([np.cos(axis), np.sin(axis)])
-
-
-def physical_covariance(resonator: Resonator) -> tuple[Array, Array]:
-    """Covariance of (drift constant, cos, sin, K) and of the two quadrature coefficients, from the resonator's by its Jacobian."""
-    names = [str(n) for n in resonator.name]
-    covariance = np.asarray(resonator.covariance, float)
-    two_m = 2 * resonator.mode_number
-    table, measured = np.zeros((4, len(names))), np.zeros((2, len(names)))
-    split, axis = resonator.get("damping_split_1_s"), two_m * resonator.get("damping_axis_rad")
-    table[1:3, names.index("damping_split_1_s")] = -np.sin(axis), np.cos(axis)
-    table[1:3, names.index("damping_axis_rad")] = -two_m * split * np.cos(axis), -two_m * split * np.sin(axis)
-    table[3, names.index("scale_factor")] = 1.0
-    split, axis = resonator.get("frequency_split_rad_s"), two_m * resonator.get("stiffness_axis_rad")
-    measured[:, names.index("frequency_split_rad_s")] = -2 * np.cos(axis), -2 * np.sin(axis)
-    measured[:, names.index("stiffness_axis_rad")] = 2 * two_m * split * np.sin(axis), -2 * two_m * split * np.cos(axis)
-    return table @ covariance @ table.T, measured @ covariance @ measured.T
-
-
-def measured_details(name: str, layout: Layout, coefficients: Array, covariance: Array) -> dict[str, Any] | None:
-    """What `compensate` needs to compute the measured part of the drift in operation."""
-    if name in ("quadrature", "physical"):
-        place = layout.factor("quadrature")
-        return {
-            "kind": "quadrature",
-            "coefficients": coefficients[place].tolist(),
-            "std": _std(covariance, place),
-        }
-    if name == "phase":
-        place = layout.factor("mean_frequency")
-        return {
-            "kind": "phase",
-            "mean_frequency_hz": coefficients[place].tolist(),
-            "mean_frequency_hz_std": _std(covariance, place),
-        }
-    return None
-
-
-def _std(covariance: Array, place: slice) -> list[float]:
-    return [float(v) for v in np.sqrt(np.maximum(np.diag(covariance)[place], 0))]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...fitting.tables.joint import PIECES, Fitted, Layout, Model, held_out_chi_square, roughness
-from .factors import variant
 from .programme import examine
+from .variants import variant
 
 Array = np.ndarray
 SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0, 100.0)
@@ -43,19 +43,19 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     return time_folds(fitted), "time"
 
 
-def choose_limits(fitted: Fitted, drift: int | None, scale: int | None) -> tuple[int, int, dict[str, list[float]]]:
+def choose_limits(fitted: Fitted, drift: int | None, scale: int | None, family: str = "table") -> tuple[int, int, dict[str, list[float]]]:
     """Band limits of drift and scale factor with the smallest held-out χ² over stretches of time, drift first.
 
-    The scores (above the smallest, by harmonics) are kept.
+    family: "table", or "combined": with the measured quadrature beside. The scores (above the smallest, by harmonics) are kept.
     """
     layout, folds = fitted.layout, time_folds(fitted)
     scores = {"drift": [0.0], "scale_factor": [0.0]}
     if drift is None:
-        candidates = [variant("table", layout, k, layout.scale_harmonics) for k in range(layout.drift_harmonics + 1)]
+        candidates = [variant(family, layout, k, layout.scale_harmonics) for k in range(layout.drift_harmonics + 1)]
         scores["drift"] = [held_out_chi_square(fitted.pieces, folds, model) for model in candidates]
         drift = int(np.argmin(scores["drift"]))
     if scale is None:
-        candidates = [variant("table", layout, drift, k) for k in range(layout.scale_harmonics + 1)]
+        candidates = [variant(family, layout, drift, k) for k in range(layout.scale_harmonics + 1)]
         scores["scale_factor"] = [held_out_chi_square(fitted.pieces, folds, model) for model in candidates]
         scale = int(np.argmin(scores["scale_factor"]))
     return drift, scale, {key: [s - min(row) for s in row] for key, row in scores.items()}

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...fitting.checks import CHANCE
 from ...fitting.tables.fourier import coefficients_at
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import PIECES, Fitted, Layout, Model, fit, piece_of, solve
@@ -59,6 +60,7 @@ def repeats(
     """
     label, told_by = labels(fitted.paths, programmes)
     layout = fitted.layout
+    drift_limit, scale_limit = min(drift_limit, layout.drift_harmonics), min(scale_limit, layout.scale_harmonics)
     matrix = np.concatenate([layout.part("drift", drift_limit, one_node=True), layout.part("scale", scale_limit, one_node=True)], axis=1)
     offsets, covariances, names, skipped = [], [], [], []
     for name in sorted({str(v) for v in label.ravel()} - {""}):
@@ -86,10 +88,28 @@ def repeats(
         table.append({"kind": kind, "harmonic": k, **_scatter(np.array([o[own] for o in offsets]), [c[own, own] for c in covariances])})
         table[-1]["amplitude"] = _amplitude(layout, coefficients, kind, k)
     for row in table:
+        row["name"] = harmonic_name(layout, row["kind"], row["harmonic"])
         row["repeats"] = bool(row["p_value"] * len(table) > NOT_REPEATED)
         # an offset that scatters more than the harmonic itself makes predictions worse, not better
         row["stable"] = bool(row["repeats"] or row["scatter"] ** 2 * (1 + 1 / len(names)) < row["amplitude"] ** 2)
     return {"told_by": told_by, "programmes": names, "not_enough_alone": skipped, "harmonics": table}
+
+
+def unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[str]:
+    """One sentence a harmonic that does not repeat between programmes, beyond chance, and was not dropped."""
+    if found is None:
+        return []
+    out = []
+    for row in found["harmonics"]:
+        if row["p_value"] * len(found["harmonics"]) >= CHANCE or row["name"] in dropped:
+            continue
+        unit = " rad/s" if row["kind"] == "drift" else ""
+        out.append(
+            f"the {row['name']} does not repeat between programmes (told by {found['told_by']}, p = {row['p_value']:.2g}): it scatters by "
+            f"{row['scatter']:.2g}{unit} beside its own {row['amplitude']:.2g}{unit}, which the tables' errors do not hold; "
+            f"look for what differs, or use --stable-only"
+        )
+    return out
 
 
 def _amplitude(layout: Layout, coefficients: Array, kind: str, k: int) -> float:
@@ -112,15 +132,22 @@ def _scatter(offsets: Array, covariances: Sequence[Array]) -> dict[str, float]:
     return {"p_value": float(chi2.sf(Q, freedom)), "scatter": float(np.sqrt(size * variance))}
 
 
+def harmonic_name(layout: Layout, kind: str, k: int) -> str:
+    """ "drift 8θ", "scale factor constant"."""
+    return f"{'drift' if kind == 'drift' else 'scale factor'} {f'{2 * layout.mode_number * k}θ' if k else 'constant'}"
+
+
 def without_unstable(layout: Layout, drift_limit: int, scale_limit: int, found: dict[str, Any]) -> tuple[Array, list[str]]:
     """(model matrix without the harmonics that do not repeat, their names); the constant of K always stays."""
     parts, dropped = [], []
     for row in found["harmonics"]:
         kind, k = row["kind"], row["harmonic"]
+        if k > (drift_limit if kind == "drift" else scale_limit):
+            continue
         if row["stable"] or (kind == "scale" and k == 0):
             parts.append(layout.part(kind, k, lowest=k))
         else:
-            dropped.append(f"{'drift' if kind == 'drift' else 'scale factor'} {2 * layout.mode_number * k}θ" if k else "drift constant")
+            dropped.append(row["name"])
     return np.concatenate(parts, axis=1), dropped
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.fourier import coefficients_at, evaluate, harmonic_basis, node_weights
+from ...fitting.tables.fourier import evaluate, harmonic_basis, node_weights
 from ...fitting.tables.increments import Path
 from ...records import Calibration
-from .factors import quadrature
+from .factors import ellipticity, flattening, phase_ratio, quadrature
 
 Array = np.ndarray
 
@@ -70,13 +71,50 @@ def bump(x: Array, nodes: Array) -> Array:
     return np.asarray(4 * np.abs(part * (1 - part)))
 
 
-def measured_drift(calibration: Calibration, path: Path) -> Array:
-    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise."""
+@dataclass(frozen=True)
+class Measured:
+    """Coefficients (n, …) of the part of the drift that is computed from what is seen in operation; `exact` in r, or to first order.
+
+    kind "quadrature", seed A (11): D = r/(1 − r²)·(cos, sin)·quadrature + 2r²/(1 − r²)·(cos, sin)·damping
+    kind "phase", seed A (12): D = −2r/(1 + r²)·2π(f − mean_frequency) − 2r²/(1 + r²)·(cos, sin)·damping
+    """
+
+    kind: str
+    exact: bool
+    damping: Array
+    quadrature: Array | None = None
+    mean_frequency_hz: Array | None = None
+
+
+def measured_at(calibration: Calibration, x: Array) -> Measured | None:
+    """The measured part's coefficients at temperatures or frequencies x (n,); None for a model without one.
+
+    Files written before the formulas were exact in r, or with one pair for all nodes, are applied as they were fitted.
+    """
     part: dict[str, Any] | None = json.loads(calibration.details).get("measured")
     if not part:
-        return np.zeros(len(path))
-    if part["kind"] == "quadrature":
-        return np.asarray(quadrature(path) @ np.array(part["coefficients"]))
+        return None
+    kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
+    weights = node_weights(np.asarray(x, float), np.asarray(calibration.node, float), kind)
+    damping = weights @ np.asarray(calibration.drift_harmonics)[:, 1:3]
+    if part["kind"] == "phase":
+        return Measured("phase", bool(part.get("exact")), damping, mean_frequency_hz=weights @ np.array(part["mean_frequency_hz"]))
+    coefficients = np.atleast_2d(np.array(part["coefficients"], float))
+    if len(coefficients) == 1:
+        coefficients = np.repeat(coefficients, len(calibration.node), axis=0)
+    return Measured("quadrature", bool(part.get("exact")), damping, quadrature=weights @ coefficients)
+
+
+def measured_drift(calibration: Calibration, path: Path) -> Array:
+    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise."""
     x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
-    mean = coefficients_at(x, calibration.node, np.array(part["mean_frequency_hz"])[:, None], calibration.interpolation)[:, 0]
-    return np.asarray(-2 * path.middle(path.ratio) * 2 * np.pi * (path.middle(path.frequency_hz) - mean))
+    part = measured_at(calibration, x)
+    if part is None:
+        return np.zeros(len(path))
+    if part.kind == "quadrature":
+        drift = (quadrature(path) * part.quadrature).sum(axis=1)
+        return np.asarray(drift + (ellipticity(path) * part.damping).sum(axis=1) if part.exact else drift)
+    speed = 2 * np.pi * (path.middle(path.frequency_hz) - np.asarray(part.mean_frequency_hz))
+    if not part.exact:
+        return np.asarray(-2 * path.middle(path.ratio) * speed)
+    return np.asarray(phase_ratio(path) * speed + (flattening(path) * part.damping).sum(axis=1))

@@ -1,0 +1,69 @@
+"""Which recorded samples a file goes back to: fingerprints of the channels' values, kept with every source along the chain.
+
+A recording's fingerprint is the SHA-256 of its length and of stretches of both channels spread over the whole of it, as physical values:
+the same for a copy under another name, compressed otherwise or stored again, and made without reading the file. A part cut out of it
+is known by its times, `fingerprint@from:to`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import store
+from .errors import HrgError
+from .records import Recording
+
+STRETCHES, STRETCH = 48, 1024
+"""Stretches of samples that are hashed, and their length."""
+
+
+def samples_of(path: Path, part: str = "") -> tuple[str, ...]:
+    """Fingerprints of the recorded samples behind a file; empty for a file that is not hrg's, or whose sources do not say.
+
+    part: what the command takes of a recording, as `part_of` says it.
+    """
+    try:
+        kind = store.kind_of(path).kind
+        if kind == "recording":
+            with store.open_record(path, Recording) as recording:
+                return (fingerprint(recording) + part,)
+        provenance = store.provenance_of(path)
+    except HrgError:
+        return ()  # not hrg's, or damaged: whoever reads it says so
+    known = {sample for source in provenance.sources for sample in source.samples}
+    if not known and kind in ("periods", "wave"):
+        known = {source.sha256 for source in provenance.sources if source.kind in ("recording", "periods")}
+    return tuple(sorted(known - {""}))
+
+
+def fingerprint(recording: Recording) -> str:
+    """SHA-256 of the length and of stretches of both channels' physical values."""
+    length = len(recording.c)
+    digest = hashlib.sha256(str(length).encode())
+    starts = np.unique(np.linspace(0, max(length - STRETCH, 0), STRETCHES).astype(int))
+    for start in starts:
+        for channel in recording.physical(int(start), min(int(start) + STRETCH, length)):
+            digest.update(np.ascontiguousarray(channel, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def part_of(settings: Mapping[str, Any]) -> str:
+    """The part of a recording that a command's settings take, "@from:to" in seconds; empty for all of it."""
+    first, last = settings.get("from_s"), settings.get("to_s")
+    return "" if first is None and last is None else f"@{'' if first is None else float(first)}:{'' if last is None else float(last)}"
+
+
+def overlap(one: str, other: str) -> bool:
+    """Whether two parts "from:to" of the same samples share some; "" is all of them."""
+    (a, b), (c, d) = _ends(one), _ends(other)
+    return a < d and c < b
+
+
+def _ends(part: str) -> tuple[float, float]:
+    first, _, last = part.partition(":")
+    return (float(first) if first else -np.inf), (float(last) if last else np.inf)
