@@ -8,6 +8,7 @@ A *stream* is an iterator of records of one kind: its rows are appended, its oth
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar
@@ -38,6 +39,8 @@ class Column:
     name: str | None
     dtype: str
     optional: bool
+    packed: bool = True
+    """Compressed where that saves space; not where it would cost more than all the work on the values."""
 
 
 def column(
@@ -49,9 +52,10 @@ def column(
     name: str | None = None,
     dtype: str = "f8",
     optional: bool = False,
+    packed: bool = True,
 ) -> Any:
     """Declare a dataset; `units` is its canonical unit ("any" for the channel's own), `dims` the names of its dimensions."""
-    spec = Column(units, meaning, dims, group, name, dtype, optional)
+    spec = Column(units, meaning, dims, group, name, dtype, optional, packed)
     return field(default=None, metadata={"column": spec}) if optional else field(metadata={"column": spec})
 
 
@@ -98,6 +102,7 @@ class Record:
     provenance: Provenance = field(default_factory=Provenance)
 
     @classmethod
+    @functools.cache
     def columns(cls) -> dict[str, Column]:
         """Field name -> its declaration, in order."""
         return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
@@ -151,6 +156,26 @@ def collect(stream: R | Iterable[R]) -> R:
     return dataclasses.replace(last, **joined)
 
 
+class Slice:
+    """Rows start:stop of an array or of a dataset on disk, read when sliced (by slices without a step)."""
+
+    def __init__(self, values: Any, start: int, stop: int) -> None:
+        self._values, self._start, self._stop = values, start, stop
+        self.dtype = values.dtype
+
+    def __len__(self) -> int:
+        return self._stop - self._start
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """As an array's."""
+        return (len(self),)
+
+    def __getitem__(self, rows: slice) -> Array:
+        first, last, _ = rows.indices(len(self))
+        return np.asarray(self._values[self._start + first : self._start + max(first, last)])
+
+
 @dataclass(frozen=True, kw_only=True)
 class Recording(Record):
     """Samples of the two channels; evenly sampled (`sample_rate_hz`, first sample at t = 0) or at `time_s`.
@@ -179,6 +204,8 @@ class Recording(Record):
     s_scale_factor: float = attribute("unit of channel S a raw count", default=1.0, dtype="f8", group="/recording/s", name="scale_factor")
     c_add_offset: float = attribute("value of channel C at raw 0", default=0.0, dtype="f8", group="/recording/c", name="add_offset")
     s_add_offset: float = attribute("value of channel S at raw 0", default=0.0, dtype="f8", group="/recording/s", name="add_offset")
+    least_count: float | None = attribute("smallest step of the recorded values of both channels, in their unit", default=None, dtype="f8")
+    details: str = attribute("JSON: what import took of the log: columns, units, rate, gaps, rows left out", default="{}")
     auxiliary_time_s: Array | None = column("s", "time of the log", ("auxiliary_row",), group="/auxiliary", name="time_s", optional=True)
     temperature_degc: Array | None = column("degC", "temperature log", ("auxiliary_row",), group="/auxiliary", optional=True)
     rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis", ("auxiliary_row",), group="/auxiliary", optional=True)
@@ -201,13 +228,26 @@ class Recording(Record):
     truth_phase_rad: Array | None = column("rad", "true phase", ("truth_row",), group="/truth", name="phase_rad", optional=True)
     truth_settings: str = attribute("the simulation's settings as TOML", default="", group="/truth", name="settings")
 
+    first_sample: int = 0
+    """Samples before the first one, where this is a part of an evenly sampled recording; no file holds it."""
+
     def times(self, start: int = 0, stop: int | None = None) -> Array:
-        """Sample times [s] of rows start:stop."""
+        """Sample times [s] of rows start:stop, from the whole recording's first sample on."""
         stop = len(self.c) if stop is None else min(stop, len(self.c))
         if self.time_s is not None:
             return np.asarray(self.time_s[start:stop])
         assert self.sample_rate_hz is not None
-        return np.arange(start, stop) / self.sample_rate_hz
+        return np.arange(self.first_sample + start, self.first_sample + stop) / self.sample_rate_hz
+
+    def part(self, start: int, stop: int) -> Recording:
+        """Samples start:stop, left where they are until they are sliced; times, logs and truth stay those of the whole recording."""
+        return dataclasses.replace(
+            self,
+            c=Slice(self.c, start, stop),  # type: ignore[arg-type]
+            s=Slice(self.s, start, stop),  # type: ignore[arg-type]
+            time_s=None if self.time_s is None else Slice(self.time_s, start, stop),  # type: ignore[arg-type]
+            first_sample=self.first_sample + start,
+        )
 
     def physical(self, start: int = 0, stop: int | None = None) -> tuple[Array, Array]:
         """Both channels of rows start:stop in their units, as floats."""
@@ -220,7 +260,7 @@ class Recording(Record):
 class Windowed(Record):
     """What a row of every window carries, and the run it belongs to: common to `Periods` and `Wave`."""
 
-    time_s: Array = column("s", "centre of the window")
+    time_s: Array = column("s", "centre of the window", packed=False)
     flags: Array = column("1", "bits: 1 clipped, 2 gap, 4 not finite, 8 settling", dtype="u1")
     temperature_degc: Array | None = column("degC", "temperature at the window", optional=True)
     rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis at the window", optional=True)
@@ -235,6 +275,12 @@ class Windowed(Record):
     run_id: str = attribute("the run", default="")
     lot_id: str = attribute("the lot", default="")
     start_time: str = attribute("ISO 8601 time of t = 0", default="")
+    least_count: float | None = attribute("smallest step of the samples' values, unit of the signals", default=None, dtype="f8")
+    quantisation_share: float | None = attribute(
+        "part of the samples' residual variance that rounding to the least count makes: its square/12 over the residual's",
+        default=None,
+        dtype="f8",
+    )
     spectrum_frequency_hz: Array | None = column(
         "Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True
     )
@@ -269,11 +315,12 @@ class Periods(Windowed):
     kind: ClassVar[str] = "periods"
     made_by: ClassVar[str] = "hrg demodulate"
     signals: Array = column("any", "signal coefficients", ("row", "signal"))
-    signals_std: Array = column("any", "their standard deviations", ("row", "signal"))
+    signals_std: Array = column("any", "their standard deviations", ("row", "signal"), packed=False)
     residual_rms: Array = column("any", "rms of what the fit leaves, channel C and S", ("row", "channel"))
     periods_per_window: float = attribute("oscillation periods a window", dtype="f8")
     carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8")
     units: str = attribute("unit of the signals", default="1", name="signal_units")
+    details: str = attribute("JSON: what import --envelope took of the log, and the noise it found", default="{}")
 
 
 @dataclass(frozen=True, kw_only=True)

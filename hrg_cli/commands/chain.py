@@ -50,18 +50,46 @@ def import_(
     run_id: Annotated[str | None, typer.Option(help="The run; the file's name by default.", show_default=False)] = None,
     lot_id: Annotated[str | None, typer.Option(help="The lot.", show_default=False)] = None,
     format: Annotated[str | None, typer.Option(help="Name of the format, where its content is not to decide.", show_default=False)] = None,
+    from_s: Annotated[float | None, typer.Option(help="Take the log from this time on; it becomes t = 0.", show_default=False)] = None,
+    to_s: Annotated[float | None, typer.Option(help="Take the log up to this time.", show_default=False)] = None,
+    envelope: Annotated[
+        bool, typer.Option("--envelope", help="The log holds demodulated signals (lock-in, FPGA, spectrum analyser): write periods.")
+    ] = False,
+    c_in_phase: Annotated[str | None, typer.Option(help="Envelope: column of C's in-phase signal.", show_default=False)] = None,
+    c_quadrature: Annotated[str | None, typer.Option(help="Envelope: column of C's quadrature signal.", show_default=False)] = None,
+    s_in_phase: Annotated[str | None, typer.Option(help="Envelope: column of S's in-phase signal.", show_default=False)] = None,
+    s_quadrature: Annotated[str | None, typer.Option(help="Envelope: column of S's quadrature signal.", show_default=False)] = None,
+    amplitude: Annotated[str | None, typer.Option(help="Envelope: column of one channel's amplitude.", show_default=False)] = None,
+    phase: Annotated[str | None, typer.Option(help="Envelope: column of its phase.", show_default=False)] = None,
+    phase_units: Annotated[str | None, typer.Option(help="Envelope: deg, rad or turns.", show_default=False)] = None,
+    decibel: Annotated[bool | None, typer.Option("--decibel", help="Envelope: the amplitude is a level in dB.", show_default=False)] = None,
+    reference_frequency_hz: Annotated[
+        float | None, typer.Option(help="Envelope: frequency of the demodulator's reference.", show_default=False)
+    ] = None,
+    rows_per_window: Annotated[
+        int | None, typer.Option(help="Envelope: rows averaged to a window; by their correlation by default.", show_default=False)
+    ] = None,
 ) -> None:
     """A laboratory's log (CSV, WAV, FLAC, MATLAB, TDMS, Parquet, LabOne; - for standard input) to a recording.
 
+    With --envelope, a log of demodulated signals (I and Q of one or two channels, amplitude and phase, or amplitude alone) to periods.
+
     --show-config prints the mapping as TOML; kept as a file it serves a whole lot through --config.
     """
-    from .importing import import_file
+    from .importing import import_file, show
 
-    flags = {key: value for key, value in locals().items() if key not in ("run", "log", "time_column", "import_file")}
-    for key in ("c", "s", "temperature", "rate", "auxiliary_time"):
+    flags = {key: value for key, value in locals().items() if key not in _NO_SETTINGS}
+    for key in _COLUMNS:
         flags[key] = _column(flags[key])
-    report = import_file(log, run, {**flags, "time": _column(time_column)})
-    run.finish(report)
+    report = import_file(log, run, {**flags, "time": _column(time_column)}, envelope)
+    run.finish(report, lambda: show(report))
+
+
+_NO_SETTINGS = ("run", "log", "time_column", "import_file", "show", "envelope")
+_COLUMNS = (
+    *("c", "s", "temperature", "rate", "auxiliary_time"),
+    *("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature", "amplitude", "phase"),
+)
 
 
 def _column(name: str | None) -> str | int | None:
@@ -100,6 +128,10 @@ def demodulate(
     nominal_frequency_hz: Annotated[
         float | None, typer.Option(help="Look for the oscillation near this frequency.", show_default=False)
     ] = None,
+    from_s: Annotated[
+        float | None, typer.Option(help="Begin at this time of the recording; rows keep its times.", show_default=False)
+    ] = None,
+    to_s: Annotated[float | None, typer.Option(help="End at this time of the recording.", show_default=False)] = None,
 ) -> None:
     """Samples to signals a window: least squares at the oscillation frequency, which is found and followed."""
     run_stage_on_files(
@@ -108,6 +140,8 @@ def demodulate(
         [recording] if recording else [],
         periods_per_window=periods_per_window,
         nominal_frequency_hz=nominal_frequency_hz,
+        from_s=from_s,
+        to_s=to_s,
     )
 
 

@@ -26,6 +26,7 @@ RATE = {
     1e-3: ("mrad/s",),
     1e-3 * DEGREE: ("mdps", "mdeg/s"),
 }
+PHASE = {1.0: ("rad", "radian", "radians"), DEGREE: ("deg", "°", "degree", "degrees"), 2 * math.pi: ("turns", "turn", "cycles", "rev")}
 TEMPERATURE = {
     (1.0, 0.0): ("degc", "°c", "c", "celsius", "deg_c", "deg c"),
     (1.0, -273.15): ("k", "kelvin", "degk"),
@@ -64,13 +65,22 @@ CHANNEL = (
     "%",
     "1",
 )
-_KNOWN = {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(CHANNEL)
-_SUFFIX = re.compile(r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv)$", re.IGNORECASE)
+LEVELS = ("db", "dbm", "dbv", "dbmv", "dbuv", "dbµv", "dbu", "dbfs", "dbc", "dbw", "dbvrms", "dbrel")
+"""Units that are logarithms: 20 dB a decade of amplitude."""
+_KNOWN = (
+    set(LEVELS) | {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(CHANNEL)
+)
+_SUFFIX = re.compile(r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv|db|dbm|dbv|dbfs)$", re.IGNORECASE)
 
 
 def is_unit(text: str) -> bool:
     """Whether a cell of a units row is a unit we know, bare or in brackets."""
     return text.strip().strip("()[]").strip().lower() in _KNOWN
+
+
+def is_level(unit: str) -> bool:
+    """Whether a unit is a logarithm of an amplitude or a power."""
+    return unit.strip().lower() in LEVELS
 
 
 def is_time(unit: str) -> bool:
@@ -109,6 +119,11 @@ def channel_unit(unit: str) -> str:
 def time_factor(unit: str) -> float:
     """Seconds a unit of time."""
     return float(_look_up(TIME, unit, "time_units"))
+
+
+def phase_factor(unit: str) -> float:
+    """rad a unit of phase."""
+    return float(_look_up(PHASE, unit, "phase_units"))
 
 
 def rate_factor(unit: str) -> float:

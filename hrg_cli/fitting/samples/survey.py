@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import HrgError
 from ...records import Recording
 from . import frequency as finding
+from .least_count import counted, least_count
 from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray
@@ -24,6 +25,9 @@ LONGEST_SPAN = 20.0
 
 LINE_LEAST = 1e-8
 """Lines below this part of the oscillation are the arithmetic's rounding."""
+
+STEP_LOOKS = 4
+"""Looks, about, whose values show the converter's step."""
 
 NOMINAL_BAND = 0.1
 """A nominal frequency narrows the search to this part of it on either side."""
@@ -45,8 +49,9 @@ class Survey:
     """What the looks show.
 
     `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples
-    are stuck; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`:
-    where the oscillation itself was taken out of the spectrum; reasons to suspect or refuse.
+    are stuck; `least_count` (a channel, its unit, 0: none): the values' step; `strength2`: the stronger channel's variance;
+    `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`: where the oscillation itself was taken out of the
+    spectrum; reasons to suspect or refuse.
     """
 
     reference_hz: float
@@ -66,6 +71,7 @@ class Survey:
     line_ratio: Array
     suspect: tuple[str, ...]
     refused: tuple[str, ...]
+    least_count: tuple[float, float] = (0.0, 0.0)
 
     def frequency_hz(self, time_s: float) -> float:
         """Local frequency, interpolated between the looks."""
@@ -147,7 +153,18 @@ def survey(recording: Recording, name: str) -> Survey:
         line_ratio,
         suspect,
         refused,
+        _least_counts(recording, looks),
     )
+
+
+def _least_counts(recording: Recording, looks: list[Look]) -> tuple[float, float]:
+    """Step of each channel's values in their unit, 0 where they are a continuum: as the recording says, or as its values show."""
+    if recording.least_count:
+        return recording.least_count, recording.least_count
+    scales = (recording.c_scale_factor, recording.s_scale_factor)
+    some = looks[:: max(1, len(looks) // STEP_LOOKS)]
+    c, s = (abs(scales[k]) * least_count(look.raw[k] for look in some) for k in range(2))
+    return c, s
 
 
 def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
@@ -156,7 +173,7 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     if n < 6:
         raise HrgError(f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record longer")
     looks, patched, stretches = [], [], []
-    for a in np.unique(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)):
+    for a in dict.fromkeys(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int).tolist()):
         raw = (np.asarray(recording.c[a : a + length]), np.asarray(recording.s[a : a + length]))
         y = np.stack(
             [raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset]
@@ -309,7 +326,7 @@ def _stuck_at_top(values: Array) -> bool:
     values = values[np.isfinite(values)]
     if len(values) < 8 or np.count_nonzero(values == values.max()) < 5:
         return False
-    distinct, counts = np.unique(values, return_counts=True)
+    distinct, counts = counted(values)
     if len(distinct) < 8:
         return False
     amplitude = max(1.0, float(np.ptp(distinct)) / 2 / max(float(np.diff(distinct).min()), 1e-300))
