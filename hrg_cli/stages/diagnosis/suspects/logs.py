@@ -1,0 +1,102 @@
+"""What the logs show on their own, without any misfit: units and signs that every run shares, kelvin among °C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import Fit
+from ....fitting.envelopes.base_fit import nominal_scale_factor
+from ....records import Wave
+from .suspicion import Suspicion
+
+SURE = 5.0
+"""σ from which K is known; σ of a misfit counts."""
+UNITS = ((180 / np.pi, "°/s", "rad/s logged as °/s"), (180 / np.pi * 3600, "°/h", "rad/s logged as °/h"))
+RANGE = 2.5
+"""Times above and below its usual value that a scale factor may be."""
+KELVIN_DEGC = 150.0
+"""Temperature that no gyro has in °C and every gyro has in K."""
+SETTLED = 1e-3
+"""Relative distance of two frequencies that a difference of 273 °C would exceed."""
+
+
+def wrong_logs(waves: Sequence[Wave], fit: Fit) -> list[Suspicion]:
+    """Findings that need no misfit."""
+    return [*_rates(fit), *_temperatures(waves, fit)]
+
+
+def usual_scale_factor(fit: Fit) -> bool:
+    """Whether K is what a resonator of that mode has, or unknown."""
+    if "p5" not in fit.names:
+        return True
+    K, std, usual = float(fit.point.p[5]), fit.std("p5"), nominal_scale_factor(fit.series.mode_number)
+    return usual / RANGE - SURE * std < K < usual * RANGE + SURE * std
+
+
+def _rates(fit: Fit) -> list[Suspicion]:
+    """K far from what any resonator of that mode has, by the factor of a unit, or of the other sign."""
+    if "p5" not in fit.names:
+        return []
+    K, std = float(fit.point.p[5]), fit.std("p5") * float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
+    usual = nominal_scale_factor(fit.series.mode_number)
+    if not abs(K) > SURE * std:
+        return []
+    for factor, unit, _ in UNITS:
+        if usual / RANGE < abs(K) * factor < usual * RANGE:
+            return [
+                Suspicion(
+                    "all runs",
+                    f"rate log in {unit}",
+                    f"the scale factor comes out as {K:.4g} ± {std:.2g}, {usual:g} is usual and {abs(K) * factor:.4g} what it is with the log in {unit}",
+                    f"import the rate logs with their unit, {unit}",
+                )
+            ]
+    if K < 0 and -K < usual * RANGE and -K > usual / RANGE and _several_rates(fit):
+        return [
+            Suspicion(
+                "all runs",
+                "rate log of wrong sign",
+                f"the scale factor comes out as {K:.4g} ± {std:.2g} over rates from {_rates_of(fit).min():.3g} to {_rates_of(fit).max():.3g} rad/s",
+                "turn the sign of the rate logs, or exchange the channels, where they are swapped in every run",
+            )
+        ]
+    return []
+
+
+def _rates_of(fit: Fit) -> np.ndarray:
+    return fit.series.rate_rad_s[fit.series.weight > 0]
+
+
+def _several_rates(fit: Fit) -> bool:
+    """Whether the rates differ so that a constant drift does not stand for K."""
+    rates = _rates_of(fit)
+    return bool(np.ptp(rates) > 0.5 * np.abs(rates).max() > 0)
+
+
+def _temperatures(waves: Sequence[Wave], fit: Fit) -> list[Suspicion]:
+    """Kelvin beside °C, where the frequencies say that the runs were as warm."""
+    levels = [float(np.nanmean(w.temperature_degc)) if w.temperature_degc is not None and np.isfinite(w.temperature_degc).any() else None for w in waves]
+    there = [k for k, level in enumerate(levels) if level is not None]
+    in_kelvin = [k for k in there if (levels[k] or 0.0) > KELVIN_DEGC]
+    out = []
+    for k in in_kelvin:
+        others = [j for j in there if j not in in_kelvin]
+        level = levels[k]
+        assert level is not None
+        evidence = f"{level:.4g} is logged"
+        if others:
+            hz = float(np.median([_frequency(waves[j]) for j in others]))
+            own = _frequency(waves[k])
+            if abs(own / hz - 1) > SETTLED:
+                continue
+            evidence += f", {min(levels[j] or 0.0 for j in others):.4g} to {max(levels[j] or 0.0 for j in others):.4g} °C in the other runs, and it oscillates as they do ({own:.6g} and {hz:.6g} Hz)"
+        out.append(Suspicion(waves[k].run_id, "thermometer in K", evidence, "import this run's temperature with its unit, K"))
+    return out
+
+
+def _frequency(wave: Wave) -> float:
+    good = wave.good()
+    t, phase = np.asarray(wave.time_s, float)[good], np.asarray(wave.phase_rad, float)[good]
+    return float(wave.reference_frequency_hz + np.median(np.diff(phase) / np.diff(t)) / (2 * np.pi))
