@@ -208,9 +208,14 @@ def _least(made: Callable[[float], Wave], others: Fit, reach: float, finest: flo
     return best
 
 
+def own_damping(wave: Wave, others: Fit) -> tuple[float, float] | None:
+    """The damping rate that this run alone shows beside the others' splits and scale factor, and its σ."""
+    return _own(wave, others, DAMPING)
+
+
 def of_the_damping(wave: Wave, others: Fit) -> Iterator[Reading]:
     """Another damping and nothing else: the vacuum."""
-    seen = _own(wave, others, DAMPING)
+    seen = own_damping(wave, others)
     common = float(others.point.p[DAMPING])
     if seen is None or not np.isfinite(seen[0]):
         return

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
+from ....records import Wave
 from ..search import Variant, adopted, scored
 
 MOST = 2
 """Causes at once that may stand against one wrong run."""
+THERMAL = ("thermal_frequency", "thermal_damping")
+MATTERS = 0.7
+"""Part of χ² that a temperature dependence may leave for the thermometers to be looked at."""
 WORTHWHILE = 0.3
 """Part of χ² that a cause's score must promise to be refitted."""
 TRIED = 4
 """Best scores that are refitted."""
 
 
-def catalogued(base: Fit, candidates: Sequence[Variant], target: float) -> bool:
-    """Whether one or two causes reach a χ² a degree of freedom of `target`."""
+def catalogued(base: Fit, candidates: Sequence[Variant], target: float, most: int = MOST) -> bool:
+    """Whether so many causes at most reach a χ² a degree of freedom of `target`."""
     fit = base
-    for _ in range(MOST):
+    for _ in range(most):
         fits = []
         strong = [pair for pair in scored(fit, candidates) if pair[0].visible and pair[0].gain > WORTHWHILE * fit.chi2]
         for score, variant in strong[:TRIED]:
@@ -35,3 +39,26 @@ def catalogued(base: Fit, candidates: Sequence[Variant], target: float) -> bool:
             return False
         fit = best
     return False
+
+
+def warmed(fitted: Callable[[Sequence[Wave]], Fit], candidates: Sequence[Variant], base: Fit) -> Callable[[Sequence[Wave]], Fit] | None:
+    """The fit with frequency and damping that follow the temperature; None where that does not lower χ² of the runs much."""
+    thermal = [variant for variant in candidates if variant.effect.name in THERMAL]
+    if not thermal or not base.series.has_temperature:
+        return None
+
+    def fit(waves: Sequence[Wave]) -> Fit:
+        plain = fitted(waves)
+        point = plain.point
+        for variant in thermal:
+            point = extended_fit.with_effect(point, variant.effect, variant.values)
+        return extended_fit.fit(plain.series, point, plain.freedom)
+
+    with contextlib.suppress(extended_fit.DivergedError):
+        series = base.series
+        point = base.point
+        for variant in thermal:
+            point = extended_fit.with_effect(point, variant.effect, variant.values)
+        if extended_fit.fit(series, point, base.freedom).chi2 < MATTERS * base.chi2:
+            return fit
+    return None

@@ -14,9 +14,10 @@ from ....fitting.causes.extended_fit import Fit
 from ....records import Array, Wave
 from ..search import Variant
 from .logs import usual_scale_factor, wrong_logs
-from .readings import Reading, of_a_knock, readings
-from .rivals import catalogued
+from .readings import Maker, Reading, of_a_knock, of_the_thermometer, own_damping, readings
+from .rivals import catalogued, warmed
 from .suspicion import Suspicion
+from .transformations import damped
 
 Fitted = Callable[[Sequence[Wave]], Fit]
 
@@ -36,6 +37,8 @@ CLEAR = 3.0
 """Times χ² a degree of freedom of the best runs without one, up to which leaving out another is as good."""
 DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
+LEAK_ROUNDS = 3
+"""Dampings of the runs and the rest of the model, in turn."""
 MOST_LEFT_OUT = 10
 """Runs left out one by one; of more, those that the base model misses most."""
 
@@ -74,67 +77,131 @@ def suspect_runs(
 
     waves: as given, one a run; fitted: the base model's fit to waves; base: that of these; candidates: the catalogue beside `base`.
     """
-    if base.chi2 / base.dof < gross:
+    level = base.chi2 / base.dof
+    if level < gross or catalogued(base, candidates, RIVAL, most=1):
         return wrong_logs(waves, base)
-    cases, last = _greedy(waves, fitted, base)
-    if last is None:
+    warm = warmed(fitted, candidates, base)
+    found = (
+        _wrong_runs(waves, fitted, base, readings)
+        or _leaking(waves, fitted, base)
+        or (_wrong_runs(waves, warm, warm(waves), of_the_thermometer) if warm is not None else None)
+    )
+    if found is None or catalogued(base, candidates, RIVAL * max(1.0, found.chi2_per_dof)):
         return wrong_logs(waves, base)
-    excess, left = base.chi2 / base.dof - 1, last.chi2 / last.dof - 1
-    if left > (1 - REMOVED) * excess or (candidates and catalogued(base, candidates, RIVAL * max(1.0, last.chi2 / last.dof))):
-        return wrong_logs(waves, base)
-    return [*wrong_logs(waves, last.fit), *(_told(waves, case, beside, before) for case, beside, before in cases)]
+    return [*wrong_logs(waves, found.fit), *found.suspicions]
 
 
-Chosen = tuple[Case, tuple[Case, ...], float]
-"""A case, those that explain as much, χ² a degree of freedom before it."""
+@dataclass(frozen=True)
+class Found:
+    """What explains the runs: the suspicions, and the fit once they are undone."""
+
+    suspicions: tuple[Suspicion, ...]
+    fit: Fit
+    chi2_per_dof: float
 
 
-def _greedy(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> tuple[list[Chosen], Case | None]:
-    """Cases taken one after another, fewer than half of the runs, and the last."""
-    chosen: list[Chosen] = []
-    pieces: list[tuple[Wave, ...]] = [(wave,) for wave in waves]
-    level, open_runs = base, list(range(len(waves)))
-    most = max(1, (len(waves) - 1) // 2)
-    chi2, dof = base.chi2, base.dof
+def _wrong_runs(waves: Sequence[Wave], fitted: Fitted, level: Fit, makers: Maker) -> Found | None:
+    """Fewer than half of the runs without which the others agree, and the mistake of each; None where there are none such."""
+    before = level.chi2 / level.dof
+    if before < GROSS:
+        return None
+    wrong, without = _culprits(waves, fitted, level)
+    if not wrong:
+        return None
+    pieces: list[tuple[Wave, ...]] = [() if k in wrong else (wave,) for k, wave in enumerate(waves)]
     last: Case | None = None
-    while len(chosen) < most and chi2 / dof > 2.0:
-        cases = list(_cases(pieces, open_runs, fitted, level))
+    chosen = []
+    for number, run in enumerate(wrong):
+        if number + 1 == len(wrong) == 1:
+            cases = [case for k, others in without for case in _cases(_omitting(waves, k), waves[k], k, others, fitted, makers)]
+        else:
+            others = _fit(_flat(pieces), fitted)
+            cases = [] if others is None else _cases(pieces, waves[run], run, others, fitted, makers)
         if not cases:
-            break
-        least = min(case.chi2 / case.dof for case in cases)
-        noise = max(1.0, least)
+            return None
+        noise = max(1.0, min(case.chi2 / case.dof for case in cases))
         ranked = sorted(cases, key=lambda case: case.price(noise) + PRICE * case.reading.parameters)
-        best = ranked[0]
-        if best.chi2 / best.dof > chi2 / dof / STEP:
-            break
-        beside = tuple(c for c in ranked[1:] if c.price(noise) < best.price(noise) + PRICE)
-        chosen.append((best, beside, chi2 / dof))
-        chi2, dof, last = best.chi2, best.dof, best
-        pieces[best.run] = best.reading.pieces
-        open_runs.remove(best.run)
-        if chi2 / dof > 2.0 and len(chosen) < most:
-            again = _fit(_flat(pieces), fitted)
-            if again is None:
-                break
-            level = again
-    return chosen, last
+        last = ranked[0]
+        chosen.append((last, tuple(c for c in ranked[1:] if c.price(noise) < last.price(noise) + PRICE)))
+        if last.apart is None:
+            pieces[last.run] = last.reading.pieces
+    if last is None or last.chi2 / last.dof - 1 > (1 - REMOVED) * (before - 1):
+        return None
+    told = tuple(_told(waves, case, beside, before) for case, beside in chosen)
+    return Found(told, last.fit, last.chi2 / last.dof)
 
 
-def _cases(pieces: Sequence[tuple[Wave, ...]], open_runs: Sequence[int], fitted: Fitted, level: Fit) -> Iterator[Case]:
-    """Every mistake of the runs that are doubted most."""
-    if sum(map(len, pieces)) == 1:
-        yield from _read(pieces, 0, of_a_knock(pieces[0][0]), fitted)
-        return
-    without = _without_each(pieces, open_runs, fitted, level)
-    clear = CLEAR * max(1.0, min((fit.chi2 / fit.dof for _, fit in without), default=1.0))
-    for run, others in [pair for pair in without if pair[1].chi2 / pair[1].dof < clear][:DOUBTED]:
-        wave = pieces[run][0]
-        yield from _read(pieces, run, readings(wave, others), fitted)
-        alone = _fit([wave], fitted)
-        if alone is not None:
-            figures = f"alone it shows {_figures(alone)}, the others {_figures(others)}: with all of that its own"
-            apart = Reading("another gyro", (wave,), 6, figures, "diagnose this run apart; look whose it is")
-            yield Case(run, apart, others, alone)
+def _culprits(waves: Sequence[Wave], fitted: Fitted, level: Fit) -> tuple[list[int], list[tuple[int, Fit]]]:
+    """Runs left out one after another until the others agree, and the fits without each run that is doubted as much as the first."""
+    if len(waves) == 1:
+        return [0], [(0, level)]
+    before, left_out = level.chi2 / level.dof, list[int]()
+    doubted: list[tuple[int, Fit]] = []
+    while len(left_out) < max(1, (len(waves) - 1) // 2):
+        without = _without_each(waves, left_out, fitted, level)
+        if not without:
+            return [], []
+        best = without[0][1].chi2 / without[0][1].dof
+        if not left_out:
+            doubted = [pair for pair in without if pair[1].chi2 / pair[1].dof < CLEAR * max(1.0, best)][:DOUBTED]
+        if best > level.chi2 / level.dof / STEP:
+            return [], []
+        left_out.append(without[0][0])
+        level = without[0][1]
+        if best - 1 < (1 - REMOVED) * (before - 1) and (best < CLEAR or best - 1 < (1 - REMOVED) ** 2 * (before - 1)):
+            return left_out, doubted
+    return [], []
+
+
+def _cases(
+    pieces: Sequence[tuple[Wave, ...]], wave: Wave, run: int, others: Fit, fitted: Fitted, makers: Maker
+) -> list[Case]:
+    """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
+    alone = len(_flat(pieces)) == 0
+    out = list(_read(pieces, run, of_a_knock(wave) if alone else makers(wave, others), fitted))
+    apart = None if alone else _fit([wave], fitted)
+    if apart is not None:
+        own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
+        figures = f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that its own"
+        what = "another gyro" if own else "unlike the others"
+        todo = "diagnose this run apart; look whose it is" if own else "look at its samples, or leave the run out"
+        out.append(Case(run, Reading(what, (wave,), 6, figures, todo), others, apart))
+    return out
+
+
+def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
+    """Dampings that differ from run to run and nothing else: gas. The runs with more damping than those of the least are named."""
+    if len(waves) < 3 or any(wave.mode != "free" for wave in waves):
+        return None
+    fit, undone, less = base, list(waves), np.zeros(len(waves))
+    for _ in range(LEAK_ROUNDS):
+        dampings = [own_damping(wave, fit) for wave in undone]
+        if any(one is None for one in dampings):
+            return None
+        less += np.array([one[0] - float(fit.point.p[0]) for one in dampings if one is not None])
+        undone = [damped(wave, d) for wave, d in zip(waves, less, strict=True)]
+        again = _fit(undone, fitted)
+        if again is None or again.chi2 > fit.chi2:
+            return None
+        fit = again
+    before, after = base.chi2 / base.dof, fit.chi2 / fit.dof
+    order = np.argsort(less)
+    gaps = np.diff(less[order])
+    high = order[int(np.argmax(gaps)) + 1 :]
+    if after - 1 > (1 - REMOVED) * (before - 1) or gaps.max() < 0.5 * np.ptp(less):
+        return None
+    common = float(fit.point.p[0]) + float(less[order[0]])
+    told = tuple(
+        Suspicion(
+            waves[k].run_id,
+            "loss of pressure",
+            f"its damping is {float(fit.point.p[0] + less[k]):.5g} 1/s, the least of the runs {common:.5g}: with a damping of its own in every "
+            f"run χ² a degree of freedom falls from {before:.3g} to {after:.3g}",
+            "check the vacuum between the runs: gas damping; calibrate these runs apart",
+        )
+        for k in sorted(high)
+    )
+    return Found(told, fit, after)
 
 
 def _read(pieces: Sequence[tuple[Wave, ...]], run: int, made: Iterator[Reading], fitted: Fitted) -> Iterator[Case]:
@@ -144,24 +211,26 @@ def _read(pieces: Sequence[tuple[Wave, ...]], run: int, made: Iterator[Reading],
             yield Case(run, reading, fit)
 
 
-def _without_each(pieces: Sequence[tuple[Wave, ...]], open_runs: Sequence[int], fitted: Fitted, level: Fit) -> list[tuple[int, Fit]]:
-    """The fits without each of the runs, that which leaves the others agreeing best first."""
-    missed = _misfits(level, [len(p) for p in pieces])
+def _without_each(waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: Fit) -> list[tuple[int, Fit]]:
+    """The fits without each of the runs beside those left out already, that which leaves the others agreeing best first."""
+    there = [k for k in range(len(waves)) if k not in left_out]
+    missed = dict(zip(there, _misfits(level), strict=True))
     out = []
-    for run in sorted(open_runs, key=lambda k: -missed[k])[:MOST_LEFT_OUT]:
-        fit = _fit(_flat([*pieces[:run], *pieces[run + 1 :]]), fitted)
+    for run in sorted(there, key=lambda k: -missed[k])[:MOST_LEFT_OUT]:
+        fit = _fit([waves[k] for k in there if k != run], fitted)
         if fit is not None:
             out.append((run, fit))
     return sorted(out, key=lambda pair: pair[1].chi2 / pair[1].dof)
 
 
-def _misfits(fit: Fit, counts: Sequence[int]) -> Array:
-    """Mean squared residual of every wave's pieces."""
-    square = np.bincount(fit.rows[:, 0], fit.residual**2, len(fit.series.names)) / np.maximum(
-        np.bincount(fit.rows[:, 0], minlength=len(fit.series.names)), 1
-    )
-    ends = np.cumsum([0, *counts])
-    return np.array([square[a:b].mean() for a, b in zip(ends[:-1], ends[1:], strict=True)])
+def _omitting(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
+    return [() if k == run else (wave,) for k, wave in enumerate(waves)]
+
+
+def _misfits(fit: Fit) -> Array:
+    """Mean squared residual of every run."""
+    runs = len(fit.series.names)
+    return np.bincount(fit.rows[:, 0], fit.residual**2, runs) / np.maximum(np.bincount(fit.rows[:, 0], minlength=runs), 1)
 
 
 def _flat(pieces: Sequence[tuple[Wave, ...]]) -> list[Wave]:
