@@ -13,7 +13,9 @@ from .suspicion import Suspicion
 
 SURE = 5.0
 """σ from which K is known; σ of a misfit counts."""
-UNITS = ((180 / np.pi, "°/s", "rad/s logged as °/s"), (180 / np.pi * 3600, "°/h", "rad/s logged as °/h"))
+AGREEING = 10.0
+"""χ² a degree of freedom up to which K is believed."""
+UNITS = ((180 / np.pi, "°/s"), (180 / np.pi * 3600, "°/h"))
 RANGE = 2.5
 """Times above and below its usual value that a scale factor may be."""
 KELVIN_DEGC = 150.0
@@ -37,13 +39,13 @@ def usual_scale_factor(fit: Fit) -> bool:
 
 def _rates(fit: Fit) -> list[Suspicion]:
     """K far from what any resonator of that mode has, by the factor of a unit, or of the other sign."""
-    if "p5" not in fit.names:
+    if "p5" not in fit.names or fit.chi2 / fit.dof > AGREEING:
         return []
     K, std = float(fit.point.p[5]), fit.std("p5") * float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
     usual = nominal_scale_factor(fit.series.mode_number)
     if not abs(K) > SURE * std:
         return []
-    for factor, unit, _ in UNITS:
+    for factor, unit in UNITS:
         if usual / RANGE < abs(K) * factor < usual * RANGE:
             return [
                 Suspicion(

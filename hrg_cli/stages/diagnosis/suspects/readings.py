@@ -19,6 +19,8 @@ from . import transformations as change
 
 DAMPING, SCALE_FACTOR = 0, 5
 """Places among the coordinates."""
+KNOCK = 6
+"""Numbers that a knock takes: a state and a frequency after it, and its instant."""
 TIME_LEAST = 3e-4
 """Relative difference of two frequencies that a clock may make and a temperature hardly."""
 TRIALS = 13
@@ -26,6 +28,11 @@ LATEST, LONGEST_LAG, FINEST = 0.2, 0.5, 1e-3
 """Parts of the run by which a log may be late and a thermometer behind, and to which that is found."""
 ROTATION = 3.0
 """σ from which a run's rate is known from its wave."""
+
+
+COURSE_ROUNDS = 3
+PLAUSIBLE_DEGC = 200.0
+"""Distance from the other runs' temperatures that a run may have had."""
 
 
 @dataclass(frozen=True)
@@ -116,9 +123,11 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
     logged = mean_rate(wave)
     if not abs(common) > 0:
         return
+    shown = _shown_rate(wave, common)
     if _turns(wave):
-        seen = _own(wave, others, SCALE_FACTOR)
-        factor = None if seen is None else seen[0] / common
+        near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
+        seen = _own(change.rated(wave, near), others, SCALE_FACTOR)
+        factor = None if seen is None else near * seen[0] / common
         yield Reading(
             "rate log of wrong sign",
             (change.rated(wave, -1.0),),
@@ -142,9 +151,9 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
                 f"multiply this run's rate log by {factor:.4g}, or find its unit",
             )
     if not _turns(wave) or _varies(wave):
-        seen = _own(change.steady(wave, 1.0), others, SCALE_FACTOR)
+        seen = _own(change.steady(wave, shown), others, SCALE_FACTOR) if shown else None
         if seen is not None and abs(seen[0]) > ROTATION * seen[1]:
-            rate = seen[0] / common
+            rate = shown * seen[0] / common
             what = "rate log missing" if not _turns(wave) else "rate log of another run"
             yield Reading(
                 what,
@@ -170,6 +179,13 @@ def mean_rate(wave: Wave) -> float:
     """Mean logged rate; 0 where none is logged."""
     rates = None if wave.rate_rad_s is None else np.asarray(wave.rate_rad_s, float)
     return 0.0 if rates is None or not np.isfinite(rates).any() else float(np.nanmean(rates))
+
+
+def _shown_rate(wave: Wave, scale_factor: float) -> float:
+    """Mean rate that the wave angle shows, −m·θ̇/K, from which the fit starts."""
+    good = wave.good()
+    slope = float(np.polyfit(np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good], 1)[0])
+    return -wave.mode_number * slope / scale_factor
 
 
 def _turns(wave: Wave) -> bool:
@@ -245,7 +261,7 @@ def of_a_knock(wave: Wave) -> Iterator[Reading]:
     yield Reading(
         "knock",
         tuple(piece for piece in pieces if np.count_nonzero(piece.good()) >= 8),
-        6 * len(found),
+        KNOCK * len(found),
         f"at {instants} amplitude, angle, quadrature and phase jump together and before and after it moves as the others do: cut there",
         f"cut the run at {instants}, or simulate the knock as momentum_kick",
     )
@@ -296,17 +312,35 @@ def _lag(wave: Wave, others: Fit) -> float | None:
 
 
 def _shown_course(wave: Wave, others: Fit) -> Wave | None:
-    """The wave with the quadratic course of temperature that its frequency shows by the others' coefficient."""
-    slope = next((values["relative_1_k"] for effect, values in others.point.active if effect.name == "thermal_frequency"), 0.0)
+    """The wave with the quadratic course of temperature that its phase shows beside the others' model, at the level that its damping shows."""
+    active = {effect.name: values for effect, values in others.point.active}
+    slope = active.get("thermal_frequency", {}).get("relative_1_k", 0.0)
+    loss = active.get("thermal_damping", {}).get("relative_1_k", 0.0)
     if slope == 0:
         return None
-    good = wave.good()
-    t, phase = np.asarray(wave.time_s, float)[good], np.asarray(wave.phase_rad, float)[good]
-    x = (t - t[0]) / (t[-1] - t[0])
-    bend = np.polynomial.polynomial.polyfit(x, phase, 3)
-    per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * (t[-1] - t[0])
-    level = float(np.mean(others.series.temperature_degc[others.series.weight > 0]))
-    return change.course(wave, level, np.array([2 * bend[2], 3 * bend[3]]) / per_degc)
+    level, slopes = float(np.mean(others.series.temperature_degc[others.series.weight > 0])), np.zeros(2)
+    span = float(wave.time_s[-1] - wave.time_s[0])
+    per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * span
+    for _ in range(COURSE_ROUNDS):
+        with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
+            fit = held([change.course(wave, level, slopes)], others, [DAMPING])
+            rows = fit.series.weight[0] > 0
+            x = (fit.series.time_s[0][rows] - float(wave.time_s[0])) / span
+            left = _phase_left(fit)[rows]
+            bend = np.polynomial.polynomial.polyfit(x, left, 3)
+            slopes = slopes + np.array([2 * bend[2], 3 * bend[3]]) / per_degc
+            if loss != 0:
+                warmer = (float(fit.point.p[DAMPING]) / float(others.point.p[DAMPING]) - 1) / loss
+                level += warmer if abs(warmer) < PLAUSIBLE_DEGC else 0.0
+            continue
+        return None
+    return change.course(wave, level, slopes)
+
+
+def _phase_left(fit: Fit) -> Array:
+    """Phase of what was measured against the model, unwrapped, along the rows of the only run."""
+    seen = fit.prediction.seen[0]
+    return np.unwrap(np.angle(np.sum(fit.series.envelope[0] * np.conj(seen), axis=-1)))
 
 
 Maker = Callable[[Wave, Fit], Iterator[Reading]]

@@ -1,4 +1,4 @@
-"""Whether the catalogue explains what a wrong run would: then no run is blamed."""
+"""What the catalogue makes of the runs: whether it explains what a wrong run would: then no run is blamed."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
 from ....records import Wave
 from ..search import Variant, adopted, scored
+from .logs import usual_scale_factor
 
 MOST = 2
 """Causes at once that may stand against one wrong run."""
@@ -17,28 +18,27 @@ MATTERS = 0.7
 """Part of χ² that a temperature dependence may leave for the thermometers to be looked at."""
 WORTHWHILE = 0.3
 """Part of χ² that a cause's score must promise to be refitted."""
-TRIED = 4
+TRIED = 3
 """Best scores that are refitted."""
 
 
-def catalogued(base: Fit, candidates: Sequence[Variant], target: float, most: int = MOST) -> bool:
-    """Whether so many causes at most reach a χ² a degree of freedom of `target`."""
-    fit = base
-    for _ in range(most):
-        fits = []
+def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float:
+    """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator has; the search ends where it is `enough`."""
+    fit, least = base, base.chi2 / base.dof
+    for _ in range(MOST):
         strong = [pair for pair in scored(fit, candidates) if pair[0].visible and pair[0].gain > WORTHWHILE * fit.chi2]
+        fits = []
         for score, variant in strong[:TRIED]:
             with contextlib.suppress(extended_fit.DivergedError):
                 fits.append(adopted(fit, score, variant))
-        if not fits:
-            return False
-        best = min(fits, key=lambda f: f.chi2 / f.dof)
-        if best.chi2 / best.dof < target:
-            return True
-        if best.chi2 > 0.9 * fit.chi2:
-            return False
-        fit = best
-    return False
+        likely = [one for one in fits if usual_scale_factor(one)]
+        if not likely:
+            break
+        fit = min(likely, key=lambda f: f.chi2 / f.dof)
+        least = min(least, fit.chi2 / fit.dof)
+        if least < enough:
+            break
+    return least
 
 
 def warmed(fitted: Callable[[Sequence[Wave]], Fit], candidates: Sequence[Variant], base: Fit) -> Callable[[Sequence[Wave]], Fit] | None:

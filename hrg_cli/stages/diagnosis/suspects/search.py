@@ -14,7 +14,7 @@ from ....fitting.causes.extended_fit import Fit
 from ....records import Array, Wave
 from ..search import Variant
 from .logs import usual_scale_factor, wrong_logs
-from .readings import Maker, Reading, of_a_knock, of_the_thermometer, own_damping, readings
+from .readings import KNOCK, Maker, Reading, of_a_knock, of_the_rate, of_the_thermometer, own_damping, readings
 from .rivals import catalogued, warmed
 from .suspicion import Suspicion
 from .transformations import damped
@@ -77,8 +77,7 @@ def suspect_runs(
 
     waves: as given, one a run; fitted: the base model's fit to waves; base: that of these; candidates: the catalogue beside `base`.
     """
-    level = base.chi2 / base.dof
-    if level < gross or catalogued(base, candidates, RIVAL, most=1):
+    if base.chi2 / base.dof < gross or (physics := catalogued(base, candidates, RIVAL)) < RIVAL:
         return wrong_logs(waves, base)
     warm = warmed(fitted, candidates, base)
     found = (
@@ -86,9 +85,17 @@ def suspect_runs(
         or _leaking(waves, fitted, base)
         or (_wrong_runs(waves, warm, warm(waves), of_the_thermometer) if warm is not None else None)
     )
-    if found is None or catalogued(base, candidates, RIVAL * max(1.0, found.chi2_per_dof)):
+    if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof):
         return wrong_logs(waves, base)
     return [*wrong_logs(waves, found.fit), *found.suspicions]
+
+
+def wrong_rates(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> tuple[tuple[Suspicion, ...], float]:
+    """The runs whose rate log alone is wrong, none where something else is, and χ² a degree of freedom with the logs undone."""
+    found = _wrong_runs(waves, fitted, base, of_the_rate)
+    if found is None or not all(one.what.startswith("rate log") for one in found.suspicions):
+        return (), base.chi2 / base.dof
+    return found.suspicions, found.chi2_per_dof
 
 
 @dataclass(frozen=True)
@@ -256,6 +263,6 @@ def _told(waves: Sequence[Wave], case: Case, beside: Sequence[Case], before: flo
     alike = [f"{waves[c.run].run_id}: {c.reading.what}" for c in beside if (c.run, c.reading.what) != (case.run, case.reading.what)]
     if alike:
         evidence += f"; as well explained by {', '.join(dict.fromkeys(alike))}"
-    if any(c.run != case.run for c in beside) or len(waves) == 2:
+    if any(c.run != case.run for c in beside) or (len(waves) == 2 and case.reading.parameters < KNOCK):
         evidence += "; which of the runs is wrong these runs cannot tell"
     return Suspicion(waves[case.run].run_id, case.reading.what, evidence, case.reading.correction)
