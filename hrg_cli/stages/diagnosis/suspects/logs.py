@@ -9,12 +9,12 @@ import numpy as np
 from ....fitting.causes.extended_fit import Fit
 from ....fitting.envelopes.base_fit import nominal_scale_factor
 from ....records import Wave
+from ..thresholds import GROSS
 from .suspicion import Suspicion
 
+SCALE_FACTOR = "scale_factor"
 SURE = 5.0
 """σ from which K is known; σ of a misfit counts."""
-AGREEING = 10.0
-"""χ² a degree of freedom up to which K is believed."""
 UNITS = ((180 / np.pi, "°/s"), (180 / np.pi * 3600, "°/h"))
 RANGE = 2.5
 """Times above and below its usual value that a scale factor may be."""
@@ -31,17 +31,17 @@ def wrong_logs(waves: Sequence[Wave], fit: Fit) -> list[Suspicion]:
 
 def usual_scale_factor(fit: Fit) -> bool:
     """Whether K is what a resonator of that mode has, or unknown."""
-    if "p5" not in fit.names:
+    if fit.layout.coordinate(SCALE_FACTOR) is None:
         return True
-    K, std, usual = float(fit.point.p[5]), fit.std("p5"), nominal_scale_factor(fit.series.mode_number)
+    K, std, usual = fit.coordinate(SCALE_FACTOR), fit.coordinate_std(SCALE_FACTOR), nominal_scale_factor(fit.series.mode_number)
     return usual / RANGE - SURE * std < K < usual * RANGE + SURE * std
 
 
 def _rates(fit: Fit) -> list[Suspicion]:
     """K far from what any resonator of that mode has, by the factor of a unit, or of the other sign."""
-    if "p5" not in fit.names or fit.chi2 / fit.dof > AGREEING:
+    if fit.layout.coordinate(SCALE_FACTOR) is None or fit.chi2 / fit.dof > GROSS:
         return []
-    K, std = float(fit.point.p[5]), fit.std("p5") * float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
+    K, std = fit.coordinate(SCALE_FACTOR), fit.coordinate_std(SCALE_FACTOR) * float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
     usual = nominal_scale_factor(fit.series.mode_number)
     if not abs(K) > SURE * std:
         return []

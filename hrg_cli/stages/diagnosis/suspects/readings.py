@@ -11,14 +11,13 @@ import numpy as np
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit, Freedom
-from ....fitting.envelopes.coordinates import COUNT
+from ....fitting.envelopes.coordinates import COORDINATES, COUNT
 from ....records import Array, Wave
 from ..data import prepare
 from ..jumps import jumps
 from . import transformations as change
 
-DAMPING, SCALE_FACTOR = 0, 5
-"""Places among the coordinates."""
+DAMPING, SCALE_FACTOR = "damping", "scale_factor"
 KNOCK = 6
 """Numbers that a knock takes: a state and a frequency after it, and its instant."""
 TIME_LEAST = 3e-4
@@ -46,14 +45,14 @@ class Reading:
     correction: str
 
 
-def held(waves: Sequence[Wave], others: Fit, free: Sequence[int] = ()) -> Fit:
+def held(waves: Sequence[Wave], others: Fit, free: Sequence[str] = ()) -> Fit:
     """Runs beside one another, their starts and frequencies fitted, the coordinates those of the others but for the `free` ones."""
     series, point, _ = prepare(waves, None, others.series.time_s.shape[1])
     std = np.zeros(COUNT)
-    std[list(free)] = np.inf
+    std[[COORDINATES.index(name) for name in free]] = np.inf
     p = others.point.p.copy()
     series = replace(series, free_phase=others.series.free_phase)
-    return extended_fit.fit(series, replace(point, p=p, active=others.point.active), Freedom(p, std))
+    return extended_fit.fit(series, replace(point, p=p, active=others.point.active), Freedom(p, std, passive=False))
 
 
 def misfits(waves: Sequence[Wave], others: Fit) -> Array:
@@ -64,11 +63,11 @@ def misfits(waves: Sequence[Wave], others: Fit) -> Array:
     return np.full(len(waves), np.inf)
 
 
-def _own(wave: Wave, others: Fit, coordinate: int) -> tuple[float, float] | None:
+def _own(wave: Wave, others: Fit, coordinate: str) -> tuple[float, float] | None:
     """A coordinate as this run alone shows it beside the others' values, and its σ; None where the fit finds no end."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
         fit = held([wave], others, [coordinate])
-        return float(fit.point.p[coordinate]), fit.std(f"p{coordinate}")
+        return fit.coordinate(coordinate), fit.coordinate_std(coordinate)
     return None
 
 
@@ -119,7 +118,7 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
     """A rate log of another sign, unit or size, late, or none."""
     if wave.mode != "free":
         return
-    common = float(others.point.p[SCALE_FACTOR])
+    common = others.coordinate(SCALE_FACTOR)
     logged = mean_rate(wave)
     if not abs(common) > 0:
         return
@@ -232,7 +231,7 @@ def own_damping(wave: Wave, others: Fit) -> tuple[float, float] | None:
 def of_the_damping(wave: Wave, others: Fit) -> Iterator[Reading]:
     """Another damping and nothing else: the vacuum."""
     seen = own_damping(wave, others)
-    common = float(others.point.p[DAMPING])
+    common = others.coordinate(DAMPING)
     if seen is None or not np.isfinite(seen[0]):
         return
     changed = seen[0] - common
@@ -330,7 +329,7 @@ def _shown_course(wave: Wave, others: Fit) -> Wave | None:
             bend = np.polynomial.polynomial.polyfit(x, left, 3)
             slopes = slopes + np.array([2 * bend[2], 3 * bend[3]]) / per_degc
             if loss != 0:
-                warmer = (float(fit.point.p[DAMPING]) / float(others.point.p[DAMPING]) - 1) / loss
+                warmer = (fit.coordinate(DAMPING) / others.coordinate(DAMPING) - 1) / loss
                 level += warmer if abs(warmer) < PLAUSIBLE_DEGC else 0.0
             continue
         return None

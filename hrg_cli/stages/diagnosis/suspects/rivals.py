@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
 from ....records import Wave
-from ..search import Variant, adopted, scored
+from ..search import QUICK_STEPS, Variant, adopted, scored
 from .logs import usual_scale_factor
 
 MOST = 2
@@ -30,7 +30,7 @@ def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float
         fits = []
         for score, variant in strong[:TRIED]:
             with contextlib.suppress(extended_fit.DivergedError):
-                fits.append(adopted(fit, score, variant))
+                fits.append(adopted(fit, score, variant, QUICK_STEPS))
         likely = [one for one in fits if usual_scale_factor(one)]
         if not likely:
             break

@@ -11,10 +11,12 @@ import numpy as np
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
+from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array, Wave
 from ..search import Variant
+from ..thresholds import GROSS
 from .logs import usual_scale_factor, wrong_logs
-from .readings import KNOCK, Maker, Reading, of_a_knock, of_the_rate, of_the_thermometer, own_damping, readings
+from .readings import DAMPING, KNOCK, Maker, Reading, held, of_a_knock, of_the_rate, of_the_thermometer, own_damping, readings
 from .rivals import catalogued, warmed
 from .suspicion import Suspicion
 from .transformations import damped
@@ -23,8 +25,6 @@ Fitted = Callable[[Sequence[Wave]], Fit]
 
 ODD = 1e3
 """Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
-GROSS = 10.0
-"""χ² a degree of freedom from which a wrong run is looked for: a run that is wrong is not so by a little."""
 REMOVED = 0.9
 """Part of the excess of χ² that the mistakes undone must remove together."""
 STEP = 1.4
@@ -166,7 +166,7 @@ def _cases(
     """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
     alone = len(_flat(pieces)) == 0
     out = list(_read(pieces, run, of_a_knock(wave) if alone else makers(wave, others), fitted))
-    apart = None if alone else _fit([wave], fitted)
+    apart = None if alone else _fit([wave], lambda own: held(own, others, COORDINATES[:-1]))
     if apart is not None:
         own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
         figures = f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that its own"
@@ -185,7 +185,7 @@ def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
         dampings = [own_damping(wave, fit) for wave in undone]
         if any(one is None for one in dampings):
             return None
-        less += np.array([one[0] - float(fit.point.p[0]) for one in dampings if one is not None])
+        less += np.array([one[0] - fit.coordinate(DAMPING) for one in dampings if one is not None])
         undone = [damped(wave, d) for wave, d in zip(waves, less, strict=True)]
         again = _fit(undone, fitted)
         if again is None or again.chi2 > fit.chi2:
@@ -197,12 +197,12 @@ def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
     high = order[int(np.argmax(gaps)) + 1 :]
     if after - 1 > (1 - REMOVED) * (before - 1) or gaps.max() < 0.5 * np.ptp(less):
         return None
-    common = float(fit.point.p[0]) + float(less[order[0]])
+    common = fit.coordinate(DAMPING) + float(less[order[0]])
     told = tuple(
         Suspicion(
             waves[k].run_id,
             "loss of pressure",
-            f"its damping is {float(fit.point.p[0] + less[k]):.5g} 1/s, the least of the runs {common:.5g}: with a damping of its own in every "
+            f"its damping is {fit.coordinate(DAMPING) + less[k]:.5g} 1/s, the least of the runs {common:.5g}: with a damping of its own in every "
             f"run χ² a degree of freedom falls from {before:.3g} to {after:.3g}",
             "check the vacuum between the runs: gas damping; calibrate these runs apart",
         )
@@ -253,7 +253,7 @@ def _fit(waves: Sequence[Wave], fitted: Fitted) -> Fit | None:
 
 
 def _figures(fit: Fit) -> str:
-    damping, split = fit.point.p[0], float(np.hypot(fit.point.p[3], fit.point.p[4]))
+    damping, split = fit.coordinate(DAMPING), float(np.hypot(fit.point.p[3], fit.point.p[4]))
     return f"{fit.frequency_hz.mean():.6g} Hz, damping {damping:.4g} 1/s, frequency split {split:.4g} rad/s"
 
 
