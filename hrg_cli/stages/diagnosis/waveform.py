@@ -1,7 +1,8 @@
 """Diagnosis, the waveform: what the samples show before any dynamics: lines of the residual, clipped windows, samples lost.
 
-A tone stands still in frequency; an odd multiple of the oscillation, folded at half the sampling rate, is the pick-off's own nonlinearity.
-Lost samples are a step of the phase between two windows.
+A tone stands still in frequency and in size; an odd multiple of the oscillation, folded at half the sampling rate, is the pick-off's or the
+converter's own. Lost samples turn both channels alike between two windows. What is named has a size that could be nought and is not; all
+else is listed as a line.
 """
 
 from __future__ import annotations
@@ -12,20 +13,28 @@ from typing import Any
 
 import numpy as np
 
-from ...effects import find
+from ...effects import EFFECTS
 from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
-from ...records import Wave
-from .tones import Tone
+from ...records import Array, Wave
+from .jumps import TOUCHED, jumps
+from .lines import WIDTH_CELLS, Line, amplitude_of, cell_hz, harmonic_of, lines, sampling_hz, spurs
+from .tones import MOST_TONES, Tone
 
-Array = np.ndarray
-STEP_SIGMA = 8.0
-NEIGHBOURS = 12
 FEWEST_ROWS = 40
-TOUCHED = 6
-"""Windows on either side of a step whose demodulation used the other side's slope."""
-LINE_RATIO = 8.0
-"""Power of a line over the floor from which it counts, in a good part of the runs."""
+NAMED = 3.0
+"""σ that the size of what the waveform offers must stand off nought."""
+CUBIC_LARGEST = 0.3
+"""γa² of a pick-off's cubic beyond which it is none."""
+WHOLE = 0.02
+"""Distance from a whole number of samples that a loss may have, beside its σ."""
+KNOWN_STEP = 0.15
+"""σ of a loss in samples up to which it can be asked to be whole."""
+MOST_PERIODS = 40
+"""Whole periods that may be lost beside what the phase shows."""
+UNMEASURED = "not measured: a line of the averaged spectrum"
+CLIPPED_PEAK = 4 / np.pi
+"""Fundamental of a wave that is clipped to a square, over the level."""
 
 
 @dataclass(frozen=True)
@@ -40,63 +49,14 @@ class PhaseStep:
     std_rad: float
 
 
-@dataclass(frozen=True)
-class Line:
-    """A line of the residual spectrum: frequency, amplitudes of C and S, power over the floor, runs that show it."""
-
-    frequency_hz: float
-    amplitude: Array
-    ratio: float
-    runs: int
-
-
 def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
-    """Steps of the phase that stand out of the neighbouring increments, at most a few a run."""
-    out = []
-    for number, wave in enumerate(waves):
-        rows = np.flatnonzero(wave.good() & np.isfinite(wave.phase_rad))
-        if len(rows) < 4 * NEIGHBOURS:
-            continue
-        t, phase = wave.time_s[rows], wave.phase_rad[rows]
-        rate = np.diff(phase) / np.diff(t)
-        off = (rate - _running_median(rate)) * np.diff(t)
-        noise = np.median(wave.signal_std[rows] / wave.main_amplitude[rows])
-        scale = max(1.4826 * float(np.median(np.abs(off))), 1.2 * float(noise))
-        big = np.flatnonzero(np.abs(off) > max(STEP_SIGMA, 0.02 / scale) * scale)
-        groups = np.split(big, np.flatnonzero(np.diff(big) > 2) + 1) if len(big) else []
-        if len(groups) > 5:
-            continue
-        for group in groups:
-            first, last = group[0], group[-1] + 1
-            left = rows[max(0, first + 1 - TOUCHED - 2 * NEIGHBOURS) : max(0, first + 1 - TOUCHED)]
-            right = rows[last + TOUCHED : last + TOUCHED + 2 * NEIGHBOURS]
-            if len(left) < 4 or len(right) < 4 or len(group) > 3:
-                continue
-            before, after = int(rows[first]), int(rows[last])
-            middle = float(wave.time_s[before] + wave.time_s[after]) / 2
-            jump, std = _jump(wave, left, right, middle)
-            if abs(jump) > STEP_SIGMA * std:
-                out.append(PhaseStep(number, before, after, middle, jump, std))
-    return out
-
-
-def _running_median(values: Array) -> Array:
-    width = 2 * NEIGHBOURS + 1
-    padded = np.pad(values, NEIGHBOURS, mode="reflect")
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
-
-
-def _jump(wave: Wave, left: Array, right: Array, middle: float) -> tuple[float, float]:
-    """Phase on the right less on the left at the middle, from straight lines of one slope, wrapped; and its σ."""
-    rows = np.concatenate([left, right])
-    x = wave.time_s[rows] - middle
-    y = np.unwrap(wave.phase_rad[left]).tolist() + np.unwrap(wave.phase_rad[right]).tolist()
-    design = np.column_stack([x, np.ones(len(x)), x > 0])
-    solution, residual, *_ = np.linalg.lstsq(design, np.array(y), rcond=None)
-    spread = float(np.sqrt(residual[0] / max(1, len(x) - 3))) if len(residual) else 0.0
-    sigma = max(spread, float(np.median(wave.signal_std[rows] / wave.main_amplitude[rows])))
-    covariance = np.linalg.pinv(design.T @ design)
-    return float(np.angle(np.exp(1j * solution[2]))), sigma * float(np.sqrt(covariance[2, 2]))
+    """Where both channels of a run turn alike between two windows and do nothing else, at most a few a run."""
+    return [
+        PhaseStep(number, jump.before, jump.after, jump.time_s, jump.turn_rad, jump.turn_std_rad)
+        for number, wave in enumerate(waves)
+        for jump in jumps(wave)
+        if jump.alike
+    ]
 
 
 def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wave], list[int]]:
@@ -124,78 +84,59 @@ def _rough(wave: Wave) -> float:
     return float(np.sqrt(np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2) / (20 * 2 * np.log(2)))) if len(u) > 3 else np.inf
 
 
-def lines(waves: Sequence[Wave]) -> list[Line]:
-    """Lines that a third of the runs at least show, strongest first."""
-    pool = []
-    for number, wave in enumerate(waves):
-        if wave.spectrum_line_frequency_hz is None or wave.spectrum_line_ratio is None or wave.spectrum_line_amplitude is None:
-            continue
-        for f, a, ratio in zip(wave.spectrum_line_frequency_hz, wave.spectrum_line_amplitude, wave.spectrum_line_ratio, strict=True):
-            if ratio > LINE_RATIO:
-                pool.append((float(f), np.asarray(a, float), float(ratio), number))
-    out = []
-    while pool:
-        f, _, _, _ = max(pool, key=lambda p: p[2])
-        near = [p for p in pool if abs(p[0] - f) < 2.0 + 1e-4 * f]
-        pool = [p for p in pool if abs(p[0] - f) >= 2.0 + 1e-4 * f]
-        runs = len({p[3] for p in near})
-        if 3 * runs >= len(waves):
-            weight = np.array([p[2] for p in near])
-            frequency = float(np.average([p[0] for p in near], weights=weight))
-            out.append(Line(frequency, np.sqrt(np.mean([p[1] ** 2 for p in near], axis=0)), float(weight.max()), runs))
-    return out
-
-
-def harmonic_of(line: Line, frequency_hz: float, sampling_hz: float | None, tolerance: float = 2e-4) -> int:
-    """Which multiple of the oscillation (2 … 25) a line is, folded at half the sampling rate where that is known; 0: none."""
-    for n in range(2, 26):
-        f = n * frequency_hz
-        if sampling_hz:
-            f = abs((f + sampling_hz / 2) % sampling_hz - sampling_hz / 2)
-        if abs(line.frequency_hz - f) < 2.0 + tolerance * n * frequency_hz:
-            return n
-    return 0
-
-
 def causes(
     waves: Sequence[Wave], steps: Sequence[PhaseStep], tones: Sequence[Tone], frequency_hz: float, found: Sequence[str]
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`: effects named by the dynamics."""
-    far = lines(waves)
-    density = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)]
-    sampling = 2 * float(density[0][-1]) if density else None
-    harmonics: dict[int, Line] = {}
-    strange = []
-    for tone in tones:
-        line = Line(tone.frequency_hz, np.sqrt(np.mean(np.abs(tone.vector) ** 2, axis=0)), tone.gain / 2, len(tone.vector))
-        multiple = harmonic_of(line, frequency_hz, sampling) if sampling else 0
-        if multiple:
-            # a harmonic that the sampling folds beside the resonance is no tone from outside
-            harmonics.setdefault(multiple, line)
-        elif not any(_folded(far_line, tone, waves) for far_line in far):
-            strange.append(tone)
-    tones = strange
-    out = [_lost(group, waves, frequency_hz) for group in _together(steps, waves)] + [_beating(tone, waves, frequency_hz) for tone in tones]
-    listed = []
+    sampling, cell, far = sampling_hz(waves), cell_hz(waves), lines(waves)
     direct = all(w.readout == "direct" for w in waves)
+    near, strange, listed = [], [], []
+    for tone in tones:
+        line = _as_line(tone)
+        if sampling and (multiple := harmonic_of(line, frequency_hz, sampling, cell)):
+            near.append((line, multiple))  # a harmonic that the sampling folds beside the resonance is no tone from outside
+        elif not tone.standing:
+            listed.append(line.listed(0, "it dies away beside the wave: a partial of the resonator and no tone"))
+        elif not any(_folded(other, tone, waves) for other in far):
+            strange.append(tone)
+    everywhere = [*(line for line, _ in near), *far]
+    wander = float(np.std([_frequency(w) for w in waves]))
+    codes = spurs(everywhere, frequency_hz, wander, sampling, cell) if direct else []
+    harmonics = {multiple: line for line, multiple in near}
+    open_lines = []
     for line in far:
-        multiple = harmonic_of(line, frequency_hz, sampling)
-        listed.append(
-            {
-                "frequency_hz": line.frequency_hz,
-                "amplitude": [float(a) for a in line.amplitude],
-                "power_over_floor": line.ratio,
-                "multiple": multiple or None,
-            }
-        )
+        multiple = harmonic_of(line, frequency_hz, sampling, cell)
         if multiple:
             harmonics.setdefault(multiple, line)
-        elif direct and not any(abs(line.frequency_hz - t.frequency_hz) < 2 for t in tones):
-            out.append(_tone(line, waves))
-    odd = [n for n in harmonics if n % 2]
-    if odd and direct and not {"pickoff_nonlinearity", "saturation"} & set(found):
-        out.append(_nonlinear(waves, harmonics[min(odd)], min(odd), len(odd)))
-    return out, listed
+            listed.append(line.listed(multiple, f"harmonic {multiple} of the oscillation"))
+        elif line in codes:
+            listed.append(line.listed(0, "an odd harmonic of the oscillation, folded"))
+        elif not direct:
+            listed.append(line.listed(0, "beside the carrier"))
+        elif any(abs(line.frequency_hz - t.frequency_hz) < WIDTH_CELLS * cell for t in strange):
+            listed.append(line.listed(0, "the tone beside the resonance"))
+        elif line.follows_the_wave:
+            listed.append(line.listed(0, "its size follows the wave's: a partial of the resonator and no tone"))
+        else:
+            open_lines.append(line)
+    named = open_lines if len(open_lines) <= MOST_TONES else []
+    listed += [line.listed(0, "a tone" if named else f"one of {len(open_lines)} lines: partials or several sources, none judged") for line in open_lines]
+    offered = [entry for group in _together(steps, waves) if (entry := _lost(group, waves, frequency_hz)) is not None]
+    offered += [_beating(tone, waves, frequency_hz) for tone in strange]
+    offered += [_tone(line, waves) for line in named]
+    offered += _nonlinear(waves, harmonics, codes, found) if direct else []
+    return [entry for entry in offered if _sound(entry)], listed
+
+
+def _as_line(tone: Tone) -> Line:
+    size = np.sqrt(np.mean(np.abs(tone.vector) ** 2, axis=0))
+    return Line(tone.frequency_hz, size, tone.gain / 2, len(tone.vector), np.ones((1, 2)))
+
+
+def _frequency(wave: Wave) -> float:
+    good = wave.good()
+    phase, t = np.asarray(wave.phase_rad, float)[good], np.asarray(wave.time_s, float)[good]
+    return float(wave.reference_frequency_hz + np.median(np.diff(phase) / np.diff(t)) / (2 * np.pi)) if len(t) > 1 else wave.reference_frequency_hz
 
 
 def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
@@ -212,9 +153,16 @@ def _entry(name: str, z: float, parameters: dict[str, tuple[float, float, str]],
         "delta_bic": gain,
         "parameters": {k: {"value": v, "std": s, "units": u} for k, (v, s, u) in parameters.items()},
         "indistinguishable_from": [],
-        "next_experiment": find(name).next_experiment,
+        "next_experiment": next((effect.next_experiment for effect in EFFECTS if effect.name == name), ""),
         "view": "waveform",
     }
+
+
+def _sound(entry: dict[str, Any]) -> bool:
+    """Whether an entry stands off nought, and every parameter has a size and a σ that are numbers."""
+    values = [(p["value"], p["std"]) for p in entry["parameters"].values()]
+    sizes = [size for size in entry.get("magnitude", {"": 1.0}).values() if size > 0]
+    return bool(entry["z"] > NAMED and sizes and all(np.isfinite(v) and np.isfinite(s) and s > 0 for v, s in values))
 
 
 def _together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[PhaseStep]]:
@@ -232,17 +180,45 @@ def _together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[Ph
     return groups
 
 
-def _lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
+def _lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any] | None:
+    """Samples lost, or repeated where the time is negative; None where the sampling is even and no whole number of samples does it."""
     omega, first = 2 * np.pi * frequency_hz, group[0]
     weight = np.array([s.std_rad**-2 for s in group])
     mean = first.step_rad + float(np.sum(weight * [np.angle(np.exp(1j * (s.step_rad - first.step_rad))) for s in group]) / weight.sum())
     std = float(weight.sum() ** -0.5)
+    lost, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
+    step_s = _even_step(waves[first.run])
+    if step_s is not None and std / omega < KNOWN_STEP * step_s:
+        whole = _whole(mean / omega, std / omega, step_s, 1 / frequency_hz)
+        if whole is None:
+            return None
+        lost, samples = whole * step_s, whole
+    elif mean < 0 and abs(mean) < np.pi / 2:
+        lost = mean / omega
     parameters = {
-        "lost_s": (float(np.mod(mean, 2 * np.pi)) / omega, std / omega, "s"),
+        "lost_s": (lost, std / omega, "s"),
         "time_s": (first.time_s, float(waves[first.run].window_s) / 2, "s"),
     }
-    runs = [waves[s.run].run_id for s in group]
-    return _entry("dropped_samples", abs(mean) / std, parameters, (mean / std) ** 2) | {"runs": runs, "ambiguity_s": 1 / frequency_hz}
+    entry = _entry("dropped_samples", abs(mean) / std, parameters, (mean / std) ** 2)
+    entry |= {"runs": [waves[s.run].run_id for s in group], "ambiguity_s": 1 / frequency_hz, "what": "lost" if lost > 0 else "repeated"}
+    return entry if samples is None else entry | {"samples": samples}
+
+
+def _even_step(wave: Wave) -> float | None:
+    """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None elsewhere."""
+    rate = sampling_hz([wave])
+    steps = np.diff(np.asarray(wave.time_s, float))
+    regular = len(steps) > 0 and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max()) < 1e-6
+    return 1 / rate if rate and regular else None
+
+
+def _whole(time_s: float, std_s: float, step_s: float, period_s: float) -> int | None:
+    """Fewest samples whose time agrees with a step of the phase, but for whole periods."""
+    turns = np.arange(-MOST_PERIODS, MOST_PERIODS + 1)
+    counts = (time_s + turns * period_s) / step_s
+    whole = np.round(counts)
+    fits = (np.abs(counts - whole) < 4 * std_s / step_s + WHOLE) & (whole != 0)
+    return int(min(whole[fits], key=lambda n: (abs(n), -n))) if fits.any() else None
 
 
 def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
@@ -274,32 +250,74 @@ def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str
 def _tone(line: Line, waves: Sequence[Wave]) -> dict[str, Any]:
     """A line of the averaged spectrum, which knows the size and not the phase: each part is anything up to it."""
     parameters = {}
+    least = 1e-6 * float(line.amplitude.max())
     for channel, size in zip("cs", line.amplitude, strict=True):
-        parameters[f"{channel}_cos"] = (float(size), float(size), "amplitude")
-        parameters[f"{channel}_sin"] = (0.0, float(size), "amplitude")
-    parameters["frequency_hz"] = (line.frequency_hz, _cell_hz(waves), "Hz")
-    return _entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio) | {
-        "phase": "not measured: a line of the averaged spectrum",
+        parameters[f"{channel}_cos"] = (float(size), float(max(size, least)), "amplitude")
+        parameters[f"{channel}_sin"] = (0.0, float(max(size, least)), "amplitude")
+    parameters["frequency_hz"] = (line.frequency_hz, cell_hz(waves), "Hz")
+    return _entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio) | _magnitude(line) | {"phase": UNMEASURED}
+
+
+def _magnitude(line: Line) -> dict[str, Any]:
+    return {
         "magnitude": {channel: float(size) for channel, size in zip("cs", line.amplitude, strict=True)},
-        "magnitude_std": {channel: float(size / np.sqrt(2 * line.ratio)) for channel, size in zip("cs", line.amplitude, strict=True)},
+        "magnitude_std": {channel: float(size) for channel, size in zip("cs", line.std, strict=True)},
     }
 
 
-def _cell_hz(waves: Sequence[Wave]) -> float:
-    """Distance of two cells of the averaged spectrum."""
-    return float(np.median([np.diff(w.spectrum_frequency_hz).mean() for w in waves if w.spectrum_frequency_hz is not None]))
+def _nonlinear(waves: Sequence[Wave], harmonics: dict[int, Line], codes: Sequence[Line], found: Sequence[str]) -> list[dict[str, Any]]:
+    """What the odd harmonics are: clipping where samples were clipped, the converter where they are many, the pick-off's cubic where the third is."""
+    odd = [n for n in sorted(harmonics) if n % 2]
+    if {"pickoff_nonlinearity", "saturation", "converter_nonlinearity"} & set(found):
+        return []
+    if any(np.any(w.flags & 1) for w in waves):
+        clipping = _clipping(waves, [harmonics[n] for n in odd])
+        return [clipping] if clipping is not None else []
+    if codes:
+        return [_converter(waves, codes, harmonics)]
+    if 3 not in harmonics:
+        return []
+    line, size = harmonics[3], float(np.median([amplitude_of(w) for w in waves]))
+    cubic = 4 * float(np.max(line.amplitude)) / size**3
+    if not 0 < cubic * size**2 < CUBIC_LARGEST:
+        return []
+    entry = _entry("pickoff_nonlinearity", float(np.sqrt(2 * line.ratio)), {"cubic": (cubic, cubic, "amplitude-2")}, 2 * line.ratio)
+    known = {"magnitude": {"cubic": cubic}, "magnitude_std": {"cubic": cubic / np.sqrt(2 * line.ratio)}}
+    return [entry | known | {"sign": UNMEASURED}]
 
 
-def _nonlinear(waves: Sequence[Wave], line: Line, multiple: int, count: int) -> dict[str, Any]:
-    """The cubic from the third harmonic γ|C|³/4 of the larger channel, or clipping where more odd harmonics or clipped windows are seen."""
-    size = float(np.median([np.median(w.main_amplitude[w.good()]) for w in waves]))
-    if count > 2 or any(np.any(w.flags & 1) for w in waves):
-        largest = float(max(np.max(w.main_amplitude[w.good()]) for w in waves))
-        return _entry(
-            "saturation", float(np.sqrt(2 * line.ratio)), {"inverse_level": (1 / largest, 0.1 / largest, "amplitude-1")}, 2 * line.ratio
-        )
-    cubic = 4 * float(np.max(line.amplitude)) / size**3 if multiple == 3 else float("nan")
-    value = cubic if np.isfinite(cubic) else 0.0
-    return _entry(
-        "pickoff_nonlinearity", float(np.sqrt(2 * line.ratio)), {"cubic": (value, 0.5 * abs(value), "amplitude-2")}, 2 * line.ratio
-    )
+def _clipping(waves: Sequence[Wave], odd: Sequence[Line]) -> dict[str, Any] | None:
+    """The level between the largest channel that was not clipped and the smallest that was; None where that is no level.
+
+    A channel clipped to a square shows 4/π of the level, so the level is no less than π/4 of the largest seen.
+    """
+    seen = [np.abs(_channels(w)).max(axis=-1) for w in waves]
+    clipped = [(np.asarray(w.flags) & 1) > 0 for w in waves]
+    high = np.concatenate([s[c] for s, c in zip(seen, clipped, strict=True)])
+    free = np.concatenate([s[~c & np.isfinite(s)] for s, c in zip(seen, clipped, strict=True)])
+    if not len(high):
+        return None
+    least, most = float(np.nanmax(high)) / CLIPPED_PEAK, float(np.nanmin(high))
+    if len(free):
+        least = max(least, float(free.max()))
+    level, std = (least + max(most, least)) / 2, max(abs(most - least) / 2, 1e-3 * least)
+    z = float(np.sqrt(max([2 * line.ratio for line in odd], default=float(len(high)))))
+    return _entry("saturation", z, {"inverse_level": (1 / level, std / level**2, "amplitude-1")}, z**2) | {"clipped_windows": len(high)}
+
+
+def _channels(wave: Wave) -> Array:
+    return ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)
+
+
+def _converter(waves: Sequence[Wave], codes: Sequence[Line], harmonics: dict[int, Line]) -> dict[str, Any]:
+    """The codes' own harmonics as one cause. A step h of the codes at mid-scale makes harmonics 4h/πn: h from each of them, its sign unknown."""
+    counts = [step for w in waves if (step := getattr(w, "least_count", None))]
+    gain = float(sum(2 * line.ratio for line in codes))
+    low = [(n, line) for n, line in harmonics.items() if n % 2]
+    sizes = [np.pi * n * float(line.amplitude.max()) / 4 for n, line in low] or [np.pi / 4 * float(max(line.amplitude.max() for line in codes))]
+    height = float(np.median(sizes))
+    parameters = {"mid_scale": (height, height, "amplitude")}
+    if counts:
+        parameters["step"] = (float(np.median(counts)), 1e-3 * float(np.median(counts)), "amplitude")
+    entry = _entry("converter_nonlinearity", float(np.sqrt(gain)), parameters, gain)
+    return entry | {"lines": len(codes), "magnitude": {"mid_scale": height}, "magnitude_std": {"mid_scale": height / np.sqrt(2)}, "sign": UNMEASURED}
