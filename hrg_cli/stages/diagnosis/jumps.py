@@ -21,14 +21,20 @@ TOUCHED = 6
 """Windows on either side of a jump whose demodulation used the other side's slope."""
 MOST_A_RUN = 5
 """More jumps than this are no instants: something else moves the wave."""
-LONGEST = 3
+CORE, PART = 2, 0.1
+"""Steps on either side of the largest that belong to the same jump, and part of it that they then have."""
+SPOILT = 1e-3
+"""Part of a jump to which the motion on either side of it is known: its neighbours were fitted with a slope across it."""
 ALIKE = 8.0
 """σ that what is left beside a common turn may have."""
 
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump of one wave: last row before and first row after it, instant, common turn with σ, what is left beside it (C, S) and its σ."""
+    """A jump of one wave: last row before and first row after it, instant, common turn with σ, what is left beside it (C, S) and its σ.
+
+    `shift_s`: time by which the slow motion moved on, taken out of the rest, with its σ: known where the wave turns or dies fast enough.
+    """
 
     before: int
     after: int
@@ -37,6 +43,8 @@ class Jump:
     turn_std_rad: float
     rest: Array
     rest_std: float
+    shift_s: float
+    shift_std_s: float
 
     @property
     def alike(self) -> bool:
@@ -64,12 +72,23 @@ def jumps(wave: Wave) -> list[Jump]:
     change -= np.stack([_running_median(c.real) + 1j * _running_median(c.imag) for c in change.T], axis=-1)
     size = np.abs(change)
     usual = np.maximum(1.4826 * np.median(size, axis=0), np.sqrt(2) * float(np.median(noise[np.isfinite(noise)], axis=0)))
-    big = np.flatnonzero((size > JUMP_SIGMA * usual).any(axis=1))
-    groups = np.split(big, np.flatnonzero(np.diff(big) > 2) + 1) if len(big) else []
-    if len(groups) > MOST_A_RUN:
+    places = _peaks((size / usual).max(axis=1))
+    if len(places) > MOST_A_RUN:
         return []
-    found = (_between(time, z, noise, int(g[0]), int(g[-1]) + 1, rows) for g in groups if len(g) <= LONGEST)
+    found = (_between(time, z, noise, first, last, rows) for first, last in places)
     return [jump for jump in found if jump is not None]
+
+
+def _peaks(height: Array) -> list[tuple[int, int]]:
+    """Steps (first row, last row) that stand out, the highest first; what a jump does to its neighbours' fits is not looked at again."""
+    left, out = height.copy(), []
+    while len(out) <= MOST_A_RUN and len(left) and left.max() > JUMP_SIGMA:
+        top = int(np.argmax(left))
+        near = np.arange(max(0, top - CORE), min(len(left), top + CORE + 1))
+        core = near[height[near] > PART * height[top]]
+        out.append((int(core[0]), int(core[-1]) + 1))
+        left[max(0, top - 2 * TOUCHED) : top + 2 * TOUCHED + 1] = 0.0
+    return sorted(out)
 
 
 def circular(u: Array) -> Array:
@@ -90,22 +109,32 @@ def _between(time: Array, z: Array, noise: Array, first: int, last: int, rows: A
     here = (unit > 0).astype(float)
     design = np.column_stack([np.ones(len(x)), unit, unit**2, here, here * unit])
     inverse = np.linalg.pinv(design)
-    before, after, spread = np.zeros(2, complex), np.zeros(2, complex), []
+    before, after, slope, spread = np.zeros(2, complex), np.zeros(2, complex), np.zeros(2, complex), []
     for part in (0, 1):
         steps = np.concatenate([np.diff(time[side]) for side in (left, right)])
         turns = np.concatenate([np.angle(z[side[1:], part] * np.conj(z[side[:-1], part])) for side in (left, right)])
-        still = z[near, part] * np.exp(-1j * float(np.median(turns / steps)) * x)
+        turning = float(np.median(turns / steps))
+        still = z[near, part] * np.exp(-1j * turning * x)
         solution = inverse @ still
         before[part], after[part] = solution[0], solution[0] + solution[3]
+        slope[part] = 1j * turning * solution[0] + solution[1] / np.ptp(x)
         spread.append(float(np.sum(np.abs(still - design @ solution) ** 2)) / (2 * max(1, len(x) - design.shape[1])))
     std = float(np.sqrt(max(max(spread), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3]))
     if not float(np.abs(after - before).max()) > JUMP_SIGMA * std:
         return None
-    turn = float(np.angle(np.sum(after * np.conj(before))))
-    rest = after - before * np.exp(1j * turn)
     size = float(np.sqrt(np.sum(np.abs(before) ** 2)))
+    slope = slope - before * (np.sum(slope * np.conj(before)).imag * 1j / size**2)  # without the oscillation, which the turn is
+    turn, shift = float(np.angle(np.sum(after * np.conj(before)))), 0.0
+    # the wall of neighbouring windows, fitted across the jump, spoils the two sides by a part of it
+    doubt = float(np.hypot(std, SPOILT * np.sqrt(np.sum(np.abs(after - before) ** 2))))
+    speed = float(np.sqrt(np.sum(np.abs(slope) ** 2)))
+    rest = after - before * np.exp(1j * turn)
+    if speed * float(np.ptp(x)) > doubt:
+        moved = slope * np.exp(1j * turn)
+        shift = float(np.sum(rest * np.conj(moved)).real) / speed**2
+        rest = rest - shift * moved
     linear = np.array([rest[0] + rest[1], (rest[0] - rest[1]) / 1j]) / np.sqrt(2)
-    return Jump(int(rows[first]), int(rows[last]), middle, turn, std / size, linear, std)
+    return Jump(int(rows[first]), int(rows[last]), middle, turn, std / size, linear, doubt, shift, doubt / speed if speed > 0 else np.inf)
 
 
 def _running_median(values: Array) -> Array:

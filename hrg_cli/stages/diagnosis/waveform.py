@@ -26,10 +26,12 @@ NAMED = 3.0
 """σ that the size of what the waveform offers must stand off nought."""
 CUBIC_LARGEST = 0.3
 """γa² of a pick-off's cubic beyond which it is none."""
-WHOLE = 0.02
+WHOLE = 2e-3
 """Distance from a whole number of samples that a loss may have, beside its σ."""
 KNOWN_STEP = 0.15
 """σ of a loss in samples up to which it can be asked to be whole."""
+SHIFTED = 5.0
+"""σ of the slow motion's shift within which the time lost lies."""
 MOST_PERIODS = 40
 """Whole periods that may be lost beside what the phase shows."""
 UNMEASURED = "not measured: a line of the averaged spectrum"
@@ -47,12 +49,15 @@ class PhaseStep:
     time_s: float
     step_rad: float
     std_rad: float
+    shift_s: float = 0.0
+    shift_std_s: float = np.inf
+    """Time by which the slow motion moved on, and its σ."""
 
 
 def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
     """Where both channels of a run turn alike between two windows and do nothing else, at most a few a run."""
     return [
-        PhaseStep(number, jump.before, jump.after, jump.time_s, jump.turn_rad, jump.turn_std_rad)
+        PhaseStep(number, jump.before, jump.after, jump.time_s, jump.turn_rad, jump.turn_std_rad, jump.shift_s, jump.shift_std_s)
         for number, wave in enumerate(waves)
         for jump in jumps(wave)
         if jump.alike
@@ -189,7 +194,8 @@ def _lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
     lost, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
     step_s = _even_step(waves[first.run])
     if step_s is not None and std / omega < KNOWN_STEP * step_s:
-        whole = _whole(mean / omega, std / omega, step_s, 1 / frequency_hz)
+        shown = min(group, key=lambda s: s.shift_std_s)
+        whole = _whole(mean / omega, std / omega, step_s, 1 / frequency_hz, (shown.shift_s, shown.shift_std_s))
         if whole is None:
             return None
         lost, samples = whole * step_s, whole
@@ -212,12 +218,14 @@ def _even_step(wave: Wave) -> float | None:
     return 1 / rate if rate and regular else None
 
 
-def _whole(time_s: float, std_s: float, step_s: float, period_s: float) -> int | None:
-    """Fewest samples whose time agrees with a step of the phase, but for whole periods."""
-    turns = np.arange(-MOST_PERIODS, MOST_PERIODS + 1)
-    counts = (time_s + turns * period_s) / step_s
-    whole = np.round(counts)
-    fits = (np.abs(counts - whole) < 4 * std_s / step_s + WHOLE) & (whole != 0)
+def _whole(time_s: float, std_s: float, step_s: float, period_s: float, shift: tuple[float, float]) -> int | None:
+    """Fewest samples whose time agrees with a step of the phase, but for whole periods, and with the shift of the slow motion."""
+    most = MOST_PERIODS
+    if np.isfinite(shift[1]):
+        most = max(most, int((abs(shift[0]) + SHIFTED * shift[1]) / period_s) + 1) if shift[1] < MOST_PERIODS * period_s else most
+    times = time_s + np.arange(-most, most + 1) * period_s
+    whole = np.round(times / step_s)
+    fits = (np.abs(times / step_s - whole) < 4 * std_s / step_s + WHOLE) & (whole != 0) & (np.abs(times - shift[0]) < SHIFTED * shift[1])
     return int(min(whole[fits], key=lambda n: (abs(n), -n))) if fits.any() else None
 
 
