@@ -11,6 +11,21 @@ from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import run_ids, simulate
 
 TURNING = (0.0, 1.5, 2.0, -2.0, -1.0, 1.0)
+KINDS = {
+    "swapped": "channels swapped",
+    "inverted": "one channel inverted",
+    "gyro": "another gyro",
+    "like gyro": "another gyro",
+    "sampling": "sampling rate wrong",
+    "knock": "knock",
+    "sign": "rate log of wrong sign",
+    "degrees": "rate log in °/s",
+    "scale": "rate log of wrong scale",
+    "missing rate": "rate log missing",
+    "late": "rate log late",
+    "pressure": "loss of pressure",
+}
+"""Ways a run may be wrong, and what they are to be called."""
 COURSES = {"kind": "sine", "amplitude_rad_s": 2.0, "frequency_hz": 0.8}
 
 
@@ -41,7 +56,7 @@ def knocked(table, record, k, at_s, velocity, seed=0):
     other = copy.deepcopy(table)
     other["run"] = [copy.deepcopy(table["run"][k])]
     rate = record.sample_rate_hz
-    first = int(round(at_s * rate))
+    first = round(at_s * rate)
     other["recording"]["duration_s"] = table["recording"]["duration_s"] - first / rate
     other["readout"] = {"noise": 0.0}
     # Re[e^{j(ωt − π/2)}]: no displacement, all velocity
@@ -53,10 +68,6 @@ def knocked(table, record, k, at_s, velocity, seed=0):
     c[first : first + n] += answer.c[:n]
     s[first : first + n] += answer.s[:n]
     return record.replace(c=c, s=s)
-
-
-def without_rate(record):
-    return record.replace(rate_rad_s=None)
 
 
 def turning_run(table):

@@ -81,7 +81,7 @@ def jumps(wave: Wave) -> list[Jump]:
 
 def _peaks(height: Array) -> list[tuple[int, int]]:
     """Steps (first row, last row) that stand out, the highest first; what a jump does to its neighbours' fits is not looked at again."""
-    left, out = height.copy(), []
+    left, out = height.copy(), list[tuple[int, int]]()
     while len(out) <= MOST_A_RUN and len(left) and left.max() > JUMP_SIGMA:
         top = int(np.argmax(left))
         near = np.arange(max(0, top - CORE), min(len(left), top + CORE + 1))

@@ -1,6 +1,6 @@
 """Diagnosis, lines of the residual spectrum: which are the oscillation's own harmonics, which follow the wave, which stand on their own.
 
-Everything is measured in the spectrum's cells and in the oscillation's frequency. A tone from outside has the same size whatever the wave's;
+All is measured in the spectrum's cells and in the oscillation's frequency. A tone from outside has the same size whatever the wave's;
 a partial or a harmonic follows it; a converter puts odd harmonics of any order, folded, where a cubic has the third and clipping a few.
 """
 
@@ -72,7 +72,8 @@ class Line:
 
 def cell_hz(waves: Sequence[Wave]) -> float:
     """Distance of two cells of the averaged spectrum; 0 where there is none."""
-    cells = [np.diff(w.spectrum_frequency_hz).mean() for w in waves if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz) > 1]
+    grids = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None]
+    cells = [np.diff(grid).mean() for grid in grids if len(grid) > 1]
     return float(np.median(cells)) if cells else 0.0
 
 

@@ -26,7 +26,7 @@ SETTLED = 1e-3
 
 def wrong_logs(waves: Sequence[Wave], fit: Fit) -> list[Suspicion]:
     """Findings that need no misfit."""
-    return [*_rates(fit), *_temperatures(waves, fit)]
+    return [*_rates(fit), *_temperatures(waves)]
 
 
 def usual_scale_factor(fit: Fit) -> bool:
@@ -51,16 +51,17 @@ def _rates(fit: Fit) -> list[Suspicion]:
                 Suspicion(
                     "all runs",
                     f"rate log in {unit}",
-                    f"the scale factor comes out as {K:.4g} ± {std:.2g}, {usual:g} is usual and {abs(K) * factor:.4g} what it is with the log in {unit}",
+                    f"the scale factor comes out as {K:.4g} ± {std:.2g}, {usual:g} is usual; {abs(K) * factor:.4g} with the log in {unit}",
                     f"import the rate logs with their unit, {unit}",
                 )
             ]
-    if K < 0 and -K < usual * RANGE and -K > usual / RANGE and _several_rates(fit):
+    rates = _rates_of(fit)
+    if K < 0 and usual / RANGE < abs(K) < usual * RANGE and _several_rates(fit):
         return [
             Suspicion(
                 "all runs",
                 "rate log of wrong sign",
-                f"the scale factor comes out as {K:.4g} ± {std:.2g} over rates from {_rates_of(fit).min():.3g} to {_rates_of(fit).max():.3g} rad/s",
+                f"the scale factor comes out as {K:.4g} ± {std:.2g} over rates from {rates.min():.3g} to {rates.max():.3g} rad/s",
                 "turn the sign of the rate logs, or exchange the channels, where they are swapped in every run",
             )
         ]
@@ -77,25 +78,26 @@ def _several_rates(fit: Fit) -> bool:
     return bool(np.ptp(rates) > 0.5 * np.abs(rates).max() > 0)
 
 
-def _temperatures(waves: Sequence[Wave], fit: Fit) -> list[Suspicion]:
+def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
     """Kelvin beside °C, where the frequencies say that the runs were as warm."""
-    levels = [float(np.nanmean(w.temperature_degc)) if w.temperature_degc is not None and np.isfinite(w.temperature_degc).any() else None for w in waves]
-    there = [k for k, level in enumerate(levels) if level is not None]
-    in_kelvin = [k for k in there if (levels[k] or 0.0) > KELVIN_DEGC]
+    logged = {k: float(np.nanmean(np.asarray(w.temperature_degc, float))) for k, w in enumerate(waves) if _logs_temperature(w)}
+    others = {k: level for k, level in logged.items() if level <= KELVIN_DEGC}
+    hz = float(np.median([_frequency(waves[k]) for k in others])) if others else 0.0
     out = []
-    for k in in_kelvin:
-        others = [j for j in there if j not in in_kelvin]
-        level = levels[k]
-        assert level is not None
+    for k, level in logged.items():
+        own = _frequency(waves[k])
+        if level <= KELVIN_DEGC or (others and abs(own / hz - 1) > SETTLED):
+            continue
         evidence = f"{level:.4g} is logged"
         if others:
-            hz = float(np.median([_frequency(waves[j]) for j in others]))
-            own = _frequency(waves[k])
-            if abs(own / hz - 1) > SETTLED:
-                continue
-            evidence += f", {min(levels[j] or 0.0 for j in others):.4g} to {max(levels[j] or 0.0 for j in others):.4g} °C in the other runs, and it oscillates as they do ({own:.6g} and {hz:.6g} Hz)"
+            low, high = min(others.values()), max(others.values())
+            evidence += f", {low:.4g} to {high:.4g} °C in the other runs, and it oscillates as they do ({own:.6g} and {hz:.6g} Hz)"
         out.append(Suspicion(waves[k].run_id, "thermometer in K", evidence, "import this run's temperature with its unit, K"))
     return out
+
+
+def _logs_temperature(wave: Wave) -> bool:
+    return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
 
 
 def _frequency(wave: Wave) -> float:

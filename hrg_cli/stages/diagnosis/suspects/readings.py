@@ -23,15 +23,10 @@ KNOCK = 6
 TIME_LEAST = 3e-4
 """Relative difference of two frequencies that a clock may make and a temperature hardly."""
 TRIALS = 13
-LATEST, LONGEST_LAG, FINEST = 0.2, 0.5, 1e-3
-"""Parts of the run by which a log may be late and a thermometer behind, and to which that is found."""
+LATEST, FINEST = 0.2, 1e-3
+"""Parts of the run by which a log may be late, and to which that is found."""
 ROTATION = 3.0
 """σ from which a run's rate is known from its wave."""
-
-
-COURSE_ROUNDS = 3
-PLAUSIBLE_DEGC = 200.0
-"""Distance from the other runs' temperatures that a run may have had."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +69,11 @@ def _own(wave: Wave, others: Fit, coordinate: str) -> tuple[float, float] | None
 def of_the_channels(wave: Wave) -> Iterator[Reading]:
     """Channels exchanged or inverted."""
     yield Reading(
-        "channels swapped", (change.swapped(wave),), 0, "with C and S exchanged", "exchange the columns of C and S of this run and import it anew"
+        "channels swapped",
+        (change.swapped(wave),),
+        0,
+        "with C and S exchanged",
+        "exchange the columns of C and S of this run and import it anew",
     )
     yield Reading(
         "one channel inverted",
@@ -200,10 +199,10 @@ def _varies(wave: Wave) -> bool:
 def _lateness(wave: Wave, others: Fit) -> float | None:
     """By how much the log is late."""
     span = float(wave.time_s[-1] - wave.time_s[0])
-    return _least(lambda late: change.earlier(wave, late), others, LATEST * span, FINEST * span)
+    return least(lambda late: change.earlier(wave, late), others, LATEST * span, FINEST * span)
 
 
-def _least(made: Callable[[float], Wave], others: Fit, reach: float, finest: float) -> float | None:
+def least(made: Callable[[float], Wave], others: Fit, reach: float, finest: float) -> float | None:
     """The number within ± `reach` with which a wave made by it misfits least: trials side by side, finer and finer, then a parabola."""
     best = 0.0
     while True:
@@ -264,82 +263,6 @@ def of_a_knock(wave: Wave) -> Iterator[Reading]:
         f"at {instants} amplitude, angle, quadrature and phase jump together and before and after it moves as the others do: cut there",
         f"cut the run at {instants}, or simulate the knock as momentum_kick",
     )
-
-
-def of_the_thermometer(wave: Wave, others: Fit) -> Iterator[Reading]:
-    """A thermometer in another unit, stuck, missing or elsewhere; only where frequency or damping follow the temperature."""
-    if _logs_temperature(wave):
-        level = float(np.nanmean(np.asarray(wave.temperature_degc, float)))
-        for name, turned in (("K", change.from_kelvin(wave)), ("°F", change.from_fahrenheit(wave))):
-            yield Reading(
-                f"thermometer in {name}",
-                (turned,),
-                0,
-                f"with its temperature of {level:.4g} read as {name}",
-                f"import this run's temperature with its unit, {name}",
-            )
-        lag = _lag(wave, others)
-        if lag is not None:
-            yield Reading(
-                "thermometer in another place",
-                (change.leading(wave, lag),),
-                1,
-                f"with its temperature {abs(lag):.4g} s {'behind' if lag > 0 else 'before'} the resonator's",
-                "put the thermometer where it was in the other runs, or let the gyro's own frequency be the thermometer",
-            )
-    seen = _shown_course(wave, others)
-    if seen is not None:
-        stuck = _logs_temperature(wave) and float(np.ptp(np.asarray(wave.temperature_degc, float)[wave.good()])) == 0
-        what = "thermometer missing" if not _logs_temperature(wave) else "thermometer stuck" if stuck else "thermometer wrong"
-        yield Reading(
-            what,
-            (seen,),
-            2,
-            f"its frequency shows a temperature that moves by {float(seen.temperature_degc[-1] - seen.temperature_degc[0]):+.3g} °C: with that",
-            "repair the thermometer, or leave the run out of what depends on temperature",
-        )
-
-
-def _logs_temperature(wave: Wave) -> bool:
-    return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
-
-
-def _lag(wave: Wave, others: Fit) -> float | None:
-    """By how much this thermometer is behind."""
-    span = float(wave.time_s[-1] - wave.time_s[0])
-    return _least(lambda lag: change.leading(wave, lag), others, LONGEST_LAG * span, FINEST * span)
-
-
-def _shown_course(wave: Wave, others: Fit) -> Wave | None:
-    """The wave with the quadratic course of temperature that its phase shows beside the others' model, at the level that its damping shows."""
-    active = {effect.name: values for effect, values in others.point.active}
-    slope = active.get("thermal_frequency", {}).get("relative_1_k", 0.0)
-    loss = active.get("thermal_damping", {}).get("relative_1_k", 0.0)
-    if slope == 0:
-        return None
-    level, slopes = float(np.mean(others.series.temperature_degc[others.series.weight > 0])), np.zeros(2)
-    span = float(wave.time_s[-1] - wave.time_s[0])
-    per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * span
-    for _ in range(COURSE_ROUNDS):
-        with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
-            fit = held([change.course(wave, level, slopes)], others, [DAMPING])
-            rows = fit.series.weight[0] > 0
-            x = (fit.series.time_s[0][rows] - float(wave.time_s[0])) / span
-            left = _phase_left(fit)[rows]
-            bend = np.polynomial.polynomial.polyfit(x, left, 3)
-            slopes = slopes + np.array([2 * bend[2], 3 * bend[3]]) / per_degc
-            if loss != 0:
-                warmer = (fit.coordinate(DAMPING) / others.coordinate(DAMPING) - 1) / loss
-                level += warmer if abs(warmer) < PLAUSIBLE_DEGC else 0.0
-            continue
-        return None
-    return change.course(wave, level, slopes)
-
-
-def _phase_left(fit: Fit) -> Array:
-    """Phase of what was measured against the model, unwrapped, along the rows of the only run."""
-    seen = fit.prediction.seen[0]
-    return np.unwrap(np.angle(np.sum(fit.series.envelope[0] * np.conj(seen), axis=-1)))
 
 
 Maker = Callable[[Wave, Fit], Iterator[Reading]]

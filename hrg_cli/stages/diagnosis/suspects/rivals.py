@@ -23,7 +23,7 @@ TRIED = 3
 
 
 def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float:
-    """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator has; the search ends where it is `enough`."""
+    """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator has; it ends where that is `enough`."""
     fit, least = base, base.chi2 / base.dof
     for _ in range(MOST):
         strong = [pair for pair in scored(fit, candidates) if pair[0].visible and pair[0].gain > WORTHWHILE * fit.chi2]

@@ -16,9 +16,10 @@ from ....records import Array, Wave
 from ..search import Variant
 from ..thresholds import GROSS
 from .logs import usual_scale_factor, wrong_logs
-from .readings import DAMPING, KNOCK, Maker, Reading, held, of_a_knock, of_the_rate, of_the_thermometer, own_damping, readings
+from .readings import DAMPING, KNOCK, Maker, Reading, held, of_a_knock, of_the_rate, own_damping, readings
 from .rivals import catalogued, warmed
 from .suspicion import Suspicion
+from .thermometers import of_the_thermometer
 from .transformations import damped
 
 Fitted = Callable[[Sequence[Wave]], Fit]
@@ -160,9 +161,7 @@ def _culprits(waves: Sequence[Wave], fitted: Fitted, level: Fit) -> tuple[list[i
     return [], []
 
 
-def _cases(
-    pieces: Sequence[tuple[Wave, ...]], wave: Wave, run: int, others: Fit, fitted: Fitted, makers: Maker
-) -> list[Case]:
+def _cases(pieces: Sequence[tuple[Wave, ...]], wave: Wave, run: int, others: Fit, fitted: Fitted, makers: Maker) -> list[Case]:
     """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
     alone = len(_flat(pieces)) == 0
     out = list(_read(pieces, run, of_a_knock(wave) if alone else makers(wave, others), fitted))
@@ -202,8 +201,8 @@ def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
         Suspicion(
             waves[k].run_id,
             "loss of pressure",
-            f"its damping is {fit.coordinate(DAMPING) + less[k]:.5g} 1/s, the least of the runs {common:.5g}: with a damping of its own in every "
-            f"run χ² a degree of freedom falls from {before:.3g} to {after:.3g}",
+            f"its damping is {fit.coordinate(DAMPING) + less[k]:.5g} 1/s, the least of the runs {common:.5g}: with a damping of its own in "
+            f"every run χ² a degree of freedom falls from {before:.3g} to {after:.3g}",
             "check the vacuum between the runs: gas damping; calibrate these runs apart",
         )
         for k in sorted(high)

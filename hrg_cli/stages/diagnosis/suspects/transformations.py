@@ -104,4 +104,5 @@ def leading(wave: Wave, lag_s: float) -> Wave:
 
 def cut(wave: Wave, before: int, after: int) -> tuple[Wave, Wave]:
     """The rows up to `before` and from `after` on, each a run of its own."""
-    return wave.rows(0, before + 1).replace(run_id=f"{wave.run_id} before"), wave.rows(after, len(wave)).replace(run_id=f"{wave.run_id} after")
+    first, last = wave.rows(0, before + 1), wave.rows(after, len(wave))
+    return first.replace(run_id=f"{wave.run_id} before"), last.replace(run_id=f"{wave.run_id} after")
