@@ -22,18 +22,24 @@ NEAREST_CYCLES = 4.0
 ONE_SIDED = 6.0
 FINE = 41
 MOST_TONES = 4
+DIES, SURE = 0.7, 4.0
+"""Part of its power that a tone has in the second half of the runs at least, and σ by which less must be sure."""
 TONE_LEAVES = 0.8
 """Part of a gross misfit's χ² that a tone may leave."""
 
 
 @dataclass(frozen=True)
 class Tone:
-    """A tone: frequency, complex amplitudes e (R, 2) of every run at t = 0 of the run, σ of one real part (R,), χ² it takes away."""
+    """A tone: frequency, complex amplitudes e (R, 2) of every run at t = 0 of the run, σ of one real part (R,), χ² it takes away.
+
+    `standing`: as strong in the second half of the runs as in the first; a partial of the resonator dies away.
+    """
 
     frequency_hz: float
     vector: Array
     std: Array
     gain: float
+    standing: bool = True
 
 
 def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array]]:
@@ -102,7 +108,21 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
         width /= 8
     vector = np.array([np.mean(r * np.exp(-2j * np.pi * best * t)[:, None], axis=0) for t, r, _ in data])
     std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
-    return Tone(best + fit.series.reference_frequency_hz, vector, std, float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2)))
+    gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
+    return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
+
+
+def _stands(data: Sequence[tuple[Array, Array, Array]], beat_hz: float) -> bool:
+    """Whether a tone keeps its size: power in the runs' second halves against the first, each less what noise has."""
+    powers = np.zeros(2)
+    unsure = 0.0
+    for t, r, std in data:
+        for half, part in enumerate(np.array_split(np.arange(len(t)), 2)):
+            noise = 2 * float(np.median(std[part])) ** 2 / len(part)
+            power = np.abs(np.mean(r[part] * np.exp(-2j * np.pi * beat_hz * t[part])[:, None], axis=0)) ** 2
+            powers[half] += float(np.sum(power) - 2 * noise)
+            unsure += float(np.sum(2 * power * noise + noise**2))
+    return bool(powers[1] > DIES * powers[0] - SURE * np.sqrt(unsure))
 
 
 def _floor(power: Array, width: int = 101) -> Array:
@@ -130,6 +150,8 @@ def taken_out(fit: Fit, waves: Sequence[Wave], fitted: Callable[[Sequence[Wave]]
     """The fit and the waves without the tones found one after another, and these; `fitted`: the base model's fit to waves."""
     left, tones = list(waves), list[Tone]()
     while len(tones) < MOST_TONES and (tone := strongest(fit, left)) is not None:
+        if not tone.standing:
+            return fit, left, [*tones, tone]  # listed and not taken out
         cleaned = without(left, tone)
         try:
             rest = fitted(cleaned)

@@ -1,0 +1,106 @@
+"""What the logs show on their own, without any misfit: units and signs that every run shares, kelvin among °C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import Fit
+from ....fitting.envelopes.base_fit import nominal_scale_factor
+from ....records import Wave
+from ..thresholds import GROSS
+from .suspicion import Suspicion
+
+SCALE_FACTOR = "scale_factor"
+SURE = 5.0
+"""σ from which K is known; σ of a misfit counts."""
+UNITS = ((180 / np.pi, "°/s"), (180 / np.pi * 3600, "°/h"))
+RANGE = 2.5
+"""Times above and below its usual value that a scale factor may be."""
+KELVIN_DEGC = 150.0
+"""Temperature that no gyro has in °C and every gyro has in K."""
+SETTLED = 1e-3
+"""Relative distance of two frequencies that a difference of 273 °C would exceed."""
+
+
+def wrong_logs(waves: Sequence[Wave], fit: Fit) -> list[Suspicion]:
+    """Findings that need no misfit."""
+    return [*_rates(fit), *_temperatures(waves)]
+
+
+def usual_scale_factor(fit: Fit) -> bool:
+    """Whether K is what a resonator of that mode has, or unknown."""
+    if fit.layout.coordinate(SCALE_FACTOR) is None:
+        return True
+    K, std, usual = fit.coordinate(SCALE_FACTOR), fit.coordinate_std(SCALE_FACTOR), nominal_scale_factor(fit.series.mode_number)
+    return usual / RANGE - SURE * std < K < usual * RANGE + SURE * std
+
+
+def _rates(fit: Fit) -> list[Suspicion]:
+    """K far from what any resonator of that mode has, by the factor of a unit, or of the other sign."""
+    if fit.layout.coordinate(SCALE_FACTOR) is None or fit.chi2 / fit.dof > GROSS:
+        return []
+    K, std = fit.coordinate(SCALE_FACTOR), fit.coordinate_std(SCALE_FACTOR) * float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
+    usual = nominal_scale_factor(fit.series.mode_number)
+    if not abs(K) > SURE * std:
+        return []
+    for factor, unit in UNITS:
+        if usual / RANGE < abs(K) * factor < usual * RANGE:
+            return [
+                Suspicion(
+                    "all runs",
+                    f"rate log in {unit}",
+                    f"the scale factor comes out as {K:.4g} ± {std:.2g}, {usual:g} is usual; {abs(K) * factor:.4g} with the log in {unit}",
+                    f"import the rate logs with their unit, {unit}",
+                )
+            ]
+    rates = _rates_of(fit)
+    if K < 0 and usual / RANGE < abs(K) < usual * RANGE and _several_rates(fit):
+        return [
+            Suspicion(
+                "all runs",
+                "rate log of wrong sign",
+                f"the scale factor comes out as {K:.4g} ± {std:.2g} over rates from {rates.min():.3g} to {rates.max():.3g} rad/s",
+                "turn the sign of the rate logs, or exchange the channels, where they are swapped in every run",
+            )
+        ]
+    return []
+
+
+def _rates_of(fit: Fit) -> np.ndarray:
+    return fit.series.rate_rad_s[fit.series.weight > 0]
+
+
+def _several_rates(fit: Fit) -> bool:
+    """Whether the rates differ so that a constant drift does not stand for K."""
+    rates = _rates_of(fit)
+    return bool(np.ptp(rates) > 0.5 * np.abs(rates).max() > 0)
+
+
+def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
+    """Kelvin beside °C, where the frequencies say that the runs were as warm."""
+    logged = {k: float(np.nanmean(np.asarray(w.temperature_degc, float))) for k, w in enumerate(waves) if _logs_temperature(w)}
+    others = {k: level for k, level in logged.items() if level <= KELVIN_DEGC}
+    hz = float(np.median([_frequency(waves[k]) for k in others])) if others else 0.0
+    out = []
+    for k, level in logged.items():
+        own = _frequency(waves[k])
+        if level <= KELVIN_DEGC or (others and abs(own / hz - 1) > SETTLED):
+            continue
+        evidence = f"{level:.4g} is logged"
+        if others:
+            low, high = min(others.values()), max(others.values())
+            evidence += f", {low:.4g} to {high:.4g} °C in the other runs, and it oscillates as they do ({own:.6g} and {hz:.6g} Hz)"
+        out.append(Suspicion(waves[k].run_id, "thermometer in K", evidence, "import this run's temperature with its unit, K"))
+    return out
+
+
+def _logs_temperature(wave: Wave) -> bool:
+    return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
+
+
+def _frequency(wave: Wave) -> float:
+    good = wave.good()
+    t, phase = np.asarray(wave.time_s, float)[good], np.asarray(wave.phase_rad, float)[good]
+    return float(wave.reference_frequency_hz + np.median(np.diff(phase) / np.diff(t)) / (2 * np.pi))

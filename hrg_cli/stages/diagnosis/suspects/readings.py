@@ -1,0 +1,277 @@
+"""Readings of one run: mistakes that could have made it what it is, each undone on its wave, with what of it was free to choose."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....errors import HrgError
+from ....fitting.causes import extended_fit
+from ....fitting.causes.extended_fit import Fit, Freedom
+from ....fitting.envelopes.coordinates import COORDINATES, COUNT
+from ....records import Array, Wave
+from ..data import prepare
+from ..jumps import jumps
+from . import transformations as change
+
+DAMPING, SCALE_FACTOR = "damping", "scale_factor"
+KNOCK = 6
+"""Numbers that a knock takes: a state and a frequency after it, and its instant."""
+TIME_LEAST = 3e-4
+"""Relative difference of two frequencies that a clock may make and a temperature hardly."""
+TRIALS = 13
+LATEST, FINEST = 0.2, 1e-3
+"""Parts of the run by which a log may be late, and to which that is found."""
+ROTATION = 3.0
+"""σ from which a run's rate is known from its wave."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One mistake undone: short name, the pieces in place of the run, parameters chosen for it, what was found, what to do."""
+
+    what: str
+    pieces: tuple[Wave, ...]
+    parameters: int
+    found: str
+    correction: str
+
+
+def held(waves: Sequence[Wave], others: Fit, free: Sequence[str] = ()) -> Fit:
+    """Runs beside one another, their starts and frequencies fitted, the coordinates those of the others but for the `free` ones."""
+    series, point, _ = prepare(waves, None, others.series.time_s.shape[1])
+    std = np.zeros(COUNT)
+    std[[COORDINATES.index(name) for name in free]] = np.inf
+    p = others.point.p.copy()
+    series = replace(series, free_phase=others.series.free_phase)
+    return extended_fit.fit(series, replace(point, p=p, active=others.point.active), Freedom(p, std, passive=False))
+
+
+def misfits(waves: Sequence[Wave], others: Fit) -> Array:
+    """χ² of every one of several ways a run may have been, each beside the others' coordinates; infinite where no fit is found."""
+    with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
+        fit = held(waves, others)
+        return np.bincount(fit.rows[:, 0], fit.residual**2, len(waves))
+    return np.full(len(waves), np.inf)
+
+
+def _own(wave: Wave, others: Fit, coordinate: str) -> tuple[float, float] | None:
+    """A coordinate as this run alone shows it beside the others' values, and its σ; None where the fit finds no end."""
+    with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
+        fit = held([wave], others, [coordinate])
+        return fit.coordinate(coordinate), fit.coordinate_std(coordinate)
+    return None
+
+
+def of_the_channels(wave: Wave) -> Iterator[Reading]:
+    """Channels exchanged or inverted."""
+    yield Reading(
+        "channels swapped",
+        (change.swapped(wave),),
+        0,
+        "with C and S exchanged",
+        "exchange the columns of C and S of this run and import it anew",
+    )
+    yield Reading(
+        "one channel inverted",
+        (change.inverted(wave),),
+        0,
+        "with one channel's sign turned",
+        "turn the sign of one channel of this run (a negative scale factor) and import it anew",
+    )
+    yield Reading(
+        "channels swapped and one inverted",
+        (change.turned(wave),),
+        0,
+        "with C and S exchanged and one of them turned",
+        "exchange C and S of this run, turn the sign of one and import it anew",
+    )
+
+
+def of_the_time(wave: Wave, others: Fit) -> Iterator[Reading]:
+    """A sampling rate that is not the recording's."""
+    hz = float(np.median(others.frequency_hz))
+    own = wave.reference_frequency_hz + float(np.median(_turning_hz(wave)))
+    factor = own / hz
+    if abs(factor - 1) < TIME_LEAST or not 1e-2 < factor < 1e2:
+        return
+    yield Reading(
+        "sampling rate wrong",
+        (change.timed(wave, factor),),
+        1,
+        f"with all its times multiplied by {factor:.6g} (it oscillates at {own:.6g} Hz, the others at {hz:.6g} Hz)",
+        f"correct the sampling rate of this run: divide it by {factor:.6g}",
+    )
+
+
+def _turning_hz(wave: Wave) -> Array:
+    good = wave.good()
+    t, phase = np.asarray(wave.time_s, float)[good], np.asarray(wave.phase_rad, float)[good]
+    return np.asarray(np.diff(phase) / np.diff(t) / (2 * np.pi))
+
+
+def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
+    """A rate log of another sign, unit or size, late, or none."""
+    if wave.mode != "free":
+        return
+    common = others.coordinate(SCALE_FACTOR)
+    logged = mean_rate(wave)
+    if not abs(common) > 0:
+        return
+    shown = _shown_rate(wave, common)
+    if _turns(wave):
+        near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
+        seen = _own(change.rated(wave, near), others, SCALE_FACTOR)
+        factor = None if seen is None else near * seen[0] / common
+        yield Reading(
+            "rate log of wrong sign",
+            (change.rated(wave, -1.0),),
+            0,
+            f"{logged:.4g} rad/s is logged, its wave turns as at {-logged:.4g}: with the log's sign turned",
+            "turn the sign of this run's rate log",
+        )
+        yield Reading(
+            "rate log in °/s",
+            (change.rated(wave, np.pi / 180),),
+            0,
+            f"{logged:.4g} is logged, its wave turns as at {np.radians(logged):.4g} rad/s: with the log read as °/s",
+            "import this run's rate log with its unit, °/s",
+        )
+        if factor is not None and np.isfinite(factor) and factor != 0:
+            yield Reading(
+                "rate log of wrong scale",
+                (change.rated(wave, factor),),
+                1,
+                f"{logged:.4g} rad/s is logged, its wave turns as at {factor * logged:.4g}: with the log multiplied by {factor:.4g}",
+                f"multiply this run's rate log by {factor:.4g}, or find its unit",
+            )
+    if not _turns(wave) or _varies(wave):
+        seen = _own(change.steady(wave, shown), others, SCALE_FACTOR) if shown else None
+        if seen is not None and abs(seen[0]) > ROTATION * seen[1]:
+            rate = shown * seen[0] / common
+            what = "rate log missing" if not _turns(wave) else "rate log of another run"
+            yield Reading(
+                what,
+                (change.steady(wave, rate),),
+                1,
+                f"{logged:.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that constant rate",
+                "add the rate that was turned to this run's log, or leave the run out",
+            )
+    if _turns(wave) and _varies(wave):
+        late = _lateness(wave, others)
+        if late is not None:
+            early = "late" if late > 0 else "early"
+            yield Reading(
+                f"rate log {early}",
+                (change.earlier(wave, late),),
+                1,
+                f"with its rate log moved by {-late:+.4g} s",
+                f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both clocks together",
+            )
+
+
+def mean_rate(wave: Wave) -> float:
+    """Mean logged rate; 0 where none is logged."""
+    rates = None if wave.rate_rad_s is None else np.asarray(wave.rate_rad_s, float)
+    return 0.0 if rates is None or not np.isfinite(rates).any() else float(np.nanmean(rates))
+
+
+def _shown_rate(wave: Wave, scale_factor: float) -> float:
+    """Mean rate that the wave angle shows, −m·θ̇/K, from which the fit starts."""
+    good = wave.good()
+    slope = float(np.polyfit(np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good], 1)[0])
+    return -wave.mode_number * slope / scale_factor
+
+
+def _turns(wave: Wave) -> bool:
+    return wave.rate_rad_s is not None and bool(np.nanmax(np.abs(np.where(np.isfinite(wave.rate_rad_s), wave.rate_rad_s, 0.0))) > 0)
+
+
+def _varies(wave: Wave) -> bool:
+    rate = np.asarray(wave.rate_rad_s, float)
+    rate = rate[np.isfinite(rate)]
+    return bool(np.ptp(rate) > 0.02 * np.abs(rate).max())
+
+
+def _lateness(wave: Wave, others: Fit) -> float | None:
+    """By how much the log is late."""
+    span = float(wave.time_s[-1] - wave.time_s[0])
+    return least(lambda late: change.earlier(wave, late), others, LATEST * span, FINEST * span)
+
+
+def least(made: Callable[[float], Wave], others: Fit, reach: float, finest: float) -> float | None:
+    """The number within ± `reach` with which a wave made by it misfits least: trials side by side, finer and finer, then a parabola."""
+    best = 0.0
+    while True:
+        trials = best + reach * np.linspace(-1, 1, TRIALS)
+        values = misfits([made(float(x)) for x in trials], others)
+        k = int(np.argmin(values))
+        if not np.isfinite(values[k]):
+            return None
+        best, step = float(trials[k]), float(trials[1] - trials[0])
+        if step < finest:
+            break
+        reach = 1.5 * step
+    if 0 < k < len(trials) - 1:
+        low, here, high = values[k - 1 : k + 2]
+        bend = low - 2 * here + high
+        best += 0.5 * step * (low - high) / bend if bend > 0 else 0.0
+    return best
+
+
+def own_damping(wave: Wave, others: Fit) -> tuple[float, float] | None:
+    """The damping rate that this run alone shows beside the others' splits and scale factor, and its σ."""
+    return _own(wave, others, DAMPING)
+
+
+def of_the_damping(wave: Wave, others: Fit) -> Iterator[Reading]:
+    """Another damping and nothing else: the vacuum."""
+    seen = own_damping(wave, others)
+    common = others.coordinate(DAMPING)
+    if seen is None or not np.isfinite(seen[0]):
+        return
+    changed = seen[0] - common
+    yield Reading(
+        "damping changed" if changed < 0 else "loss of pressure",
+        (change.damped(wave, changed),),
+        1,
+        f"its damping is {seen[0]:.5g} 1/s, the others' {common:.5g}: with that alone its own",
+        "check the vacuum between the runs: gas damping; calibrate these runs apart" if changed > 0 else "calibrate this run apart",
+    )
+
+
+def of_a_knock(wave: Wave) -> Iterator[Reading]:
+    """Momentum at an instant, or several."""
+    found = [jump for jump in jumps(wave) if jump.knock]
+    if not found:
+        return
+    pieces, rest = [], wave
+    shift = 0
+    for jump in found:
+        first, rest = change.cut(rest, jump.before - shift, jump.after - shift)
+        shift = jump.after
+        pieces.append(first)
+    pieces.append(rest.replace(run_id=f"{wave.run_id} after"))
+    instants = ", ".join(f"{jump.time_s:.6g} s" for jump in found)
+    yield Reading(
+        "knock",
+        tuple(piece for piece in pieces if np.count_nonzero(piece.good()) >= 8),
+        KNOCK * len(found),
+        f"at {instants} amplitude, angle, quadrature and phase jump together and before and after it moves as the others do: cut there",
+        f"cut the run at {instants}, or simulate the knock as momentum_kick",
+    )
+
+
+Maker = Callable[[Wave, Fit], Iterator[Reading]]
+
+
+def readings(wave: Wave, others: Fit) -> Iterator[Reading]:
+    """Every mistake that this run's motion could show beside the others' coordinates."""
+    yield from of_the_channels(wave)
+    yield from of_the_time(wave, others)
+    yield from of_the_rate(wave, others)
+    yield from of_a_knock(wave)
+    yield from of_the_damping(wave, others)

@@ -1,0 +1,99 @@
+"""Readings of one run's thermometer: another unit, stuck, missing, or in another place than in the other runs."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import numpy as np
+
+from ....errors import HrgError
+from ....fitting.causes import extended_fit
+from ....fitting.causes.extended_fit import Fit
+from ....records import Array, Wave
+from . import transformations as change
+from .readings import DAMPING, FINEST, Reading, held, least
+
+COURSE_ROUNDS = 3
+PLAUSIBLE_DEGC = 200.0
+"""Distance from the other runs' temperatures that a run may have had."""
+LONGEST_LAG = 0.5
+"""Part of the run by which a thermometer may be behind."""
+
+
+def of_the_thermometer(wave: Wave, others: Fit) -> Iterator[Reading]:
+    """A thermometer in another unit, stuck, missing or elsewhere; only where frequency or damping follow the temperature."""
+    if _logs_temperature(wave):
+        level = float(np.nanmean(np.asarray(wave.temperature_degc, float)))
+        for name, turned in (("K", change.from_kelvin(wave)), ("°F", change.from_fahrenheit(wave))):
+            yield Reading(
+                f"thermometer in {name}",
+                (turned,),
+                0,
+                f"with its temperature of {level:.4g} read as {name}",
+                f"import this run's temperature with its unit, {name}",
+            )
+        lag = _lag(wave, others)
+        if lag is not None:
+            yield Reading(
+                "thermometer in another place",
+                (change.leading(wave, lag),),
+                1,
+                f"with its temperature {abs(lag):.4g} s {'behind' if lag > 0 else 'before'} the resonator's",
+                "put the thermometer where it was in the other runs, or let the gyro's own frequency be the thermometer",
+            )
+    seen = _shown_course(wave, others)
+    if seen is not None:
+        stuck = _logs_temperature(wave) and float(np.ptp(np.asarray(wave.temperature_degc, float)[wave.good()])) == 0
+        shown = np.asarray(seen.temperature_degc, float)
+        moved = float(shown[-1] - shown[0])
+        what = "thermometer missing" if not _logs_temperature(wave) else "thermometer stuck" if stuck else "thermometer wrong"
+        yield Reading(
+            what,
+            (seen,),
+            2,
+            f"its frequency shows a temperature that moves by {moved:+.3g} °C: with that",
+            "repair the thermometer, or leave the run out of what depends on temperature",
+        )
+
+
+def _logs_temperature(wave: Wave) -> bool:
+    return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
+
+
+def _lag(wave: Wave, others: Fit) -> float | None:
+    """By how much this thermometer is behind."""
+    span = float(wave.time_s[-1] - wave.time_s[0])
+    return least(lambda lag: change.leading(wave, lag), others, LONGEST_LAG * span, FINEST * span)
+
+
+def _shown_course(wave: Wave, others: Fit) -> Wave | None:
+    """The wave with the quadratic course of temperature that its phase shows beside the others' model, at the level of its damping."""
+    active = {effect.name: values for effect, values in others.point.active}
+    slope = active.get("thermal_frequency", {}).get("relative_1_k", 0.0)
+    loss = active.get("thermal_damping", {}).get("relative_1_k", 0.0)
+    if slope == 0:
+        return None
+    level, slopes = float(np.mean(others.series.temperature_degc[others.series.weight > 0])), np.zeros(2)
+    span = float(wave.time_s[-1] - wave.time_s[0])
+    per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * span
+    for _ in range(COURSE_ROUNDS):
+        with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
+            fit = held([change.course(wave, level, slopes)], others, [DAMPING])
+            rows = fit.series.weight[0] > 0
+            x = (fit.series.time_s[0][rows] - float(wave.time_s[0])) / span
+            left = _phase_left(fit)[rows]
+            bend = np.polynomial.polynomial.polyfit(x, left, 3)
+            slopes = slopes + np.array([2 * bend[2], 3 * bend[3]]) / per_degc
+            if loss != 0:
+                warmer = (fit.coordinate(DAMPING) / others.coordinate(DAMPING) - 1) / loss
+                level += warmer if abs(warmer) < PLAUSIBLE_DEGC else 0.0
+            continue
+        return None
+    return change.course(wave, level, slopes)
+
+
+def _phase_left(fit: Fit) -> Array:
+    """Phase of what was measured against the model, unwrapped, along the rows of the only run."""
+    seen = fit.prediction.seen[0]
+    return np.unwrap(np.angle(np.sum(fit.series.envelope[0] * np.conj(seen), axis=-1)))

@@ -1,0 +1,108 @@
+"""What a mistake on the bench did to one run, undone: every function takes a wave and gives it as it should have been."""
+
+from __future__ import annotations
+
+from dataclasses import replace as replaced
+
+import numpy as np
+
+from ....records import Array, Wave
+
+ZERO_KELVIN_DEGC = -273.15
+
+
+def swapped(wave: Wave) -> Wave:
+    """C and S exchanged: θ → π/2m − θ, the sense of rotation and the sign of a_B with it."""
+    return _mirrored(wave, np.pi / (2 * wave.mode_number))
+
+
+def inverted(wave: Wave) -> Wave:
+    """One channel with the other sign: θ → −θ, a_B → −a_B (which of the two is a common turn by π, which nobody sees)."""
+    return _mirrored(wave, 0.0)
+
+
+def turned(wave: Wave) -> Wave:
+    """Both mistakes: θ → θ + π/2m, the damping's and the stiffness's axes change places."""
+    return wave.replace(wave_angle_rad=wave.wave_angle_rad + np.pi / (2 * wave.mode_number))
+
+
+def _mirrored(wave: Wave, about_rad: float) -> Wave:
+    quadrature = None if wave.drive_quadrature is None else -np.asarray(wave.drive_quadrature, float)
+    return wave.replace(
+        wave_angle_rad=about_rad - wave.wave_angle_rad, quadrature_amplitude=-wave.quadrature_amplitude, drive_quadrature=quadrature
+    )
+
+
+def timed(wave: Wave, factor: float) -> Wave:
+    """All times multiplied by a factor; every frequency divided by it."""
+    hz = None if wave.spectrum_frequency_hz is None else np.asarray(wave.spectrum_frequency_hz, float) / factor
+    lines = None if wave.spectrum_line_frequency_hz is None else np.asarray(wave.spectrum_line_frequency_hz, float) / factor
+    return wave.replace(
+        time_s=np.asarray(wave.time_s, float) * factor,
+        window_s=wave.window_s * factor,
+        reference_frequency_hz=wave.reference_frequency_hz / factor,
+        frequency_hz=np.asarray(wave.frequency_hz, float) / factor,
+        spectrum_frequency_hz=hz,
+        spectrum_line_frequency_hz=lines,
+    )
+
+
+def damped(wave: Wave, less_1_s: float) -> Wave:
+    """The wave as it would have been with a damping rate smaller by `less_1_s`: everything times e^{Δν t}."""
+    growth = np.exp(less_1_s * (np.asarray(wave.time_s, float) - float(wave.time_s[0])))
+    names = ("main_amplitude", "quadrature_amplitude", "main_amplitude_std", "quadrature_amplitude_std", "signal_std")
+    return replaced(wave, **{name: getattr(wave, name) * growth for name in names})
+
+
+def rated(wave: Wave, factor: float) -> Wave:
+    """The logged rate multiplied."""
+    assert wave.rate_rad_s is not None
+    return wave.replace(rate_rad_s=factor * np.asarray(wave.rate_rad_s, float))
+
+
+def steady(wave: Wave, rate_rad_s: float) -> Wave:
+    """A constant rate in place of the log."""
+    return wave.replace(rate_rad_s=np.full(len(wave), rate_rad_s))
+
+
+def earlier(wave: Wave, late_s: float) -> Wave:
+    """The rate log moved forward by the time it came late; its first and last value held."""
+    rate, time = np.asarray(wave.rate_rad_s, float), np.asarray(wave.time_s, float)
+    known = np.isfinite(rate)
+    return wave.replace(rate_rad_s=np.interp(time + late_s, time[known], rate[known]))
+
+
+def from_kelvin(wave: Wave) -> Wave:
+    """A temperature log in kelvin as °C."""
+    return _warmed(wave, lambda t: t + ZERO_KELVIN_DEGC)
+
+
+def from_fahrenheit(wave: Wave) -> Wave:
+    """A temperature log in °F as °C."""
+    return _warmed(wave, lambda t: (t - 32) / 1.8)
+
+
+def _warmed(wave: Wave, change: object) -> Wave:
+    assert callable(change)
+    return wave.replace(temperature_degc=change(np.asarray(wave.temperature_degc, float)))
+
+
+def course(wave: Wave, start_degc: float, slopes: Array) -> Wave:
+    """A polynomial of the time in place of the temperature log: start + c₁x + c₂x² …, x from 0 to 1 over the run."""
+    time = np.asarray(wave.time_s, float)
+    x = (time - time[0]) / (time[-1] - time[0])
+    return wave.replace(temperature_degc=start_degc + sum(c * x ** (k + 1) for k, c in enumerate(slopes)))
+
+
+def leading(wave: Wave, lag_s: float) -> Wave:
+    """The temperature that a thermometer with a lag of first order has shown: T + τ dT/dt, the log smoothed before it is differentiated."""
+    time, warm = np.asarray(wave.time_s, float), np.asarray(wave.temperature_degc, float)
+    x = (time - time.mean()) / np.ptp(time)
+    fit = np.polynomial.polynomial.Polynomial.fit(x, warm, min(7, max(1, len(x) // 16)))
+    return wave.replace(temperature_degc=warm + lag_s * fit.deriv()(x) / np.ptp(time))
+
+
+def cut(wave: Wave, before: int, after: int) -> tuple[Wave, Wave]:
+    """The rows up to `before` and from `after` on, each a run of its own."""
+    first, last = wave.rows(0, before + 1), wave.rows(after, len(wave))
+    return first.replace(run_id=f"{wave.run_id} before"), last.replace(run_id=f"{wave.run_id} after")
