@@ -72,7 +72,7 @@ EFFECT = Effect(
     family="resonator",
     page=__doc__,
     parameters=(
-        Parameter("damping_1_s", "s-1", 1e-3, "damping ν₂/4 added at unit amplitude", amplitude_power=-2),
+        Parameter("damping_1_s", "s-1", 1e-3, "damping ν₂/4 added at unit amplitude", amplitude_power=-2, minimum=0.0),
         Parameter("power", "1", 2.0, "power p of the amplitude", neutral=2.0, fitted=False),
     ),
     mistaken_for=("damping_drift", "thermal_damping", "pickoff_nonlinearity"),
