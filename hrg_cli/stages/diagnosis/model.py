@@ -11,7 +11,6 @@ from ...fitting.causes.extended_fit import Fit
 from ...fitting.envelopes.coordinates import physical
 from ...records import Wave
 from ...settings import to_toml
-from .orientation import COHERENT
 from .run import run_table
 
 SAMPLES_A_PERIOD = 8
@@ -36,7 +35,7 @@ def simulation_file(
         "scale_factor": float(values[5]),
         "mode_number": fit.series.mode_number,
     }
-    if any(effect.name.startswith("thermal") or effect.name == "split_temperature" for effect, _ in fit.point.active):
+    if any(effect.follows_temperature for effect, _ in fit.point.active):
         device["temperature"] = {"reference_degc": float(np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3))}
     table: dict[str, Any] = {
         "device": device,
@@ -67,7 +66,7 @@ def simulation_file(
             continue
         run = {"run_id": _unused(fit.series.names[own[0]], names), "device": {"frequency_hz": float(frequency[own[0]])}}
         run |= run_table(fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"])
-        turned = [name for name in COHERENT if name in effects and _turned(fit, own[0], run)]
+        turned = [effect.name for effect, _ in fit.point.active if effect.coherent and _turned(fit, own[0], run)]
         own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
         if wave.run_id in lost:
             own_effects["dropped_samples"] = lost[wave.run_id]
