@@ -3,7 +3,7 @@
 Fast terms change the simulated gyro in place: `environment(p, env)`, `plant(p, plant, env)`, `control(p, control)`,
 `readout(p, readout)` (see physics/plant.py). Slow terms act on the complex envelopes u (..., 2), vectorised over any leading
 shape: `slow_environment(p, state) -> state`, `slow(p, u, state) -> du/dt`, `slow_readout(p, u, state) -> u`.
-`slow_jump(p, state) -> (instant, jump of u)` is what happens at one instant. `p` maps each parameter's name to its value; at all
+`slow_jump(p, state) -> (time_s, jump of u)` is what happens at one instant. `p` maps each parameter's name to its value; at all
 parameters' `neutral` value an effect does nothing.
 
 What the diagnosis, the plan and the studies need to know of an effect stands on its page, too: where it is seen, what shows it, from
@@ -30,6 +30,8 @@ Condition = Literal["drive", "temperature cycle", "rate steps", "known scale fac
 """What a programme of runs must hold for some effects to show at all."""
 REFERENCE_TEMPERATURE = "reference_temperature_degc"
 """Name of the parameter of every effect that counts from a temperature at which the base model holds."""
+RUN, OF_EVERY_RUN = "run", -1.0
+"""Name of the parameter of every effect that happens in one run of several, the runs' number from 0, and its value for all of them."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Effect:
     slow_environment: Callable[[Values, SlowState], SlowState] = same_state
     slow: Callable[[Values, Array, SlowState], Array] = no_term
     slow_readout: Callable[[Values, Array, SlowState], Array] = same_signal
-    slow_jump: Callable[[Values, SlowState], tuple[Array, Array]] | None = None
+    slow_jump: Callable[[Values, SlowState], tuple[float, Array]] | None = None
     seen_in: Literal["dynamics", "waveform"] = "dynamics"
     coherent: bool = False
     same_as_base: str = ""
@@ -156,6 +158,11 @@ class Effect:
     def follows_temperature(self) -> bool:
         """Whether it counts from a reference temperature: an error of the thermometer shows through such effects only."""
         return any(p.name == REFERENCE_TEMPERATURE for p in self.parameters)
+
+    @property
+    def of_one_run(self) -> bool:
+        """Whether it happens in one run of several, named by its parameter `run`."""
+        return any(p.name == RUN for p in self.parameters)
 
     @property
     def sets_in(self) -> bool:

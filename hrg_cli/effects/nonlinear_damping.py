@@ -16,7 +16,6 @@ import math
 
 import numpy as np
 
-from ..errors import HrgError
 from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
 from .effect import Array, Effect, Parameter, Values
 
@@ -34,8 +33,6 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
     if p["power"] == 2:
         plant.polynomial[POLYNOMIAL.index("r2_v")] -= 8 * p["damping_1_s"]
         return
-    if plant.extra is not None:
-        raise HrgError(f"effects.nonlinear_damping: power {p['power']:g} stands beside another acceleration; only power 2 can")
     half = p["power"] / 2
     if half < 0:
         supply, stiffness = 2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2
@@ -44,7 +41,7 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
             loss = supply * (x * x + y * y + (vx * vx + vy * vy) / stiffness) ** half
             return -loss * vx, -loss * vy
 
-        plant.extra = regulated
+        plant.accelerate(regulated)
         return
     factor = 2 * p["damping_1_s"] / mean(p["power"])
 
@@ -52,7 +49,7 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
         loss = factor * (x * x + y * y) ** half
         return -loss * vx, -loss * vy
 
-    plant.extra = acceleration
+    plant.accelerate(acceleration)
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

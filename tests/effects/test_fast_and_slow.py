@@ -30,6 +30,10 @@ SIZES = {
     "parasitic_force": {"in_phase_s_1_s": 3e-3, "quadrature_c_1_s": 2e-3},
     "inertial_nonlinearity": {"inverse_length_squared": 1e-5},
     "finite_quadrature_gain": {"gain_1_s": 2.0},
+    "dry_friction": {"slope_1_s": 2e-2},
+    "momentum_kick": {"c_velocity_over_omega": 4e-3, "s_velocity_over_omega": -7e-3, "time_s": 0.21003},
+    "phase_drift": {"slope_rad_s": 1e-2},
+    "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }
 
 
