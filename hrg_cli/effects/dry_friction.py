@@ -12,11 +12,12 @@ Mistaken for: nonlinear damping of a negative power (a constant pull is the powe
 separates it: the end of a ring-down, which is straight in a, not in ln a, and then stops; damping ∝ a² bends ln a the other way.
 """
 
+import functools
 import math
 
 import numpy as np
 
-from ..physics.plant import Environment, Plant, SlowState
+from ..physics.plant import Acceleration, Environment, Plant, SlowState
 from .effect import Array, Effect, Parameter, Values
 
 SLIM = 1e-12
@@ -28,8 +29,13 @@ ROUNDS = 8
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """z'' −= f v/|v|, f = πω/2 times the slope of a line's amplitude."""
     size = math.pi / 2 * plant.mechanics.omega_rad_s * p["slope_1_s"]
-    if size == 0:
-        return
+    if size != 0:
+        plant.accelerate(against(size))
+
+
+@functools.lru_cache(maxsize=16)
+def against(size: float) -> Acceleration:
+    """−size v/|v|; one object a size, so that it is compiled once for all runs."""
 
     def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
         speed = math.sqrt(vx * vx + vy * vy)
@@ -37,7 +43,7 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
             return 0.0, 0.0
         return -size * vx / speed, -size * vy / speed
 
-    plant.accelerate(acceleration)
+    return acceleration
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

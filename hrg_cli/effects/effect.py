@@ -41,6 +41,7 @@ class Parameter:
     `amplitude_power`: the value scales as amplitude^power when the amplitude's unit changes. `fitted`: False for a reference
     that only says where another parameter counts from. `minimum`: the least value that physics allows. `sets_in`: up to a
     level it does nothing, so that there is no slope at its neutral value and a score is that of the secant to a value tried.
+    `fitted_then`: it changes what others do and nothing else, so that it is fitted once these are found.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Parameter:
     fitted: bool = True
     minimum: float = -np.inf
     sets_in: bool = False
+    fitted_then: bool = False
 
 
 class Runs(Protocol):
@@ -68,6 +70,10 @@ class Runs(Protocol):
     @property
     def weight(self) -> Array:
         """1/σ of one real of the envelopes, 0 where there is no row."""
+
+    @property
+    def reference_frequency_hz(self) -> float:
+        """Frequency against which the envelopes stand."""
 
 
 def nothing(*_: Any) -> None:

@@ -12,11 +12,12 @@ Mistaken for: drift of the damping in time or with temperature, cubic of the pic
 ln a in a², not in t; ring-downs from two amplitudes.
 """
 
+import functools
 import math
 
 import numpy as np
 
-from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
+from ..physics.plant import POLYNOMIAL, Acceleration, Environment, Plant, SlowState
 from .effect import Array, Effect, Parameter, Values
 
 TURNS = np.exp(1j * np.pi * (np.arange(32) + 0.5) / 32)
@@ -35,21 +36,31 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
         return
     half = p["power"] / 2
     if half < 0:
-        supply, stiffness = 2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2
+        plant.accelerate(regulated(2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2, half))
+    else:
+        plant.accelerate(against(2 * p["damping_1_s"] / mean(p["power"]), half))
 
-        def regulated(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
-            loss = supply * (x * x + y * y + (vx * vx + vy * vy) / stiffness) ** half
-            return -loss * vx, -loss * vy
 
-        plant.accelerate(regulated)
-        return
-    factor = 2 * p["damping_1_s"] / mean(p["power"])
+@functools.lru_cache(maxsize=16)
+def regulated(supply: float, stiffness: float, half: float) -> Acceleration:
+    """−supply ρ^{2·half} v, ρ² = |z|² + |v|²/stiffness; one object for equal values, so that it is compiled once for all runs."""
+
+    def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+        loss = supply * (x * x + y * y + (vx * vx + vy * vy) / stiffness) ** half
+        return -loss * vx, -loss * vy
+
+    return acceleration
+
+
+@functools.lru_cache(maxsize=16)
+def against(factor: float, half: float) -> Acceleration:
+    """−factor |z|^{2·half} v; one object for equal values."""
 
     def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
         loss = factor * (x * x + y * y) ** half
         return -loss * vx, -loss * vy
 
-    plant.accelerate(acceleration)
+    return acceleration
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

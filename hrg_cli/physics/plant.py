@@ -8,6 +8,7 @@ by its own formula, so that one mistake cannot hide in both.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -76,6 +77,7 @@ class Plant:
         return common * factor**2 + (self.stiffness - common) * factor
 
 
+@functools.lru_cache(maxsize=16)
 def together(first: Acceleration, second: Acceleration) -> Acceleration:
     """The sum of two accelerations, compiled where numba is installed."""
     try:

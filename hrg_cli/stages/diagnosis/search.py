@@ -137,10 +137,14 @@ def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.M
     for (name, _), estimate in zip(variant.steps.items(), score.estimate, strict=True):
         if np.isfinite(estimate):
             values[name] += float(estimate)
-    for name in variant.secants:
+    for name in variant.secants:  # where the score's estimate is a part of what sets in there
         values[name] = variant.values[name] + variant.steps[name]
-    point = extended_fit.with_effect(fit.point, effect, values)
-    return extended_fit.fit(fit.series, point, fit.freedom, most, fit.flow.near)
+    first = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, values), fit.freedom, most, fit.flow.near)
+    if not any(p.fitted_then for p in effect.parameters):
+        return first
+    effect = replace(effect, parameters=tuple(replace(p, fitted=p.fitted or p.fitted_then) for p in effect.parameters))
+    values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
+    return extended_fit.fit(first.series, extended_fit.with_effect(first.point, effect, values), first.freedom, most, first.flow.near)
 
 
 def as_fitted(variant: Variant, fit: Fit) -> Variant:
