@@ -46,6 +46,7 @@ class Stage:
 STAGES = {
     stage.name: stage
     for stage in (
+        Stage("inject", "recording", "recording", beside={"resonator": "resonator"}),
         Stage("demodulate", "recording", "periods"),
         Stage("estimate", "periods", "wave"),
         Stage("identify", "wave", "resonator", many=True),

@@ -102,7 +102,8 @@ def run(
             memory[:4] += _carried(table, instant, after * step_s, change, omega)
         if done < first + n:
             parts.append(samples(done, first + n - done))
-        z, v, drive, command = (np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True))
+        z, v, drive, command = parts[0] if len(parts) == 1 else (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
+        del parts
         t = np.arange(first, first + n) * step_s
         yield Block(
             Samples(t, z, v, drive, table.temperature(t), table.rate(t)), command, functools.partial(_envelopes, table, t, z, v, omega)

@@ -86,7 +86,7 @@ def plan(
     known: the resonator, or a diagnosis with its open groups; made: waves measured already. HrgError: an unknown cause, a wrong
     menu, nothing to separate.
     """
-    mechanics = _mechanics(known)
+    mechanics = mechanics_of(known)
     sizes, groups = _open(known, causes)
     acting = {name: given for name, given in sizes.items() if given}
     # a thermometer's error shows only through what follows temperature; where none was found, a typical coefficient is assumed
@@ -138,7 +138,8 @@ def summary(made: Plan) -> dict[str, Any]:
     }
 
 
-def _mechanics(known: Resonator | Diagnosis) -> Mechanics:
+def mechanics_of(known: Resonator | Diagnosis) -> Mechanics:
+    """The resonator's parameters. HrgError: neither frequency nor damping among them."""
     if isinstance(known, Diagnosis):
         given = {row["name"]: float(row["value"]) for row in json.loads(known.report)["values"]}
         mode_number = int(tomllib.loads(known.extended_model)["device"]["mode_number"]) if known.extended_model else 2
