@@ -35,6 +35,8 @@ from .plan import mechanics_of
 Array = np.ndarray
 ROWS = 1500
 """Rows of the slow model along the run."""
+FEWEST = 8
+"""Windows without which there is no envelope."""
 NOTHING = 1e-12
 """Part of the signal below which an effect did nothing."""
 Hidden = tuple[Effect, dict[str, float]]
@@ -192,8 +194,11 @@ def _oscillation(wave: Wave) -> _Oscillation:
 
     from ..physics import ellipse
 
-    good = wave.good()
     u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)
+    good = np.isfinite(u).all(axis=-1)
+    if np.count_nonzero(good) < FEWEST:
+        found = f"{np.count_nonzero(good)} windows show the oscillation"
+        raise HrgError(f"run {wave.run_id or '?'}: {found}, at least {FEWEST} are needed; give a longer record")
     return _Oscillation(CubicSpline(wave.time_s[good], u[good]), 2 * np.pi * wave.reference_frequency_hz)
 
 
