@@ -53,7 +53,7 @@ class Hiding:
     def values(self, size: float) -> dict[str, float]:
         """The effect's parameters at a size; a clipping level has no slope, its size is sought."""
         if self.effect.sets_in:
-            return {**self.neutral, **_setting_in(self.effect, self.neutral, self.fit, size)}
+            return {**self.neutral, **setting_in(self.effect, self.neutral, self.fit, size)}
         return {name: value + size * self.direction.get(name, 0.0) for name, value in self.neutral.items()}
 
     def measured(self, size: float | None, seed: int) -> list[Wave]:
@@ -89,10 +89,10 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
         return Hiding(effect, table, neutral, {k: 10 * noise * v / z for k, v in vector.items()}, fit, K)
     if effect.sets_in:
         return Hiding(effect, table, neutral, {}, fit, K)
-    return Hiding(effect, table, neutral, _direction(effect, fit, neutral, random), fit, K)
+    return Hiding(effect, table, neutral, direction_of(effect, fit, neutral, random), fit, K)
 
 
-def _direction(effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
+def direction_of(effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
     """A random direction of the parameters, its length one σ; parameters that these runs do not show stay neutral."""
     steps = extended_fit.steps_of(effect, fit.series)
     S = extended_fit.sensitivity(fit.flow, effect, neutral, steps)
@@ -100,14 +100,14 @@ def _direction(effect: Effect, fit: Fit, neutral: Mapping[str, float], random: n
     whole, size = np.linalg.norm(S, axis=0), np.linalg.norm(free, axis=0)
     shown = size > 1e-6 * whole
     if not shown.any():
-        raise UsageError(f"{effect.name}: the study's programme cannot show it")
+        raise UsageError(f"{effect.name}: these runs cannot show it")
     d = np.where(shown, random.standard_normal(len(size)) / np.where(size > 0, size, 1.0), 0.0)
     d = np.abs(d) if effect.needs_one_sign else d
     d /= np.linalg.norm(free @ d)
     return dict(zip(steps, map(float, d), strict=True))
 
 
-def _setting_in(effect: Effect, neutral: Mapping[str, float], fit: Fit, size: float) -> dict[str, float]:
+def setting_in(effect: Effect, neutral: Mapping[str, float], fit: Fit, size: float) -> dict[str, float]:
     """Value of the parameter that sets in at which the read-out stands `size` σ out of the base model."""
     u, weight = fit.prediction.seen, fit.series.weight[..., None]
     parameter = next(p for p in effect.fitted() if p.sets_in)
