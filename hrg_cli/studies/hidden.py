@@ -7,7 +7,7 @@ z = |s⊥ d| with s⊥ the effect's sensitivities over σ beside the base model'
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +34,8 @@ REFERENCE_DEGC = 22.5
 BESIDE_IT = {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": REFERENCE_DEGC}}
 """Sizes of the effects that others need beside them to do anything."""
 ALL_ROWS = 1500
+FAINT = 1e-6
+"""Independence beside the model below which a parameter is rounding."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Hiding:
     def values(self, size: float) -> dict[str, float]:
         """The effect's parameters at a size; a clipping level has no slope, its size is sought."""
         if self.effect.sets_in:
-            return {**self.neutral, **setting_in(self.effect, self.neutral, self.fit, size)}
+            return {**self.neutral, **setting_in(self.effect, self.neutral, self.fit, size, beside_base)}
         return {name: value + size * self.direction.get(name, 0.0) for name, value in self.neutral.items()}
 
     def measured(self, size: float | None, seed: int) -> list[Wave]:
@@ -89,26 +91,30 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
         return Hiding(effect, table, neutral, {k: 10 * noise * v / z for k, v in vector.items()}, fit, K)
     if effect.sets_in:
         return Hiding(effect, table, neutral, {}, fit, K)
-    return Hiding(effect, table, neutral, direction_of(effect, fit, neutral, random), fit, K)
+    return Hiding(effect, table, neutral, direction_of(effect, fit, neutral, random, beside_base), fit, K)
 
 
-def direction_of(effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
+def direction_of(
+    effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator, information: Callable[[Fit, Array], Array]
+) -> dict[str, float]:
     """A random direction of the parameters, its length one σ; parameters that these runs do not show stay neutral."""
     steps = extended_fit.steps_of(effect, fit.series)
     S = extended_fit.sensitivity(fit.flow, effect, neutral, steps)
-    free = _beside(S, fit)
-    whole, size = np.linalg.norm(S, axis=0), np.linalg.norm(free, axis=0)
-    shown = size > 1e-6 * whole
+    free = information(fit, S)
+    whole, size = np.sum(S**2, axis=0), np.maximum(np.diag(free), 0.0)
+    shown = size > FAINT**2 * whole
     if not shown.any():
         raise UsageError(f"{effect.name}: these runs cannot show it")
-    d = np.where(shown, random.standard_normal(len(size)) / np.where(size > 0, size, 1.0), 0.0)
+    d = np.where(shown, random.standard_normal(len(size)) / np.where(size > 0, np.sqrt(size), 1.0), 0.0)
     d = np.abs(d) if effect.needs_one_sign else d
-    d /= np.linalg.norm(free @ d)
+    d /= np.sqrt(d @ free @ d)
     return dict(zip(steps, map(float, d), strict=True))
 
 
-def setting_in(effect: Effect, neutral: Mapping[str, float], fit: Fit, size: float) -> dict[str, float]:
-    """Value of the parameter that sets in at which the read-out stands `size` σ out of the base model."""
+def setting_in(
+    effect: Effect, neutral: Mapping[str, float], fit: Fit, size: float, information: Callable[[Fit, Array], Array]
+) -> dict[str, float]:
+    """Value of the parameter that sets in at which the read-out stands `size` σ out of the model (`information` of one column)."""
     u, weight = fit.prediction.seen, fit.series.weight[..., None]
     parameter = next(p for p in effect.fitted() if p.sets_in)
     starts = [abs(start[parameter.name]) for start in effect.starts(fit.series)]
@@ -116,9 +122,15 @@ def setting_in(effect: Effect, neutral: Mapping[str, float], fit: Fit, size: flo
     for _ in range(50):
         middle = (low + high) / 2
         changed = effect.slow_readout({**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point))
-        z = float(np.linalg.norm(_beside(extended_fit.flat(fit.series, real((changed - u) * weight)), fit)))
-        low, high = (middle, high) if z < size else (low, middle)
+        column = extended_fit.flat(fit.series, real((changed - u) * weight))
+        low, high = (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
     return {parameter.name: low}
+
+
+def beside_base(fit: Fit, columns: Array) -> Array:
+    """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs leave it."""
+    free = _beside(columns, fit)
+    return free.T @ free
 
 
 def _beside(columns: Array, fit: Fit) -> Array:

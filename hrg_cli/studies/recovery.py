@@ -2,7 +2,8 @@
 
 What the recordings show without any injection is the background: its causes are not counted as false names, and its size of an effect is
 taken off the one found. A size is in σ of an ideal detector that knows the effect and its direction, with the base model and the
-background's causes as free as these runs leave them; where these leave more than noise, σ is larger by the root of χ² a degree of freedom.
+background's causes as free as these runs and weak priors leave them; where these leave more than noise, σ is larger by the root of χ² a
+degree of freedom.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 Row = dict[str, Any]
+LARGEST = 100.0
+"""Times its typical size that an effect is hidden with at most."""
 LARGEST_GROUP = 3
 """Names that a group may have in which the effect counts as named."""
 TONE_AWAY = (0.01, 0.05)
@@ -84,7 +87,7 @@ def recovery_study(
     for first in range(0, len(tasks), at_once):
         for made in run_tasks(recovered, tasks[first : first + at_once], lambda: local_processes(jobs)):
             rows += made or []
-        keep(rows)
+        keep(list(rows))
     return assembled([row for row in rows if row["effect"] in names], list(sizes), background)
 
 
@@ -100,6 +103,7 @@ def recovered(
         values_at = _values(effect, fit, recordings, waves, random)
         for size in sizes[:1] if effect.whole_samples else sizes:
             true = values_at(size)
+            _thinkable(effect, true, size, fit)
             changed = [_wave(_with(recording, number, effect, true), periods_per_window) for number, recording in enumerate(recordings)]
             report = _diagnosed(changed, scale_factor)
             rows.append({"effect": name, "draw": draw, "size": size, "true": true, **judged(report, background, effect, true)})
@@ -117,13 +121,14 @@ def judged(report: Row, background: Row, effect: Effect, true: dict[str, float])
     new = [group for group in groups if group[0] not in before or group in own]
     found = next((e for e in entries if e["name"] == effect.name), None)
     sizes, errors = {}, {}
+    sign = _sign(effect, found, true) if found else 1.0
     for parameter, value in (found["parameters"] if found else {}).items():
         neutral = next(p.neutral for p in effect.parameters if p.name == parameter)
         wanted = true.get(parameter, neutral) - neutral
         was = before.get(effect.name, {}).get("parameters", {}).get(parameter, {}).get("value", neutral) - neutral
         if not wanted or value["value"] is None:
             continue
-        there = value["value"] - neutral - was
+        there = sign * (value["value"] - neutral - was)
         sizes[parameter] = there / wanted
         if value["std"]:
             errors[parameter] = (there - wanted) / value["std"]
@@ -136,6 +141,14 @@ def judged(report: Row, background: Row, effect: Effect, true: dict[str, float])
         "found_over_true": sizes,
         "error_over_std": errors,
     }
+
+
+def _sign(effect: Effect, found: Row, true: dict[str, float]) -> float:
+    """Common sign of the parameters where it is nobody's to know: of a vector coherent with φ, and of a knock half a period later."""
+    if not effect.coherent and effect.slow_jump is None:
+        return 1.0
+    parts = [(p["value"], true.get(name, 0.0), p["std"]) for name, p in found["parameters"].items() if p["value"] is not None and p["std"]]
+    return float(np.sign(sum(value * wanted / std**2 for value, wanted, std in parts)) or 1.0)
 
 
 def assembled(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[str, Any]:
@@ -201,9 +214,25 @@ def _values(
         return lambda size: {name: value + size * float(direction.get(name, 0.0)) for name, value in neutral.items()}
     louder = float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
     if effect.sets_in:
-        return lambda size: {**neutral, **setting_in(effect, neutral, fit, size * louder)}
-    direction = direction_of(effect, fit, neutral, random)
+        return lambda size: {**neutral, **setting_in(effect, neutral, fit, size * louder, beside_model)}
+    direction = direction_of(effect, fit, neutral, random, beside_model)
     return lambda size: {name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()}
+
+
+def beside_model(fit: Fit, columns: Array) -> Array:
+    """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which one run needs: SᵀS − SᵀJ Cov JᵀS."""
+    shared = fit.design.T @ columns
+    return columns.T @ columns - shared.T @ fit.covariance @ shared
+
+
+def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: Fit) -> None:
+    """HrgError: the size is beyond what such a cause can have."""
+    amplitude = extended_fit.amplitude_of(fit.series)
+    for p in effect.fitted():
+        typical = p.typical * amplitude**p.amplitude_power
+        if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:
+            found = f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the typical {typical:.2g}"
+            raise HrgError(f"{effect.name}: {size:g} σ would be {found}")
 
 
 def _with(recording: Recording, number: int, effect: Effect, values: dict[str, float]) -> Recording:

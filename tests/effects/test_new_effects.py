@@ -9,7 +9,7 @@ import pytest
 from hrg_cli.effects import converter_nonlinearity, dry_friction, find
 from hrg_cli.effects.momentum_kick import instants
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.plant import SlowState
+from hrg_cli.physics.plant import SlowState, together
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
 from hrg_cli.stages.diagnose import diagnose, summary
@@ -87,17 +87,8 @@ def test_the_describing_function_of_the_converter_is_the_fundamental_of_its_code
 
 
 def test_two_further_accelerations_stand_beside_each_other():
-    """Dry friction and a damping of another power are both inside: their losses add."""
-    config = {
-        "device": {"frequency_hz": 1000.0, "damping_rate_1_s": 0.0, "scale_factor": 0.5},
-        "recording": {"sample_rate_hz": 7100.0, "duration_s": 0.05},
-    }
-    lost = []
-    one, other = {"dry_friction": {"slope_1_s": 0.2}}, {"nonlinear_damping": {"damping_1_s": 0.3, "power": 1.0}}
-    for effects in (one, other, one | other):
-        made = collect(simulate(config | {"effects": effects}))
-        lost.append(1 - np.abs(np.asarray(made.c)[-71:]).max())
-    assert lost[2] == pytest.approx(lost[0] + lost[1], rel=0.02)
+    both = together(lambda t, x, y, vx, vy: (x + t, y), lambda t, x, y, vx, vy: (vx, 2 * vy))
+    assert both(0.5, 1.0, 2.0, 3.0, 4.0) == pytest.approx((4.5, 10.0))
 
 
 def measured(effects, run=None, seed=5):
