@@ -49,6 +49,7 @@ class Stage:
 STAGES = {
     stage.name: stage
     for stage in (
+        Stage("inject", "recording", "recording", beside={"resonator": "resonator"}),
         Stage("demodulate", "recording", "periods"),
         Stage("estimate", "periods", "wave"),
         Stage("identify", "wave", "resonator", many=True, lazy=True),
@@ -183,12 +184,19 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _watched(stream: Iterable[Record], source: Record, path: Path, progress: Progress | None) -> Iterator[Record]:
-    """The stream, its errors naming the file, its progress reported by the time of the last row of each block."""
-    end = float(source.times(len(source) - 1)[-1]) if isinstance(source, Recording) else float(source.time_s[-1])  # type: ignore[attr-defined]
+    """The stream, its errors naming the file, its progress reported by the samples of each block, or by the time of its last row."""
+    samples = len(source) if isinstance(source, Recording) else 0
+    end = float(source.times(samples - 1)[-1]) if isinstance(source, Recording) else float(source.time_s[-1])  # type: ignore[attr-defined]
+    done = 0
     with _naming(path):
         for block in stream:
             yield block
-            if progress is not None and len(block):
+            done += len(block)
+            if progress is None or not len(block):
+                continue
+            if isinstance(block, Recording):
+                progress(min(1.0, done / samples))
+            else:
                 progress(min(1.0, float(block.time_s[-1]) / end) if end > 0 else None)  # type: ignore[attr-defined]
 
 

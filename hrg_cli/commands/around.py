@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, existing, no_settings
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, existing, no_settings, numbers
 
 app = typer.Typer()
 
@@ -165,19 +165,30 @@ def _study_names(incomplete: str) -> list[str]:
     "study",
     "hrg study gauss-newton -o study/",
     idle={"strict": "a study has no validity of its own"},
-    says={"jobs": "Processes that share the draws of the diagnosis study; the others use one."},
+    says={"jobs": "Processes that share the draws of the diagnosis and the recovery study; the others use one."},
 )
 def study(
     run: Common,
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="gauss-newton, redundancy, identification or diagnosis.", autocompletion=_study_names),
+        typer.Argument(
+            metavar="NAME", help="gauss-newton, redundancy, identification, diagnosis or recovery.", autocompletion=_study_names
+        ),
     ] = None,
+    recordings: Annotated[
+        list[Path] | None, typer.Argument(metavar="RECORDING...", help="Of recovery: one gyro's recordings.", show_default=False)
+    ] = None,
+    effects: Annotated[str | None, typer.Option(help="Effects to hide, joined by commas (default: all).", show_default=False)] = None,
+    sizes: Annotated[str | None, typer.Option(help="Their sizes in σ, joined by commas.", show_default=False)] = None,
 ) -> None:
-    """Repeat one of the papers' experiments, or a study of this project's own methods: table and figures into a folder."""
+    """Repeat one of the papers' experiments, or a study of this project's own methods: table and figures into a folder.
+
+    recovery hides every effect in RECORDINGs of yours and tells what a diagnosis finds of it.
+    """
     from .studying import run_study
 
-    run.finish(*run_study(name, run))
+    names = None if effects is None else [part.strip() for part in effects.split(",") if part.strip()]
+    run.finish(*run_study(name, run, recordings or [], effects=names, sizes=None if sizes is None else numbers(sizes, "--sizes")))
 
 
 @command(

@@ -120,6 +120,34 @@ def simulate(
     run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3)})
 
 
+@command(
+    app,
+    "inject",
+    "hrg inject recording.h5 --effect gain_mismatch --set gain=0.01 -o injected.h5",
+    idle=NO_DRAWS | ONE_PROCESS,
+    says={"assignments": "A parameter of the effect, PARAMETER=VALUE (EFFECT.PARAMETER=VALUE of several), or a setting; may be repeated."},
+)
+def inject(
+    run: Common,
+    recording: OneFile = None,
+    effect: Annotated[list[str] | None, typer.Option("--effect", help="Effect to hide; may be repeated.", show_default=False)] = None,
+    resonator: Annotated[
+        Path | None,
+        typer.Option(help="The identified resonator, for effects of the motion; fitted to this run by default.", show_default=False),
+    ] = None,
+    effects_from: Annotated[
+        Path | None, typer.Option(help="Python file with effects of your own; it is executed.", show_default=False)
+    ] = None,
+) -> None:
+    """An effect of the catalogue hidden in measured samples, to see whether a diagnosis finds it there."""
+    from ..reporting import console
+    from .injecting import inject_file
+
+    with console.progress_bar("inject", run.quiet or run.json) as progress:
+        outcome = inject_file(recording, run, effect or [], resonator, effects_from, progress)
+    run.finish(outcome.json)
+
+
 @command(app, "demodulate", "hrg demodulate run.h5 -o periods.h5 --periods-per-window 50", idle=NO_DRAWS | ONE_PROCESS)
 def demodulate(
     run: Common,

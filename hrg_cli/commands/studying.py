@@ -1,14 +1,18 @@
-"""The body of `hrg study NAME`: run a study, write its figures as JSON and its pictures as PNG into a folder."""
+"""The body of `hrg study NAME`: run a study, write its figures as JSON (and CSV) and its pictures as PNG into a folder."""
 
 from __future__ import annotations
 
+import csv
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
+from .. import settings, store
 from ..errors import UsageError
+from ..records import Recording
 from ..reporting import console
 from ..store import atomic_path, check_output
 from .frame import Common
@@ -18,25 +22,38 @@ STUDIES = {
     "redundancy": "redundancy",
     "identification": "identification",
     "diagnosis": "diagnosis",
+    "recovery": "recovery",
 }
 """Name on the command line -> module in `studies`: its function NAME_study gives plain figures, `figure` a picture of them."""
 
 
-def run_study(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
+OF_RECORDINGS = ("recovery",)
+"""Studies of the user's own recordings; they take up what an interrupted one has done."""
+
+
+def run_study(name: str | None, run: Common, recordings: Sequence[Path] = (), **flags: Any) -> tuple[dict[str, Any], Callable[[], None]]:
     """Run the study; its JSON report and the function that shows its table."""
     if name not in STUDIES:
         raise UsageError(f"no study is called {name!r}; there are {', '.join(STUDIES)}")
+    if recordings and name not in OF_RECORDINGS:
+        raise UsageError(f"the study {name} makes its own data; leave out {recordings[0]}")
     started = time.monotonic()
     module = import_module(f"hrg_cli.studies.{STUDIES[name]}")
     study = getattr(module, f"{STUDIES[name]}_study")
-    values = run.settings(study)
+    strange = [key for key, value in flags.items() if value is not None and not settings.accepts(study, key)]
+    if strange:
+        raise UsageError(f"the study {name} has no --{strange[0]}; leave it out")
+    values = run.settings(study, **{key: value for key, value in flags.items() if settings.accepts(study, key)})
     folder = run.output
     if folder is not None:
         check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
         folder.mkdir(exist_ok=True)
         check_output(folder / f"{name}.json", run.force)
-    result = study(**values)
-    report = {
+    if name in OF_RECORDINGS:
+        result = _of_recordings(study, name, [Path(path) for path in recordings], folder, values)
+    else:
+        result = study(**values)
+    report: dict[str, Any] = {
         "kind": "study",
         "status": "valid",
         "status_reasons": [],
@@ -46,12 +63,37 @@ def run_study(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[
         "settings": values,
         "result": result,
     }
+    shown = module.table(result) if hasattr(module, "table") else _flat(result)
     if folder is not None:
         with atomic_path(folder / f"{name}.png", run.force) as temporary:
             module.figure(result).savefig(temporary, format="png", dpi=120)
+        with atomic_path(folder / f"{name}.csv", run.force) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows([shown[0], *shown[1]])
         with atomic_path(folder / f"{name}.json", run.force) as temporary:
             temporary.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8")
-    return report, lambda: console.print_table("", *(module.table(result) if hasattr(module, "table") else _flat(result)))
+        (folder / f"{name}.unfinished.json").unlink(missing_ok=True)
+    return report, lambda: console.print_table("", *shown)
+
+
+def _of_recordings(
+    study: Callable[..., Any], name: str, paths: Sequence[Path], folder: Path | None, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """A study of recordings; its rows are kept in the folder while it runs, and taken up where files and settings are the same."""
+    recordings = [store.read(path, Recording) for path in paths]
+    mark = {"files": [store.sha256(path) for path in paths], "settings": {key: value for key, value in values.items() if key != "jobs"}}
+    kept = None if folder is None else folder / f"{name}.unfinished.json"
+    known: list[Any] = []
+    if kept is not None and kept.is_file():
+        before = json.loads(kept.read_text(encoding="utf-8"))
+        known = before["rows"] if before["mark"] == mark else []
+
+    def keep(rows: Sequence[Any]) -> None:
+        if kept is not None:
+            with atomic_path(kept, True) as temporary:
+                temporary.write_text(json.dumps(console.clean({"mark": mark, "rows": rows}), ensure_ascii=False), encoding="utf-8")
+
+    result: dict[str, Any] = study(recordings, known, keep, **values)
+    return result
 
 
 def _flat(result: dict[str, Any], prefix: str = "") -> tuple[tuple[str, str], list[tuple[str, Any]]]:

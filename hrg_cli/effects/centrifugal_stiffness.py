@@ -31,4 +31,5 @@ EFFECT = Effect(
     next_experiment="a ring-down with steps of the rate within the run",
     plant=plant,
     slow=slow,
+    shown_by=("rate steps",),
 )

@@ -34,4 +34,6 @@ EFFECT = Effect(
     next_experiment="time the runs by an external clock, or record a reference tone of known frequency beside the channels",
     readout=readout,
     slow=slow,
+    same_as_base="frequency, damping and scale factor together, as long as one clock times everything",
+    shown_by=("known scale factor",),
 )

@@ -47,4 +47,5 @@ EFFECT = Effect(
     next_experiment="a long ring-down: the offset's angle error grows as the amplitude falls; feed-through is absent there",
     readout=readout,
     slow_readout=slow_readout,
+    coherent=True,
 )

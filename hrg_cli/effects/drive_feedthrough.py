@@ -53,4 +53,6 @@ EFFECT = Effect(
     next_experiment="the forced run with the drive switched off part of the time: feed-through vanishes with the drive, an offset stays",
     readout=readout,
     slow_readout=slow_readout,
+    coherent=True,
+    shown_by=("drive",),
 )

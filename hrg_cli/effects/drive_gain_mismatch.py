@@ -31,4 +31,5 @@ EFFECT = Effect(
     next_experiment="a free ring-down beside the forced runs: the drive's drift is absent there",
     control=control,
     slow=slow,
+    shown_by=("drive",),
 )

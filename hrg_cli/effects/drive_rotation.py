@@ -33,4 +33,5 @@ EFFECT = Effect(
     next_experiment="a free ring-down beside the forced run, or the forced run with the axis turned over",
     control=control,
     slow=slow,
+    shown_by=("drive",),
 )

@@ -38,4 +38,6 @@ EFFECT = Effect(
     next_experiment="log a sample counter beside the channels",
     readout=readout,
     slow_readout=slow_readout,
+    seen_in="waveform",
+    whole_samples=True,
 )

@@ -3,14 +3,18 @@
 Fast terms change the simulated gyro in place: `environment(p, env)`, `plant(p, plant, env)`, `control(p, control)`,
 `readout(p, readout)` (see physics/plant.py). Slow terms act on the complex envelopes u (..., 2), vectorised over any leading
 shape: `slow_environment(p, state) -> state`, `slow(p, u, state) -> du/dt`, `slow_readout(p, u, state) -> u`.
-`p` maps each parameter's name to its value; at all parameters' `neutral` value an effect does nothing.
+`slow_jump(p, state) -> (time_s, jump of u)` is what happens at one instant. `p` maps each parameter's name to its value; at all
+parameters' `neutral` value an effect does nothing.
+
+What the diagnosis, the plan and the studies need to know of an effect stands on its page, too: where it is seen, what shows it, from
+which values it is tried. No other module knows an effect by its name for that, so that a user's own effect is treated as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -22,6 +26,12 @@ Array = np.ndarray
 ROUNDING = 1e-9
 """Part of a temperature's range below which a change from row to row is none."""
 Values = Mapping[str, float]
+Condition = Literal["drive", "temperature cycle", "rate steps", "known scale factor"]
+"""What a programme of runs must hold for some effects to show at all."""
+REFERENCE_TEMPERATURE = "reference_temperature_degc"
+"""Name of the parameter of every effect that counts from a temperature at which the base model holds."""
+RUN, OF_EVERY_RUN = "run", -1.0
+"""Name of the parameter of every effect that happens in one run of several, the runs' number from 0, and its value for all of them."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +39,9 @@ class Parameter:
     """One parameter: its unit, a typical size at unit amplitude, and the value at which it does nothing.
 
     `amplitude_power`: the value scales as amplitude^power when the amplitude's unit changes. `fitted`: False for a reference
-    that only says where another parameter counts from.
+    that only says where another parameter counts from. `minimum`: the least value that physics allows. `sets_in`: up to a
+    level it does nothing, so that there is no slope at its neutral value and a score is that of the secant to a value tried.
+    `fitted_then`: it changes what others do and nothing else, so that it is fitted once these are found.
     """
 
     name: str
@@ -39,6 +51,29 @@ class Parameter:
     neutral: float = 0.0
     amplitude_power: int = 0
     fitted: bool = True
+    minimum: float = -np.inf
+    sets_in: bool = False
+    fitted_then: bool = False
+
+
+class Runs(Protocol):
+    """What an effect may look at to say from which values it is to be tried: measured runs side by side (R, n), padded with weight 0."""
+
+    @property
+    def time_s(self) -> Array:
+        """Times of the rows, each run from 0."""
+
+    @property
+    def envelope(self) -> Array:
+        """Measured envelopes (R, n, 2)."""
+
+    @property
+    def weight(self) -> Array:
+        """1/σ of one real of the envelopes, 0 where there is no row."""
+
+    @property
+    def reference_frequency_hz(self) -> float:
+        """Frequency against which the envelopes stand."""
 
 
 def nothing(*_: Any) -> None:
@@ -60,9 +95,26 @@ def same_signal(_: Values, u: Array, __: SlowState) -> Array:
     return u
 
 
+def only_neutral(_: Runs) -> Sequence[Values]:
+    """The starts of an effect that is tried from its neutral values."""
+    return ({},)
+
+
 @dataclass(frozen=True)
 class Effect:
-    """An effect of the catalogue; `page` is its module's docstring, which `hrg effects NAME` prints."""
+    """An effect of the catalogue; `page` is its module's docstring, which `hrg effects NAME` prints.
+
+    Its terms, fast then slow, and its traits:
+    seen_in: "dynamics" where the motion of the envelopes shows it, "waveform" where only the samples do.
+    coherent: its vector stands with the wave's phase φ, so that its sign is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave.
+    same_as_base: what of the base model it cannot be told from in any run, in words; empty: nothing.
+    in_the_log: the logged command (field of the runs) that holds all it does, beside which it is no candidate; empty: none.
+    shown_by: what a programme of runs must hold for it to show.
+    beside: the effect that must stand beside it for it to do anything, as a thermometer's lag needs something that follows temperature.
+    whole_samples: its size comes in samples only, so that it has no small one.
+    starts: values from which it is tried beside these runs: instants at which a parameter that is not fitted is held, levels of one
+        that sets in.
+    """
 
     name: str
     family: str  # read-out | resonator | control | bench
@@ -77,6 +129,15 @@ class Effect:
     slow_environment: Callable[[Values, SlowState], SlowState] = same_state
     slow: Callable[[Values, Array, SlowState], Array] = no_term
     slow_readout: Callable[[Values, Array, SlowState], Array] = same_signal
+    slow_jump: Callable[[Values, SlowState], tuple[float, Array]] | None = None
+    seen_in: Literal["dynamics", "waveform"] = "dynamics"
+    coherent: bool = False
+    same_as_base: str = ""
+    in_the_log: str = ""
+    shown_by: tuple[Condition, ...] = ()
+    beside: str = ""
+    whole_samples: bool = False
+    starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:
         """Every parameter's value: `given`, else neutral. HrgError: an unknown name or something that is not a finite number."""
@@ -93,6 +154,26 @@ class Effect:
     def fitted(self) -> tuple[Parameter, ...]:
         """The parameters a fit may move."""
         return tuple(p for p in self.parameters if p.fitted)
+
+    @property
+    def needs_one_sign(self) -> bool:
+        """Whether physics forbids a fitted parameter the values on one side of its neutral one."""
+        return any(p.minimum >= p.neutral for p in self.fitted())
+
+    @property
+    def follows_temperature(self) -> bool:
+        """Whether it counts from a reference temperature: an error of the thermometer shows through such effects only."""
+        return any(p.name == REFERENCE_TEMPERATURE for p in self.parameters)
+
+    @property
+    def of_one_run(self) -> bool:
+        """Whether it happens in one run of several, named by its parameter `run`."""
+        return any(p.name == RUN for p in self.parameters)
+
+    @property
+    def sets_in(self) -> bool:
+        """Whether a fitted parameter does nothing at all up to a level, so that the effect has no small size that grows in proportion."""
+        return any(p.sets_in for p in self.fitted())
 
 
 def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Array]:

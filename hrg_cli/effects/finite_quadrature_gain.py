@@ -27,9 +27,11 @@ EFFECT = Effect(
     name="finite_quadrature_gain",
     family="control",
     page=__doc__,
-    parameters=(Parameter("gain_1_s", "s-1", 1.0, "gain k_q of the loop"),),
+    parameters=(Parameter("gain_1_s", "s-1", 1.0, "gain k_q of the loop", minimum=0.0),),
     mistaken_for=("damping split",),
     next_experiment="the same forced run at two gains of the quadrature loop",
     control=control,
     slow=slow,
+    in_the_log="quadrature_drive",
+    shown_by=("drive",),
 )

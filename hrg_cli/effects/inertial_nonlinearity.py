@@ -34,7 +34,7 @@ EFFECT = Effect(
     name="inertial_nonlinearity",
     family="resonator",
     page=__doc__,
-    parameters=(Parameter("inverse_length_squared", "amplitude-2", 1e-5, "1/ℓ²", amplitude_power=-2),),
+    parameters=(Parameter("inverse_length_squared", "amplitude-2", 1e-5, "1/ℓ²", amplitude_power=-2, minimum=0.0),),
     mistaken_for=("cubic_stiffness", "thermal_frequency"),
     next_experiment="ring-downs of different quadrature at one amplitude: precession against pull tells it from the elastic cubic",
     plant=plant,

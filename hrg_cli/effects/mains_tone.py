@@ -50,4 +50,5 @@ EFFECT = Effect(
     next_experiment="the same run at another temperature: the resonance moves, the tone does not",
     readout=readout,
     slow_readout=slow_readout,
+    seen_in="waveform",
 )

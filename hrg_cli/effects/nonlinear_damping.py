@@ -12,12 +12,12 @@ Mistaken for: drift of the damping in time or with temperature, cubic of the pic
 ln a in a², not in t; ring-downs from two amplitudes.
 """
 
+import functools
 import math
 
 import numpy as np
 
-from ..errors import HrgError
-from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
+from ..physics.plant import POLYNOMIAL, Acceleration, Environment, Plant, SlowState
 from .effect import Array, Effect, Parameter, Values
 
 TURNS = np.exp(1j * np.pi * (np.arange(32) + 0.5) / 32)
@@ -34,25 +34,33 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
     if p["power"] == 2:
         plant.polynomial[POLYNOMIAL.index("r2_v")] -= 8 * p["damping_1_s"]
         return
-    if plant.extra is not None:
-        raise HrgError(f"effects.nonlinear_damping: power {p['power']:g} stands beside another acceleration; only power 2 can")
     half = p["power"] / 2
     if half < 0:
-        supply, stiffness = 2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2
+        plant.accelerate(regulated(2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2, half))
+    else:
+        plant.accelerate(against(2 * p["damping_1_s"] / mean(p["power"]), half))
 
-        def regulated(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
-            loss = supply * (x * x + y * y + (vx * vx + vy * vy) / stiffness) ** half
-            return -loss * vx, -loss * vy
 
-        plant.extra = regulated
-        return
-    factor = 2 * p["damping_1_s"] / mean(p["power"])
+@functools.lru_cache(maxsize=16)
+def regulated(supply: float, stiffness: float, half: float) -> Acceleration:
+    """−supply ρ^{2·half} v, ρ² = |z|² + |v|²/stiffness; one object for equal values, so that it is compiled once for all runs."""
+
+    def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+        loss = supply * (x * x + y * y + (vx * vx + vy * vy) / stiffness) ** half
+        return -loss * vx, -loss * vy
+
+    return acceleration
+
+
+@functools.lru_cache(maxsize=16)
+def against(factor: float, half: float) -> Acceleration:
+    """−factor |z|^{2·half} v; one object for equal values."""
 
     def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
         loss = factor * (x * x + y * y) ** half
         return -loss * vx, -loss * vy
 
-    plant.extra = acceleration
+    return acceleration
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
@@ -72,7 +80,7 @@ EFFECT = Effect(
     family="resonator",
     page=__doc__,
     parameters=(
-        Parameter("damping_1_s", "s-1", 1e-3, "damping ν₂/4 added at unit amplitude", amplitude_power=-2),
+        Parameter("damping_1_s", "s-1", 1e-3, "damping ν₂/4 added at unit amplitude", amplitude_power=-2, minimum=0.0),
         Parameter("power", "1", 2.0, "power p of the amplitude", neutral=2.0, fitted=False),
     ),
     mistaken_for=("damping_drift", "thermal_damping", "pickoff_nonlinearity"),

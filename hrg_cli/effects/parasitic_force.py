@@ -43,4 +43,6 @@ EFFECT = Effect(
     next_experiment="the forced run at two rates and a free ring-down: a force changes the rate, an offset the angle",
     control=control,
     slow=slow,
+    coherent=True,
+    shown_by=("drive",),
 )

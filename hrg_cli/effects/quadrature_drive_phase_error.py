@@ -32,4 +32,5 @@ EFFECT = Effect(
     next_experiment="the same forced run with the quadrature loop off, or a test tone in the quadrature loop",
     control=control,
     slow=slow,
+    shown_by=("drive",),
 )

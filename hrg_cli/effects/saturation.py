@@ -11,7 +11,10 @@ harmonics; the histogram of the converter's codes.
 import numpy as np
 
 from ..physics.plant import Readout, SlowState
-from .effect import Array, Effect, Parameter, Values
+from .effect import Array, Effect, Parameter, Runs, Values
+
+SHARES = (0.7, 0.8, 0.88, 0.94, 0.98, 0.998)
+"""Levels tried, as parts of the largest amplitude seen in a channel."""
 
 
 def readout(p: Values, readout: Readout) -> None:
@@ -27,13 +30,30 @@ def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     return u * (2 / np.pi) * (np.arcsin(x) + x * np.sqrt(np.maximum(1 - x**2, 0.0)))
 
 
+def levels(runs: Runs) -> list[Values]:
+    """Levels below the largest amplitude that these runs show."""
+    largest = float(np.quantile(np.abs(runs.envelope)[runs.weight > 0], 0.999))
+    return [{"inverse_level": 1 / (share * largest)} for share in SHARES]
+
+
 EFFECT = Effect(
     name="saturation",
     family="read-out",
     page=__doc__,
-    parameters=(Parameter("inverse_level", "amplitude-1", 1.05, "1 over the level at which the signal is clipped", amplitude_power=-1),),
+    parameters=(
+        Parameter(
+            "inverse_level",
+            "amplitude-1",
+            1.05,
+            "1 over the level at which the signal is clipped",
+            amplitude_power=-1,
+            minimum=0.0,
+            sets_in=True,
+        ),
+    ),
     mistaken_for=("pickoff_nonlinearity",),
     next_experiment="ring-downs from below and from above the level: clipping stops sharply, a cubic pick-off does not",
     readout=readout,
     slow_readout=slow_readout,
+    starts=levels,
 )

@@ -32,4 +32,6 @@ EFFECT = Effect(
     next_experiment="count whole turns of the table by an optical mark over a long run; nothing else tells it from the scale factor",
     environment=environment,
     slow=slow,
+    same_as_base="the scale factor: exactly the same in every run on that table",
+    shown_by=("known scale factor",),
 )

@@ -40,4 +40,5 @@ EFFECT = Effect(
     next_experiment="temperature in soak steps, or ramps at two speeds",
     plant=plant,
     slow=slow,
+    shown_by=("temperature cycle",),
 )

@@ -29,4 +29,5 @@ EFFECT = Effect(
     next_experiment="a temperature cycle up and down at two ramp speeds: hysteresis does not depend on the speed",
     plant=plant,
     slow=slow,
+    shown_by=("temperature cycle",),
 )

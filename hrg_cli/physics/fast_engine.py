@@ -5,7 +5,8 @@ With k = KΩ the momentum p = z' − kJz turns the equation of `plant.Plant` int
 The linear part is stepped by its exact 4 × 4 exponential (coefficients at the middle of the step), so frequency, splits,
 damping and rotation carry no splitting error at any sampling rate. Polynomial terms, a further acceleration and the drive are
 kicks of p at the samples (half a kick, exact step, half a kick): second order in (kick rate · step). Where the environment
-moves, exponentials are made at knots and interpolated linearly in between, with an error below 1e-9 1/s.
+moves, exponentials are made at knots and interpolated linearly in between, with an error below 1e-9 1/s. A knock at an instant
+between two samples is a jump of p there, carried to the next sample by the exact exponential.
 
 Numba compiles the loop where it is installed; without it the same function runs as plain Python.
 """
@@ -76,8 +77,9 @@ def run(
     off = off[np.argsort(off[:, 0], kind="stable")] if len(off) else off
     polynomial = np.asarray(plant.polynomial, float)
     assert len(polynomial) == len(POLYNOMIAL)
-    for first in range(0, count, CHUNK):
-        n = min(CHUNK, count - first)
+
+    def samples(first: int, n: int) -> tuple[Array, ...]:
+        """Displacement, velocity, drive and command (2, n) of the next n samples."""
         knots = table.knots(first * substeps, n * substeps, h, knot_stride)
         propagators, local = table.propagators(knots, h, omega)
         z, v, drive, command = np.empty((2, n)), np.empty((2, n)), np.zeros((2, n), complex), np.zeros((2, n))
@@ -85,9 +87,34 @@ def run(
             memory, knots - first * substeps, propagators, local, n, substeps, h, first * substeps, omega, polynomial, nonlinear,
             kinds, gains, drive_matrix, parasitic, off, z, v, drive, command,
         )  # fmt: skip
+        return z, v, drive, command
+
+    # (samples done when the knock is felt, its state there), in time order
+    knocks = sorted(((math.floor(at / step_s) + 1, at, change) for at, change in plant.kicks if at >= 0), key=lambda knock: knock[1])
+    for first in range(0, count, CHUNK):
+        n = min(CHUNK, count - first)
+        parts, done = [], first
+        while knocks and knocks[0][0] <= first + n:
+            after, instant, change = knocks.pop(0)
+            if after > done:
+                parts.append(samples(done, after - done))
+                done = after
+            memory[:4] += _carried(table, instant, after * step_s, change, omega)
+        if done < first + n:
+            parts.append(samples(done, first + n - done))
+        z, v, drive, command = parts[0] if len(parts) == 1 else (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
+        del parts
         t = np.arange(first, first + n) * step_s
-        samples = Samples(t, z, v, drive, table.temperature(t), table.rate(t))
-        yield Block(samples, command, functools.partial(_envelopes, table, t, z, v, omega))
+        yield Block(
+            Samples(t, z, v, drive, table.temperature(t), table.rate(t)), command, functools.partial(_envelopes, table, t, z, v, omega)
+        )
+
+
+def _carried(table: Coefficients, start: float, stop: float, change: Array, scale: float) -> Array:
+    """The state (z, p/scale) that a jump of the velocity leaves a part of a sample later (4,)."""
+    part = stop - start
+    propagator, _ = table.propagators(np.array([start / part]) if part > 0 else np.zeros(1), part, scale)
+    return propagator[0] @ np.array([0.0, 0.0, change[0] / scale, change[1] / scale])
 
 
 def _envelopes(table: Coefficients, t: Array, z: Array, v: Array, omega: float, at: Array) -> Array:

@@ -8,6 +8,7 @@ by its own formula, so that one mistake cannot hide in both.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -59,6 +60,12 @@ class Plant:
     scale_factor: Array
     polynomial: Array = field(default_factory=lambda: np.zeros(len(POLYNOMIAL)))
     extra: Acceleration | None = None
+    kicks: list[tuple[float, Array]] = field(default_factory=list)
+    """(time_s, Δz' (2,)): instants at which the velocity jumps."""
+
+    def accelerate(self, further: Acceleration) -> None:
+        """Add a further acceleration to what is there."""
+        self.extra = further if self.extra is None else together(self.extra, further)
 
     def retuned(self, factor: Array) -> Array:
         """W of a frequency `factor` (k,) times as high, the split in rad/s as it was (so measured over temperature, PHYSICS M9).
@@ -68,6 +75,24 @@ class Plant:
         factor = np.asarray(factor)[:, None, None]
         common = np.trace(self.stiffness, axis1=1, axis2=2)[:, None, None] / 2 * IDENTITY
         return common * factor**2 + (self.stiffness - common) * factor
+
+
+@functools.lru_cache(maxsize=16)
+def together(first: Acceleration, second: Acceleration) -> Acceleration:
+    """The sum of two accelerations, compiled where numba is installed."""
+    try:
+        from numba import njit
+    except ImportError:
+        pass
+    else:
+        first, second = (one if hasattr(one, "py_func") else njit(one) for one in (first, second))
+
+    def both(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+        ax, ay = first(t, x, y, vx, vy)
+        bx, by = second(t, x, y, vx, vy)
+        return ax + bx, ay + by
+
+    return both
 
 
 @dataclass(frozen=True)
@@ -198,7 +223,8 @@ class SlowState:
     """What an effect's slow term may look at, beside the envelopes u (..., 2): all of shape (...) that broadcasts with u's.
 
     `slow_environment(p, state) -> SlowState` may return a changed copy (true temperature and rate from the logged ones);
-    `slow(p, u, state) -> du/dt (..., 2)` adds to the envelope equation; `slow_readout(p, u, state) -> u` is the static read-out.
+    `slow(p, u, state) -> du/dt (..., 2)` adds to the envelope equation; `slow_readout(p, u, state) -> u` is the static read-out;
+    `slow_jump(p, state) -> (time_s, jump of u)` is what happens at one instant.
     """
 
     mechanics: Mechanics
@@ -218,3 +244,5 @@ class SlowState:
     """Phase φ of the main wave near which u's own φ is to be taken: (mθ, φ) and (mθ + π, φ + π) are the same wave."""
     omega_r_rad_s: float
     """Reference frequency of the envelopes."""
+    run: Array | None = None
+    """Number of every run from 0, where several stand side by side."""

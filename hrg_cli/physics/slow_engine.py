@@ -40,6 +40,8 @@ class SlowTerms:
     environment: Sequence[Callable[[SlowState], SlowState]] = ()
     motion: Sequence[SlowTerm] = ()
     readout: Sequence[SlowTerm] = ()
+    jumps: Sequence[Callable[[SlowState], tuple[float, Array]]] = ()
+    """Instants at which the envelopes jump."""
 
 
 class _Clock:
@@ -95,6 +97,7 @@ def run(
         middle = motion.generators(t[:-1] + h / 2)[1]
         at_nodes, at_middles = motion.state(t), motion.state(t[:-1] + h / 2)
         path, slope = np.empty((steps + 1, 2), complex), np.empty((steps + 1, 2), complex)
+        jumps: list[tuple[int, float, Array]] = []
         force, command, phase = np.zeros((steps + 1, 2), complex), np.zeros((steps + 1, 2)), np.zeros(steps + 1)
         for k in range(steps + 1):
             du, action, phase[k] = motion.look(_row(at_nodes, k), u, memory, corrections[k])
@@ -111,10 +114,24 @@ def run(
                 u = motion.step(h, moments, (halves[0][k], halves[1][k]), (corrections[k], middle[k], corrections[k + 1]), u, memory)
             else:
                 u = halves[1][k] @ (halves[0][k] @ u)
+            for instant, jump in motion.jumps:
+                if t[k] < instant <= t[k + 1]:
+                    jumps.append((k, instant, jump))
+                    u = u + exponential(nodes[k], t[k + 1] - instant) @ jump
         times = (first + np.arange(n)) * step_s
         cell, part = np.divmod(np.arange(n), stride)
         x = (part / stride)[:, None]
         values = _hermite(path, slope * h, cell, x)
+        for k, instant, jump in jumps:
+            # the cubic is drawn to where the cell would have ended; what jumps within it goes on from there
+            end = path.copy()
+            end[k + 1] -= exponential(nodes[k], t[k + 1] - instant) @ jump
+            bent = slope.copy()
+            bent[k + 1] = nodes[k + 1] @ end[k + 1] + slope[k + 1] - nodes[k + 1] @ path[k + 1]
+            own = cell == k
+            values[own] = _hermite(end, bent * h, cell[own], x[own])
+            late = own & (times >= instant)
+            values[late] += np.einsum("nij,j->ni", exponential(nodes[k], times[late] - instant), jump)
         drives = force[cell] * (1 - x) + force[cell + 1] * x
         commands = command[cell] * (1 - x) + command[cell + 1] * x
         state = replace(motion.state(times), drive=drives, forced=np.any(commands != 0, axis=1).astype(float), phase_rad=phase[cell])
@@ -145,6 +162,8 @@ class _Motion:
         self._feed = self.plant.mechanics.damping_rate_1_s
         self.lively = control.forced or len(terms.motion) > 0
         self.switches = np.unique(control.on_off) if control.forced else np.zeros(0)
+        self.jumps = [jump(self._clock.state(np.zeros(1))) for jump in terms.jumps]
+        self.jumps = sorted(((at, np.reshape(change, 2)) for at, change in self.jumps if at > 0), key=lambda one: one[0])
 
     def state(self, t: Array) -> SlowState:
         """What the effects see at times t, the environment made true by theirs; nothing of the wave or the drive yet."""

@@ -45,8 +45,6 @@ from .diagnosis.written import faithful
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray
-IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
-"""Effects named by the waveform view alone."""
 
 
 def diagnose(
@@ -88,7 +86,7 @@ def diagnose(
         with contextlib.suppress(extended_fit.DivergedError):
             untouched, own = fitted(waves), list(range(len(waves)))
     base, pieces, tones = taken_out(base, pieces, fitted)
-    candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.name not in IN_THE_WAVEFORM], base)
+    candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"], base)
     base = oriented(base, candidates)
 
     search, remainder, noise_factor = explain(base, candidates, most_effects)

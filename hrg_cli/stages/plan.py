@@ -32,13 +32,8 @@ TOLD = 3.0
 """σ from which a cause counts as told apart."""
 NOTHING = 1e-3
 """σ that rounding alone may give."""
-THERMAL_MEMORY = {"thermal_lag", "thermal_hysteresis"}
-FOLLOW_TEMPERATURE = ("thermal_frequency", "thermal_damping", "split_temperature")
-"""A thermometer's error shows only through one of these; where none was found, a frequency of typical coefficient is assumed."""
-INHERENT = {
-    "table_rate_error": "scale_factor: a rate wrong by a factor looks the same in every run; count the table's whole turns against a star",
-    "clock_error": "frequency, damping and scale factor together: one clock times everything; compare it with another clock",
-}
+INHERENT = {e.name: f"{e.same_as_base}; {e.next_experiment}" for e in EFFECTS if e.same_as_base}
+"""What no run of any menu can tell from the base model, and what else would."""
 
 
 @dataclass(frozen=True)
@@ -91,11 +86,13 @@ def plan(
     known: the resonator, or a diagnosis with its open groups; made: waves measured already. HrgError: an unknown cause, a wrong
     menu, nothing to separate.
     """
-    mechanics = _mechanics(known)
+    mechanics = mechanics_of(known)
     sizes, groups = _open(known, causes)
     acting = {name: given for name, given in sizes.items() if given}
-    if THERMAL_MEMORY & {name for group in groups for name in group} and not any(name in acting for name in FOLLOW_TEMPERATURE):
-        acting["thermal_frequency"] = {p.name: p.typical for p in find("thermal_frequency").fitted()}
+    # a thermometer's error shows only through what follows temperature; where none was found, a typical coefficient is assumed
+    beside = {find(name).beside for group in groups for name in group if name != BASE} - {""}
+    if beside and not any(find(name).follows_temperature for name in acting):
+        acting |= {name: {p.name: p.typical for p in find(name).fitted()} for name in beside}
     chosen_effects = tuple(find(name) for name in dict.fromkeys([*sizes, *acting, *(r for g in groups for r in g)]))
     layout = Layout(chosen_effects, acting)
     common, tables, feasible = candidates(menu, _device(mechanics))
@@ -141,7 +138,8 @@ def summary(made: Plan) -> dict[str, Any]:
     }
 
 
-def _mechanics(known: Resonator | Diagnosis) -> Mechanics:
+def mechanics_of(known: Resonator | Diagnosis) -> Mechanics:
+    """The resonator's parameters. HrgError: neither frequency nor damping among them."""
     if isinstance(known, Diagnosis):
         given = {row["name"]: float(row["value"]) for row in json.loads(known.report)["values"]}
         mode_number = int(tomllib.loads(known.extended_model)["device"]["mode_number"]) if known.extended_model else 2

@@ -117,6 +117,7 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         [partial(effect.slow_environment, p) for effect, p in active if getattr(effect, "slow_environment", same_state) is not same_state],
         [partial(effect.slow, p) for effect, p in active if getattr(effect, "slow", no_term) is not no_term],
         [partial(effect.slow_readout, p) for effect, p in active if getattr(effect, "slow_readout", same_signal) is not same_signal],
+        [partial(effect.slow_jump, p) for effect, p in active if getattr(effect, "slow_jump", None) is not None],
     )
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
     plant_at = partial(linear_plant, mechanics, courses)

@@ -20,7 +20,7 @@ from ..errors import UsageError
 from ..executors import local_processes, run_tasks
 from ..stages.diagnose import diagnose, summary
 from ..stages.diagnosis.search import SIGNIFICANT
-from .hidden import BESIDE, COHERENT, CYCLED, FORCED, OF_KNOWN_SCALE, STEPPED, WHOLE_SAMPLES, Hiding, hiding, programme, waves
+from .hidden import Hiding, beside, hiding, programme, waves
 from .power import coverage, curve, ideal, share
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[d
         return [{"clean": name, "named": named, "verdict": report["verdict"]}]
     hidden = hiding(name, random, noise)
     rows = []
-    for k, size in enumerate((1.0,) if name in WHOLE_SAMPLES else sizes):
+    for k, size in enumerate((1.0,) if find(name).whole_samples else sizes):
         report = summary(diagnose(hidden.measured(size, first + k), scale_factor=hidden.scale_factor))
         rows.append({"hidden": name, "draw": draw, "size": size, **judged(report, hidden, size)})
     return rows
@@ -88,8 +88,8 @@ def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any
     outcome: "named" (in a group of at most three), "wrong" (another cause), "described" (an open term) or "nothing".
     """
     name, true = hidden.effect.name, hidden.values(size)
-    beside = BESIDE.get(name, {})
-    entries = [e for e in report["effects"] if e["name"] not in beside]
+    others = beside(hidden.effect)
+    entries = [e for e in report["effects"] if e["name"] not in others]
     group = [entries[0]["name"], *entries[0]["indistinguishable_from"]] if entries else []
     if group:
         outcome = "named" if name in group and len(group) <= LARGEST_GROUP else "wrong"
@@ -100,7 +100,7 @@ def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any
     if own is not None:
         parts = {k: v for k, v in own["parameters"].items() if k in true and v["std"]}
         sign = 1.0
-        if name in COHERENT:
+        if hidden.effect.coherent:
             sign = float(np.sign(sum(v["value"] * true[k] / v["std"] ** 2 for k, v in parts.items())) or 1.0)
         errors = {k: (sign * v["value"] - true[k]) / v["std"] for k, v in parts.items()}
     row = next((t for t in report["tested"] if t["name"] == name), None)
@@ -117,7 +117,7 @@ def assembled(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, A
     clean = [r for r in rows if "clean" in r]
     names = [e.name for e in EFFECTS if any(r["hidden"] == e.name for r in hidden)]
     own = {name: [r for r in hidden if r["hidden"] == name] for name in names}
-    scaled = [r for r in hidden if r["hidden"] not in WHOLE_SAMPLES]
+    scaled = [r for r in hidden if not find(r["hidden"]).whole_samples]
     wrong = sum(bool(r["named"]) for r in clean)
     return {
         "sizes": sizes,
@@ -162,13 +162,14 @@ def effect_figures(rows: Sequence[dict[str, Any]], sizes: Sequence[float]) -> di
 
 def programme_of(name: str) -> str:
     """What the effect needs to be seen, in words."""
+    effect = find(name)
     needs = {
-        "every other run forced": name in FORCED,
-        "temperature in cycles": name in CYCLED,
-        "rate in steps": name in STEPPED,
-        "scale factor known": name in OF_KNOWN_SCALE,
-        "one sample lost": name in WHOLE_SAMPLES,
-        f"beside {', '.join(BESIDE.get(name, {}))}": name in BESIDE,
+        "every other run forced": "drive" in effect.shown_by,
+        "temperature in cycles": "temperature cycle" in effect.shown_by,
+        "rate in steps": "rate steps" in effect.shown_by,
+        "scale factor known": "known scale factor" in effect.shown_by,
+        "one sample lost": effect.whole_samples,
+        f"beside {effect.beside}": bool(effect.beside),
     }
     return ", ".join(words for words, needed in needs.items() if needed) or "free runs"
 
@@ -178,7 +179,7 @@ def confusion(own: dict[str, list[dict[str, Any]]], sizes: Sequence[float]) -> d
     seen = [s for s in sizes if ideal([s], SIGNIFICANT)["chance"][f"{s:g}"] >= SURE] or [max(sizes)]
     out: dict[str, dict[str, float]] = {}
     for name, rows in own.items():
-        at = [r for r in rows if r["size"] in seen or name in WHOLE_SAMPLES]
+        at = [r for r in rows if r["size"] in seen or find(name).whole_samples]
         out[name] = {}
         for row in at:
             for one in row["group"] or [row["outcome"]]:

@@ -7,7 +7,7 @@ z = |s⊥ d| with s⊥ the effect's sensitivities over σ beside the base model'
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from ..effects import find
 from ..effects.effect import Effect
 from ..errors import UsageError
 from ..fitting.causes import extended_fit
+from ..fitting.causes.extended import state_of
 from ..fitting.causes.extended_fit import Fit
 from ..fitting.causes.wave_frame import real
 from ..records import Wave, collect
@@ -30,31 +31,11 @@ Array = np.ndarray
 SAMPLE_RATE_HZ, DURATION_S = 20011.0, 2.0
 RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0)
 REFERENCE_DEGC = 22.5
-FORCED = {
-    "drive_feedthrough",
-    "drive_gain_mismatch",
-    "drive_nonorthogonality",
-    "drive_rotation",
-    "finite_quadrature_gain",
-    "parasitic_force",
-    "quadrature_drive_phase_error",
-}
-"""Absent while the drive is off: every other run is forced."""
-CYCLED = {"thermal_gradient", "thermal_hysteresis", "thermal_lag"}
-"""Shown by cycles of temperature; on one ramp they are a slope."""
-STEPPED = {"centrifugal_stiffness"}
-"""Shown within a run only where its rate changes."""
-OF_KNOWN_SCALE = {"clock_error", "table_rate_error"}
-"""Exactly the scale factor, or frequency, damping and scale factor together: shown only where K is known from elsewhere."""
-ONE_SIGN = {"finite_quadrature_gain", "inertial_nonlinearity", "nonlinear_damping", "saturation", "thermal_lag"}
-"""Parameters that physics forbids to be negative."""
-COHERENT = {"coherent_offset", "drive_feedthrough", "parasitic_force"}
-"""The common sign of their parameters is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave."""
-WHOLE_SAMPLES = {"dropped_samples"}
-"""No size below one sample, which is thousands of σ."""
-BESIDE = {"thermal_lag": {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": REFERENCE_DEGC}}}
-"""What an effect needs beside it to do anything."""
+BESIDE_IT = {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": REFERENCE_DEGC}}
+"""Sizes of the effects that others need beside them to do anything."""
 ALL_ROWS = 1500
+FAINT = 1e-6
+"""Independence beside the model below which a parameter is rounding."""
 
 
 @dataclass(frozen=True)
@@ -73,13 +54,13 @@ class Hiding:
 
     def values(self, size: float) -> dict[str, float]:
         """The effect's parameters at a size; a clipping level has no slope, its size is sought."""
-        if self.effect.name == "saturation":
-            return {"inverse_level": _clipping(self.effect, self.fit, size)}
+        if self.effect.sets_in:
+            return {**self.neutral, **setting_in(self.effect, self.neutral, self.fit, size, beside_base)}
         return {name: value + size * self.direction.get(name, 0.0) for name, value in self.neutral.items()}
 
     def measured(self, size: float | None, seed: int) -> list[Wave]:
         """Waves of the programme with the effect at a size, or without it."""
-        effects = dict(BESIDE.get(self.effect.name, {}))
+        effects = beside(self.effect)
         if size is not None:
             effects[self.effect.name] = self.values(size)
         return waves({**self.table, "effects": effects}, seed, self.effect.name)
@@ -89,14 +70,14 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
     """A random device, start and direction for an effect. UsageError: its programme does not show it."""
     effect = find(name)
     table = programme(random, name, noise)
-    beside = BESIDE.get(name, {})
+    others = beside(effect)
     seed = int(random.integers(2**31))
-    K = table["device"]["scale_factor"] if name in OF_KNOWN_SCALE else None
-    fit = base_fit(waves({**table, "effects": beside}, seed, name), K, beside)
+    K = table["device"]["scale_factor"] if "known scale factor" in effect.shown_by else None
+    fit = base_fit(waves({**table, "effects": others}, seed, name), K, others)
     neutral = effect.values()
     if "reference_temperature_degc" in neutral:
         neutral["reference_temperature_degc"] = REFERENCE_DEGC
-    if name in WHOLE_SAMPLES:
+    if effect.whole_samples:
         lost = {"lost_s": 1 / SAMPLE_RATE_HZ, "time_s": float(random.uniform(0.2, 0.8)) * DURATION_S}
         # one sample at "size 1", whatever that is in σ
         return Hiding(effect, table, neutral, lost, fit, K)
@@ -108,42 +89,58 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
         seen = prepare(waves({**table, "effects": {name: trial}}, seed, name), K, ALL_ROWS)[0].envelope - fit.series.envelope
         z = float(np.linalg.norm(_beside(extended_fit.flat(fit.series, real(seen) * fit.series.weight[..., None]), fit)))
         return Hiding(effect, table, neutral, {k: 10 * noise * v / z for k, v in vector.items()}, fit, K)
-    if name == "saturation":
+    if effect.sets_in:
         return Hiding(effect, table, neutral, {}, fit, K)
-    return Hiding(effect, table, neutral, _direction(effect, fit, neutral, random), fit, K)
+    return Hiding(effect, table, neutral, direction_of(effect, fit, neutral, random, beside_base), fit, K)
 
 
-def _direction(effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
+def direction_of(
+    effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator, information: Callable[[Fit, Array], Array]
+) -> dict[str, float]:
     """A random direction of the parameters, its length one σ; parameters that these runs do not show stay neutral."""
     steps = extended_fit.steps_of(effect, fit.series)
     S = extended_fit.sensitivity(fit.flow, effect, neutral, steps)
-    free = _beside(S, fit)
-    whole, size = np.linalg.norm(S, axis=0), np.linalg.norm(free, axis=0)
-    shown = size > 1e-6 * whole
+    free = information(fit, S)
+    whole, size = np.sum(S**2, axis=0), np.maximum(np.diag(free), 0.0)
+    shown = size > FAINT**2 * whole
     if not shown.any():
-        raise UsageError(f"{effect.name}: the study's programme cannot show it")
-    d = np.where(shown, random.standard_normal(len(size)) / np.where(size > 0, size, 1.0), 0.0)
-    d = np.abs(d) if effect.name in ONE_SIGN else d
-    d /= np.linalg.norm(free @ d)
+        raise UsageError(f"{effect.name}: these runs cannot show it")
+    d = np.where(shown, random.standard_normal(len(size)) / np.where(size > 0, np.sqrt(size), 1.0), 0.0)
+    d = np.abs(d) if effect.needs_one_sign else d
+    d /= np.sqrt(d @ free @ d)
     return dict(zip(steps, map(float, d), strict=True))
 
 
-def _clipping(effect: Effect, fit: Fit, size: float) -> float:
-    """1/level at which the clipped read-out stands `size` σ out of the base model."""
+def setting_in(
+    effect: Effect, neutral: Mapping[str, float], fit: Fit, size: float, information: Callable[[Fit, Array], Array]
+) -> dict[str, float]:
+    """Value of the parameter that sets in at which the read-out stands `size` σ out of the model (`information` of one column)."""
     u, weight = fit.prediction.seen, fit.series.weight[..., None]
-    low = 1 / float(np.abs(fit.series.envelope)[fit.series.weight > 0].max())
-    high = 3 * low
+    parameter = next(p for p in effect.fitted() if p.sets_in)
+    starts = [abs(start[parameter.name]) for start in effect.starts(fit.series)]
+    low, high = 0.5 * min(starts), 3 * max(starts)
     for _ in range(50):
         middle = (low + high) / 2
-        change = real((effect.slow_readout({"inverse_level": middle}, u, None) - u) * weight)  # type: ignore[arg-type]
-        z = float(np.linalg.norm(_beside(extended_fit.flat(fit.series, change), fit)))
-        low, high = (middle, high) if z < size else (low, middle)
-    return low
+        changed = effect.slow_readout({**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point))
+        column = extended_fit.flat(fit.series, real((changed - u) * weight))
+        low, high = (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
+    return {parameter.name: low}
+
+
+def beside_base(fit: Fit, columns: Array) -> Array:
+    """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs leave it."""
+    free = _beside(columns, fit)
+    return free.T @ free
 
 
 def _beside(columns: Array, fit: Fit) -> Array:
     """Columns over σ without what the base model can do, projected twice against rounding."""
     return fit.basis.off(fit.basis.off(columns))
+
+
+def beside(effect: Effect) -> dict[str, dict[str, float]]:
+    """What stands beside the effect in its programme."""
+    return {effect.beside: dict(BESIDE_IT[effect.beside])} if effect.beside else {}
 
 
 def base_fit(runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]) -> Fit:
@@ -169,15 +166,15 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
         "stiffness_axis_rad": random.uniform(0, 1.5),
         "scale_factor": random.uniform(0.5, 0.6),
     }
-    runs = []
+    runs, needed = [], find(shown).shown_by
     for k, rate in enumerate(RATES):
         start = 22.0 + k % 3
         warm: dict[str, Any] = {"kind": "ramp", "start_degc": start, "stop_degc": start + (1.0, -0.8, 0.5)[k % 3]}
-        if shown in CYCLED:
+        if "temperature cycle" in needed:
             warm = {"kind": "cycle", "low_degc": 22.0, "high_degc": 23.0, "period_s": (1.0, 1.5, 2.0)[k % 3], "shape": "sine"}
-        driven = shown in FORCED and k % 2 == 0
+        driven = "drive" in needed and k % 2 == 0
         # a loop that is not there, or of unknown gain, shows by the quadrature it lets decay
-        quadrature = 0.05 if shown == "finite_quadrature_gain" else 0.0
+        quadrature = 0.05 if find(shown).in_the_log else 0.0
         run: dict[str, Any] = {
             "run_id": f"run{k}",
             "start": {
@@ -188,7 +185,7 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
             },
             "environment": {"rate_rad_s": rate, "temperature": warm},
         }
-        if shown in STEPPED:
+        if "rate steps" in needed:
             run["environment"] |= {"rate": {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}, "rate_rad_s": 0.0}
         if driven:
             loop = "finite" if shown == "quadrature_drive_phase_error" else "off"
@@ -210,7 +207,7 @@ def waves(table: Mapping[str, Any], seed: int, shown: str) -> list[Wave]:
     for run in run_ids(table):
         periods = collect(demodulate(collect(simulate(table, run=run, seed=seed)), periods_per_window=40.0))
         wave: Wave = collect(estimate(periods))
-        if shown == "finite_quadrature_gain" and wave.mode == "forced":
+        if find(shown).in_the_log and wave.mode == "forced":
             wave = wave.replace(drive_main=None, drive_quadrature=None)
         out.append(wave)
     return out

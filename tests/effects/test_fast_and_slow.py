@@ -30,7 +30,25 @@ SIZES = {
     "parasitic_force": {"in_phase_s_1_s": 3e-3, "quadrature_c_1_s": 2e-3},
     "inertial_nonlinearity": {"inverse_length_squared": 1e-5},
     "finite_quadrature_gain": {"gain_1_s": 2.0},
+    "dry_friction": {"slope_1_s": 2e-2},
+    "momentum_kick": {"c_velocity_over_omega": 4e-3, "s_velocity_over_omega": -7e-3, "time_s": 0.21003, "phase_rad": 0.4},
+    "phase_drift": {"slope_rad_s": 1e-2},
+    "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }
+
+# relative difference of the two terms' changes, at most about 1.4 times what was measured; most are the second order of a term
+TOLERANCE = {
+    "inertial_nonlinearity": 8e-4,
+    "thermal_gradient": 1e-3,
+    # harmonics that 8.7 samples a period fold onto the oscillation
+    "pickoff_nonlinearity": 5e-3,
+    "saturation": 4e-2,
+    "converter_nonlinearity": 6e-2,
+    # its branch jumps between grid rows
+    "thermal_hysteresis": 4.5e-2,
+}
+USUAL = 5e-4
+AT_AN_INSTANT = ("dropped_samples", "momentum_kick")
 
 
 def wave(model, given, forced):
@@ -84,15 +102,11 @@ def test_fast_and_slow_agree(effect):
     )
     changed_fast, changed_slow = fast - plain_fast, slow - plain_slow
     keep = np.ones(len(fast), bool)
-    if effect.name == "dropped_samples":
+    if effect.name in AT_AN_INSTANT:
         keep[abs(np.arange(len(fast)) - 42) < 8] = False  # windows that see both sides of the step
     size = np.sqrt(np.mean(np.abs(changed_fast[keep]) ** 2))
-    floor = np.abs(plain_fast - plain_slow)[keep].max()
     assert size > 1e-5, "the effect must be visible in this run"
-    assert (
-        np.sqrt(np.mean(np.abs(changed_fast - changed_slow)[keep] ** 2))
-        < (0.06 if effect.name == "thermal_hysteresis" else 0.03) * size + floor
-    )  # its branch jumps between grid rows
+    assert np.sqrt(np.mean(np.abs(changed_fast - changed_slow)[keep] ** 2)) < TOLERANCE.get(effect.name, USUAL) * size
 
 
 @pytest.mark.parametrize("power", (1.0, 3.0, -1.0, -2.0))
@@ -101,7 +115,7 @@ def test_a_damping_of_another_power_is_the_same_in_both_engines(power):
     fast, slow, plain_fast, plain_slow = envelopes(*(wave(model, table, False) for table in (given, {}) for model in ("fast", "slow")))
     changed_fast, changed_slow = fast - plain_fast, slow - plain_slow
     assert np.abs(changed_fast).max() > 1e-3
-    assert np.abs(changed_fast - changed_slow).max() < 0.01 * np.abs(changed_fast).max() + np.abs(plain_fast - plain_slow).max()
+    assert np.abs(changed_fast - changed_slow).max() < 2e-3 * np.abs(changed_fast).max()
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)

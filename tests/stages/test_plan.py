@@ -72,7 +72,7 @@ def test_a_gain_mismatch_asks_for_rotation():
 
 def test_a_wrong_table_rate_is_never_told_from_the_scale_factor():
     made = plan(known(), MENU, runs=2, causes=["table_rate_error"])
-    assert made.status == "suspect" and "scale_factor" in made.impossible[0]
+    assert made.status == "suspect" and "scale factor" in made.impossible[0]
     assert made.separations[0]["after_sigma"] < 0.5
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hrg_cli.effects import EFFECTS
+from hrg_cli.effects import EFFECTS, find
 from hrg_cli.studies import hidden, power
 from hrg_cli.studies.diagnosis import assembled, diagnosis_study, figure, table
 
@@ -90,7 +90,7 @@ def test_rows_become_figures():
     assert study["controls"]["causes_named"][0] == 0.5
 
 
-def test_every_effect_of_the_catalogue_has_a_programme():
-    known = {e.name for e in EFFECTS}
-    for special in (hidden.FORCED, hidden.CYCLED, hidden.STEPPED, hidden.OF_KNOWN_SCALE, hidden.ONE_SIGN, hidden.COHERENT):
-        assert special <= known
+def test_what_an_effect_needs_beside_it_has_a_size():
+    for effect in EFFECTS:
+        for name, values in hidden.beside(effect).items():
+            assert find(name).fitted()[0].name in values

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...effects.effect import Effect, frame, no_term
 from ...physics.plant import SlowState
-from ...physics.resonator import Mechanics
+from ...physics.resonator import Mechanics, exponential
 from ..envelopes import coordinates
 from .evidence import Basis
 from .wave_frame import imaginary, real, real_matrix
@@ -60,6 +60,10 @@ class Series:
     reference_frequency_hz: float
     mode_number: int
     has_temperature: bool = True
+    number: Array | None = None
+    """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
+    rows_are_means: bool = True
+    """A row is the mean of its length, else the instant in its middle."""
     free_phase: bool = False
     """Every row's phase is its own: what turns both channels together is neither fitted nor judged."""
     unsettled: Basis | None = None
@@ -75,7 +79,12 @@ class Series:
         index = list(index)
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
         names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
-        return replace(self, names=names, turn_rad_s=turn, unsettled=None, **cut)
+        return replace(self, names=names, turn_rad_s=turn, number=self.numbers[index], unsettled=None, **cut)
+
+    @property
+    def numbers(self) -> Array:
+        """Number of every run from 0, (R,)."""
+        return np.arange(len(self.names)) if self.number is None else self.number
 
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""
@@ -188,6 +197,7 @@ def state_of(series: Series, point: Point) -> SlowState:
         forced=series.forced,
         phase_rad=series.phase_rad,
         omega_r_rad_s=2 * np.pi * series.reference_frequency_hz,
+        run=series.numbers[:, None],
     )
     for effect, values in point.active:
         state = effect.slow_environment(values, state)
@@ -277,6 +287,22 @@ def generators(series: Series, point: Point) -> Array:
     return plain + point.p[6] * (full - plain) + offset
 
 
+def jump(series: Series, point: Point, effect: Effect, values: Mapping[str, float]) -> Array:
+    """What an effect adds to the envelopes within each step by a jump at an instant, as the row after it sees it, (R, n − 1, 2).
+
+    A row is the mean of its length, so the part r(t) of a jump that the row at t sees rises from 0 to 1 within the row that holds the
+    instant; a step brings the difference of its rows' parts, carried on from the instant by the resonator alone.
+    """
+    assert effect.slow_jump is not None
+    instant, change = effect.slow_jump(values, state_of(series, point))
+    t, h = series.time_s, series.step_s
+    width = np.maximum(np.gradient(t, axis=1) * series.rows_are_means, np.finfo(float).tiny)
+    share = np.diff(np.clip((t - instant) / width + 0.5, 0, 1), axis=1) * (h > 0)
+    L = generators(series, point)[:, 1:] + 1j * series.turn_rad_s[:, None, None, None] * np.eye(2)
+    near = np.where(share != 0, t[:, 1:] - instant, 0.0)
+    return share[..., None] * times(exponential(L, near), np.broadcast_to(change, (*share.shape, 2)))
+
+
 def times(L: Array, u: Array) -> Array:
     """L u over (..., 2, 2) and (..., 2)."""
     c, s = u[..., 0], u[..., 1]
@@ -295,6 +321,7 @@ class _Rule:
         self.rows, self.halves = Stage(series, point), Stage(centre, point)
         self.L, self.M = generators(series, point), generators(centre, point)
         self.h, self.E = series.step_s[..., None], half_turns(series)[..., None]
+        self.jumps = sum((jump(series, point, *pair) for pair in point.active if pair[0].slow_jump is not None), np.zeros_like(self.h))
 
     def step(self, u: Array, place: tuple[Any, Any, Any], stages: tuple[Stage, Stage, Stage] | None) -> Array:
         """From envelopes at the rows before to those after (`place`: rows before, middles, rows after); without stages by L alone."""
@@ -308,7 +335,8 @@ class _Rule:
         k2 = slope(self.M[:, k], 1, E * (u + h / 2 * k1))
         k3 = slope(self.M[:, k], 1, E * u + h / 2 * k2)
         k4 = slope(self.L[:, after], 2, E * (E * u + h * k3))
-        return E * (E * (u + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+        smooth = E * (E * (u + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+        return smooth if stages is None else smooth + self.jumps[:, k]
 
     def linear(self) -> Array:
         """The steps' propagators of L alone, (R, n − 1, 2, 2)."""

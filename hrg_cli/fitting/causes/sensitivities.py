@@ -10,7 +10,7 @@ import numpy as np
 from ...effects.effect import Effect, frame, no_term, same_signal, same_state
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT
-from .extended import Near, Prediction, Series, Stage, generators, half_turns, running, times
+from .extended import Near, Prediction, Series, Stage, generators, half_turns, jump, running, times
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
@@ -57,12 +57,17 @@ class Propagation:
         """What finds a motion close by sooner."""
         return self.prediction.motion, self.step
 
-    def carried(self, at_rows: Array, at_middle: Array, start: Array | None = None) -> Array:
-        """Changes (R, n, 4, K) of the motion by source terms (R, n, 4, K), (R, n−1, 4, K) in u' and changes of the start (R, 4, K)."""
+    def carried(self, at_rows: Array, at_middle: Array, start: Array | None = None, in_steps: Array | None = None) -> Array:
+        """Changes (R, n, 4, K) of the motion by source terms (R, n, 4, K), (R, n−1, 4, K) in u' and changes of the start (R, 4, K).
+
+        in_steps: what jumps within the steps, (R, n−1, 4, K).
+        """
         h = self.prediction.series.step_s[..., None, None]
         source = (h / 6 * self.step) @ at_rows[:, :-1]
         source += (h * (4 / 6) * self.half) @ at_middle
         source += h / 6 * at_rows[:, 1:]
+        if in_steps is not None:
+            source += in_steps
         return running(self.step, np.zeros(4)[:, None] if start is None else start, source)
 
     def carried_by(self, at_rows: Array, at_middle: Array, g_rows: Array, g_middle: Array) -> Array:
@@ -146,11 +151,12 @@ _Pair = tuple[Mapping[str, float], Mapping[str, float], float]
 
 @dataclass(frozen=True)
 class _Terms:
-    """What an effect adds by its parameters (R, n, 4, K), None for none: sources in u' at rows and middles, changes of what is seen."""
+    """What an effect adds by its parameters (R, n, 4, K), None for none: sources in u' at rows and middles, what is seen, jumps."""
 
     at_rows: Array | None
     at_middle: Array | None
     direct: Array | None
+    in_steps: Array | None = None
 
 
 class _Seen:
@@ -177,7 +183,11 @@ class _Seen:
             middles = _differences(lambda p: effect.slow(p, self.flow.middle, self.at_middle), pairs, self.at_middle.drive)
         if effect.slow_readout is not same_signal:
             direct = _differences(lambda p: effect.slow_readout(p, others, self.at_rows), pairs, others)
-        return _Terms(rows, middles, direct)
+        jumps = None
+        if effect.slow_jump is not None:
+            series, point = self.flow.prediction.series, self.flow.prediction.point
+            jumps = _differences(lambda p: jump(series, point, effect, p), pairs, self.u)
+        return _Terms(rows, middles, direct, jumps)
 
     def _through_the_environment(self, effect: Effect, pairs: Sequence[_Pair]) -> _Terms:
         """Of an effect that changes what all others look at."""
@@ -213,12 +223,15 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
     seen = _Seen(flow)
     terms = [seen.terms(*one) for one in wanted]
     counts = [len(steps) for _, _, steps in wanted]
-    moving = [k for k, t in enumerate(terms) if t.at_rows is not None or t.at_middle is not None]
+    moving = [k for k, t in enumerate(terms) if not (t.at_rows is None and t.at_middle is None and t.in_steps is None)]
     out = [np.zeros((*flow.prediction.series.weight.shape, 4, count)) for count in counts]
     if moving:
         rows = [_given(terms[k].at_rows, out[k]) for k in moving]
         middles = [_given(terms[k].at_middle, out[k][:, 1:]) for k in moving]
-        carried = flow.carried(np.concatenate(rows, -1), np.concatenate(middles, -1))
+        jumps = [_given(terms[k].in_steps, out[k][:, 1:]) for k in moving] if any(t.in_steps is not None for t in terms) else None
+        carried = flow.carried(
+            np.concatenate(rows, -1), np.concatenate(middles, -1), in_steps=None if jumps is None else np.concatenate(jumps, -1)
+        )
         if flow.view is not None:
             carried = flow.view @ carried
         for k, part in zip(moving, np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1), strict=True):

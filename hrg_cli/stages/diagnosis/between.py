@@ -95,7 +95,7 @@ def patterns(fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[
 
     active = {effect.name for effect, _ in fit.point.active}
     out: dict[str, Pattern] = {}
-    open_ones = [v for v in candidates if v.effect.name not in active and v.effect.name != "saturation"]
+    open_ones = [v for v in candidates if v.effect.name not in active and not v.secants]
     for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):
         response = (fit.covariance @ fit.design.along(S))[index]
         if not np.all(np.isfinite(response)) or not response.any():

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ...effects.effect import OF_EVERY_RUN, RUN
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.layout import FREQUENCY, OWN
 from ...fitting.envelopes.coordinates import physical
 from ...records import Wave
 from ...settings import to_toml
-from .orientation import COHERENT
 from .run import run_table
 
 Array = np.ndarray
@@ -45,7 +45,7 @@ def simulation_file(
         "scale_factor": float(values[5]),
         "mode_number": fit.series.mode_number,
     }
-    if any(effect.name.startswith("thermal") or effect.name == "split_temperature" for effect, _ in fit.point.active):
+    if any(effect.follows_temperature for effect, _ in fit.point.active):
         device["temperature"] = {"reference_degc": float(np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3))}
     table: dict[str, Any] = {
         "device": device,
@@ -61,6 +61,8 @@ def simulation_file(
     }
     tone = [{k: v["value"] for k, v in e["parameters"].items()} for e in effects_named if e["name"] == "mains_tone"][:1]
     effects = {effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active}
+    of_one = {name: int(given.pop(RUN)) for name, given in effects.items() if given.get(RUN, OF_EVERY_RUN) != OF_EVERY_RUN}
+    struck = {name: effects.pop(name) for name in of_one}
     if tone:
         effects["mains_tone"] = tone[0]
     for e in effects_named:
@@ -76,8 +78,9 @@ def simulation_file(
             continue
         run = {"run_id": _unused(fit.series.names[own[0]], names), "device": {"frequency_hz": float(frequency[own[0]])}}
         run |= run_table(fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"], change[own[0]])
-        turned = [name for name in COHERENT if name in effects and _turned(fit, own[0], run)]
+        turned = [effect.name for effect, _ in fit.point.active if effect.coherent and effect.name in effects and _turned(fit, own[0], run)]
         own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
+        own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
         if wave.run_id in lost:
             own_effects["dropped_samples"] = lost[wave.run_id]
         if own_effects:

@@ -16,8 +16,6 @@ from ...fitting.causes.extended_fit import Fit
 from .search import Variant, scored
 
 Array = np.ndarray
-COHERENT = ("coherent_offset", "drive_feedthrough", "parasitic_force")
-"""Effects whose vector is coherent with φ."""
 CLEARLY = 30.0
 """χ² that turned signs must gain, beyond the choice among 2^R of them."""
 
@@ -25,7 +23,7 @@ CLEARLY = 30.0
 def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
     """The fit with the phase of some runs turned by π, or as it was."""
     runs = len(base.series.names)
-    own = [variant for variant in candidates if variant.effect.name in COHERENT]
+    own = [variant for variant in candidates if variant.effect.coherent]
     if runs < 2 or not own:
         return base
     rows = len(base.residual)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects import find
+from ...effects import EFFECTS
 from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit, flat
@@ -19,7 +19,7 @@ from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .gain import Gain, figures
 from .remainder import Remainder, Term
-from .search import IN_THE_LOG, Found, Search, Variant
+from .search import Found, Search, Variant
 
 Array = np.ndarray
 ONE_SIDED = 1.645
@@ -41,10 +41,6 @@ BASE = {
 """The fitted coordinates in words."""
 WRONG = 4.0
 """σ from which a base value counts as wrong."""
-SAME_AS_BASE = {
-    "table_rate_error": "the scale factor: exactly the same in every run on that table",
-    "clock_error": "frequency, damping and scale factor together, as long as one clock times everything",
-}
 
 
 def report(
@@ -186,8 +182,8 @@ def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant], ca
     for score in search.first:
         later = last.get(score.name, score)
         limit, units = _limit(later, noise_factor, by_name[score.name])
-        if score.name == "saturation" and score.name not in found:
-            limit = _clipping_limit(search.final, noise_factor, [v for v in candidates if v.effect.name == score.name])
+        if by_name[score.name].secants and score.name not in found:
+            limit = _level_limit(search.final, noise_factor, [v for v in candidates if v.effect.name == score.name])
         first = by_name[score.name].effect.fitted()[0]
         row = {
             "name": score.name,
@@ -199,11 +195,8 @@ def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant], ca
             "visible": score.visible,
         }
         if not score.visible:
-            row["why_not"] = (
-                f"these runs cannot show it: it is {SAME_AS_BASE[score.name]}"
-                if score.name in SAME_AS_BASE
-                else "these runs cannot show it"
-            )
+            same = by_name[score.name].effect.same_as_base
+            row["why_not"] = f"these runs cannot show it: it is {same}" if same else "these runs cannot show it"
         out.append(row)
     return out
 
@@ -223,17 +216,18 @@ def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float |
     return float(max(sizes[j] for j in same)), units[names[k]]
 
 
-def _clipping_limit(fit: Fit, noise_factor: float, levels: Sequence[Variant]) -> float | None:
-    """1/level of the highest of these levels at which the data exclude clipping in its full strength; None where they exclude none.
+def _level_limit(fit: Fit, noise_factor: float, levels: Sequence[Variant]) -> float | None:
+    """Least of the values tried at which the data exclude what sets in there, in its full strength; None where they exclude none.
 
-    Clipping has no small size that grows in proportion: a score at one level says which part of that clipping is there.
+    What sets in above a level has no small size that grows in proportion: a score at one level says which part of it is there.
     """
-    for variant in sorted(levels, key=lambda v: v.steps["inverse_level"]):
-        inverse = variant.steps["inverse_level"]
+    (name,) = levels[0].secants
+    for variant in sorted(levels, key=lambda v: v.steps[name]):
         S = fit.sensitivities([variant.wanted])[0]
         score = evidence.score(variant.effect.name, fit.residual, S, fit.basis)
-        if score.visible and score.estimate[0] + ONE_SIDED * score.std[0] * np.sqrt(noise_factor) < inverse:
-            return inverse
+        k = list(variant.steps).index(name)
+        if score.visible and score.estimate[k] + ONE_SIDED * score.std[k] * np.sqrt(noise_factor) < variant.steps[name]:
+            return variant.values[name] + variant.steps[name]
     return None
 
 
@@ -249,17 +243,21 @@ def _not_separable(search: Search, by_name: dict[str, Variant]) -> list[dict[str
         variant = by_name[score.name]
         S = fit.sensitivities([variant.wanted])[0]
         seen = np.linalg.norm(S, axis=0) * np.array(list(variant.steps.values())) > NOTHING
-        base = SAME_AS_BASE.get(score.name) or _hidden_behind(fit, S[:, seen])
+        base = variant.effect.same_as_base or _hidden_behind(fit, S[:, seen])
         if base and (score.name != "table_rate_error" or np.any(fit.series.rate_rad_s)):
             out.append({"effects": [score.name], "base": base, "next_experiment": variant.effect.next_experiment})
             hidden[score.name] = evidence.orthonormal(S[:, seen], 1e-6)
     if np.any(fit.series.quadrature_drive):
         gain, std = _loop_gain(fit)
         base = f"the logged command of the quadrature loop, which holds all it does; by the log its gain is {gain:.3g} ± {std:.1g} 1/s"
-        out.append({"effects": [IN_THE_LOG], "base": base, "next_experiment": find(IN_THE_LOG).next_experiment})
+        out += [
+            {"effects": [e.name], "base": base, "next_experiment": e.next_experiment} for e in EFFECTS if e.in_the_log == "quadrature_drive"
+        ]
     visible = [s for s in open_ones if s.visible and s.name not in hidden]
     pairs = [(a.name, b.name) for a, b in combinations(visible, 2) if a.rank == b.rank and evidence.alike(a, b) > SAME]
-    pairs += [(a, b) for a, b in combinations((n for n in hidden if n not in SAME_AS_BASE), 2) if _within(hidden[a], hidden[b])]
+    pairs += [
+        (a, b) for a, b in combinations((n for n in hidden if not by_name[n].effect.same_as_base), 2) if _within(hidden[a], hidden[b])
+    ]
     groups = [[one.variant.effect.name, *one.rivals] for one in search.found if one.rivals]
     for group in groups + _joined(pairs):
         sentences = dict.fromkeys(by_name[name].effect.next_experiment for name in group if name in by_name)

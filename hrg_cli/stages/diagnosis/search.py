@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.effect import Effect
+from ...effects.effect import REFERENCE_TEMPERATURE, Effect
 from ...fitting.causes import evidence, extended_fit, scales
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
@@ -23,19 +23,21 @@ QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
-IN_THE_LOG = "finite_quadrature_gain"
-"""No candidate where the loop's command is logged: the log holds whatever the loop does."""
 ONLY_BESIDE = {"anisotropic_cubic_stiffness": ("cubic_stiffness", "inertial_nonlinearity")}
 """Effects that are a part of another, which must stand first."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One way an effect may stand: values of its parameters, and difference steps of those fitted."""
+    """One way an effect may stand: values of its parameters, difference steps of those fitted, and those of them that are secants.
+
+    A secant leads from the neutral value to one tried, of a parameter that has no slope there.
+    """
 
     effect: Effect
     values: Mapping[str, float]
     steps: Mapping[str, float]
+    secants: tuple[str, ...] = ()
 
     @property
     def wanted(self) -> Wanted:
@@ -70,20 +72,19 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
     series = fit.series
     warm = series.temperature_degc[series.weight > 0]
     middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
-    seen = np.abs(series.envelope)[series.weight > 0]
     out = []
     for effect in effects:
         values = effect.values()
-        if "reference_temperature_degc" in values:
-            values["reference_temperature_degc"] = middle
+        if effect.follows_temperature:
+            values[REFERENCE_TEMPERATURE] = middle
         steps = scales.steps_of(effect, series)
-        if effect.name == IN_THE_LOG and np.any(series.quadrature_drive):
+        if effect.in_the_log and np.any(getattr(series, effect.in_the_log)):
             continue
-        if effect.name == "saturation":
-            for share in (0.7, 0.8, 0.88, 0.94, 0.98, 0.998):
-                out.append(Variant(effect, values, {"inverse_level": 1 / (share * float(np.quantile(seen, 0.999)))}))
-            continue
-        out.append(Variant(effect, values, steps))
+        secants = tuple(p.name for p in effect.fitted() if p.sets_in)
+        for start in effect.starts(series):
+            held = {name: value for name, value in start.items() if name not in secants}
+            levels = {name: start[name] - values[name] for name in secants if name in start}
+            out.append(Variant(effect, {**values, **held}, {**steps, **levels}, secants))
     return out
 
 
@@ -136,10 +137,14 @@ def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.M
     for (name, _), estimate in zip(variant.steps.items(), score.estimate, strict=True):
         if np.isfinite(estimate):
             values[name] += float(estimate)
-    if effect.name == "saturation":
-        values["inverse_level"] = variant.steps["inverse_level"]
-    point = extended_fit.with_effect(fit.point, effect, values)
-    return extended_fit.fit(fit.series, point, fit.freedom, most, fit.flow.near)
+    for name in variant.secants:  # where the score's estimate is a part of what sets in there
+        values[name] = variant.values[name] + variant.steps[name]
+    first = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, values), fit.freedom, most, fit.flow.near)
+    if not any(p.fitted_then for p in effect.parameters):
+        return first
+    effect = replace(effect, parameters=tuple(replace(p, fitted=p.fitted or p.fitted_then) for p in effect.parameters))
+    values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
+    return extended_fit.fit(first.series, extended_fit.with_effect(first.point, effect, values), first.freedom, most, first.flow.near)
 
 
 def as_fitted(variant: Variant, fit: Fit) -> Variant:

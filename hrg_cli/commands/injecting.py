@@ -1,0 +1,70 @@
+"""The body of `hrg inject`: which `--set` belongs to which effect, the stage on files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .. import pipeline, settings
+from ..effects import EFFECTS, Effect, find, load_effects
+from ..errors import UsageError
+from ..stages.inject import inject
+from .frame import Common, command_line, existing
+
+
+def inject_file(
+    recording: Path | None,
+    run: Common,
+    names: Sequence[str],
+    resonator: Path | None,
+    effects_from: Path | None,
+    progress: pipeline.Progress,
+) -> pipeline.Outcome:
+    """Hide effects in a recording file; the record and the command's JSON."""
+    extra = load_effects(effects_from) if effects_from is not None else ()
+    assignments = tuple(of_effects(names, run.assignments, (*extra, *EFFECTS)))
+    values = settings.resolve(inject, run.config, assignments)
+    for name in names:
+        values["effects"].setdefault(name, {})
+    if run.show_config:
+        run.leave_with_settings({"inject": values})
+    paths = existing([recording] if recording else [], "a recording file")
+    output = run.need_output("injected.h5")
+    beside = {} if resonator is None else {"resonator": resonator}
+    further: dict[str, Any] = {"extra_effects": extra} if extra else {}
+    return pipeline.run_stage(
+        "inject", paths, output, values, beside=beside, further=further, force=run.force, command_line=command_line(), progress=progress
+    )
+
+
+def of_effects(names: Sequence[str], assignments: Sequence[str], known: Sequence[Effect]) -> list[str]:
+    """The assignments with whole keys: PARAMETER=VALUE belongs to the effect that has it, EFFECT.PARAMETER=VALUE says which."""
+    chosen = {name: [p.name for p in find(name, tuple(known)).parameters] for name in names}
+    out = []
+    for text in assignments:
+        key, value = settings.parse_assignment(text)
+        short = key.removeprefix("inject.")
+        head, dot, _ = short.partition(".")
+        if settings.accepts(inject, head):
+            out.append(text)
+            continue
+        if dot and head in chosen:
+            out.append(f"effects.{short}={_toml(value)}")
+            continue
+        owners = [name for name, parameters in chosen.items() if short in parameters]
+        if len(owners) != 1:
+            has = "; ".join(f"{name} has {', '.join(parameters)}" for name, parameters in chosen.items()) or "no --effect is named"
+            found = (
+                f"belongs to {' and '.join(owners)}, say which by {owners[0]}.{short}=…"
+                if owners
+                else f"is no parameter of the effects: {has}"
+            )
+            raise UsageError(f"--set {text}: {short} {found}")
+        out.append(f"effects.{owners[0]}.{short}={_toml(value)}")
+    return out
+
+
+def _toml(value: Any) -> str:
+    """A value as an assignment gives it."""
+    return repr(value) if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,321 @@
+"""What a diagnosis finds, and what it invents, on the user's own recordings: every effect hidden in them at several sizes (`inject`).
+
+What the recordings show without any injection is the background: its causes are not counted as false names, and its size of an effect is
+taken off the one found. A size is in σ of an ideal detector that knows the effect and its direction, with the base model and the
+background's causes as free as these runs and weak priors leave them; where these leave more than noise, σ is larger by the root of χ² a
+degree of freedom.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import zlib
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from ..effects import EFFECTS, find
+from ..effects.effect import REFERENCE_TEMPERATURE, RUN, Effect
+from ..errors import HrgError, UsageError
+from ..executors import local_processes, run_tasks
+from ..fitting.causes import extended_fit
+from ..fitting.causes.extended_fit import Fit
+from ..records import Recording, Wave, collect
+from ..stages.demodulate import demodulate
+from ..stages.diagnose import diagnose, summary
+from ..stages.diagnosis.data import freedom_of, prepare
+from ..stages.diagnosis.rate_steps import settled
+from ..stages.estimate import estimate
+from ..stages.inject import inject
+from .hidden import ALL_ROWS, direction_of, setting_in
+from .power import coverage, share
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+Row = dict[str, Any]
+LARGEST = 100.0
+"""Times its typical size that an effect is hidden with at most."""
+LARGEST_GROUP = 3
+"""Names that a group may have in which the effect counts as named."""
+TONE_AWAY = (0.01, 0.05)
+"""Part of the oscillation's frequency by which a tone is beside it."""
+MIDDLE = (0.2, 0.8)
+"""Part of the run in which an instant lies."""
+
+
+def recovery_study(
+    recordings: Sequence[Recording],
+    known: Sequence[Row] = (),
+    keep: Callable[[Sequence[Row]], None] = lambda rows: None,
+    *,
+    effects: Annotated[list[str], Field(description="effects to hide; none: every one of the catalogue")] = [],  # noqa: B006
+    sizes: Annotated[list[float], Field(min_length=1, description="sizes, in σ of an ideal detector")] = [5.0, 10.0, 20.0],  # noqa: B006
+    draws: Annotated[int, Field(ge=1, description="random directions and instants an effect")] = 1,
+    periods_per_window: Annotated[float, Field(gt=0, description="oscillation periods a window")] = 5.0,
+    scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
+    seed: Annotated[int, Field(ge=0, description="seed of directions and instants")] = 0,
+    jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
+) -> dict[str, Any]:
+    """{sizes, background, effects: {name: figures}, all: figures, rows}; figures: see `effect_figures`.
+
+    known: rows of an interrupted study, which are not done again; keep: told all rows whenever there are more. HrgError: no recording, an
+    unknown effect.
+    """
+    if not recordings:
+        raise UsageError("no recording is named; name the recordings of one gyro, e.g. hrg study recovery run-*.h5 -o study/")
+    names = effects or [e.name for e in EFFECTS]
+    for name in names:
+        find(name)
+    if min(sizes) <= 0:
+        raise UsageError(f"sizes holds {min(sizes):g}; a size is above 0 σ")
+    waves = [_wave(recording, periods_per_window) for recording in recordings]
+    background = _diagnosed(waves, scale_factor)
+    rows = [dict(row) for row in known]
+    done = {(row["effect"], row["draw"]) for row in rows}
+    tasks = [
+        (tuple(recordings), tuple(waves), background, name, draw, tuple(sizes), periods_per_window, scale_factor, seed)
+        for draw in range(draws)
+        for name in names
+        if (name, draw) not in done
+    ]
+    # a slice at a time, so that an interrupted study loses little
+    at_once = 4 * jobs if jobs > 1 else 1
+    for first in range(0, len(tasks), at_once):
+        for made in run_tasks(recovered, tasks[first : first + at_once], lambda: local_processes(jobs)):
+            rows += made or []
+        keep(list(rows))
+    return assembled([row for row in rows if row["effect"] in names], list(sizes), background)
+
+
+def recovered(
+    task: tuple[Sequence[Recording], Sequence[Wave], Row, str, int, Sequence[float], float, float | None, int],
+) -> list[Row]:
+    """One effect in one direction at every size: what diagnosis says of it."""
+    recordings, waves, background, name, draw, sizes, periods_per_window, scale_factor, seed = task
+    effect, random = find(name), np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
+    rows = []
+    try:
+        fit = _fit(waves, scale_factor, background)
+        values_at = _values(effect, fit, recordings, waves, random)
+        for size in sizes[:1] if effect.whole_samples else sizes:
+            true = values_at(size)
+            _thinkable(effect, true, size, fit)
+            changed = [_wave(_with(recording, number, effect, true), periods_per_window) for number, recording in enumerate(recordings)]
+            report = _diagnosed(changed, scale_factor)
+            rows.append({"effect": name, "draw": draw, "size": size, "true": true, **judged(report, background, effect, true)})
+    except HrgError as error:
+        rows.append({"effect": name, "draw": draw, "size": None, "not_shown": str(error)})
+    return rows
+
+
+def judged(report: Row, background: Row, effect: Effect, true: dict[str, float]) -> Row:
+    """Whether the effect is named first or among others beside the background, what is named falsely, and its size against the true one."""
+    before = {e["name"]: e for e in background["effects"]}
+    entries = report["effects"]
+    groups = [[e["name"], *e["indistinguishable_from"]] for e in entries]
+    own = [group for group in groups if effect.name in group and len(group) <= LARGEST_GROUP]
+    new = [group for group in groups if group[0] not in before or group in own]
+    found = next((e for e in entries if e["name"] == effect.name), None)
+    sizes, errors = {}, {}
+    sign = _sign(effect, found, true) if found else 1.0
+    for parameter, value in (found["parameters"] if found else {}).items():
+        neutral = next(p.neutral for p in effect.parameters if p.name == parameter)
+        wanted = true.get(parameter, neutral) - neutral
+        was = before.get(effect.name, {}).get("parameters", {}).get(parameter, {}).get("value", neutral) - neutral
+        if not wanted or value["value"] is None:
+            continue
+        there = sign * (value["value"] - neutral - was)
+        sizes[parameter] = there / wanted
+        if value["std"]:
+            errors[parameter] = (there - wanted) / value["std"]
+    return {
+        "verdict": report["verdict"],
+        "refused": report.get("refused"),
+        "first": bool(own) and bool(new) and new[0] == own[0],
+        "among": bool(own),
+        "false": [group[0] for group in groups if group not in own and group[0] not in before],
+        "found_over_true": sizes,
+        "error_over_std": errors,
+    }
+
+
+def _sign(effect: Effect, found: Row, true: dict[str, float]) -> float:
+    """Common sign of the parameters where it is nobody's to know: of a vector coherent with φ, and of a knock half a period later."""
+    if not effect.coherent and effect.slow_jump is None:
+        return 1.0
+    parts = [(p["value"], true.get(name, 0.0), p["std"]) for name, p in found["parameters"].items() if p["value"] is not None and p["std"]]
+    return float(np.sign(sum(value * wanted / std**2 for value, wanted, std in parts)) or 1.0)
+
+
+def assembled(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[str, Any]:
+    """The study's figures from its rows."""
+    names = [e.name for e in EFFECTS if any(r["effect"] == e.name for r in rows)]
+    of = {name: [r for r in rows if r["effect"] == name] for name in names}
+    return {
+        "sizes": sizes,
+        "background": {
+            "verdict": background["verdict"],
+            "named": [e["name"] for e in background["effects"]],
+            "chi2_per_dof": background["after"]["chi2_per_dof"],
+        },
+        "effects": {name: effect_figures(of[name], sizes) for name in names},
+        "all": effect_figures([r for r in rows if not find(r["effect"]).whole_samples], sizes),
+        "rows": list(rows),
+    }
+
+
+def effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, Any]:
+    """Of one effect (or all), by size: shares named first, among others, with a false name beside; the size found over the true one.
+
+    A share is [share, low, high, tries] with its 95 % interval. `not_shown`: why these recordings cannot show it, else None.
+    """
+    tried = [r for r in rows if r["size"] is not None]
+    by_size = {}
+    for size in sizes:
+        at = [r for r in tried if r["size"] == size]
+        if at:
+            by_size[f"{size:g}"] = {key: share(sum(bool(r[key]) for r in at), len(at)) for key in ("first", "among", "false")}
+    ratios = [ratio for r in tried if r["among"] for ratio in r["found_over_true"].values()]
+    return {
+        "by_size": by_size,
+        "found_over_true": float(np.median(ratios)) if ratios else None,
+        **coverage([e for r in tried if r["among"] for e in r["error_over_std"].values()]),
+        "not_shown": next((r["not_shown"] for r in rows if r["size"] is None), None) if not tried else None,
+    }
+
+
+def _values(
+    effect: Effect, fit: Fit, recordings: Sequence[Recording], waves: Sequence[Wave], random: np.random.Generator
+) -> Callable[[float], dict[str, float]]:
+    """The effect's parameters at a size, in a random direction. HrgError: these runs cannot show it."""
+    neutral = effect.values()
+    first, wave = recordings[0], waves[0]
+    length = float(first.times(len(first) - 1)[-1])
+    if effect.follows_temperature:
+        warm = fit.series.temperature_degc[fit.series.weight > 0]
+        neutral[REFERENCE_TEMPERATURE] = float(np.round(warm.mean(), 3)) if fit.series.has_temperature else neutral[REFERENCE_TEMPERATURE]
+    if "time_s" in neutral:
+        neutral["time_s"] = float(random.uniform(*MIDDLE)) * length
+    if effect.of_one_run:
+        neutral[RUN] = 0.0
+    if effect.whole_samples:
+        (lost,) = effect.fitted()
+        step = float(np.median(np.diff(first.times(0, 10_000))))
+        return lambda size: {**neutral, lost.name: step}
+    if effect.seen_in == "waveform":
+        neutral["frequency_hz"] = float(np.median(fit.frequency_hz)) * (1 + float(random.choice([-1, 1]) * random.uniform(*TONE_AWAY)))
+        sigma = float(np.median(wave.signal_std)) / np.sqrt(max(1, int(np.count_nonzero(wave.good()))))
+        vector = random.standard_normal(len(effect.fitted()))
+        direction = dict(zip((p.name for p in effect.fitted()), sigma * vector / np.linalg.norm(vector), strict=True))
+        return lambda size: {name: value + size * float(direction.get(name, 0.0)) for name, value in neutral.items()}
+    louder = float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
+    if effect.sets_in:
+        return lambda size: {**neutral, **setting_in(effect, neutral, fit, size * louder, beside_model)}
+    direction = direction_of(effect, fit, neutral, random, beside_model)
+    return lambda size: {name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()}
+
+
+def beside_model(fit: Fit, columns: Array) -> Array:
+    """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which one run needs: SᵀS − SᵀJ Cov JᵀS."""
+    shared = fit.design.T @ columns
+    return columns.T @ columns - shared.T @ fit.covariance @ shared
+
+
+def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: Fit) -> None:
+    """HrgError: the size is beyond what such a cause can have."""
+    amplitude = extended_fit.amplitude_of(fit.series)
+    for p in effect.fitted():
+        typical = p.typical * amplitude**p.amplitude_power
+        if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:
+            found = f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the typical {typical:.2g}"
+            raise HrgError(f"{effect.name}: {size:g} σ would be {found}")
+
+
+def _with(recording: Recording, number: int, effect: Effect, values: dict[str, float]) -> Recording:
+    """A recording with the effect in it; what happens in one run happens in its own alone."""
+    if effect.of_one_run:
+        if values[RUN] != number:
+            return recording
+        values = {name: value for name, value in values.items() if name != RUN}
+    return collect(inject(recording, effects={effect.name: values}))
+
+
+def _wave(recording: Recording, periods_per_window: float) -> Wave:
+    return collect(estimate(collect(demodulate(recording, periods_per_window=periods_per_window))))
+
+
+def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
+    """The diagnosis's report; a refusal is one, too."""
+    try:
+        report = summary(diagnose(waves, scale_factor=scale_factor))
+    except (HrgError, ArithmeticError, np.linalg.LinAlgError) as error:
+        # of data that an injection spoilt beyond any model: no name is given, and that is what the study counts
+        return {"verdict": "refused", "refused": str(error), "effects": [], "after": {"chi2_per_dof": None}}
+    return {key: report[key] for key in ("verdict", "effects", "after")}
+
+
+def _fit(waves: Sequence[Wave], scale_factor: float | None, background: Row) -> Fit:
+    """The base model's fit at the windows' own rate, with the causes of the background where it finds one."""
+    series, point, _ = prepare(waves, scale_factor, ALL_ROWS)
+    fit = settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+    names = {effect.name for effect in EFFECTS}
+    for entry in background["effects"]:
+        if entry["name"] not in names or find(entry["name"]).seen_in == "waveform":
+            continue
+        values = {name: float(p["value"]) for name, p in (entry["parameters"] | entry.get("held", {})).items()}
+        effect = find(entry["name"])
+        with contextlib.suppress(extended_fit.DivergedError):
+            fit = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, effect.values(values)), fit.freedom)
+    return fit
+
+
+def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """A row an effect: shares named first, among others and with a false name at every size, size found over true, error over σ."""
+    sizes = [f"{s:g}" for s in study["sizes"]]
+    heads = ["effect", *(f"{what} at {s} σ" for s in sizes for what in ("first", "among", "false")), "found/true", "error/σ", "not shown"]
+
+    def row(name: str, figures: dict[str, Any]) -> tuple[Any, ...]:
+        cells: list[Any] = []
+        for s in sizes:
+            at = figures["by_size"].get(s)
+            cells += ["" if at is None else f"{at[key][0]:.2f}" for key in ("first", "among", "false")]
+        numbers = ["" if figures[key] is None else f"{figures[key]:.3g}" for key in ("found_over_true", "error_rms")]
+        return (name, *cells, *numbers, figures["not_shown"] or "")
+
+    return tuple(heads), [*(row(name, figures) for name, figures in study["effects"].items()), row("all", study["all"])]
+
+
+def figure(study: dict[str, Any]) -> Figure:
+    """Every effect against size: share named first and share with a false name beside it; right, the size found over the true one."""
+    from matplotlib.figure import Figure
+
+    names = [name for name, figures in study["effects"].items() if figures["by_size"]]
+    sizes = [f"{s:g}" for s in study["sizes"]]
+    drawing = Figure(figsize=(13, 2.5 + 0.27 * max(4, len(names))), layout="constrained")
+    first, false, ratio = drawing.subplots(1, 3, width_ratios=(1, 1, 1.2))
+    for axes, key, title, colours in ((first, "first", "named first", "Greens"), (false, "false", "a false name beside", "Reds")):
+        shares = np.full((len(names), len(sizes)), np.nan)
+        for k, name in enumerate(names):
+            for j, s in enumerate(sizes):
+                if s in study["effects"][name]["by_size"]:
+                    shares[k, j] = study["effects"][name]["by_size"][s][key][0]
+                    axes.text(j, k, f"{shares[k, j]:.2g}", ha="center", va="center", fontsize=8)
+        if names:
+            axes.imshow(shares, cmap=colours, vmin=0, vmax=1.6, aspect="auto")
+        axes.set_xticks(range(len(sizes)), sizes)
+        axes.set_yticks(range(len(names)), names if key == "first" else [])
+        axes.set(title=title, xlabel="size, σ of an ideal detector")
+    places = {name: k for k, name in enumerate(names)}
+    for row in study["rows"]:
+        if row["size"] is not None and row["effect"] in places:
+            found = list(row["found_over_true"].values())
+            ratio.plot(found, [places[row["effect"]]] * len(found), "o", color="C0", alpha=0.6, markersize=4)
+    ratio.axvline(1.0, color="0.6")
+    ratio.set(ylim=(len(names) - 0.5, -0.5), xlim=(-0.5, 2.5), title="size found over true", yticks=[])
+    named = ", ".join(study["background"]["named"]) or "no cause"
+    drawing.suptitle(f"background: {study['background']['verdict']}, {named}")
+    return drawing
