@@ -26,7 +26,7 @@ from ..physics import ellipse
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.between import between_runs
 from .diagnosis.closing import closing_checks, word
-from .diagnosis.contradiction import contradicting_logs, strangers
+from .diagnosis.contradiction import strangers
 from .diagnosis.data import freedom_of, prepare
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import better
@@ -37,6 +37,7 @@ from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder
 from .diagnosis.report import report as report_of
 from .diagnosis.search import Search, Variant, gross, leaving_out, loosened, scored, select, variants
+from .diagnosis.suspects import Suspicion, suspect_runs
 from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wander
@@ -64,6 +65,8 @@ def diagnose(
     of_one_gyro(waves, "diagnose")
     waves = [_with_clipped(w) for w in waves]
 
+    searched = [e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"]
+
     def fitted(pieces: Sequence[Wave], rows: int = blocks) -> Fit:
         series, point, _ = prepare(pieces, scale_factor, rows)
         series = replace(series, free_phase=free_phase)
@@ -79,14 +82,16 @@ def diagnose(
             f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs together; "
             "diagnose free and forced runs apart, or leave out the run that differs most"
         ) from error
-    if contradiction := strangers(base) or contradicting_logs(pieces, base, fitted):
-        raise HrgError(contradiction)
     untouched, own = base, origin
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):
             untouched, own = fitted(waves), list(range(len(waves)))
+    if suspicions := suspect_runs(waves, fitted, untouched, variants(searched, untouched)):
+        return _refused(waves, untouched, searched, suspicions, resonator)
+    if contradiction := strangers(base):
+        raise HrgError(contradiction)
     base, pieces, tones = taken_out(base, pieces, fitted)
-    candidates = variants([e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"], base)
+    candidates = variants(searched, base)
     base = oriented(base, candidates)
 
     search, remainder, noise_factor = explain(base, candidates, most_effects)
@@ -134,6 +139,31 @@ def diagnose(
     if failed and report["remainder"] is None:
         report["remainder"] = {"description": "; ".join(failed), "covariate": None, "harmonic": None, "formula": None, "terms": []}
     return _record(search, waves, verdict, report, model).judged(_doubts(search.final, verdict, failed))
+
+
+def _refused(
+    waves: Sequence[Wave], base: Fit, searched: Sequence[Effect], suspicions: Sequence[Suspicion], resonator: Resonator | None
+) -> Diagnosis:
+    """The diagnosis of runs of which some are not what they say: these are named, and no physics is blamed."""
+    candidates = variants(searched, base)
+    scores = tuple(s for s, _ in scored(base, candidates))
+    search = Search(base, base, (), scores, scores)
+    origin = list(range(len(waves)))
+    report = report_of("unexplained", search, None, held_out(base, base, origin, origin), 1.0, resonator, candidates, base)
+    sentences = [one.sentence for one in suspicions]
+    closing = [checks.holds("runs_are_what_they_say", False, "; ".join(sentences))]
+    report |= {
+        "lines": [],
+        "frequencies": {},
+        "wander": [],
+        "forecast": None,
+        "checks": [check.table() for check in closing],
+        "written_model": None,
+        "suspect_runs": [one.table() for one in suspicions],
+        "stability": [],
+        "remainder": {"description": "; ".join(sentences), "covariate": None, "harmonic": None, "formula": None, "terms": []},
+    }
+    return _record(search, waves, "unexplained", report, "").judged(sentences, "refused")
 
 
 def started(fit: Fit) -> Fit:
