@@ -26,6 +26,8 @@ Array = np.ndarray
 ROUNDING = 1e-9
 """Part of a temperature's range below which a change from row to row is none."""
 Values = Mapping[str, float]
+Need = Literal["temperature", "half a turn"]
+"""What runs must hold for an effect to be asked for: a temperature that is logged and moves, a table that turns by half a turn."""
 Condition = Literal["drive", "temperature cycle", "rate steps", "known scale factor"]
 """What a programme of runs must hold for some effects to show at all."""
 REFERENCE_TEMPERATURE = "reference_temperature_degc"
@@ -110,6 +112,7 @@ class Effect:
     same_as_base: what of the base model it cannot be told from in any run, in words; empty: nothing.
     in_the_log: the logged command (field of the runs) that holds all it does, beside which it is no candidate; empty: none.
     shown_by: what a programme of runs must hold for it to show.
+    needs: what the runs at hand must hold; without it a fit could give the effect any size.
     beside: the effect that must stand beside it for it to do anything, as a thermometer's lag needs something that follows temperature.
     whole_samples: its size comes in samples only, so that it has no small one.
     starts: values from which it is tried beside these runs: instants at which a parameter that is not fitted is held, levels of one
@@ -135,6 +138,7 @@ class Effect:
     same_as_base: str = ""
     in_the_log: str = ""
     shown_by: tuple[Condition, ...] = ()
+    needs: tuple[Need, ...] = ()
     beside: str = ""
     whole_samples: bool = False
     starts: Callable[[Runs], Sequence[Values]] = only_neutral

@@ -31,6 +31,7 @@ EFFECT = Effect(
     name="gain_temperature",
     family="read-out",
     page=__doc__,
+    needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-3, "relative gain of both channels a kelvin"),
         Parameter(REFERENCE_TEMPERATURE, "degC", 25.0, "temperature at which the gain is 1", neutral=25.0, fitted=False),

@@ -34,6 +34,7 @@ EFFECT = Effect(
     name="mismatch_temperature",
     family="read-out",
     page=__doc__,
+    needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-3, "relative gain of C over S a kelvin"),
         Parameter(REFERENCE_TEMPERATURE, "degC", 25.0, "temperature at which the gains are equal", neutral=25.0, fitted=False),

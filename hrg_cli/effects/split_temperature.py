@@ -30,6 +30,7 @@ EFFECT = Effect(
     name="split_temperature",
     family="resonator",
     page=__doc__,
+    needs=("temperature",),
     parameters=(
         Parameter("cos_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω cos 2mθ_ω"),
         Parameter("sin_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω sin 2mθ_ω"),

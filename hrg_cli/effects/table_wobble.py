@@ -30,6 +30,7 @@ EFFECT = Effect(
     name="table_wobble",
     family="bench",
     page=__doc__,
+    needs=("half a turn",),
     parameters=(
         Parameter("sin_rad", "rad", 3e-4, "angle error ∝ sin of the table's angle"),
         Parameter("cos_rad", "rad", 3e-4, "angle error ∝ cos of the table's angle"),

@@ -28,6 +28,7 @@ EFFECT = Effect(
     name="thermal_damping",
     family="resonator",
     page=__doc__,
+    needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 5e-3, "relative change of the damping a kelvin"),
         Parameter("reference_temperature_degc", "degC", 25.0, "temperature at which the base model holds", neutral=25.0, fitted=False),

@@ -25,6 +25,7 @@ EFFECT = Effect(
     name="thermal_frequency",
     family="resonator",
     page=__doc__,
+    needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-6, "relative change of frequency a kelvin"),
         Parameter("reference_temperature_degc", "degC", 25.0, "temperature at which the base model holds", neutral=25.0, fitted=False),

@@ -31,6 +31,7 @@ EFFECT = Effect(
     name="thermal_gradient",
     family="bench",
     page=__doc__,
+    needs=("temperature",),
     parameters=(
         Parameter("frequency_s_k", "s K-1", 1e-6, "relative frequency a kelvin a second"),
         Parameter("split_cos_rad_k", "rad K-1", 1e-3, "split δω cos 2mθ_ω a kelvin a second"),

@@ -24,6 +24,7 @@ EFFECT = Effect(
     name="thermal_hysteresis",
     family="bench",
     page=__doc__,
+    needs=("temperature",),
     parameters=(Parameter("relative", "1", 3e-7, "half the relative difference of frequency between the branches"),),
     mistaken_for=("thermal_lag", "thermal_gradient"),
     next_experiment="a temperature cycle up and down at two ramp speeds: hysteresis does not depend on the speed",

@@ -42,6 +42,7 @@ EFFECT = Effect(
     name="thermal_lag",
     family="bench",
     page=__doc__,
+    needs=("temperature",),
     parameters=(Parameter("time_constant_s", "s", 1.0, "time constant τ_s of the thermometer", minimum=0.0),),
     mistaken_for=("thermal_gradient", "thermal_hysteresis"),
     next_experiment="temperature in soak steps, or ramps at two speeds: a lag is one time constant for every dependence, a gradient is not",

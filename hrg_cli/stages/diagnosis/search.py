@@ -11,6 +11,7 @@ import numpy as np
 from ...effects.effect import REFERENCE_TEMPERATURE, Effect
 from ...fitting.causes import evidence, extended_fit, scales
 from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.sensitivities import Wanted
 from .gain import predicts_better
@@ -23,6 +24,8 @@ QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
+LEAST_KELVIN = 1e-6
+"""Range of temperature below which it is constant but for rounding."""
 ONLY_BESIDE = {"anisotropic_cubic_stiffness": ("cubic_stiffness", "inertial_nonlinearity")}
 """Effects that are a part of another, which must stand first."""
 
@@ -72,6 +75,7 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
     series = fit.series
     warm = series.temperature_degc[series.weight > 0]
     middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
+    there = _there(series)
     out = []
     for effect in effects:
         values = effect.values()
@@ -80,12 +84,25 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
         steps = scales.steps_of(effect, series)
         if effect.in_the_log and np.any(getattr(series, effect.in_the_log)):
             continue
+        if not set(effect.needs) <= there:
+            continue
         secants = tuple(p.name for p in effect.fitted() if p.sets_in)
         for start in effect.starts(series):
             held = {name: value for name, value in start.items() if name not in secants}
             levels = {name: start[name] - values[name] for name in secants if name in start}
             out.append(Variant(effect, {**values, **held}, {**steps, **levels}, secants))
     return out
+
+
+def _there(series: Series) -> set[str]:
+    """What these runs hold of what effects need."""
+    good = series.weight > 0
+    there = set()
+    if series.has_temperature and np.ptp(series.temperature_degc[good]) > LEAST_KELVIN:
+        there.add("temperature")
+    if any(np.ptp(angle[rows]) > np.pi for angle, rows in zip(series.table_angle_rad, good, strict=True) if rows.any()):
+        there.add("half a turn")
+    return there
 
 
 def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
@@ -111,18 +128,22 @@ def _may_stand(name: str, active: set[str]) -> bool:
 
 def _thinkable(score: Score, variant: Variant, fit: Fit) -> bool:
     """Whether what stands out of the estimate's noise is of a size such a cause can have: small beside the oscillation and the signal."""
-    amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
-    sizes = {p.name: scales.typical(p, amplitude, frequency) for p in variant.effect.parameters}
     beyond = np.sign(score.estimate) * np.maximum(np.abs(score.estimate) - 5 * score.std, 0.0)
     least = {name: float(v) for name, v in zip(variant.steps, beyond, strict=True) if np.isfinite(v)}
-    if any(abs(v) > MOST_TYPICAL * sizes[name] for name, v in least.items()):
-        return False
     values = {name: value + least.get(name, 0.0) for name, value in variant.values.items()}
     return is_small(variant.effect, values, fit)
 
 
 def is_small(effect: Effect, values: Mapping[str, float], fit: Fit) -> bool:
-    """Whether an effect of these values is small beside the oscillation and the signal along the fit's runs."""
+    """Whether an effect of these values is of a thinkable size: small beside the oscillation and the signal along the fit's runs.
+
+    What is neither in seconds nor in amplitudes (angles, ratios, slopes by temperature) is also held against its typical size; the others
+    differ from device to device by more than that would allow.
+    """
+    for p in effect.fitted():
+        pure = p.amplitude_power == 0 and scales.seconds_in(p.units) == 0
+        if pure and not p.sets_in and abs(values[p.name] - p.neutral) > MOST_TYPICAL * p.typical:
+            return False
     u = fit.prediction.motion
     motion, seen = scales.strength(effect, values, u, fit.flow.rows.lit(u))
     return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT

@@ -25,8 +25,8 @@ SMALL_IN_MOTION = 0.1
 """Largest |du/dt| of a cause over ω|u|: beyond it the motion is no slowly changing oscillation."""
 SMALL_IN_READOUT = 1.0
 """Largest change of what is seen, over the signal, that a read-out's cause may make."""
-MOST_TYPICAL = 1e5
-"""Times its typical size, in the run's own units, that no cause exceeds."""
+MOST_TYPICAL = 1e3
+"""Times its typical size that no pure number of a cause exceeds."""
 OWN_SIGMA = 3.0
 """σ that a named cause must stand off zero on its own, in the final fit."""
 NOISE_LEVEL = 1.15
