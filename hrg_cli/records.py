@@ -175,6 +175,7 @@ class Recording(Record):
     s_scale_factor: float = attribute("unit of channel S a raw count", default=1.0, dtype="f8", group="/recording/s", name="scale_factor")
     c_add_offset: float = attribute("value of channel C at raw 0", default=0.0, dtype="f8", group="/recording/c", name="add_offset")
     s_add_offset: float = attribute("value of channel S at raw 0", default=0.0, dtype="f8", group="/recording/s", name="add_offset")
+    least_count: float | None = attribute("smallest step of the recorded values of both channels, in their unit", default=None, dtype="f8")
     auxiliary_time_s: Array | None = column("s", "time of the log", ("auxiliary_row",), group="/auxiliary", name="time_s", optional=True)
     temperature_degc: Array | None = column("degC", "temperature log", ("auxiliary_row",), group="/auxiliary", optional=True)
     rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis", ("auxiliary_row",), group="/auxiliary", optional=True)
@@ -231,6 +232,12 @@ class Windowed(Record):
     run_id: str = attribute("the run", default="")
     lot_id: str = attribute("the lot", default="")
     start_time: str = attribute("ISO 8601 time of t = 0", default="")
+    least_count: float | None = attribute("smallest step of the samples' values, unit of the signals", default=None, dtype="f8")
+    quantisation_share: float | None = attribute(
+        "part of the samples' residual variance that rounding to the least count makes: its square/12 over the residual's",
+        default=None,
+        dtype="f8",
+    )
     spectrum_frequency_hz: Array | None = column(
         "Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True
     )

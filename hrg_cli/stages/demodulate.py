@@ -140,6 +140,8 @@ def _periods(run: Demodulator, rows: Rows, judge: _Judge) -> Periods:
         lot_id=recording.lot_id,
         start_time=recording.start_time,
         units=recording.c_units,
+        least_count=run.least_count(),
+        quantisation_share=run.quantisation_share(),
     )
 
 

@@ -81,9 +81,24 @@ class Demodulator:
     def least_variance(self, k: int) -> float:
         """Least variance a sample: a converter's rounding, 1/12 of a count squared; for floats their own rounding."""
         dtype = (self.recording.c if k == 0 else self.recording.s).dtype
+        least = self.survey.least_count[k] ** 2 / 12
         if np.issubdtype(dtype, np.integer):
-            return self.scale(k) ** 2 / 12
-        return max(self.survey.strength2 * float(np.finfo(dtype).eps) ** 2, 1e-300)
+            return max(least, self.scale(k) ** 2 / 12)
+        return max(least, self.survey.strength2 * float(np.finfo(dtype).eps) ** 2, 1e-300)
+
+    def least_count(self) -> float | None:
+        """The coarser channel's least count, unit of the signals; None where the values are a continuum."""
+        return max(self.survey.least_count) or None
+
+    def quantisation_share(self) -> float | None:
+        """Part of the residual variance (median over the looks) that rounding makes: Σ least count²/12 over both channels'."""
+        power = self.calm[0]
+        if not max(self.survey.least_count) or not np.isfinite(power):
+            return None
+        samples = self.window_s / self.survey.step_s
+        power *= samples / max(1.0, samples - self.columns())
+        rounding = sum(step**2 for step in self.survey.least_count) / 12
+        return float(min(1.0, rounding / max(power, 1e-300)))
 
     def too_short(self) -> HrgError:
         """The sentence for a recording that holds no window."""

@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import HrgError
 from ...records import Recording
 from . import frequency as finding
+from .least_count import least_count
 from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray
@@ -24,6 +25,9 @@ LONGEST_SPAN = 20.0
 
 LINE_LEAST = 1e-8
 """Lines below this part of the oscillation are the arithmetic's rounding."""
+
+STEP_LOOKS = 4
+"""Looks, about, whose values show the converter's step."""
 
 NOMINAL_BAND = 0.1
 """A nominal frequency narrows the search to this part of it on either side."""
@@ -45,7 +49,7 @@ class Survey:
     """What the looks show.
 
     `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples
-    are stuck; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`:
+    are stuck; `least_count` (a channel, its unit, 0: none): the values' step; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`:
     where the oscillation itself was taken out of the spectrum; reasons to suspect or refuse.
     """
 
@@ -66,6 +70,7 @@ class Survey:
     line_ratio: Array
     suspect: tuple[str, ...]
     refused: tuple[str, ...]
+    least_count: tuple[float, float] = (0.0, 0.0)
 
     def frequency_hz(self, time_s: float) -> float:
         """Local frequency, interpolated between the looks."""
@@ -147,7 +152,18 @@ def survey(recording: Recording, name: str) -> Survey:
         line_ratio,
         suspect,
         refused,
+        _least_counts(recording, looks),
     )
+
+
+def _least_counts(recording: Recording, looks: list[Look]) -> tuple[float, float]:
+    """Step of each channel's values in their unit, 0 where they are a continuum: as the recording says, or as its values show."""
+    if recording.least_count:
+        return recording.least_count, recording.least_count
+    scales = (recording.c_scale_factor, recording.s_scale_factor)
+    some = looks[:: max(1, len(looks) // STEP_LOOKS)]
+    c, s = (abs(scales[k]) * least_count(look.raw[k] for look in some) for k in range(2))
+    return c, s
 
 
 def _looks(recording: Recording, even: bool, name: str) -> list[Look]:

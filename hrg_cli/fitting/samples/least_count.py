@@ -1,0 +1,51 @@
+"""The least count of a converter, found from the values it made: the step of the lattice on which they all lie."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+Array = np.ndarray
+
+FEWEST_VALUES = 8
+"""Distinct values from which a lattice is looked for."""
+
+OFF_LATTICE = 0.1
+"""Largest rms distance of the steps from whole multiples of the least count, in least counts; values of a continuum have 0.29."""
+
+WIDEST = 1e4
+"""Usual distance of neighbouring values in steps above which no lattice can be seen: the smallest step is then chance."""
+
+ROUNDINGS = 4.0
+"""A step must exceed the number format's own rounding so many times."""
+
+
+def least_count(parts: Iterable[Array]) -> float:
+    """Smallest step on which all values of the arrays lie, in their own unit; 0 where there is none.
+
+    Integers: the greatest common divisor of the differences. Floats: the smallest difference of two distinct values, refined over all
+    neighbours (values printed with a few digits are off the lattice by their rounding), and held against all of them.
+    """
+    arrays = [np.asarray(part).ravel() for part in parts]
+    values = np.unique(np.concatenate(arrays)) if arrays else np.zeros(0)
+    if values.dtype.kind in "iub":
+        steps = np.diff(values.astype(np.int64))
+        return float(np.gcd.reduce(steps)) if len(values) >= FEWEST_VALUES else 1.0
+    rounding = float(np.finfo(values.dtype).eps)
+    values = values[np.isfinite(values)].astype(float)
+    if len(values) < FEWEST_VALUES:
+        return 0.0
+    floor = ROUNDINGS * rounding * float(np.abs(values).max())
+    steps = np.diff(values)
+    steps = steps[steps > floor / ROUNDINGS]  # the same value, calculated twice
+    if len(steps) < FEWEST_VALUES - 1:
+        return 0.0
+    step = float(steps.min())
+    if step <= floor or np.median(steps) > WIDEST * step:
+        return 0.0
+    for near in (4.5, 64.5, WIDEST):  # from close neighbours, whose number of steps is certain, to far ones
+        some = steps[steps < near * step]
+        step = float(some.sum() / np.round(some / step).sum())
+    off = steps / step - np.round(steps / step)
+    return step if float(np.sqrt(np.mean(off**2))) < OFF_LATTICE else 0.0
