@@ -147,6 +147,26 @@ def collect(stream: R | Iterable[R]) -> R:
     return dataclasses.replace(last, **joined)
 
 
+class Slice:
+    """Rows start:stop of an array or of a dataset on disk, read when sliced (by slices without a step)."""
+
+    def __init__(self, values: Any, start: int, stop: int) -> None:
+        self._values, self._start, self._stop = values, start, stop
+        self.dtype = values.dtype
+
+    def __len__(self) -> int:
+        return self._stop - self._start
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """As an array's."""
+        return (len(self),)
+
+    def __getitem__(self, rows: slice) -> Array:
+        first, last, _ = rows.indices(len(self))
+        return np.asarray(self._values[self._start + first : self._start + max(first, last)])
+
+
 @dataclass(frozen=True, kw_only=True)
 class Recording(Record):
     """Samples of the two channels; evenly sampled (`sample_rate_hz`, first sample at t = 0) or at `time_s`.
@@ -176,6 +196,7 @@ class Recording(Record):
     c_add_offset: float = attribute("value of channel C at raw 0", default=0.0, dtype="f8", group="/recording/c", name="add_offset")
     s_add_offset: float = attribute("value of channel S at raw 0", default=0.0, dtype="f8", group="/recording/s", name="add_offset")
     least_count: float | None = attribute("smallest step of the recorded values of both channels, in their unit", default=None, dtype="f8")
+    details: str = attribute("JSON: what import took of the log: columns, units, rate, gaps, rows left out", default="{}")
     auxiliary_time_s: Array | None = column("s", "time of the log", ("auxiliary_row",), group="/auxiliary", name="time_s", optional=True)
     temperature_degc: Array | None = column("degC", "temperature log", ("auxiliary_row",), group="/auxiliary", optional=True)
     rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis", ("auxiliary_row",), group="/auxiliary", optional=True)
@@ -198,13 +219,26 @@ class Recording(Record):
     truth_phase_rad: Array | None = column("rad", "true phase", ("truth_row",), group="/truth", name="phase_rad", optional=True)
     truth_settings: str = attribute("the simulation's settings as TOML", default="", group="/truth", name="settings")
 
+    first_sample: int = 0
+    """Samples before the first one, where this is a part of an evenly sampled recording; no file holds it."""
+
     def times(self, start: int = 0, stop: int | None = None) -> Array:
-        """Sample times [s] of rows start:stop."""
+        """Sample times [s] of rows start:stop, from the whole recording's first sample on."""
         stop = len(self.c) if stop is None else min(stop, len(self.c))
         if self.time_s is not None:
             return np.asarray(self.time_s[start:stop])
         assert self.sample_rate_hz is not None
-        return np.arange(start, stop) / self.sample_rate_hz
+        return np.arange(self.first_sample + start, self.first_sample + stop) / self.sample_rate_hz
+
+    def part(self, start: int, stop: int) -> Recording:
+        """Samples start:stop, left where they are until they are sliced; times, logs and truth stay those of the whole recording."""
+        return dataclasses.replace(
+            self,
+            c=Slice(self.c, start, stop),  # type: ignore[arg-type]
+            s=Slice(self.s, start, stop),  # type: ignore[arg-type]
+            time_s=None if self.time_s is None else Slice(self.time_s, start, stop),  # type: ignore[arg-type]
+            first_sample=self.first_sample + start,
+        )
 
     def physical(self, start: int = 0, stop: int | None = None) -> tuple[Array, Array]:
         """Both channels of rows start:stop in their units, as floats."""

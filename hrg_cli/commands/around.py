@@ -114,11 +114,13 @@ def info(run: Common, file: OneFile = None) -> None:
 def run_(
     run: Common,
     recordings: Files = None,
+    from_s: Annotated[float | None, typer.Option(help="Begin each recording at this time of its own.", show_default=False)] = None,
+    to_s: Annotated[float | None, typer.Option(help="End each recording at this time of its own.", show_default=False)] = None,
 ) -> None:
     """The whole chain on the recordings (or logs) of one gyro, into a folder, with a report page."""
     from .running import run_files
 
-    run.finish(run_files(recordings or [], run))
+    run.finish(run_files(recordings or [], run, {"from_s": from_s, "to_s": to_s}))
 
 
 @command(

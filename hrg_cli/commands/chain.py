@@ -50,18 +50,20 @@ def import_(
     run_id: Annotated[str | None, typer.Option(help="The run; the file's name by default.", show_default=False)] = None,
     lot_id: Annotated[str | None, typer.Option(help="The lot.", show_default=False)] = None,
     format: Annotated[str | None, typer.Option(help="Name of the format, where its content is not to decide.", show_default=False)] = None,
+    from_s: Annotated[float | None, typer.Option(help="Take the log from this time on; it becomes t = 0.", show_default=False)] = None,
+    to_s: Annotated[float | None, typer.Option(help="Take the log up to this time.", show_default=False)] = None,
 ) -> None:
     """A laboratory's log (CSV, WAV, FLAC, MATLAB, TDMS, Parquet, LabOne; - for standard input) to a recording.
 
     --show-config prints the mapping as TOML; kept as a file it serves a whole lot through --config.
     """
-    from .importing import import_file
+    from .importing import import_file, show
 
-    flags = {key: value for key, value in locals().items() if key not in ("run", "log", "time_column", "import_file")}
+    flags = {key: value for key, value in locals().items() if key not in ("run", "log", "time_column", "import_file", "show")}
     for key in ("c", "s", "temperature", "rate", "auxiliary_time"):
         flags[key] = _column(flags[key])
     report = import_file(log, run, {**flags, "time": _column(time_column)})
-    run.finish(report)
+    run.finish(report, lambda: show(report))
 
 
 def _column(name: str | None) -> str | int | None:
@@ -100,6 +102,10 @@ def demodulate(
     nominal_frequency_hz: Annotated[
         float | None, typer.Option(help="Look for the oscillation near this frequency.", show_default=False)
     ] = None,
+    from_s: Annotated[
+        float | None, typer.Option(help="Begin at this time of the recording; rows keep its times.", show_default=False)
+    ] = None,
+    to_s: Annotated[float | None, typer.Option(help="End at this time of the recording.", show_default=False)] = None,
 ) -> None:
     """Samples to signals a window: least squares at the oscillation frequency, which is found and followed."""
     run_stage_on_files(
@@ -108,6 +114,8 @@ def demodulate(
         [recording] if recording else [],
         periods_per_window=periods_per_window,
         nominal_frequency_hz=nominal_frequency_hz,
+        from_s=from_s,
+        to_s=to_s,
     )
 
 

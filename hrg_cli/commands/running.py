@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,15 @@ from ..reporting.page import build_report
 from .frame import Common, command_line, existing
 
 
-def run_files(recordings: Sequence[Path], run: Common) -> dict[str, Any]:
-    """Run the chain; the command's JSON. --config gives each stage's table, --set takes stage.key=value."""
+def run_files(recordings: Sequence[Path], run: Common, part: Mapping[str, float | None]) -> dict[str, Any]:
+    """Run the chain; the command's JSON. --config gives each stage's table, --set takes stage.key=value; `part`: where demodulate cuts."""
     started = time.monotonic()
     tables: dict[str, Any] = settings.load_toml(run.config) if run.config else {}
     for text in run.assignments:
         settings.assign(tables, *settings.parse_assignment(text))
+    for key, value in part.items():
+        if value is not None:
+            settings.assign(tables, f"demodulate.{key}", value)
     for name, stage in STAGES.items():
         if run.seed is not None and settings.accepts(stage.function(), "seed"):
             settings.assign(tables, f"{name}.seed", run.seed)

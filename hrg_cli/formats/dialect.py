@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..errors import HrgError
 from .clock import clock_kind
+from .left_out import FEWEST_OTHERWISE, LeftOut, grouped, unread_rows
 from .quantities import is_unit, split_name
 
 HEAD_BYTES = 1 << 18
@@ -39,6 +40,8 @@ class Dialect:
     quoted: bool
     sample: tuple[tuple[str, ...], ...]
     """The first rows as text."""
+    left_out: tuple[LeftOut, ...] = ()
+    """Rows above the first readable one that hold samples."""
 
 
 def encoding_of(head: bytes) -> str:
@@ -154,7 +157,24 @@ def _described(path: Path, encoding: str, lines: list[str], shown: list[tuple[in
             break
     assert first is not None
     above = [(number, line) for number, line in enumerate(lines[:first]) if line.strip()]
-    names, units, header = _titles(above, sep, dec, count)
+    unread = unread_rows(
+        [(number, line) for number, line in above if not _comment_of(line)],
+        kinds,
+        lambda line: split_line(line, sep),
+        lambda cell: any(cell_kind(cell, sign) in ("number", "clock", "date") and cell.lower() not in _WORDS for sign in ".,"),
+        lambda line: _numbers_otherwise(line, sep, dec, count),
+        lambda cell: bool(_BESIDE_TITLES.match(cell)),
+    )
+    left_out = grouped(unread)
+    for rows in left_out:
+        if rows.otherwise and rows.rows >= FEWEST_OTHERWISE:
+            raise HrgError(
+                f"{path}: the way its numbers are written changes after line {rows.last_line}: {rows.example!r} in line {rows.first_line}, "
+                f"{lines[first].strip()[:40]!r} in line {first + 1}; one separator and one decimal sign were expected: "
+                "write the log in one way or import its parts"
+            )
+    unread_lines = {number for (number, _), _ in unread}
+    names, units, header = _titles([item for item in above if item[0] not in unread_lines], sep, dec, count)
     sample = tuple(tuple(cells) for _, line in shown if _ >= first and len(cells := split_line(line, sep)) == count)[:200]
     inside = [_comment_of(line) for line in lines[first:] if line.strip() and _comment_of(line)]
     data = "\n".join(lines[first : first + 200])
@@ -172,7 +192,20 @@ def _described(path: Path, encoding: str, lines: list[str], shown: list[tuple[in
         comment=inside[0][:1] if inside else None,
         quoted='"' in data,
         sample=sample,
+        left_out=left_out,
     )
+
+
+def _numbers_otherwise(line: str, separator: str, decimal: str, count: int) -> bool:
+    """Whether a line is a row of numbers only, with another separator or decimal sign than the log's rows."""
+    for sep, dec in CANDIDATES:
+        if (sep, dec) != (separator, decimal):
+            cells = split_line(line, sep)
+            if len(cells) == count > 1 and all(cell_kind(cell, dec) in ("number", "clock", "date") for cell in cells):
+                own = split_line(line, separator)
+                return len(own) != count or not all(cell_kind(cell, decimal) in ("number", "clock", "date") for cell in own)
+    own = split_line(line, separator)
+    return separator == "," and len(own) == 2 * count > 2 and all(cell_kind(cell, ".") == "number" for cell in own)
 
 
 def _titles(above: list[tuple[int, str]], sep: str, dec: str, count: int) -> tuple[tuple[str, ...], tuple[str, ...], bool]:

@@ -1,8 +1,9 @@
 """import_log: any foreign log becomes a recording, whole or as a stream of blocks.
 
 Times: an even time column (to within its own rounding, or `sampling_tolerance` of a step) becomes `sample_rate_hz`; any other
-is kept as `time_s`, never resampled. t = 0 is the first sample. Slow columns (temperature, rate, drive) become the auxiliary
-log, averaged over groups of rows where the log is long, so that it stays near `auxiliary_rows`.
+is kept as `time_s`, never resampled. t = 0 is the first sample taken (with `from_s`, `start_time` moves along). Slow columns
+(temperature, rate, drive) become the auxiliary log, averaged over groups of rows where the log is long, so that it stays near
+`auxiliary_rows`.
 """
 
 from __future__ import annotations
@@ -17,18 +18,17 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Recording
-from .columns import Roles, find
-from .log import Log
+from .columns import ALIASES, Roles, find
+from .log import Array, Log
 from .pairing import paired, second_file
-from .quantities import channel_unit
+from .quantities import channel_unit, is_level
 from .readers import guarded, open_log
 from .slow import SlowLog
+from .taken import Taken, checked_range, moved
 from .timing import Timing, timing_of
 
 Column = str | int | None
 States = tuple[tuple[int, int], ...] | None
-MANY_NOT_FINITE = 1e-3
-"""Fraction of samples that are not finite from which the recording is suspect."""
 Names = Annotated[Column, Field(description="column by name or by 1-based number; found by its title where not given")]
 
 
@@ -75,6 +75,8 @@ def import_log(
     format: Annotated[str, Field(description="name of a format, where its content is not to decide")] = "",
     separator: Annotated[str | None, Field(min_length=1, max_length=1, description="of a text log; a blank for any run of blanks")] = None,
     decimal: Annotated[Literal[".", ","] | None, Field(description="decimal sign of a text log")] = None,
+    from_s: Annotated[float | None, Field(ge=0, description="first time to take, from the log's first row on; it becomes t = 0")] = None,
+    to_s: Annotated[float | None, Field(gt=0, description="time from the log's first row on at which to end")] = None,
     auxiliary_rows: Annotated[
         int, Field(ge=1, description="length of the auxiliary log beyond which rows are averaged in groups")
     ] = 100_000,
@@ -84,6 +86,7 @@ def import_log(
     HrgError: not readable, no such column, times that do not rise, a broken line, fewer samples than claimed; each names the row.
     """
     path = Path(path)
+    checked_range(from_s, to_s)
     files = [path, *([] if s_file is None else [second_file(path, s_file)])]
     before = _state(files)
     log = open_log(path, format, separator, decimal)
@@ -143,7 +146,10 @@ def import_log(
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
         most=auxiliary_rows,
     )
-    stream = _stream(files, log, roles, blank, timing, slow, before)
+    columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
+    told = {"c": unit, "s": unit, "time": time_units} if time_units else {"c": unit, "s": unit}
+    taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
+    stream = _stream(files, log, roles, blank, timing, slow, before, taken)
     head = list(itertools.islice(stream, 2))
     return head[0] if len(head) == 1 else itertools.chain(head, stream)
 
@@ -172,6 +178,13 @@ def _same_length(log: Log, roles: Roles, where: str) -> None:
 
 
 def _channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
+    for role, index in (("C", roles.c), ("S", roles.s)):
+        level = None if index is None else next((u for u in (units, log.channels[index].units) if u and is_level(u)), None)
+        if level is not None and index is not None:
+            raise HrgError(
+                f"{where}: channel {role}, column {index + 1} ({log.channels[index].name}), is in {level}: the logarithm of an amplitude, "
+                "where samples of an oscillation were expected; import it with --envelope --amplitude COLUMN --decibel"
+            )
     if units is not None:
         return units
     found = [channel_unit(log.channels[i].units) for i in (roles.c, roles.s) if i is not None]
@@ -184,51 +197,59 @@ def _channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
 
 
 def _stream(
-    files: Sequence[Path],
-    log: Log,
-    roles: Roles,
-    blank: Recording,
-    timing: Timing,
-    slow: SlowLog,
-    before: tuple[tuple[int, int], ...] | None,
+    files: Sequence[Path], log: Log, roles: Roles, blank: Recording, timing: Timing, slow: SlowLog, before: States, taken: Taken
 ) -> Iterator[Recording]:
-    """Blocks of the recording; the last one bears what only the whole log tells (samples that are not finite)."""
+    """Blocks of the recording; the last one bears what only the whole log tells: what was taken, what was left out or is not finite."""
     path = files[0]
-    wanted = [
-        roles.c,
-        *([] if roles.s is None else [roles.s]),
-        *slow.indexes,
-        *([] if roles.time is None else [roles.time]),
-    ]
-    rows, not_finite, held = 0, 0, None
-    time_scale = 1.0 if roles.time is None else log.channels[roles.time].scale_factor
+    rows = 0
+    fast = 1 if roles.s is None else 2
     with guarded(path, log.format):
-        for columns in itertools.chain(log.read(wanted), [None]):
-            if columns is not None and len(columns[0]) == 0:
-                continue
-            if held is not None:
-                first = rows == 0
-                c = held[0]
-                s = np.zeros_like(c) if roles.s is None else held[1]
-                fast = 1 if roles.s is None else 2
-                if timing.sample_rate_hz is None:
-                    times = np.asarray(held[-1], float) * timing.factor * time_scale - timing.first
-                else:
-                    times = np.arange(rows, rows + len(c)) / timing.sample_rate_hz
-                rows += len(c)
-                if c.dtype.kind == "f":
-                    not_finite += int(np.sum(~(np.isfinite(c) & np.isfinite(s))))
-                block = blank.replace(
-                    c=c, s=s, **slow.block(path, timing, times, held[fast : fast + len(slow.indexes)], first, columns is None)
-                )
-                if timing.sample_rate_hz is None:
-                    block = block.replace(time_s=times)
-                if columns is None:
-                    if _state(files) != before:
-                        raise HrgError(f"{path}: changed while it was read; wait until it is written and import it again")
-                    if not_finite > MANY_NOT_FINITE * rows:
-                        block = block.judged([f"{not_finite} of {rows} samples are not finite; they are kept and will be flagged"])
-                yield block
-            held = columns
+        pieces = _pieces(log, roles, timing, slow, taken)
+        held = next(pieces, None)
+        while held is not None:
+            row, times, columns = held
+            following = next(pieces, None)
+            shift = taken.first_s or 0.0
+            times = times - shift
+            c = columns[0]
+            s = np.zeros_like(c) if roles.s is None else columns[1]
+            if c.dtype.kind == "f":
+                bad = ~(np.isfinite(c) & np.isfinite(s))
+                if bad.any():
+                    taken.count_not_finite(bad, row)
+            auxiliary = slow.block(path, timing, times, columns[fast : fast + len(slow.indexes)], rows == 0, following is None, shift)
+            block = blank.replace(c=c, s=s, start_time=moved(blank.start_time, shift), **auxiliary)
+            if timing.sample_rate_hz is None:
+                block = block.replace(time_s=times)
+            rows += len(c)
+            if following is None:
+                if _state(files) != before:
+                    raise HrgError(f"{path}: changed while it was read; wait until it is written and import it again")
+                for status, reason in taken.verdicts():
+                    block = block.judged([reason], status)
+                block = block.replace(details=taken.details())
+            yield block
+            held = following
+    taken.check_range(str(path))
     if rows == 0:
         raise HrgError(f"{path}: holds no rows of numbers; record again")
+
+
+def _pieces(log: Log, roles: Roles, timing: Timing, slow: SlowLog, taken: Taken) -> Iterator[tuple[int, Array, list[Array]]]:
+    """The rows in the range asked for, block by block: the log's row of the first, times from the log's first row on, columns."""
+    wanted = [roles.c, *([] if roles.s is None else [roles.s]), *slow.indexes, *([] if roles.time is None else [roles.time])]
+    scale = 1.0 if roles.time is None else log.channels[roles.time].scale_factor
+    row = 0
+    for columns in log.read(wanted):
+        if len(columns[0]) == 0:
+            continue
+        if timing.sample_rate_hz is None:
+            times = np.asarray(columns[-1], float) * timing.factor * scale - timing.first
+        else:
+            times = np.arange(row, row + len(columns[0])) / timing.sample_rate_hz
+        part = taken.block(times)
+        if part.stop > part.start:
+            yield row + part.start, times[part], [column[part] for column in columns]
+        row += len(times)
+        if taken.to_s is not None and times[-1] >= taken.to_s:
+            return

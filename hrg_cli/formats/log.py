@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import HrgError
+from .left_out import LeftOut
 
 Array = np.ndarray
 Blocks = Iterator[list[Array]]
@@ -61,6 +62,8 @@ class Log:
     quantum: Callable[[int], float] = field(default=lambda index: 0.0)
     where: Callable[[int], str] = field(default=lambda row: f"row {row + 1}")
     reasons: tuple[str, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    """Rows of samples that cannot be read and are not handed over."""
 
 
 @dataclass(frozen=True)

@@ -64,13 +64,22 @@ CHANNEL = (
     "%",
     "1",
 )
-_KNOWN = {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(CHANNEL)
-_SUFFIX = re.compile(r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv)$", re.IGNORECASE)
+LEVELS = ("db", "dbm", "dbv", "dbmv", "dbuv", "dbµv", "dbu", "dbfs", "dbc", "dbw", "dbvrms", "dbrel")
+"""Units that are logarithms: 20 dB a decade of amplitude."""
+_KNOWN = (
+    set(LEVELS) | {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(CHANNEL)
+)
+_SUFFIX = re.compile(r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv|db|dbm|dbv|dbfs)$", re.IGNORECASE)
 
 
 def is_unit(text: str) -> bool:
     """Whether a cell of a units row is a unit we know, bare or in brackets."""
     return text.strip().strip("()[]").strip().lower() in _KNOWN
+
+
+def is_level(unit: str) -> bool:
+    """Whether a unit is a logarithm of an amplitude or a power."""
+    return unit.strip().lower() in LEVELS
 
 
 def is_time(unit: str) -> bool:

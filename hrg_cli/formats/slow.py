@@ -63,10 +63,12 @@ class SlowLog:
         self.every = max(1, -(-(log.rows or 0) // most))
         self.left: list[Array] | None = None
 
-    def block(self, path: Path, timing: Timing, times: Array, columns: list[Array], first: bool, last: bool) -> dict[str, Array]:
-        """Auxiliary rows of one block: field name -> values."""
+    def block(
+        self, path: Path, timing: Timing, times: Array, columns: list[Array], first: bool, last: bool, shift_s: float = 0.0
+    ) -> dict[str, Array]:
+        """Auxiliary rows of one block: field name -> values; `shift_s` is the log's time that became t = 0."""
         if self.own:
-            return self._with_constants(self._own_rows(path, timing) if first else [np.empty(0)] * (1 + len(self.scales)))
+            return self._with_constants(self._own_rows(path, timing, shift_s) if first else [np.empty(0)] * (1 + len(self.scales)))
         if not self.indexes:
             rows = ([times[0]] if first else []) + ([times[-1]] if last and not (first and len(times) == 1) else [])
             return self._with_constants([np.array(rows, float)]) if self.constants else {}
@@ -86,7 +88,7 @@ class SlowLog:
         found = {"auxiliary_time_s": stacked[0], **{FIELD[role]: values for role, values in zip(self.scales, stacked[1:])}}
         return found | {FIELD[role]: np.full(len(stacked[0]), value) for role, value in self.constants.items()}
 
-    def _own_rows(self, path: Path, timing: Timing) -> list[Array]:
+    def _own_rows(self, path: Path, timing: Timing, shift_s: float) -> list[Array]:
         indexes = list(self.roles.auxiliary().values())
         clock = self.roles.auxiliary_time
         rows = self.log.channels[indexes[0]].length or 0
@@ -102,7 +104,7 @@ class SlowLog:
         if len(times) > 1 and not np.all(np.diff(times) > 0):
             row = int(np.argmin(np.diff(times) > 0)) + 2
             raise HrgError(f"{path}: the times of its slow columns do not rise at their row {row}; sort the log or leave the columns out")
-        return [times, *self._converted(joined)]
+        return [times - shift_s, *self._converted(joined)]
 
 
 def _means(values: Array, every: int) -> Array:

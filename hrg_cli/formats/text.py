@@ -58,6 +58,7 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
         quantum=lambda index: _quantum(dialect, last, index),
         where=lambda row: f"line {dialect.first_line + row + 1}",
         reasons=layout.reasons,
+        left_out=dialect.left_out,
     )
 
 

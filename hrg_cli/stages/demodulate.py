@@ -36,15 +36,26 @@ def demodulate(
     moving_envelope: Annotated[
         bool | None, Field(description="let the envelope move linearly within a window (t·cos, t·sin); by default from 3 periods a window")
     ] = None,
+    nominal_frequency_hz: Annotated[
+        float | None, Field(gt=0, description="look for the oscillation near this frequency; the recording's own where not given")
+    ] = None,
+    from_s: Annotated[float | None, Field(ge=0, description="time from the recording's first sample on at which to begin")] = None,
+    to_s: Annotated[float | None, Field(gt=0, description="time from the recording's first sample on at which to end")] = None,
     block_samples: Annotated[int, Field(gt=0, description="samples worked on at once; memory depends on it, results do not")] = 1 << 20,
 ) -> Iterator[Periods]:
     """Signals a window as a stream of Periods; memory does not grow with the recording; the last block holds spectrum and status.
 
-    HrgError: no samples, unequal or constant channels, a nominal frequency not below half the sampling rate, times that do
+    With `from_s`, `to_s` the rest is as if it had not been recorded, but rows keep the times of the whole recording, to which the
+    reference phase, the auxiliary log and `start_time` belong.
+
+    HrgError: an empty part, no samples, unequal or constant channels, a nominal frequency not below half the sampling rate, times that do
     not increase, too short for one window.
     """
     name = _checked(recording)
-    run = Demodulator(recording, survey(recording, name), name, periods_per_window, moving_envelope)
+    recording, notes = _part(recording, name, from_s, to_s)
+    if nominal_frequency_hz is not None:
+        recording = recording.replace(nominal_frequency_hz=nominal_frequency_hz)
+    run = Demodulator(recording, survey(recording, name), name, periods_per_window, moving_envelope, notes=notes)
     ends = (recording.times(0, 1)[0], recording.times(len(recording.c) - 1)[0])
     judge = _Judge(run, float(ends[0]), float(ends[1]))
     held: Periods | None = None
@@ -114,6 +125,39 @@ def _checked(recording: Recording) -> str:
     if recording.readout == "carrier" and recording.carrier_hz is None:
         raise HrgError(f"{name}: read-out is by carrier, but carrier_hz is missing; add it to the recording")
     return name
+
+
+def _part(recording: Recording, name: str, from_s: float | None, to_s: float | None) -> tuple[Recording, list[str]]:
+    """The samples from_s ≤ t − t_first < to_s, and notes. HrgError: nothing lies between them."""
+    if from_s is None and to_s is None:
+        return recording, []
+    n = len(recording.c)
+    if n == 0:
+        return recording, []
+    begin, end = (float(recording.times(k, k + 1)[0]) for k in (0, n - 1))
+    if from_s is not None and to_s is not None and not from_s < to_s:
+        raise HrgError(f"{name}: from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the recording was expected")
+    if from_s is not None and begin + from_s > end:
+        raise HrgError(f"{name}: from_s = {from_s:g} lies behind its end; it is {end - begin:.6g} s long")
+    notes = []
+    if to_s is not None and begin + to_s > end + 1.5 * (end - begin) / max(1, n - 1):
+        notes.append(f"to_s = {to_s:g} lies behind the recording's end at {end - begin:.6g} s; it was taken up to there")
+    start, stop = (fallback if at is None else _row_at(recording, begin + at) for at, fallback in ((from_s, 0), (to_s, n)))
+    last = min(end - begin, to_s or np.inf)
+    notes.append(f"samples {start + 1} to {stop} of {n} were taken: {from_s or 0:.6g} s to {last:.6g} s of the recording")
+    return recording.part(start, stop), notes
+
+
+def _row_at(recording: Recording, time_s: float) -> int:
+    """The first row whose time is not before `time_s`."""
+    if recording.time_s is None:
+        assert recording.sample_rate_hz is not None
+        return min(len(recording.c), max(0, int(np.ceil(time_s * recording.sample_rate_hz - 1e-6)) - recording.first_sample))
+    low, high = 0, len(recording.c)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (middle + 1, high) if recording.times(middle, middle + 1)[0] < time_s else (low, middle)
+    return low
 
 
 def _periods(run: Demodulator, rows: Rows, judge: _Judge) -> Periods:

@@ -36,8 +36,8 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         for start in range(first, last, chunk):
             stop = min(start + chunk, last)
             low, high = max(0, start - NEIGHBOURS), min(stop + NEIGHBOURS, total)
-            times = (np.arange(low, high) * samples + (samples - 1) / 2) / rate
-            local = run.local_hz((start + chunk / 2) * samples / rate)
+            times = (recording.first_sample + np.arange(low, high) * samples + (samples - 1) / 2) / rate
+            local = run.local_hz((recording.first_sample + (start + chunk / 2) * samples) / rate)
             basis = run.basis(samples, rate, local)
             keep, rows = slice(start - low, stop - low), slice(start - first, stop - first)
             flags = block["flags"][rows]

@@ -49,8 +49,9 @@ class Survey:
     """What the looks show.
 
     `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples
-    are stuck; `least_count` (a channel, its unit, 0: none): the values' step; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`:
-    where the oscillation itself was taken out of the spectrum; reasons to suspect or refuse.
+    are stuck; `least_count` (a channel, its unit, 0: none): the values' step; `strength2`: the stronger channel's variance;
+    `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`: where the oscillation itself was taken out of the
+    spectrum; reasons to suspect or refuse.
     """
 
     reference_hz: float

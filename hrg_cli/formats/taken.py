@@ -1,0 +1,183 @@
+"""What an import took of a log: columns and units, times and gaps, what was left out and where; and the cut by --from-s and --to-s."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+
+from ..errors import HrgError
+from ..records import Status
+from .left_out import LeftOut
+from .log import Array, Log
+
+FEW_ROWS, FEW_SHARE = 3, 0.01
+"""Rows left out that are told only: an instrument's first ones. More make the recording suspect."""
+
+REFUSED_SHARE = 0.2
+"""Part of a log's rows from which a loss refuses the recording."""
+
+MANY_NOT_FINITE = 1e-3
+"""Fraction of samples that are not finite from which the recording is suspect."""
+
+GAP_STEPS = 2.5
+"""A step longer than so many usual ones is a gap."""
+
+GAPS_NAMED = 5
+"""Gaps and places told one by one; the rest are counted."""
+
+
+def checked_range(from_s: float | None, to_s: float | None) -> None:
+    """HrgError: an empty range."""
+    if from_s is not None and to_s is not None and not from_s < to_s:
+        raise HrgError(f"from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the log was expected")
+
+
+def moved(start_time: str, by_s: float) -> str:
+    """An ISO 8601 time so many seconds later; as it is where it cannot be read."""
+    if not by_s:
+        return start_time
+    try:
+        later = datetime.fromisoformat(start_time.replace("Z", "+00:00")) + timedelta(seconds=by_s)
+    except ValueError:
+        return start_time
+    return later.isoformat().replace("+00:00", "Z")
+
+
+@dataclass
+class Taken:
+    """Filled block by block; `columns` is role -> index of the log's channel."""
+
+    log: Log
+    columns: dict[str, int]
+    units: dict[str, str]
+    sample_rate_hz: float | None
+    from_s: float | None = None
+    to_s: float | None = None
+    rows: int = 0
+    first_s: float | None = None
+    """Time of the first row taken, in seconds of the log."""
+    last_s: float = float("nan")
+    outside: int = 0
+    not_finite: int = 0
+    places: list[str] = field(default_factory=list)
+    gaps: int = 0
+    longest_gap_s: float = 0.0
+    gaps_named: list[dict[str, Any]] = field(default_factory=list)
+    usual_step_s: float = 0.0
+    seen: int = 0
+    _last_read_s: float | None = None
+
+    def block(self, times_s: Array) -> slice:
+        """The part of a block of the log (times from its first row on) that lies in the range asked for; looks for gaps."""
+        low = 0 if self.from_s is None else int(np.searchsorted(times_s, self.from_s))
+        high = len(times_s) if self.to_s is None else int(np.searchsorted(times_s, self.to_s))
+        self.outside += len(times_s) - max(0, high - low)
+        part = times_s[low:high]
+        if len(part):
+            if self.first_s is None:
+                self.first_s = float(part[0])
+            if self.sample_rate_hz is None:
+                self._find_gaps(part, self.seen + low)
+            self.last_s = float(part[-1])
+        self.rows += len(part)
+        self.seen += len(times_s)
+        self._last_read_s = float(times_s[-1])
+        return slice(low, max(low, high))
+
+    def _find_gaps(self, times_s: Array, row: int) -> None:
+        before = [self.last_s] if np.isfinite(self.last_s) else []
+        steps = np.diff(np.concatenate([before, times_s]))
+        if not self.usual_step_s and len(steps):
+            self.usual_step_s = float(np.median(steps))
+        for k in np.flatnonzero(steps > GAP_STEPS * self.usual_step_s):
+            self.gaps += 1
+            self.longest_gap_s = max(self.longest_gap_s, float(steps[k]))
+            if self.gaps <= GAPS_NAMED:
+                place = int(k) + row + (0 if before else 1)
+                self.gaps_named.append({"before": self.log.where(place), "length_s": float(steps[k])})
+
+    def count_not_finite(self, bad: Array, row: int) -> None:
+        """Samples (n,) of which one is not finite; `row` is the log's row of the first."""
+        where = np.flatnonzero(bad)
+        self.not_finite += len(where)
+        self.places += [self.log.where(row + int(k)) for k in where[: max(0, GAPS_NAMED - len(self.places))]]
+
+    def check_range(self, path: str) -> None:
+        """After the last block. HrgError: nothing of the log lies in the range asked for."""
+        if self.rows == 0 and self.seen and (self.from_s is not None or self.to_s is not None):
+            raise HrgError(
+                f"{path}: none of its rows lies between from_s = {self.from_s or 0:g} and "
+                f"to_s = {'its end' if self.to_s is None else format(self.to_s, 'g')}; it is {self._last_read_s or 0.0:.6g} s long"
+            )
+
+    def verdicts(self) -> list[tuple[Status, str]]:
+        """Reasons, each with how bad it is."""
+        found: list[tuple[Status, str]] = []
+        lost = sum(part.rows for part in self.log.left_out)
+        if lost:
+            told = "; ".join(part.sentence() for part in self.log.left_out[:GAPS_NAMED])
+            share = lost / (lost + self.seen)
+            few = lost <= FEW_ROWS and share < FEW_SHARE
+            status: Status = "valid" if few else "refused" if share > REFUSED_SHARE else "suspect"
+            found.append((status, f"{lost} of {lost + self.seen} rows of the log could not be read and were left out: {told}"))
+        if self.not_finite:
+            many = self.not_finite > MANY_NOT_FINITE * self.rows
+            found.append(
+                (
+                    "suspect" if many else "valid",
+                    f"{self.not_finite} of {self.rows} samples are not finite ({', '.join(self.places)}"
+                    f"{', …' if self.not_finite > len(self.places) else ''}); they are kept and will be flagged",
+                )
+            )
+        if self.gaps:
+            found.append(
+                ("valid", f"the times have {self.gaps} gaps, the longest of {self.longest_gap_s:.4g} s before {self._longest_place()}")
+            )
+        if self.to_s is not None and self._last_read_s is not None and self.to_s > self._last_read_s + 1.5 * self._step():
+            found.append(("valid", f"to_s = {self.to_s:g} lies behind the end of the log at {self._last_read_s:.6g} s"))
+        return found
+
+    def _longest_place(self) -> str:
+        named = [gap["before"] for gap in self.gaps_named if gap["length_s"] == self.longest_gap_s]
+        return named[0] if named else "a later row"
+
+    def _step(self) -> float:
+        return 1 / self.sample_rate_hz if self.sample_rate_hz else self.usual_step_s
+
+    def facts(self) -> dict[str, Any]:
+        """Everything for JSON."""
+        channels = self.log.channels
+        facts: dict[str, Any] = {
+            "format": self.log.format,
+            "columns": {
+                role: {"column": index + 1, "name": channels[index].name, "units": self.units.get(role, channels[index].units)}
+                for role, index in self.columns.items()
+            },
+            "samples": self.rows,
+            "sample_rate_hz": self.sample_rate_hz,
+            "duration_s": self.last_s - self.first_s if self.first_s is not None else 0.0,
+            "gaps": {"count": self.gaps, "longest_s": self.longest_gap_s, "first": self.gaps_named},
+            "not_finite": {"count": self.not_finite, "first": self.places},
+            "left_out": [_plain(part) for part in self.log.left_out],
+        }
+        if self.from_s is not None or self.to_s is not None:
+            facts["cut"] = {"from_s": self.from_s, "to_s": self.to_s, "first_s": self.first_s, "last_s": self.last_s, "rows": self.outside}
+        return facts
+
+    def details(self) -> str:
+        """`facts` as JSON text."""
+        return json.dumps(self.facts(), ensure_ascii=False)
+
+
+def _plain(part: LeftOut) -> dict[str, Any]:
+    return {
+        "first_line": part.first_line,
+        "last_line": part.last_line,
+        "rows": part.rows,
+        "why": part.why,
+        "example": part.example,
+    }
