@@ -311,6 +311,7 @@ class Periods(Windowed):
     periods_per_window: float = attribute("oscillation periods a window", dtype="f8")
     carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8")
     units: str = attribute("unit of the signals", default="1", name="signal_units")
+    details: str = attribute("JSON: what import --envelope took of the log, and the noise it found", default="{}")
 
 
 @dataclass(frozen=True, kw_only=True)

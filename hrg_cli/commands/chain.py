@@ -52,18 +52,46 @@ def import_(
     format: Annotated[str | None, typer.Option(help="Name of the format, where its content is not to decide.", show_default=False)] = None,
     from_s: Annotated[float | None, typer.Option(help="Take the log from this time on; it becomes t = 0.", show_default=False)] = None,
     to_s: Annotated[float | None, typer.Option(help="Take the log up to this time.", show_default=False)] = None,
+    envelope: Annotated[
+        bool, typer.Option("--envelope", help="The log holds demodulated signals (lock-in, FPGA, spectrum analyser): write periods.")
+    ] = False,
+    c_in_phase: Annotated[str | None, typer.Option(help="Envelope: column of C's in-phase signal.", show_default=False)] = None,
+    c_quadrature: Annotated[str | None, typer.Option(help="Envelope: column of C's quadrature signal.", show_default=False)] = None,
+    s_in_phase: Annotated[str | None, typer.Option(help="Envelope: column of S's in-phase signal.", show_default=False)] = None,
+    s_quadrature: Annotated[str | None, typer.Option(help="Envelope: column of S's quadrature signal.", show_default=False)] = None,
+    amplitude: Annotated[str | None, typer.Option(help="Envelope: column of one channel's amplitude.", show_default=False)] = None,
+    phase: Annotated[str | None, typer.Option(help="Envelope: column of its phase.", show_default=False)] = None,
+    phase_units: Annotated[str | None, typer.Option(help="Envelope: deg, rad or turns.", show_default=False)] = None,
+    decibel: Annotated[
+        bool | None, typer.Option("--decibel", help="Envelope: the amplitude is a level in dB.", show_default=False)
+    ] = None,
+    reference_frequency_hz: Annotated[
+        float | None, typer.Option(help="Envelope: frequency of the demodulator's reference.", show_default=False)
+    ] = None,
+    rows_per_window: Annotated[
+        int | None, typer.Option(help="Envelope: rows averaged to a window; by their correlation by default.", show_default=False)
+    ] = None,
 ) -> None:
     """A laboratory's log (CSV, WAV, FLAC, MATLAB, TDMS, Parquet, LabOne; - for standard input) to a recording.
+
+    With --envelope, a log of demodulated signals (I and Q of one or two channels, amplitude and phase, or amplitude alone) to periods.
 
     --show-config prints the mapping as TOML; kept as a file it serves a whole lot through --config.
     """
     from .importing import import_file, show
 
-    flags = {key: value for key, value in locals().items() if key not in ("run", "log", "time_column", "import_file", "show")}
-    for key in ("c", "s", "temperature", "rate", "auxiliary_time"):
+    flags = {key: value for key, value in locals().items() if key not in _NO_SETTINGS}
+    for key in _COLUMNS:
         flags[key] = _column(flags[key])
-    report = import_file(log, run, {**flags, "time": _column(time_column)})
+    report = import_file(log, run, {**flags, "time": _column(time_column)}, envelope)
     run.finish(report, lambda: show(report))
+
+
+_NO_SETTINGS = ("run", "log", "time_column", "import_file", "show", "envelope")
+_COLUMNS = (
+    *("c", "s", "temperature", "rate", "auxiliary_time"),
+    *("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature", "amplitude", "phase"),
+)
 
 
 def _column(name: str | None) -> str | int | None:

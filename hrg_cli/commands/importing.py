@@ -12,33 +12,35 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .. import pipeline, store
-from ..formats import import_log, second_file
-from ..records import Recording
+from .. import pipeline, settings, store
+from ..errors import UsageError
+from ..formats import import_envelope, import_log, second_file
+from ..records import Record, Recording
 from ..reporting.console import print_table
 from .frame import Common, command_line, existing
 
 
-def import_file(log: Path | None, run: Common, flags: Mapping[str, Any]) -> dict[str, Any]:
-    """Read `log`, write the recording, return the command's JSON: what was taken, from where, what was left out."""
+def import_file(log: Path | None, run: Common, flags: Mapping[str, Any], envelope: bool = False) -> dict[str, Any]:
+    """Read `log`, write the recording (of an envelope: periods), return the JSON: what was taken, from where, what was left out."""
     started = time.monotonic()
-    values = run.settings(import_log, "import", **flags)
+    function, table = (import_envelope, "envelope") if envelope else (import_log, "import")
+    strange = [name for name, value in flags.items() if value is not None and not settings.accepts(function, name)]
+    if strange:
+        flag = strange[0].replace("_", "-")
+        raise UsageError(f"--{flag} is for {'samples; leave it out with --envelope' if envelope else 'demodulated signals: add --envelope'}")
+    values = run.settings(function, table, **{name: value for name, value in flags.items() if settings.accepts(function, name)})
     log = existing([log] if log else [], "a log, or - for standard input")[0]
-    output = run.need_output("recording.h5")
+    output = run.need_output("periods.h5" if envelope else "recording.h5")
     with _on_disk(log) as path:
-        sources = [path] if values["s_file"] is None else [path, second_file(path, values["s_file"])]
-        record = pipeline.write_first(
-            output, import_log(path, **values), values, "import", sources, force=run.force, command_line=command_line()
+        sources = [path] if values.get("s_file") is None else [path, second_file(path, values["s_file"])]
+        record: Record = pipeline.write_first(
+            output, function(path, **values), values, table, sources, force=run.force, command_line=command_line()
         )
-    with store.open_record(output, Recording) as whole:
-        facts = {
-            "run_id": whole.run_id,
-            "samples": len(whole),
-            "duration_s": float(whole.times(len(whole) - 1)[-1]),
-            "sample_rate_hz": whole.sample_rate_hz,
-            **{key: value for key, value in json.loads(whole.details).items() if key not in ("samples", "duration_s", "sample_rate_hz")},
-        }
-    return pipeline.report(record, output, started, facts)
+    facts: dict[str, Any] = {"run_id": getattr(record, "run_id", "")}
+    if isinstance(record, Recording):
+        with store.open_record(output, Recording) as whole:
+            facts |= {"samples": len(whole), "duration_s": float(whole.times(len(whole) - 1)[-1]), "sample_rate_hz": whole.sample_rate_hz}
+    return pipeline.report(record, output, started, {**json.loads(getattr(record, "details", "{}")), **facts})
 
 
 def show(report: Mapping[str, Any]) -> None:
@@ -56,6 +58,12 @@ def show(report: Mapping[str, Any]) -> None:
         facts.append(("part taken, s of the log", f"{cut['first_s']:.6g} to {cut['last_s']:.6g}"))
     for part in report.get("left_out") or []:
         facts.append(("left out", f"lines {part['first_line']} to {part['last_line']} ({part['rows']} rows): {part['why']}"))
+    noise = report.get("noise")
+    if noise:
+        facts.append(("rows of noise that count as one", noise["correlated_rows"]))
+        facts.append(("rows a window", noise["rows_per_window"]))
+        facts.append(("noise of a window, C and S", " and ".join(f"{v:.3g}" for v in noise["window_std"])))
+        facts.append(("distance from the reference, Hz", noise["offset_hz"]))
     print_table("", ("figure", "value"), facts)
 
 

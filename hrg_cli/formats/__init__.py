@@ -1,7 +1,8 @@
 """Foreign logs: `import_log` makes a recording of any of them, `read_table` a plain table."""
 
+from .envelope import import_envelope
 from .importing import import_log
 from .pairing import partners, second_file
 from .table import read_table
 
-__all__ = ["import_log", "partners", "read_table", "second_file"]
+__all__ = ["import_envelope", "import_log", "partners", "read_table", "second_file"]

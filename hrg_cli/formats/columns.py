@@ -182,6 +182,11 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
     return index
 
 
+def numbered(log: Log, path: str, role: str, wanted: str | int) -> int:
+    """Index of the column of numbers that was named. HrgError: there is none, or it holds no numbers."""
+    return _named(log, path, role, wanted)
+
+
 def _tells_time(channel: Channel) -> bool:
     return channel.role == "time" or channel.name.lower() in ALIASES["time"] or is_time(channel.units)
 

@@ -26,6 +26,7 @@ RATE = {
     1e-3: ("mrad/s",),
     1e-3 * DEGREE: ("mdps", "mdeg/s"),
 }
+PHASE = {1.0: ("rad", "radian", "radians"), DEGREE: ("deg", "°", "degree", "degrees"), 2 * math.pi: ("turns", "turn", "cycles", "rev")}
 TEMPERATURE = {
     (1.0, 0.0): ("degc", "°c", "c", "celsius", "deg_c", "deg c"),
     (1.0, -273.15): ("k", "kelvin", "degk"),
@@ -118,6 +119,11 @@ def channel_unit(unit: str) -> str:
 def time_factor(unit: str) -> float:
     """Seconds a unit of time."""
     return float(_look_up(TIME, unit, "time_units"))
+
+
+def phase_factor(unit: str) -> float:
+    """rad a unit of phase."""
+    return float(_look_up(PHASE, unit, "phase_units"))
 
 
 def rate_factor(unit: str) -> float:

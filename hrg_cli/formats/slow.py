@@ -72,7 +72,7 @@ class SlowLog:
         if not self.indexes:
             rows = ([times[0]] if first else []) + ([times[-1]] if last and not (first and len(times) == 1) else [])
             return self._with_constants([np.array(rows, float)]) if self.constants else {}
-        stacked = [times, *self._converted(columns)]
+        stacked = [times, *self.converted(columns)]
         if self.left is not None:
             stacked = [np.concatenate(pair) for pair in zip(self.left, stacked)]
         whole = len(stacked[0]) if last else len(stacked[0]) // self.every * self.every
@@ -81,7 +81,16 @@ class SlowLog:
         seen = ~np.all([np.isnan(values) for values in grouped[1:]], axis=0)
         return self._with_constants([values[seen] for values in grouped])
 
-    def _converted(self, columns: list[Array]) -> list[Array]:
+    def fields(self) -> list[str]:
+        """Fields of a record that the columns fill, in their order."""
+        return [FIELD[role] for role in self.scales]
+
+    def constant_fields(self) -> dict[str, float]:
+        """Fields that were given as constants."""
+        return {FIELD[role]: value for role, value in self.constants.items()}
+
+    def converted(self, columns: list[Array]) -> list[Array]:
+        """Slow columns in SI units."""
         return [np.asarray(values, float) * factor + offset for values, (factor, offset) in zip(columns, self.scales.values())]
 
     def _with_constants(self, stacked: list[Array]) -> dict[str, Array]:
@@ -104,7 +113,7 @@ class SlowLog:
         if len(times) > 1 and not np.all(np.diff(times) > 0):
             row = int(np.argmin(np.diff(times) > 0)) + 2
             raise HrgError(f"{path}: the times of its slow columns do not rise at their row {row}; sort the log or leave the columns out")
-        return [times - shift_s, *self._converted(joined)]
+        return [times - shift_s, *self.converted(joined)]
 
 
 def _means(values: Array, every: int) -> Array:

@@ -1,0 +1,477 @@
+"""import_envelope: demodulated signals of a lock-in, an FPGA or a spectrum analyser become periods, whole or as a stream of blocks.
+
+A row holds the envelope at its time against the reference frequency: I + jQ of one or two channels, C(t) = Re[(I + jQ) e^{jω_r t}], or
+amplitude and phase of one channel, or its amplitude alone. So c_cos = I and c_sin = −Q. Noise comes from the rows' own scatter
+(`row_noise`); rows that a filter correlates are averaged, turned back by their own frequency, to windows that are nearly independent.
+
+A filter changes no parameter of a linear resonator: what it makes of a solution of u' = L u is a solution of the same equation. It delays
+the rows against the logs, attenuates by its gain at the oscillation's distance from the reference, and turns the phase.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import HrgError
+from ..records import FLAG_GAP, FLAG_NOT_FINITE, Array, Periods
+from .columns import Roles, find, listing, numbered
+from .importing import Column
+from .log import ONE_DEMODULATOR, Log
+from .quantities import channel_unit, is_level, phase_factor
+from .readers import guarded, open_log
+from .row_noise import DELAY, RowNoise, row_noise
+from .slow import SlowLog
+from .taken import GAP_STEPS, Taken, checked_range, moved
+from .timing import Timing, timing_of
+
+LOOKS, LOOK_ROWS = 16, 1 << 14
+"""Stretches of rows, at most, from which noise and correlation are found."""
+
+SPREAD = 5.0
+"""Windows are so many times longer than the rows' correlation: neighbours are then correlated by 5 % and less."""
+
+INDEPENDENT = 1.3
+"""Correlation (rows that count as one) up to which rows are windows as they are."""
+
+FEWEST_WINDOWS = 200
+"""Windows that are kept even where they are still correlated; their standard deviations allow for it."""
+
+BEND = 0.1
+"""Part of a window's standard deviation by which the envelope's curvature may move its mean."""
+
+LAGGING, LOST = 0.3, 1.0
+"""Phase lag [rad] of the filter at the oscillation's distance from the reference that is told, and that makes the result suspect."""
+
+UNKNOWN_PHASE = np.pi / np.sqrt(3)
+"""Standard deviation of a phase of which nothing is known."""
+
+ALIASES = {
+    "c_in_phase": ("c_in_phase", "c_i", "ci", "i1", "x1", "x", "i", "in-phase", "in phase", "real", "re"),
+    "c_quadrature": ("c_quadrature", "c_q", "cq", "q1", "y1", "y", "q", "quadrature", "imag", "im"),
+    "s_in_phase": ("s_in_phase", "s_i", "si", "i2", "x2"),
+    "s_quadrature": ("s_quadrature", "s_q", "sq", "q2", "y2"),
+    "amplitude": ("amplitude", "r", "magnitude", "mag", "level", "power", "ampl"),
+    "phase": ("phase", "theta", "phi", "angle"),
+}
+"""Role -> titles it goes by where no column is named."""
+
+Named = Annotated[Column, Field(description="column by name or by 1-based number")]
+
+
+def import_envelope(
+    path: Path | str,
+    *,
+    reference_frequency_hz: Annotated[float | None, Field(gt=0, description="frequency of the demodulator's reference")] = None,
+    c_in_phase: Named = None,
+    c_quadrature: Named = None,
+    s_in_phase: Named = None,
+    s_quadrature: Named = None,
+    amplitude: Named = None,
+    phase: Named = None,
+    phase_units: Annotated[str | None, Field(description="deg, rad or turns; from the title where not given")] = None,
+    decibel: Annotated[bool, Field(description="the amplitude is a level in dB, 20 dB a decade")] = False,
+    quadrature_sign: Annotated[
+        Literal[1, -1], Field(description="-1 where the demodulator's Q is that of e^(-jwt): the phase runs backwards")
+    ] = 1,
+    rows_per_window: Annotated[
+        int | None, Field(ge=1, description="rows averaged to a window; by the rows' correlation where not given")
+    ] = None,
+    time: Annotated[Column, Field(description='time column; "none" to ignore times')] = None,
+    temperature: Named = None,
+    rate: Named = None,
+    sample_rate_hz: Annotated[float | None, Field(gt=0, description="rows a second, where the log has no times")] = None,
+    sampling_tolerance: Annotated[float, Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even")] = 1e-3,
+    time_units: Annotated[str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")] = None,
+    clock_hz: Annotated[float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")] = None,
+    units: Annotated[str | None, Field(description="unit of the signals")] = None,
+    rate_units: Annotated[str | None, Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given")] = None,
+    temperature_units: Annotated[str | None, Field(description="degC, K, degF; from the title or degC where not given")] = None,
+    constant_rate_rad_s: Annotated[float | None, Field(description="rate of the whole run, where the log has none")] = None,
+    constant_temperature_degc: Annotated[float | None, Field(description="temperature of the whole run, where the log has none")] = None,
+    mode: Annotated[Literal["free", "forced"], Field(description="run-down or driven")] = "free",
+    mode_number: Annotated[int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")] = 2,
+    gyro_id: Annotated[str, Field(description="the gyro")] = "",
+    run_id: Annotated[str, Field(description="the run; the file's name where not given")] = "",
+    lot_id: Annotated[str, Field(description="the lot")] = "",
+    start_time: Annotated[str, Field(description="ISO 8601 time of the first row; from the log where it has one")] = "",
+    format: Annotated[str, Field(description="name of a format, where its content is not to decide")] = "",
+    separator: Annotated[str | None, Field(min_length=1, max_length=1, description="of a text log; a blank for any run of blanks")] = None,
+    decimal: Annotated[Literal[".", ","] | None, Field(description="decimal sign of a text log")] = None,
+    from_s: Annotated[float | None, Field(ge=0, description="first time to take, from the log's first row on; it becomes t = 0")] = None,
+    to_s: Annotated[float | None, Field(gt=0, description="time from the log's first row on at which to end")] = None,
+) -> Periods | Iterator[Periods]:
+    """A log of demodulated signals as periods: one record when it fits one block, else a stream of them.
+
+    HrgError: no reference frequency, no such column, a phase without a unit, times that do not rise, too few rows.
+    """
+    path = Path(path)
+    checked_range(from_s, to_s)
+    if reference_frequency_hz is None:
+        raise HrgError(f"{path}: the frequency of the demodulator's reference is not in the log; give reference_frequency_hz")
+    log = open_log(path, format, separator, decimal)
+    named = {
+        "c_in_phase": c_in_phase,
+        "c_quadrature": c_quadrature,
+        "s_in_phase": s_in_phase,
+        "s_quadrature": s_quadrature,
+        "amplitude": amplitude,
+        "phase": phase,
+    }
+    signal = _Signal.found(log, path, named, decibel, phase_units, quadrature_sign)
+    first = next(iter(signal.columns.values()))
+    roles = find(log, str(path), {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate})
+    timing = timing_of(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    slow = SlowLog(
+        log,
+        roles,
+        rate_units=rate_units,
+        temperature_units=temperature_units,
+        rate_scale_factor=1.0,
+        constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
+        most=1 << 62,
+    )
+    if slow.own:
+        raise HrgError(f"{path}: its slow columns differ in length from the signals; columns beside the signals were expected")
+    unit = units or signal.unit(log)
+    columns = signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
+    taken = Taken(log, columns, dict.fromkeys(signal.columns, unit), timing.sample_rate_hz, from_s, to_s)
+    source = _Source(path, log, roles, timing, slow, signal)
+    plan = _plan(source, from_s, to_s, rows_per_window)
+    blank = Periods(
+        time_s=np.empty(0),
+        signals=np.empty((0, 4)),
+        signals_std=np.empty((0, 4)),
+        residual_rms=np.empty((0, 2)),
+        flags=np.empty(0, "u1"),
+        reference_frequency_hz=reference_frequency_hz,
+        window_s=plan.rows * plan.step_s,
+        periods_per_window=plan.rows * plan.step_s * reference_frequency_hz,
+        mode=mode,
+        mode_number=mode_number,
+        gyro_id=gyro_id,
+        run_id=run_id or path.stem,
+        lot_id=lot_id,
+        start_time=start_time or log.start_time,
+        units=unit,
+    ).judged([reason for reason in log.reasons if reason != ONE_DEMODULATOR] + list(timing.reasons))
+    for status, reason in (*signal.verdicts(reference_frequency_hz), *plan.verdicts(slow.scales != {})):
+        blank = blank.judged([reason], status)
+    stream = _stream(source, blank, plan, taken)
+    head = list(itertools.islice(stream, 2))
+    return head[0] if len(head) == 1 else itertools.chain(head, stream)
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """Which columns hold the envelope and how: role -> index."""
+
+    columns: dict[str, int]
+    decibel: bool
+    phase_factor: float
+    sign: int
+    scale: tuple[float, ...]
+
+    @classmethod
+    def found(cls, log: Log, path: Path, named: dict[str, Any], decibel: bool, phase_units: str | None, sign: int) -> _Signal:
+        """The columns that were named, or those that their titles tell. HrgError: none, or half a pair."""
+        columns = {role: numbered(log, str(path), role, wanted) for role, wanted in named.items() if wanted is not None}
+        if not columns:
+            names = {c.name.lower(): i for i, c in reversed(list(enumerate(log.channels))) if c.kind == "number"}
+            told = {role: next((names[t] for t in titles if t in names), None) for role, titles in ALIASES.items()}
+            groups = (("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature"), ("c_in_phase", "c_quadrature"), ("amplitude", "phase"))
+            for group in (*groups, ("amplitude",)):
+                if all(told[role] is not None for role in group):
+                    columns = {role: index for role in group if (index := told[role]) is not None}
+                    break
+        if "amplitude" in columns and len(set(columns) - {"amplitude", "phase"}):
+            raise HrgError(f"{path}: amplitude and in-phase columns are both named; give I and Q, or amplitude and phase")
+        pairs = (("c_in_phase", "c_quadrature"), ("s_in_phase", "s_quadrature"), ("phase", "amplitude"))
+        for one, other in pairs:
+            half = next(((a, b) for a, b in ((one, other), (other, one)) if a in columns and b not in columns), None)
+            if half is not None and half != ("amplitude", "phase"):
+                raise HrgError(f"{path}: {half[0]} is named without {half[1]}; name both (its columns are {listing(log)})")
+        if "s_in_phase" in columns and "c_in_phase" not in columns:
+            raise HrgError(f"{path}: channel S is named without channel C; name a single pick-off's columns as c_in_phase and c_quadrature")
+        if not columns:
+            raise HrgError(
+                f"{path}: which columns hold the envelope? Its columns are {listing(log)}; name c_in_phase and c_quadrature "
+                "(and those of s), or amplitude and phase"
+            )
+        if len(set(columns.values())) < len(columns):
+            raise HrgError(f"{path}: one column is named twice for the envelope; its columns are {listing(log)}")
+        factor = 1.0
+        if "phase" in columns:
+            unit = phase_units or log.channels[columns["phase"]].units
+            if not unit:
+                raise HrgError(f"{path}: the unit of the phase in column {columns['phase'] + 1} is not told; give phase_units: deg or rad")
+            factor = phase_factor(unit)
+        level = next((log.channels[i].units for i in columns.values() if is_level(log.channels[i].units)), None)
+        if level is not None and not decibel:
+            raise HrgError(f"{path}: a column of the envelope is in {level}; add decibel, or export it in its own unit")
+        if decibel and "amplitude" not in columns:
+            raise HrgError(f"{path}: decibel is for an amplitude; I and Q are no levels")
+        return cls(columns, decibel, factor, sign, tuple(log.channels[i].scale_factor for i in columns.values()))
+
+    def unit(self, log: Log) -> str:
+        """Unit of the signals: the log's, or what its level is relative to."""
+        told = log.channels[next(iter(self.columns.values()))].units
+        if self.decibel:
+            return {"dbv": "V", "dbmv": "mV", "dbuv": "µV", "dbµv": "µV", "dbvrms": "V", "dbm": "mW^0.5", "dbw": "W^0.5"}.get(told.lower(), "1")
+        return channel_unit(told)
+
+    def envelopes(self, columns: list[Array]) -> Array:
+        """u = I + jQ (channel, n), channel S zero where there is none."""
+        values = dict(zip(self.columns, (np.asarray(c, float) * k for c, k in zip(columns, self.scale, strict=True)), strict=True))
+        u = np.zeros((2, len(columns[0])), complex)
+        if "amplitude" in values:
+            size = 10 ** (values["amplitude"] / 20) if self.decibel else values["amplitude"]
+            u[0] = size * np.exp(1j * self.sign * self.phase_factor * values["phase"]) if "phase" in values else size
+        else:
+            u[0] = values["c_in_phase"] + 1j * self.sign * values["c_quadrature"]
+            if "s_in_phase" in values:
+                u[1] = values["s_in_phase"] + 1j * self.sign * values["s_quadrature"]
+        return u
+
+    @property
+    def phase_known(self) -> bool:
+        """Whether there is more than an amplitude."""
+        return "amplitude" not in self.columns or "phase" in self.columns
+
+    def verdicts(self, reference_hz: float) -> list[tuple[Any, str]]:
+        """What these columns cannot tell."""
+        if not self.phase_known:
+            return [
+                (
+                    "suspect",
+                    f"only an amplitude was recorded: its decay can be found; the frequency is {reference_hz:g} Hz as given, "
+                    "and wave angle, quadrature and splits cannot be seen in this run",
+                )
+            ]
+        if "s_in_phase" not in self.columns:
+            return [("suspect", "only one channel was recorded and S is set to 0: wave angle, quadrature and splits cannot be seen in this run")]
+        return []
+
+
+@dataclass(frozen=True)
+class _Source:
+    """The opened log and how its rows are read."""
+
+    path: Path
+    log: Log
+    roles: Roles
+    timing: Timing
+    slow: SlowLog
+    signal: _Signal
+
+    def rows(self) -> Iterator[tuple[Array, Array, list[Array]]]:
+        """Blocks: times from the log's first row on, envelopes (channel, n), slow columns in SI units."""
+        wanted = [*self.signal.columns.values(), *self.slow.indexes, *([] if self.roles.time is None else [self.roles.time])]
+        count, row = len(self.signal.columns), 0
+        with guarded(self.path, self.log.format):
+            for columns in self.log.read(wanted):
+                n = len(columns[0])
+                if n == 0:
+                    continue
+                if self.timing.sample_rate_hz is None and self.roles.time is not None:
+                    scale = self.timing.factor * self.log.channels[self.roles.time].scale_factor
+                    times = np.asarray(columns[-1], float) * scale - self.timing.first
+                else:
+                    times = np.arange(row, row + n) / (self.timing.sample_rate_hz or 1.0)
+                row += n
+                slow = self.slow.converted(columns[count : count + len(self.slow.indexes)])
+                yield times, self.signal.envelopes(columns[:count]), slow
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Rows a window, the rows' step, their noise, and how far the oscillation lies from the reference."""
+
+    rows: int
+    step_s: float
+    noise: RowNoise
+    offset_hz: float
+    asked: bool
+
+    def verdicts(self, logged: bool) -> list[tuple[Any, str]]:
+        """What the filter before the rows does, and what was done about it."""
+        kappa = self.noise.correlated_rows
+        found: list[tuple[Any, str]] = []
+        if kappa > INDEPENDENT:
+            independent = self.rows >= SPREAD * kappa - 1
+            found.append(
+                (
+                    "valid",
+                    f"the rows' noise is correlated over {kappa:.3g} rows (the demodulator's filter): windows of {self.rows} rows are used"
+                    + ("" if independent else ", still correlated; their standard deviations are those that a long average needs"),
+                )
+            )
+            lag_s = DELAY * kappa * self.step_s
+            lag = 2 * np.pi * abs(self.offset_hz) * lag_s
+            if lag > LAGGING:
+                found.append(
+                    (
+                        "suspect" if lag > LOST else "valid",
+                        f"the oscillation lies {self.offset_hz:.4g} Hz from the reference, where a filter with a delay of about {lag_s:.2g} s "
+                        f"leaves {1 / np.hypot(1, lag):.0%} of the amplitude and turns the phase by {lag:.2g} rad; move the reference",
+                    )
+                )
+            if logged:
+                found.append(("valid", f"the filter delays the signals by about {lag_s:.2g} s against the logged columns"))
+        if not self.noise.level:
+            found.append(("valid", "too few rows, or noise that is not white, to be sure of its size: it is that of the lowest octave seen"))
+        return found
+
+
+def _plan(source: _Source, from_s: float | None, to_s: float | None, asked: int | None) -> _Plan:
+    """Look at the rows in the range asked for: noise, correlation, rows a window."""
+    looks: list[Array] = []
+    steps: list[float] = []
+    total = 0
+    for times, u, _ in source.rows():
+        inside = slice(
+            0 if from_s is None else int(np.searchsorted(times, from_s)), len(times) if to_s is None else int(np.searchsorted(times, to_s))
+        )
+        times, u = times[inside], u[:, inside]
+        total += len(times)
+        if len(times) > 1:
+            steps.append(float(np.median(np.diff(times))))
+        for start in range(0, len(times), LOOK_ROWS):
+            looks.append(u[:, start : start + LOOK_ROWS])
+        if len(looks) > 4 * LOOKS:
+            looks = looks[::2]
+    looks = [look for look in looks[:: max(1, len(looks) // LOOKS)] if look.shape[1] > 3] or looks
+    if total < 8:
+        raise HrgError(f"{source.path}: holds {total} rows between from_s and to_s; at least 8 were expected")
+    step_s = float(np.median(steps))
+    with np.errstate(invalid="ignore"):
+        noise = row_noise(looks)
+        offset_hz = float(np.median([_offset(look) for look in looks])) / (2 * np.pi * step_s)
+    if asked is not None:
+        return _Plan(min(asked, total), step_s, noise, offset_hz, True)
+    kappa = noise.correlated_rows
+    rows = 1 if kappa <= INDEPENDENT else max(1, min(round(SPREAD * kappa), total // FEWEST_WINDOWS))
+    while rows > 1 and _bends(looks, rows, noise):
+        rows //= 2
+    return _Plan(rows, step_s, noise, offset_hz, False)
+
+
+def _offset(look: Array) -> float:
+    """Mean turn a row [rad]."""
+    pairs = look[:, 1:] * np.conj(look[:, :-1])
+    return float(np.angle(pairs[np.isfinite(pairs)].sum()))
+
+
+def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
+    """Whether the envelope's curvature moves the mean of so many rows by more than `BEND` of its standard deviation."""
+    bend2, noise2 = np.zeros(2), noise.density.sum(1) / rows
+    count = 0
+    for look in looks:
+        means = _means(look, rows, _offset(look))[0]
+        if means.shape[1] < 3:
+            continue
+        turn = np.exp(-1j * rows * _offset(look))
+        second = means[:, 2:] * turn - 2 * means[:, 1:-1] + means[:, :-2] / turn
+        second = second[:, np.isfinite(second).all(0)]
+        bend2 += np.maximum(0.0, (np.abs(second) ** 2).sum(1) - 6 * noise2 * second.shape[1]) / 24**2
+        count += second.shape[1]
+    slack = 3 * 6 * noise2 / 24**2 * np.sqrt(max(count, 1))  # what chance adds to the sum
+    return count > 0 and bool((bend2 > BEND**2 * noise2 * count + slack).any())
+
+
+def _means(u: Array, rows: int, turn: float) -> tuple[Array, Array]:
+    """Means (channel, windows) of so many rows each, turned back by `turn` a row about each window's middle; which rows they are."""
+    windows = u.shape[1] // rows
+    part = u[:, : windows * rows].reshape(len(u), windows, rows)
+    back = np.exp(-1j * turn * (np.arange(rows) - (rows - 1) / 2))
+    return (part * back).mean(-1), np.arange(windows * rows).reshape(windows, rows)
+
+
+def _stream(source: _Source, blank: Periods, plan: _Plan, taken: Taken) -> Iterator[Periods]:
+    """Blocks of windows; the last one bears what only the whole log tells."""
+    held: Periods | None = None
+    shift = 0.0
+    left: tuple[Array, Array, list[Array]] | None = None
+    row = 0
+    for times, u, slow in source.rows():
+        part = taken.block(times)
+        bad = ~np.isfinite(u[:, part].sum(0))
+        if bad.any():
+            taken.count_not_finite(bad, row + part.start)
+        row += len(times)
+        piece = (times[part], u[:, part], [values[part] for values in slow])
+        if left is not None:
+            piece = _joined(left, piece)
+        whole = len(piece[0]) // plan.rows * plan.rows
+        left = (piece[0][whole:], piece[1][:, whole:], [values[whole:] for values in piece[2]])
+        if whole:
+            shift = taken.first_s or 0.0
+            if held is not None:
+                yield held
+            held = _windows(blank, plan, source, piece[0][:whole] - shift, piece[1][:, :whole], [v[:whole] for v in piece[2]])
+            held = held.replace(start_time=moved(blank.start_time, shift))
+        if taken.to_s is not None and times[-1] >= taken.to_s:
+            break
+    taken.check_range(str(source.path))
+    if held is None:
+        raise HrgError(f"{source.path}: holds fewer rows than one window of {plan.rows}; record longer or lower rows_per_window")
+    for status, reason in taken.verdicts():
+        held = held.judged([reason], status)
+    facts = taken.facts()
+    facts["rows"] = facts.pop("samples")
+    noise = {
+        "correlated_rows": plan.noise.correlated_rows,
+        "rows_per_window": plan.rows,
+        "row_std": [float(np.sqrt(v)) for v in plan.noise.variance.mean(1)],
+        "window_std": [float(np.sqrt(v / plan.rows)) for v in plan.noise.density.mean(1)],
+        "offset_hz": plan.offset_hz,
+    }
+    yield held.replace(details=json.dumps(facts | {"noise": noise}, ensure_ascii=False))
+
+
+def _joined(a: tuple[Array, Array, list[Array]], b: tuple[Array, Array, list[Array]]) -> tuple[Array, Array, list[Array]]:
+    """Rows left over before the next ones."""
+    return (
+        np.concatenate([a[0], b[0]]),
+        np.concatenate([a[1], b[1]], axis=1),
+        [np.concatenate(pair) for pair in zip(a[2], b[2], strict=True)],
+    )
+
+
+def _windows(blank: Periods, plan: _Plan, source: _Source, times: Array, u: Array, slow: list[Array]) -> Periods:
+    """Means of the rows, with standard deviations, flags and slow columns."""
+    known, one = source.signal.phase_known, "s_in_phase" not in source.signal.columns
+    means, rows = _means(u, plan.rows, _offset(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0)
+    strong = means[np.argmax(np.nansum(np.abs(means) ** 2, axis=1))]
+    cos2 = np.where(np.abs(strong) > 0, strong.real**2 / np.maximum(np.abs(strong) ** 2, 1e-300), 0.5)
+    signals, std = np.empty((len(rows), 4)), np.empty((len(rows), 4))
+    for k in range(2):
+        along, across = plan.noise.density[0 if one else k] / plan.rows
+        signals[:, 2 * k], signals[:, 2 * k + 1] = means[k].real, -means[k].imag
+        std[:, 2 * k] = np.sqrt(along * cos2 + across * (1 - cos2))
+        std[:, 2 * k + 1] = np.sqrt(along * (1 - cos2) + across * cos2)
+    if not known:
+        std[:, 1] = UNKNOWN_PHASE * np.abs(means[0])
+        std[:, 2:] = std[:, :1]
+    flags = np.zeros(len(rows), "u1")
+    flags[~np.isfinite(means).all(0)] |= FLAG_NOT_FINITE
+    steps = np.diff(times[: rows.size], prepend=times[0] - plan.step_s).reshape(rows.shape)
+    flags[(steps > GAP_STEPS * plan.step_s)[:, 1:].any(1)] |= FLAG_GAP
+    fields = dict(zip(source.slow.fields(), (values[: rows.size].reshape(rows.shape).mean(1) for values in slow), strict=True))
+    fields |= {name: np.full(len(rows), value) for name, value in source.slow.constant_fields().items()}
+    row_std = np.sqrt(plan.noise.variance.mean(1))
+    return blank.replace(
+        time_s=times[: rows.size].reshape(rows.shape).mean(1),
+        signals=signals,
+        signals_std=std,
+        residual_rms=np.broadcast_to(row_std[[0, 0]] * [1, 0] if one else row_std, (len(rows), 2)).copy(),
+        flags=flags,
+        **fields,
+    )

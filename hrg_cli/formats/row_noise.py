@@ -1,0 +1,124 @@
+"""Noise of demodulated rows from their own scatter: its density where a long average feels it, and how far neighbours are correlated.
+
+Behind a lock-in's filter the rows are not independent: a mean of g rows has the variance S₀/g, S₀ the noise's density at low frequency
+(unit² a row), not σ²/g. S₀ stands in the spectrum just above what the slow motion of the envelope fills, where the spectrum is level;
+κ = S₀/σ² is the number of rows that count as one. Of n one-pole filters of time constant τ the delay nτ is 0.5 to 0.6 κ rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+DEGREE = 5
+"""Of the polynomial by which the envelope may move within a piece."""
+
+LOW, HIGH = slice(5, 11), slice(11, 21)
+"""Bins just above what the polynomial takes and the Hann window spreads, and the octave above them."""
+
+LEVEL = 1.3
+"""Ratio of the two octaves up to which the spectrum is level, besides what chance allows."""
+
+SHORTEST, LONGEST = 64, 1 << 14
+"""Rows of the pieces that are tried."""
+
+MORE = 1.15
+"""Factor by which a lower octave must show more noise to be believed."""
+
+FEWEST_PIECES = 3
+"""Pieces of one length whose median is taken."""
+
+DELAY = 0.55
+"""Delay of a filter of one to four poles over its κ, see above."""
+
+
+@dataclass(frozen=True)
+class RowNoise:
+    """Of both channels: `density` (channel, 2) unit² a row, along the wave's phase and across it; `variance` (channel, 2) of a row.
+
+    `level`: whether a level part of the spectrum was found; otherwise the lowest octave seen stands for it.
+    """
+
+    density: Array
+    variance: Array
+    level: bool
+
+    @property
+    def correlated_rows(self) -> float:
+        """κ: rows that count as one, at least 1."""
+        total = float(self.variance.sum())
+        return max(1.0, float(self.density.sum()) / total) if total > 0 else 1.0
+
+
+def row_noise(looks: Sequence[Array]) -> RowNoise:
+    """Noise of evenly spaced complex rows, looks of (channel, n) without gaps.
+
+    Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there, the shortest stands, unless a longer
+    one shows clearly more; a filter's S ≈ S₀(1 − cf²) is continued to f = 0 from both octaves.
+    """
+    longest = max(look.shape[1] for look in looks)
+    tried = []
+    rows = SHORTEST
+    while rows <= min(longest, LONGEST):
+        low, high, whole, count = _levels(looks, rows)
+        if count >= FEWEST_PIECES or not tried:
+            tried.append((float(low.sum() / max(high.sum(), 1e-300)), low, whole, 1 / np.sqrt(6 * max(1, count))))
+        rows *= 2
+    tried = [one for one in tried if np.isfinite(one[0])]
+    if not tried:
+        return _by_differences(looks)
+    level = [one for one in tried if one[0] < LEVEL + 2 * one[3]]
+    chosen = level[0] if level else min(tried, key=lambda one: one[0])
+    for one in level:
+        if one[1].sum() > (MORE + 2 * one[3]) * chosen[1].sum():
+            chosen = one
+    ratio, low, whole, _ = chosen
+    return RowNoise(low * max(1.0, min(ratio, LEVEL)) ** (1 / 3), np.maximum(whole, 1e-300), bool(level))
+
+
+def _by_differences(looks: Sequence[Array]) -> RowNoise:
+    """Of a few rows: their third differences, as if they were independent (20 times the variance; the median of |x|² is ln 2 of its mean)."""
+    thirds = np.concatenate([np.diff(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1])), 3, axis=1) for look in looks], axis=1)
+    thirds = thirds[:, np.isfinite(thirds).all(0)]
+    scatter = np.median(np.abs(thirds) ** 2, axis=1) / np.log(2) / 20 / 2 if thirds.shape[1] else np.full(looks[0].shape[0], np.nan)
+    both = np.repeat(np.maximum(scatter, 1e-300)[:, None], 2, axis=1)
+    return RowNoise(both, both, False)
+
+
+def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int]:
+    """Density (channel, 2) in both octaves and variance (channel, 2) of pieces of so many rows, medians over the pieces; their number."""
+    x = np.linspace(-1, 1, rows)
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(x, DEGREE))[0]
+    window = np.hanning(rows + 2)[1:-1]
+    window = window / np.sqrt((window**2).sum())
+    low, high, whole = [], [], []
+    for look in looks:
+        turn = _turn(look)
+        for start in range(0, look.shape[1] - rows + 1, max(1, rows // 2)):
+            u = look[:, start : start + rows] * np.exp(-1j * turn * np.arange(rows))
+            if not np.isfinite(u).all():
+                continue
+            fit = (u @ basis) @ basis.T
+            along = fit[np.argmax((np.abs(fit) ** 2).sum(1))]
+            left = (u - fit) * np.where(along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300))
+            power = np.abs(np.fft.rfft(np.stack([left.real, left.imag], 1) * window, axis=-1)) ** 2
+            filled = power.copy()
+            filled[..., : LOW.start] = power[..., LOW].mean(-1, keepdims=True)
+            low.append(power[..., LOW].mean(-1))
+            high.append(power[..., HIGH].mean(-1))
+            whole.append(filled.mean(-1))
+    if not low:
+        nothing = np.full((looks[0].shape[0], 2), np.nan)
+        return nothing, nothing, nothing, 1
+    middle = (1 - 2 / (9 * 6)) ** 3  # median over mean of some six independent bins
+    return np.median(low, axis=0) / middle, np.median(high, axis=0) / middle, np.median(whole, axis=0), len(low)
+
+
+def _turn(look: Array) -> float:
+    """Mean turn a row [rad] of the envelopes (channel, n)."""
+    pairs = look[:, 1:] * np.conj(look[:, :-1])
+    return float(np.angle(pairs[np.isfinite(pairs)].sum()))
