@@ -62,9 +62,7 @@ def import_(
     amplitude: Annotated[str | None, typer.Option(help="Envelope: column of one channel's amplitude.", show_default=False)] = None,
     phase: Annotated[str | None, typer.Option(help="Envelope: column of its phase.", show_default=False)] = None,
     phase_units: Annotated[str | None, typer.Option(help="Envelope: deg, rad or turns.", show_default=False)] = None,
-    decibel: Annotated[
-        bool | None, typer.Option("--decibel", help="Envelope: the amplitude is a level in dB.", show_default=False)
-    ] = None,
+    decibel: Annotated[bool | None, typer.Option("--decibel", help="Envelope: the amplitude is a level in dB.", show_default=False)] = None,
     reference_frequency_hz: Annotated[
         float | None, typer.Option(help="Envelope: frequency of the demodulator's reference.", show_default=False)
     ] = None,

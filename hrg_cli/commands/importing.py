@@ -27,7 +27,9 @@ def import_file(log: Path | None, run: Common, flags: Mapping[str, Any], envelop
     strange = [name for name, value in flags.items() if value is not None and not settings.accepts(function, name)]
     if strange:
         flag = strange[0].replace("_", "-")
-        raise UsageError(f"--{flag} is for {'samples; leave it out with --envelope' if envelope else 'demodulated signals: add --envelope'}")
+        raise UsageError(
+            f"--{flag} is for {'samples; leave it out with --envelope' if envelope else 'demodulated signals: add --envelope'}"
+        )
     values = run.settings(function, table, **{name: value for name, value in flags.items() if settings.accepts(function, name)})
     log = existing([log] if log else [], "a log, or - for standard input")[0]
     output = run.need_output("periods.h5" if envelope else "recording.h5")

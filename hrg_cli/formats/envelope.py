@@ -27,7 +27,7 @@ from .importing import Column
 from .log import ONE_DEMODULATOR, Log
 from .quantities import channel_unit, is_level, phase_factor
 from .readers import guarded, open_log
-from .row_noise import DELAY, RowNoise, row_noise
+from .row_noise import DELAY, RowNoise, passed, row_noise
 from .slow import SlowLog
 from .taken import GAP_STEPS, Taken, checked_range, moved
 from .timing import Timing, timing_of
@@ -41,14 +41,17 @@ SPREAD = 5.0
 INDEPENDENT = 1.3
 """Correlation (rows that count as one) up to which rows are windows as they are."""
 
+CLEAR = 10.0
+"""Amplitude over noise that a window shall have where the log is long enough."""
+
 FEWEST_WINDOWS = 200
 """Windows that are kept even where they are still correlated; their standard deviations allow for it."""
 
 BEND = 0.1
 """Part of a window's standard deviation by which the envelope's curvature may move its mean."""
 
-LAGGING, LOST = 0.3, 1.0
-"""Phase lag [rad] of the filter at the oscillation's distance from the reference that is told, and that makes the result suspect."""
+WEAKENED, LOST = 0.9, 0.6
+"""Gain of the filter at the oscillation below which it is told, and below which the result is suspect."""
 
 UNKNOWN_PHASE = np.pi / np.sqrt(3)
 """Standard deviation of a phase of which nothing is known."""
@@ -88,7 +91,9 @@ def import_envelope(
     temperature: Named = None,
     rate: Named = None,
     sample_rate_hz: Annotated[float | None, Field(gt=0, description="rows a second, where the log has no times")] = None,
-    sampling_tolerance: Annotated[float, Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even")] = 1e-3,
+    sampling_tolerance: Annotated[
+        float, Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even")
+    ] = 1e-3,
     time_units: Annotated[str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")] = None,
     clock_hz: Annotated[float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")] = None,
     units: Annotated[str | None, Field(description="unit of the signals")] = None,
@@ -224,7 +229,9 @@ class _Signal:
         """Unit of the signals: the log's, or what its level is relative to."""
         told = log.channels[next(iter(self.columns.values()))].units
         if self.decibel:
-            return {"dbv": "V", "dbmv": "mV", "dbuv": "µV", "dbµv": "µV", "dbvrms": "V", "dbm": "mW^0.5", "dbw": "W^0.5"}.get(told.lower(), "1")
+            return {"dbv": "V", "dbmv": "mV", "dbuv": "µV", "dbµv": "µV", "dbvrms": "V", "dbm": "mW^0.5", "dbw": "W^0.5"}.get(
+                told.lower(), "1"
+            )
         return channel_unit(told)
 
     def envelopes(self, columns: list[Array]) -> Array:
@@ -256,7 +263,9 @@ class _Signal:
                 )
             ]
         if "s_in_phase" not in self.columns:
-            return [("suspect", "only one channel was recorded and S is set to 0: wave angle, quadrature and splits cannot be seen in this run")]
+            return [
+                ("suspect", "only one channel was recorded and S is set to 0: wave angle, quadrature and splits cannot be seen in this run")
+            ]
         return []
 
 
@@ -292,13 +301,13 @@ class _Source:
 
 @dataclass(frozen=True)
 class _Plan:
-    """Rows a window, the rows' step, their noise, and how far the oscillation lies from the reference."""
+    """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference and what the filter passes there."""
 
     rows: int
     step_s: float
     noise: RowNoise
     offset_hz: float
-    asked: bool
+    passed: float
 
     def verdicts(self, logged: bool) -> list[tuple[Any, str]]:
         """What the filter before the rows does, and what was done about it."""
@@ -314,19 +323,20 @@ class _Plan:
                 )
             )
             lag_s = DELAY * kappa * self.step_s
-            lag = 2 * np.pi * abs(self.offset_hz) * lag_s
-            if lag > LAGGING:
-                found.append(
-                    (
-                        "suspect" if lag > LOST else "valid",
-                        f"the oscillation lies {self.offset_hz:.4g} Hz from the reference, where a filter with a delay of about {lag_s:.2g} s "
-                        f"leaves {1 / np.hypot(1, lag):.0%} of the amplitude and turns the phase by {lag:.2g} rad; move the reference",
-                    )
-                )
             if logged:
                 found.append(("valid", f"the filter delays the signals by about {lag_s:.2g} s against the logged columns"))
+        if self.passed < WEAKENED:
+            found.append(
+                (
+                    "suspect" if self.passed < LOST else "valid",
+                    f"the oscillation lies {self.offset_hz:.3f} Hz from the reference, where the demodulator's filter passes about "
+                    f"{self.passed:.0%} of the amplitude and turns the phase; amplitudes are those behind the filter: move the reference",
+                )
+            )
         if not self.noise.level:
-            found.append(("valid", "too few rows, or noise that is not white, to be sure of its size: it is that of the lowest octave seen"))
+            found.append(
+                ("valid", "too few rows, or noise that is not white, to be sure of its size: it is that of the lowest octave seen")
+            )
         return found
 
 
@@ -355,12 +365,15 @@ def _plan(source: _Source, from_s: float | None, to_s: float | None, asked: int 
         noise = row_noise(looks)
         offset_hz = float(np.median([_offset(look) for look in looks])) / (2 * np.pi * step_s)
     if asked is not None:
-        return _Plan(min(asked, total), step_s, noise, offset_hz, True)
+        return _Plan(min(asked, total), step_s, noise, offset_hz, passed(looks))
     kappa = noise.correlated_rows
-    rows = 1 if kappa <= INDEPENDENT else max(1, min(round(SPREAD * kappa), total // FEWEST_WINDOWS))
+    power = float(np.median(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
+    clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)
+    rows = max(1 if kappa <= INDEPENDENT else round(SPREAD * kappa), int(min(np.ceil(clear), total)))
+    rows = max(1, min(rows, total // FEWEST_WINDOWS))
     while rows > 1 and _bends(looks, rows, noise):
         rows //= 2
-    return _Plan(rows, step_s, noise, offset_hz, False)
+    return _Plan(rows, step_s, noise, offset_hz, passed(looks))
 
 
 def _offset(look: Array) -> float:
@@ -432,6 +445,7 @@ def _stream(source: _Source, blank: Periods, plan: _Plan, taken: Taken) -> Itera
         "row_std": [float(np.sqrt(v)) for v in plan.noise.variance.mean(1)],
         "window_std": [float(np.sqrt(v / plan.rows)) for v in plan.noise.density.mean(1)],
         "offset_hz": plan.offset_hz,
+        "filter_passes": plan.passed,
     }
     yield held.replace(details=json.dumps(facts | {"noise": noise}, ensure_ascii=False))
 

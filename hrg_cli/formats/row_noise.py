@@ -7,7 +7,7 @@ Behind a lock-in's filter the rows are not independent: a mean of g rows has the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,9 @@ SHORTEST, LONGEST = 64, 1 << 14
 
 MORE = 1.15
 """Factor by which a lower octave must show more noise to be believed."""
+
+LINE = 9
+"""Bins of a running median: a line under a Hann window fills four."""
 
 FEWEST_PIECES = 3
 """Pieces of one length whose median is taken."""
@@ -61,7 +64,7 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
     one shows clearly more; a filter's S ≈ S₀(1 − cf²) is continued to f = 0 from both octaves.
     """
     longest = max(look.shape[1] for look in looks)
-    tried = []
+    tried: list[tuple[float, Array, Array, float]] = []
     rows = SHORTEST
     while rows <= min(longest, LONGEST):
         low, high, whole, count = _levels(looks, rows)
@@ -81,7 +84,7 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
 
 
 def _by_differences(looks: Sequence[Array]) -> RowNoise:
-    """Of a few rows: their third differences, as if they were independent (20 times the variance; the median of |x|² is ln 2 of its mean)."""
+    """Of a few rows: their third differences, as if independent: 20 times the variance; the median of |x|² is ln 2 of its mean."""
     thirds = np.concatenate([np.diff(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1])), 3, axis=1) for look in looks], axis=1)
     thirds = thirds[:, np.isfinite(thirds).all(0)]
     scatter = np.median(np.abs(thirds) ** 2, axis=1) / np.log(2) / 20 / 2 if thirds.shape[1] else np.full(looks[0].shape[0], np.nan)
@@ -90,32 +93,57 @@ def _by_differences(looks: Sequence[Array]) -> RowNoise:
 
 
 def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int]:
-    """Density (channel, 2) in both octaves and variance (channel, 2) of pieces of so many rows, medians over the pieces; their number."""
-    x = np.linspace(-1, 1, rows)
-    basis = np.linalg.qr(np.polynomial.legendre.legvander(x, DEGREE))[0]
+    """Density (channel, 2) in both octaves and variance (channel, 2) of pieces of so many rows; their number."""
+    power = [np.abs(np.fft.rfft(np.stack([left.real, left.imag], 1), axis=-1)) ** 2 for left in _pieces(looks, rows)]
+    if not power:
+        nothing = np.full((looks[0].shape[0], 2), np.nan)
+        return nothing, nothing, nothing, 0
+    middle = _without_lines(np.median(power, axis=0) / _median_of(len(power)))
+    low, high = np.median(middle[..., LOW], -1), np.median(middle[..., HIGH], -1)
+    middle[..., : LOW.start] = low[..., None]
+    return low, high, middle.mean(-1), len(power)
+
+
+def passed(looks: Sequence[Array]) -> float:
+    """Gain of the filter at the oscillation over that at the reference, from the noise of both places; 1 where it cannot be told."""
+    rows = min(max(look.shape[1] for look in looks) // FEWEST_PIECES, LONGEST)
+    rows = 1 << int(np.log2(max(rows, 1)))
+    power = [np.abs(np.fft.fft(left, axis=-1)).sum(0) ** 2 for left in _pieces(looks, rows)] if rows >= SHORTEST else []
+    turn = float(np.median([_turn(look) for look in looks]))
+    place = round(-turn / (2 * np.pi) * rows)
+    if len(power) < FEWEST_PIECES or abs(place) < 2 * LOW.stop:
+        return 1.0
+    spectrum = np.median(power, axis=0)
+    here = np.median(np.concatenate([spectrum[LOW], spectrum[-LOW.stop : -LOW.start]]))
+    there = np.median(np.take(spectrum, np.arange(place - LOW.stop, place + LOW.stop + 1), mode="wrap"))
+    return float(min(1.0, np.sqrt(here / there)))
+
+
+def _pieces(looks: Sequence[Array], rows: int) -> Iterator[Array]:
+    """What a moving envelope leaves of pieces (channel, rows), in the stronger channel's phase, under a Hann window of power 1."""
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, rows), DEGREE))[0]
     window = np.hanning(rows + 2)[1:-1]
     window = window / np.sqrt((window**2).sum())
-    low, high, whole = [], [], []
     for look in looks:
         turn = _turn(look)
         for start in range(0, look.shape[1] - rows + 1, max(1, rows // 2)):
             u = look[:, start : start + rows] * np.exp(-1j * turn * np.arange(rows))
-            if not np.isfinite(u).all():
-                continue
-            fit = (u @ basis) @ basis.T
-            along = fit[np.argmax((np.abs(fit) ** 2).sum(1))]
-            left = (u - fit) * np.where(along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300))
-            power = np.abs(np.fft.rfft(np.stack([left.real, left.imag], 1) * window, axis=-1)) ** 2
-            filled = power.copy()
-            filled[..., : LOW.start] = power[..., LOW].mean(-1, keepdims=True)
-            low.append(power[..., LOW].mean(-1))
-            high.append(power[..., HIGH].mean(-1))
-            whole.append(filled.mean(-1))
-    if not low:
-        nothing = np.full((looks[0].shape[0], 2), np.nan)
-        return nothing, nothing, nothing, 1
-    middle = (1 - 2 / (9 * 6)) ** 3  # median over mean of some six independent bins
-    return np.median(low, axis=0) / middle, np.median(high, axis=0) / middle, np.median(whole, axis=0), len(low)
+            if np.isfinite(u).all():
+                fit = (u @ basis) @ basis.T
+                along = fit[np.argmax((np.abs(fit) ** 2).sum(1))]
+                yield (u - fit) * np.where(along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300)) * window
+
+
+def _median_of(count: int) -> float:
+    """Mean of the median of so many exponential variables of mean 1: Σ 1/i."""
+    middle = [count // 2 + 1] if count % 2 else [count // 2, count // 2 + 1]
+    return float(np.mean([sum(1 / i for i in range(count - k + 1, count + 1)) for k in middle]))
+
+
+def _without_lines(power: Array) -> Array:
+    """Running median over `LINE` bins, so that a beat or a tone is no noise."""
+    padded = np.pad(power, [(0, 0)] * (power.ndim - 1) + [(LINE // 2, LINE // 2)], mode="reflect")
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, LINE, axis=-1), axis=-1)
 
 
 def _turn(look: Array) -> float:

@@ -29,6 +29,8 @@ WORSE = 1e-6
 """A solver that ends with a misfit this fraction above the global least one has not converged to the solution."""
 DETECTED = 5.0
 """An amplitude below this many standard deviations is no wave; noise alone exceeds it in 5e-5 of the windows (χ² of four)."""
+UNKNOWN = 100.0
+"""A signal's standard deviation so many times the usual one says that it was not measured."""
 FEWEST_USABLE = 1e-3
 FAILED_LIMIT = 0.02
 FLAGGED_LIMIT = 0.2
@@ -222,7 +224,7 @@ def _wave(block: Periods, x: Array, misfit: Array, iterations: Array, carrier_kn
         phase_rad_std=std[:, 3],
         carrier_phase_rad_std=std[:, 4],
         residual_rms=misfit,
-        signal_std=np.sqrt(variances.mean(axis=1) / (1 if direct else 2)),
+        signal_std=np.sqrt(_pooled(variances) / (1 if direct else 2)),
         iterations=iterations,
         flags=flags,
         frequency_hz=np.full(len(x), np.nan),
@@ -230,6 +232,16 @@ def _wave(block: Periods, x: Array, misfit: Array, iterations: Array, carrier_kn
         status_reasons=block.status_reasons,
         provenance=block.provenance,
     )
+
+
+def _pooled(variances: Array) -> Array:
+    """Mean variance (n,) of the signals, without those of which nothing is known (the phase of a bare amplitude)."""
+    mean = variances.mean(axis=1)
+    least = variances.min(axis=1)
+    if np.all(mean <= UNKNOWN * least) or not least.any():
+        return np.asarray(mean)
+    known = variances <= UNKNOWN**2 * np.median(variances, axis=1, keepdims=True)
+    return np.asarray(np.divide((variances * known).sum(axis=1), known.sum(axis=1), out=mean.copy(), where=known.any(axis=1)))
 
 
 def _with_frequency(before: Wave | None, wave: Wave, after: Wave | None, half_width: int) -> Wave:
