@@ -19,7 +19,8 @@ from ..errors import HrgError
 from ..fitting.samples.course import Course, course
 from ..fitting.samples.demodulator import Demodulator, Rows
 from ..fitting.samples.even import even_rows
-from ..fitting.samples.survey import survey
+from ..fitting.samples.run_down import RunDown, run_down
+from ..fitting.samples.survey import Survey, survey
 from ..fitting.samples.uneven import uneven_rows
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods, Recording
 
@@ -55,9 +56,17 @@ def demodulate(
     recording, notes = _part(recording, name, from_s, to_s)
     if nominal_frequency_hz is not None:
         recording = recording.replace(nominal_frequency_hz=nominal_frequency_hz)
-    run = Demodulator(recording, survey(recording, name), name, periods_per_window, moving_envelope, notes=notes)
+    looked = survey(recording, name)
+    found = run_down(recording, looked)
+    if found is not None:
+        notes.extend(found.notes)
+        looked = _survey_within(recording, looked, found, name)
+    run = Demodulator(recording, looked, name, periods_per_window, moving_envelope, notes=notes)
     ends = (recording.times(0, 1)[0], recording.times(len(recording.c) - 1)[0])
-    judge = _Judge(run, float(ends[0]), float(ends[1]))
+    if found is not None:
+        run.judged_s = (found.begin_s, found.end_s)
+        ends = (max(ends[0], found.begin_s), min(ends[1], found.end_s))
+    judge = _Judge(run, float(ends[0]), float(ends[1]), found)
     held: Periods | None = None
     for rows in (even_rows if recording.time_s is None else uneven_rows)(run, block_samples):
         if held is not None:
@@ -65,14 +74,13 @@ def demodulate(
         held = _periods(run, rows, judge)
     if held is None:
         raise run.too_short()
-    found = run.survey
     yield judge.verdict(
         held.replace(
-            spectrum_frequency_hz=found.spectrum_hz,
-            spectrum_density=found.spectrum_density,
-            spectrum_line_frequency_hz=found.line_hz,
-            spectrum_line_amplitude=found.line_amplitude,
-            spectrum_line_ratio=found.line_ratio,
+            spectrum_frequency_hz=looked.spectrum_hz,
+            spectrum_density=looked.spectrum_density,
+            spectrum_line_frequency_hz=looked.line_hz,
+            spectrum_line_amplitude=looked.line_amplitude,
+            spectrum_line_ratio=looked.line_ratio,
         )
     )
 
@@ -148,6 +156,19 @@ def _part(recording: Recording, name: str, from_s: float | None, to_s: float | N
     return recording.part(start, stop), notes
 
 
+def _survey_within(recording: Recording, whole: Survey, found: RunDown, name: str) -> Survey:
+    """The survey of the run-down alone; of the whole where too little is left."""
+    start, stop = (
+        fallback if not np.isfinite(at) else _row_at(recording, at)
+        for at, fallback in ((found.begin_s, 0), (found.end_s, len(recording.c)))
+    )
+    try:
+        inside = survey(recording.part(start, stop), name)
+    except HrgError:
+        return whole
+    return whole if inside.refused else inside
+
+
 def _row_at(recording: Recording, time_s: float) -> int:
     """The first row whose time is not before `time_s`."""
     if recording.time_s is None:
@@ -196,9 +217,11 @@ class _Judge:
     run: Demodulator
     begin_s: float
     end_s: float
+    part: RunDown | None
     rows: int = 0
     flagged: dict[int, int] = field(default_factory=dict)
     settled: bool = False
+    settle: int = 0
     outside_log: int = 0
 
     def __post_init__(self) -> None:
@@ -212,8 +235,18 @@ class _Judge:
             logged = {name: getattr(recording, name) for name in AUXILIARY}
             self.log = {name: course(self.log_time, values) for name, values in logged.items() if values is not None}
 
+    def outside(self, rows: Rows) -> Array:
+        """Flag the rows that reach beyond the run-down; those before it (n,) bool."""
+        if self.part is None:
+            return np.zeros(len(rows["flags"]), bool)
+        half = self.run.window_s / 2
+        before, behind = rows["time_s"] - half < self.part.begin_s, rows["time_s"] + half > self.part.end_s
+        rows["flags"][before | behind] |= FLAG_SETTLING
+        return np.asarray(before)
+
     def settling(self, rows: Rows) -> None:
-        """Flag the leading rows whose residual is far above the run's, until the first that is not."""
+        """Flag the rows outside the run-down, and its leading ones whose residual is far above the run's, until the first that is not."""
+        before = self.outside(rows)
         if self.settled:
             return
         power, relative = self.run.calm
@@ -223,9 +256,11 @@ class _Judge:
         far = (residual2 > SETTLING_FACTOR**2 * max(power, least2)) & (residual2 > SETTLING_FACTOR**2 * relative * wave2)
         far &= rows["time_s"] - self.begin_s < SETTLING_SHARE * (self.end_s - self.begin_s)
         far &= rows["flags"] & FLAG_CLIPPED == 0
-        calm = np.flatnonzero(~far & np.isfinite(residual2))
+        calm = np.flatnonzero(~far & ~before & np.isfinite(residual2))
         stop = int(calm[0]) if len(calm) else len(far)
+        far[:stop] &= ~before[:stop]
         rows["flags"][:stop][far[:stop]] |= FLAG_SETTLING
+        self.settle += int(far[:stop].sum())
         self.settled = len(calm) > 0
 
     def count(self, flags: Array) -> None:
@@ -253,7 +288,7 @@ class _Judge:
         """The last block with the reasons to note, suspect or refuse the whole."""
         found, recording = self.run.survey, self.run.recording
         notes, suspect, refused = list(self.run.notes), list(found.suspect), list(found.refused)
-        clipped, gaps, bad, settling = (self.flagged.get(bit, 0) for bit in (FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING))
+        clipped, gaps, bad = (self.flagged.get(bit, 0) for bit in (FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE))
         of = f"of {self.rows} windows"
         if clipped:
             (suspect if clipped > 0.01 * self.rows else notes).append(f"{clipped} {of} hold clipped samples")
@@ -261,8 +296,9 @@ class _Judge:
             (suspect if gaps > 0.1 * self.rows else notes).append(f"{gaps} {of} lie in or beside gaps of the sampling")
         if bad:
             (suspect if bad > 0.01 * self.rows else notes).append(f"{bad} {of} hold samples that are not finite")
-        if settling:
-            notes.append(f"the first {settling} windows settle")
+        if self.settle:
+            after = "" if self.part is None or not np.isfinite(self.part.begin_s) else " after the strike"
+            notes.append(f"the first {self.settle} windows{after} settle")
         if self.outside_log:
             notes.append(f"{self.outside_log} {of} lie outside the auxiliary log; their temperature and rate are NaN")
         if recording.s_units != recording.c_units:

@@ -44,6 +44,8 @@ class Demodulator:
     moving_asked: bool | None
     window_s: float = 0.0
     notes: list[str] = field(default_factory=list)
+    judged_s: tuple[float, float] = (-np.inf, np.inf)
+    """Times between which the envelope's motion is judged: of a struck body, its run-down."""
 
     def __post_init__(self) -> None:
         carrier = self.survey.carrier_hz
@@ -168,6 +170,12 @@ class Demodulator:
                 return True
         return False
 
+    def _judged(self, u: Array, times: Array) -> Array:
+        """The envelopes (channel, rows, F), NaN where they are outside the run-down: a strike's bend is not that of the rows beside it."""
+        if times[0] > self.judged_s[0] and times[-1] < self.judged_s[1]:
+            return u
+        return np.where(((times > self.judged_s[0]) & (times < self.judged_s[1]))[:, None], u, np.nan)
+
     def _count_bent(self, doubt: Array, std: Array) -> None:
         """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half the noise."""
         bent = doubt > std / 2
@@ -190,8 +198,9 @@ class Demodulator:
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
         bend = doubt = None
-        if self.periods_asked >= MOVING_PERIODS or self._bends(u, offset, fits):
-            bend, doubt = curvatures(u, offset, self.window_s) or (None, None)
+        smooth = self._judged(u, times)
+        if self.periods_asked >= MOVING_PERIODS or self._bends(smooth, offset, fits):
+            bend, doubt = curvatures(smooth, offset, self.window_s) or (None, None)
         noisier = pull_noise(fits.slope, fits.curvature, self.window_s) if bend is not None else pull_noise(fits.slope, None, self.window_s)
         if slope is not None:
             raw = u
@@ -230,7 +239,8 @@ class Demodulator:
             np.sqrt(sample2 * (q + part) + unsure, out=out["signals_std"][rows, first : first + tones])
             np.sqrt(sample2 * (p - part) + unsure, out=out["signals_std"][rows, first + tones : first + 2 * tones])
             if doubt2 is not None:
-                self._count_bent(np.sqrt(doubt2[k]).max(-1), np.sqrt(np.broadcast_to(sample2[:, 0] * p[:, 0], len(u[k]))))
+                judged = (times[keep] > self.judged_s[0]) & (times[keep] < self.judged_s[1])
+                self._count_bent(np.sqrt(doubt2[k]).max(-1)[judged], np.sqrt(np.broadcast_to(sample2[:, 0] * p[:, 0], len(u[k])))[judged])
             np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])
             if self._colour is not None and self._colour[k].min() < 1:
                 clipped = out["flags"][rows] & FLAG_CLIPPED != 0  # a clipped top bends the signal itself, not its harmonics alone

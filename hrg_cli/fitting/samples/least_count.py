@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def least_count(parts: Iterable[Array]) -> float:
     neighbours (values printed with a few digits are off the lattice by their rounding), and held against all of them.
     """
     arrays = [np.asarray(part).ravel() for part in parts]
-    values: Array = np.unique(np.concatenate(arrays)) if arrays else np.zeros(0)
+    values: Any = np.unique(np.concatenate(arrays)) if arrays else np.zeros(0)
     if values.dtype.kind in "iub":
         steps = np.diff(values.astype(np.int64))
         return float(np.gcd.reduce(steps)) if len(values) >= FEWEST_VALUES else 1.0
@@ -37,7 +38,7 @@ def least_count(parts: Iterable[Array]) -> float:
     if len(values) < FEWEST_VALUES:
         return 0.0
     floor = ROUNDINGS * rounding * float(np.abs(values).max())
-    steps: Array = np.diff(values)
+    steps: Any = np.diff(values)
     steps = steps[steps > floor / ROUNDINGS]  # the same value, calculated twice
     if len(steps) < FEWEST_VALUES - 1:
         return 0.0
