@@ -38,6 +38,8 @@ class Column:
     name: str | None
     dtype: str
     optional: bool
+    packed: bool = True
+    """Compressed where that saves space; not where it would cost more than all the work on the values."""
 
 
 def column(
@@ -49,9 +51,10 @@ def column(
     name: str | None = None,
     dtype: str = "f8",
     optional: bool = False,
+    packed: bool = True,
 ) -> Any:
     """Declare a dataset; `units` is its canonical unit ("any" for the channel's own), `dims` the names of its dimensions."""
-    spec = Column(units, meaning, dims, group, name, dtype, optional)
+    spec = Column(units, meaning, dims, group, name, dtype, optional, packed)
     return field(default=None, metadata={"column": spec}) if optional else field(metadata={"column": spec})
 
 
@@ -251,7 +254,7 @@ class Recording(Record):
 class Windowed(Record):
     """What a row of every window carries, and the run it belongs to: common to `Periods` and `Wave`."""
 
-    time_s: Array = column("s", "centre of the window")
+    time_s: Array = column("s", "centre of the window", packed=False)
     flags: Array = column("1", "bits: 1 clipped, 2 gap, 4 not finite, 8 settling", dtype="u1")
     temperature_degc: Array | None = column("degC", "temperature at the window", optional=True)
     rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis at the window", optional=True)
@@ -306,7 +309,7 @@ class Periods(Windowed):
     kind: ClassVar[str] = "periods"
     made_by: ClassVar[str] = "hrg demodulate"
     signals: Array = column("any", "signal coefficients", ("row", "signal"))
-    signals_std: Array = column("any", "their standard deviations", ("row", "signal"))
+    signals_std: Array = column("any", "their standard deviations", ("row", "signal"), packed=False)
     residual_rms: Array = column("any", "rms of what the fit leaves, channel C and S", ("row", "channel"))
     periods_per_window: float = attribute("oscillation periods a window", dtype="f8")
     carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8")

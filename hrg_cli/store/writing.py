@@ -118,7 +118,7 @@ def _create(file: h5py.File, record: Record) -> None:
                 options["fletcher32"] = True
             elif spec.dims[0] == "row" or array.nbytes > 4096:
                 options["fletcher32"] = True
-                if _worth_compressing(array):
+                if spec.packed and _worth_compressing(array):
                     options |= {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         dataset = file.create_dataset(place, data=array, track_times=False, **options)
         dataset.attrs["units"] = _units(record, spec)

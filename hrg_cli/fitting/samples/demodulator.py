@@ -17,7 +17,7 @@ from .windows import Fits, bend_power, curvatures, motion_counts, motion_residua
 Array = np.ndarray
 Rows = dict[str, Array]
 
-CHUNK_SAMPLES, CHUNK_WINDOWS = (1 << 16, 1 << 20), 256
+CHUNK_SAMPLES, CHUNK_WINDOWS = (1 << 18, 1 << 20), 256
 """Samples, at least and at most, and windows in between, that share one local basis frequency."""
 
 DRIFT_RAD = 0.03

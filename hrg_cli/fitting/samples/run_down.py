@@ -21,8 +21,8 @@ Array = np.ndarray
 WINDOWS, SUB_WINDOWS = 256, 4
 """Windows along a recording that is looked at closely, and those a look of the survey is cut into before."""
 
-FEWEST_PERIODS, MOST_SAMPLES = 8.0, 4096
-"""Least length of a window, and its most samples."""
+FEWEST_PERIODS, FEW_SAMPLES, MOST_SAMPLES = 8.0, 1024, 4096
+"""Least length of a window, and its most samples at the first look and at the closer one."""
 
 STRIKE, SOUND = 10.0, 4.0
 """Rise of the wave's power and of the whole sound's that is a strike."""
@@ -32,6 +32,12 @@ CLEAR, GONE = 100.0, 10.0
 
 LOUDER, FASTER, FEWEST_END = 3.0, 2.5, 3
 """Rise of what is not the wave, factor of the decay, and windows up to the end that show another sound."""
+
+BESIDE = np.array([0.0, -7, -6, -5, -4, 4, 5, 6, 7])
+"""Bins of a window's spectrum, from the oscillation's on, at which its power and the floor are taken."""
+
+NEAR = 0.02
+"""Part of a bin and of a period within which two windows share their sines."""
 
 BEFORE = 24
 """Windows before a possible end with which it is compared."""
@@ -132,9 +138,13 @@ def _disturbed(course: _Course, first: int, last: int) -> int:
 def _cut(survey: Survey) -> Iterable[tuple[Array, Array]]:
     """Times and samples (2, n) of the parts of the survey's looks."""
     period = FEWEST_PERIODS / survey.reference_hz / survey.step_s
+    shortest = max(16, int(np.ceil(period)))
     for look in survey.looks:
-        parts = int(max(1, min(SUB_WINDOWS if len(survey.looks) > 1 else WINDOWS, len(look.time_s) // max(16, period))))
-        yield from zip(np.array_split(look.time_s, parts), np.array_split(look.y, parts, axis=1), strict=True)
+        n = len(look.time_s)
+        parts = max(1, min(SUB_WINDOWS if len(survey.looks) > 1 else WINDOWS, n // shortest))
+        length = min(n // parts, max(shortest, FEW_SAMPLES))
+        for start in range(0, n - length + 1, n // parts):
+            yield look.time_s[start : start + length], look.y[:, start : start + length]
 
 
 def _windows(recording: Recording, survey: Survey) -> Iterable[tuple[Array, Array]]:
@@ -150,15 +160,20 @@ def _windows(recording: Recording, survey: Survey) -> Iterable[tuple[Array, Arra
 def _course(pieces: Iterable[tuple[Array, Array]], survey: Survey) -> _Course:
     """Powers under a Hann window at the oscillation's frequency, at frequencies four to seven bins beside it, and of the rest."""
     rows: list[tuple[float, float, float, float, float]] = []
+    kept: tuple[Array, float] | None = None
+    window = turn = np.zeros(0)
     for time_s, y in pieces:
         if not np.isfinite(y).all():
             continue
         middle, span = (time_s[0] + time_s[-1]) / 2, time_s[-1] - time_s[0]
-        window = np.hanning(len(time_s) + 2)[1:-1]
-        window /= window.sum()
+        tau, hz = time_s - middle, survey.frequency_hz(middle)
+        near = kept is not None and len(kept[0]) == len(tau) and abs(kept[1] - hz) < NEAR / span
+        if kept is None or not near or np.abs(kept[0] - tau).max() > NEAR / survey.reference_hz:
+            kept = tau, hz
+            window = np.hanning(len(time_s) + 2)[1:-1]
+            window /= window.sum()
+            turn = np.exp(-2j * np.pi * np.multiply.outer(hz + BESIDE / span, tau))
         y = y - (y * window).sum(1, keepdims=True)
-        beside = np.array([0.0, -7, -6, -5, -4, 4, 5, 6, 7]) / span
-        turn = np.exp(-2j * np.pi * np.multiply.outer(survey.frequency_hz(middle) + beside, time_s - middle))
         power = (np.abs((y * window) @ turn.T) ** 2).sum(0) * 2  # of a wave of amplitude a: a²/2
         whole = float((y**2 @ window).sum())
         rows.append((time_s[0], time_s[-1], float(power[0]), float(np.median(power[1:])), max(whole - float(power[0]), 1e-12 * whole)))

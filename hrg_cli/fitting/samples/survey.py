@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import HrgError
 from ...records import Recording
 from . import frequency as finding
-from .least_count import least_count
+from .least_count import counted, least_count
 from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray
@@ -173,7 +173,7 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     if n < 6:
         raise HrgError(f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record longer")
     looks, patched, stretches = [], [], []
-    for a in np.unique(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)):
+    for a in dict.fromkeys(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int).tolist()):
         raw = (np.asarray(recording.c[a : a + length]), np.asarray(recording.s[a : a + length]))
         y = np.stack(
             [raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset]
@@ -326,7 +326,7 @@ def _stuck_at_top(values: Array) -> bool:
     values = values[np.isfinite(values)]
     if len(values) < 8 or np.count_nonzero(values == values.max()) < 5:
         return False
-    distinct, counts = np.unique(values, return_counts=True)
+    distinct, counts = counted(values)
     if len(distinct) < 8:
         return False
     amplitude = max(1.0, float(np.ptp(distinct)) / 2 / max(float(np.diff(distinct).min()), 1e-300))

@@ -28,6 +28,9 @@ POOL_KNOWN = 64
 CACHE_SAMPLES = 1 << 15
 """Samples turned to floats at once, so that they stay in the processor's cache."""
 
+LOST = 1e-9
+"""Part of the sum of squares below which a residual is not left to the difference of two sums: rounding would be 1e-6 of it and more."""
+
 POOL_FREEDOM = 400
 """Degrees of freedom pooled for a standard deviation, so that error/σ is not a heavy-tailed t."""
 
@@ -52,23 +55,30 @@ class Fits:
 def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
     """Envelope (rows, F) and residual sum of squares (rows,) of one channel's windows (rows, samples), in raw units.
 
-    One matrix product for each stretch that fits the cache; the residual is |y|² less the power in the orthonormal basis.
+    One matrix product for each stretch that fits the cache; the residual is |y|² less the power in the orthonormal basis q, and where
+    that difference has lost its digits (below `LOST` of |y|²) the sum of (y − Qq)² itself, while the stretch is in the cache.
     """
     rows, samples = raw.shape
     at_once = max(1, CACHE_SAMPLES // samples)
     q = np.empty((rows, basis.orthonormal.shape[1]))
-    square = np.empty(rows)
-    for start in range(0, rows, at_once):
-        y = raw[start : start + at_once].astype(float)
-        with np.errstate(invalid="ignore"):
-            np.matmul(y, basis.orthonormal, out=q[start : start + at_once])
-            if samples < 64:
-                np.einsum("ij,ij->i", y, y, out=square[start : start + at_once])
-            else:
-                square[start : start + at_once] = (y[:, None, :] @ y[:, :, None])[:, 0, 0]
+    left = np.empty(rows)
     with np.errstate(invalid="ignore"):
+        for start in range(0, rows, at_once):
+            y = raw[start : start + at_once].astype(float)
+            part, rest = q[start : start + at_once], left[start : start + at_once]
+            np.matmul(y, basis.orthonormal, out=part)
+            square = _squares(y)
+            np.subtract(square, np.einsum("ij,ij->i", part, part), out=rest)
+            if (rest < LOST * square).any():
+                y -= part @ basis.orthonormal.T
+                rest[:] = _squares(y)
         fit = q @ basis.triangle
-        return fit[:, 0::2] - 1j * fit[:, 1::2], np.maximum(square - np.einsum("ij,ij->i", q, q), 0.0)
+    return fit[:, 0::2] - 1j * fit[:, 1::2], left
+
+
+def _squares(y: Array) -> Array:
+    """Σ y² of every row (rows,)."""
+    return np.asarray(np.einsum("ij,ij->i", y, y) if y.shape[1] < 64 else (y[:, None, :] @ y[:, :, None])[:, 0, 0])
 
 
 def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
