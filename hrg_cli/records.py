@@ -8,6 +8,7 @@ A *stream* is an iterator of records of one kind: its rows are appended, its oth
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar
@@ -97,6 +98,7 @@ class Record:
     provenance: Provenance = field(default_factory=Provenance)
 
     @classmethod
+    @functools.cache
     def columns(cls) -> dict[str, Column]:
         """Field name -> its declaration, in order."""
         return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}

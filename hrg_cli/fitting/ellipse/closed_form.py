@@ -23,13 +23,15 @@ def split(signals: Array, carrier_phase_rad: float | Array | None = None) -> tup
     """
     lower, upper = sidebands(signals)
     if carrier_phase_rad is None:
-        psi = np.angle((upper * np.conj(lower)).sum(-1)) / 2
+        cross = upper * np.conj(lower)
+        psi = np.angle(cross[..., 0] + cross[..., 1]) / 2
     else:
         psi = np.broadcast_to(np.asarray(carrier_phase_rad, float), signals.shape[:-1])
     turn = np.exp(1j * psi)[..., None]
     from_lower, from_upper = lower * turn, upper * np.conj(turn)
     half_difference = (from_upper - from_lower) / 2
-    misfit = np.sqrt((half_difference.real**2 + half_difference.imag**2).sum(-1)) / 2
+    power = half_difference.real**2 + half_difference.imag**2
+    misfit = np.sqrt(power[..., 0] + power[..., 1]) / 2
     return (from_lower + from_upper) / 2, psi, misfit
 
 

@@ -10,15 +10,19 @@ Array = np.ndarray
 CONTEXT_ROWS = 64
 """Rows before and after a gap that tell the slope over it."""
 FEWEST_ROWS = 8
+SEGMENT = 64
+"""Rows that share a running sum."""
 
 
 def continued(time_s: Array, angle: Array, phase: Array, carrier_phase: Array, window_s: float) -> tuple[Array, Array, Array]:
     """Continuous (mθ, φ, ψ) of finite rows (n), the first row unchanged."""
-    carrier = _unwrapped(time_s, carrier_phase, np.pi, window_s)
+    intervals = np.diff(time_s)
+    gaps = np.flatnonzero(intervals > 1.5 * max(window_s, float(np.median(intervals)))) if len(intervals) else np.zeros(0, int)
+    carrier = _unwrapped(time_s, carrier_phase, np.pi, gaps)
     phase = phase + np.pi * np.round((carrier - carrier_phase) / np.pi)
-    electrical = _unwrapped(time_s, angle, np.pi, window_s)
+    electrical = _unwrapped(time_s, angle, np.pi, gaps)
     phase = phase + np.pi * np.round((electrical - angle) / np.pi)
-    return electrical, _unwrapped(time_s, phase, 2 * np.pi, window_s), carrier
+    return electrical, _unwrapped(time_s, phase, 2 * np.pi, gaps), carrier
 
 
 def nearest_copy(x: Array, expected: Array) -> Array:
@@ -30,16 +34,18 @@ def nearest_copy(x: Array, expected: Array) -> Array:
     return np.stack([electrical + np.pi * turns, phase, carrier + np.pi * carrier_turns], axis=-1)
 
 
-def _unwrapped(time_s: Array, values: Array, period: float, window_s: float) -> Array:
-    """Values (n) plus multiples of the period, each step the one nearest to its prediction."""
+def _unwrapped(time_s: Array, values: Array, period: float, gaps: Array) -> Array:
+    """Values (n) plus multiples of the period, each step the one nearest to its prediction; `gaps`: rows before a gap."""
     if len(values) < 2:
         return values.copy()
-    steps, intervals = np.diff(values), np.diff(time_s)
+    steps = np.diff(values)
+    if not len(gaps):
+        turns = np.round(steps / period)
+        return values - period * np.concatenate([[0.0], np.cumsum(turns)]) if turns.any() else values.copy()
     nearest = steps - period * np.round(steps / period)
-    gaps = np.flatnonzero(intervals > 1.5 * max(window_s, float(np.median(intervals))))
-    if len(gaps):
-        predicted = _slopes(time_s, np.concatenate([[0.0], np.cumsum(nearest)]), gaps, intervals[gaps], period) * intervals[gaps]
-        nearest[gaps] = steps[gaps] - period * np.round((steps[gaps] - predicted) / period)
+    intervals = np.diff(time_s)
+    predicted = _slopes(time_s, np.concatenate([[0.0], np.cumsum(nearest)]), gaps, intervals[gaps], period) * intervals[gaps]
+    nearest[gaps] = steps[gaps] - period * np.round((steps[gaps] - predicted) / period)
     turns = np.round((np.concatenate([[0.0], np.cumsum(nearest)]) - (values - values[0])) / period)
     return values + period * turns
 
@@ -60,23 +66,37 @@ def _slopes(time_s: Array, path: Array, gaps: Array, length_s: Array, period: fl
 def local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -> Array:
     """Slope of a straight line through each row's 2·half_width + 1 neighbours (fewer at the ends), weighted; NaN where they are one.
 
-    Sums are taken about each row's own time and value, so a long run loses no digits.
+    Running sums start anew every `SEGMENT` rows, about the segment's own time and value, so a long run loses no digits.
     """
     n = len(values)
-    half_width = min(half_width, n - 1)
-    sums = np.zeros((5, n))
+    h = min(half_width, n - 1)
     used = weights > 0
-    anchor = np.where(used, values, 0.0)
     nearest = np.maximum.accumulate(np.where(used, np.arange(n), -1))
-    anchor = np.where(nearest >= 0, anchor[nearest], values[np.argmax(used)] if used.any() else 0.0)
-    safe = np.where(used, values, 0.0)
-    for offset in range(-half_width, half_width + 1):
-        here, there = slice(max(0, -offset), min(n, n - offset)), slice(max(0, offset), min(n, n + offset))
-        w = weights[there]
-        t, v = time_s[there] - time_s[here], safe[there] - anchor[here]
-        for row, term in zip(sums[:, here], (w, w * t, w * v, w * t * t, w * t * v), strict=True):
-            row += term
-    w, t, v, tt, tv = sums
+    nearest[nearest < 0] = np.argmax(used) if used.any() else 0
+    filled = np.where(used, values, 0.0)[nearest]
+    segments = -(-n // SEGMENT)
+    ends = (h, segments * SEGMENT + h - n)
+    rows = np.lib.stride_tricks.sliding_window_view
+    t, v, w = (
+        rows(np.pad(column, ends, mode=mode), SEGMENT + 2 * h)[::SEGMENT]
+        for column, mode in (
+            (np.where(np.isfinite(time_s), time_s, 0.0), "edge"),
+            (filled, "edge"),
+            (np.where(used, weights, 0.0), "constant"),
+        )
+    )
+    middle = h + SEGMENT // 2
+    t, v = t - t[:, middle, None], v - v[:, middle, None]
+    wt, wv = w * t, w * v
+    w, wt, wv, wtt, wtv = (_running(term, 2 * h + 1) for term in (w, wt, wv, wt * t, wt * v))
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (w * tv - t * v) / (w * tt - t * t)
+        slope = ((w * wtv - wt * wv) / (w * wtt - wt * wt)).ravel()[:n]
     return np.where(np.isfinite(slope), slope, np.nan)
+
+
+def _running(terms: Array, length: int) -> Array:
+    """Sums of `length` neighbours along each row of terms (segments, columns)."""
+    total = np.cumsum(terms, axis=1)
+    out = total[:, length - 1 :].copy()
+    out[:, 1:] -= total[:, :-length]
+    return out

@@ -10,6 +10,8 @@ Signals of equal σ: direct σ_A = σ_B = σ, σ_θ = σ_φ = σ√(A²+B²)/|A�
 import numpy as np
 
 Array = np.ndarray
+CHUNK_ROWS = 4096
+"""Rows worked on together, so that the intermediate arrays stay in the processor's cache."""
 ANGLE_LIMIT, PHASE_LIMIT, CARRIER_LIMIT = np.pi / np.sqrt(12), np.pi / np.sqrt(3), np.pi / np.sqrt(12)
 """Standard deviations of an unknown angle: θ (electrical) and ψ repeat after π, φ after 2π; σ = range/√12."""
 
@@ -17,47 +19,63 @@ ANGLE_LIMIT, PHASE_LIMIT, CARRIER_LIMIT = np.pi / np.sqrt(12), np.pi / np.sqrt(3
 def standard_deviations(x: Array, variances: Array, carrier_known: bool) -> Array:
     """σ (n, 5) of A, B, θ (electrical), φ, ψ at x (n, 5) for signals of variances (n, 4) direct or (n, 8) carrier.
 
+    A projection Re d†δu has the variance Σ |d|²M + Re(d²N) over both channels, M half the sum and N half the difference of the variances
+    of Re u and Im u; with a carrier each is the sum over both side bands, N turned by their phases ∓2ψ, over 4. With d from the module's
+    page and T = e^{2jφ}N all is real in P = Re T, Q = Im T, e_A², e_B² and e_A e_B.
+
     The linear σ of an angle grows without bound towards a circular or a vanishing wave; it is joined there to that of an angle of
     which nothing is known, 1/σ² = 1/σ_linear² + 1/σ_unknown².
     """
-    A, B, theta, phi, psi = x.T
-    e_A = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
-    e_B = np.stack([-e_A[:, 1], e_A[:, 0]], axis=-1)
-    turn = np.exp(1j * phi)[:, None]
-    real, imaginary = _envelope_variances(variances)
     out = np.zeros_like(x)
-
-    def project(direction: Array) -> Array:
-        """Variance of Re(direction† δu)."""
-        if real.shape[1] == 2:
-            return np.sqrt((direction.real**2 * real + direction.imag**2 * imaginary).sum(-1))
-        halves = [direction * np.exp(sign * 1j * psi)[:, None] / 2 for sign in (-1, 1)]
-        weights = np.concatenate(halves, axis=-1)
-        return np.sqrt((weights.real**2 * real + weights.imag**2 * imaginary).sum(-1))
-
-    out[:, 0] = project(turn * e_A)
-    out[:, 1] = project(-1j * turn * e_B)
-    u = turn * (A[:, None] * e_A - 1j * B[:, None] * e_B)
-    determinant, power = np.abs(A**2 - B**2), A**2 + B**2
-    out[:, 2] = _limited(project(turn * (A[:, None] * e_B - 1j * B[:, None] * e_A)), determinant, ANGLE_LIMIT)
-    out[:, 3] = _limited(project(turn * (1j * A[:, None] * e_A - B[:, None] * e_B)), determinant, PHASE_LIMIT)
-    if real.shape[1] == 4 and not carrier_known:
-        lower, upper = -1j * u * np.exp(-1j * psi)[:, None] / 2, 1j * u * np.exp(1j * psi)[:, None] / 2
-        weights = np.concatenate([lower, upper], axis=-1)
-        spread = np.sqrt((weights.real**2 * real + weights.imag**2 * imaginary).sum(-1))
-        out[:, 4] = _limited(spread, power, CARRIER_LIMIT)
+    for start in range(0, len(x), CHUNK_ROWS):
+        rows = slice(start, start + CHUNK_ROWS)
+        _fill(out[rows], x[rows], variances[rows], variances.shape[1] == 8 and not carrier_known)
     return out
 
 
-def _envelope_variances(variances: Array) -> tuple[Array, Array]:
-    """Variances of real and imaginary parts: of u_C, u_S (direct), or of z⁻_C, z⁻_S, z⁺_C, z⁺_S (carrier)."""
+def _fill(out: Array, x: Array, variances: Array, with_carrier: bool) -> None:
+    A, B, theta, phi, psi = np.ascontiguousarray(x.T)
+    cos, sin = np.cos(theta), np.sin(theta)
+    cos_turn, sin_turn = np.cos(2 * phi), np.sin(2 * phi)
+    cos2, sin2, A2, B2, cross = cos * cos, sin * sin, A * A, B * B, 2 * A * B * cos * sin
+    sums = np.zeros((5, len(A)))
+    for (M, real, imaginary), along2, across2, product in zip(
+        _halves(variances, psi), (cos2, sin2), (sin2, cos2), (-cross, cross), strict=True
+    ):
+        P = cos_turn * real - sin_turn * imaginary
+        Q = (cos_turn * imaginary + sin_turn * real) * product
+        more, less = M + P, M - P
+        sums[0] += along2 * more
+        sums[1] += across2 * less
+        sums[2] += A2 * across2 * more + B2 * along2 * less + Q
+        both = A2 * along2 * less + B2 * across2 * more
+        sums[3] += both + Q
+        sums[4] += both - Q
+    spread = np.sqrt(np.maximum(sums, 0.0))
+    determinant = np.abs(A2 - B2)
+    out[:, 0], out[:, 1] = spread[0], spread[1]
+    out[:, 2] = _limited(spread[2], determinant, ANGLE_LIMIT)
+    out[:, 3] = _limited(spread[3], determinant, PHASE_LIMIT)
+    if with_carrier:
+        out[:, 4] = _limited(spread[4], A2 + B2, CARRIER_LIMIT)
+
+
+def _halves(variances: Array, psi: Array) -> tuple[tuple[Array, Array | float, Array | float], ...]:
+    """M, Re N and Im N (n) of channels C and S, see `standard_deviations`."""
     if variances.shape[1] == 4:
-        return variances[:, 0::2], variances[:, 1::2]
-    a, b = variances[:, [0, 4, 1, 5]], variances[:, [2, 6, 3, 7]]
-    return b, a
+        c_re, c_im, s_re, s_im = np.ascontiguousarray(variances.T) / 2
+        return (c_re + c_im, c_re - c_im, 0.0), (s_re + s_im, s_re - s_im, 0.0)
+    a_c_low, a_c_up, b_c_low, b_c_up, a_s_low, a_s_up, b_s_low, b_s_up = np.ascontiguousarray(variances.T) / 8
+    cos, sin = np.cos(2 * psi), np.sin(2 * psi)
+    halves = []
+    for a_low, a_up, b_low, b_up in ((a_c_low, a_c_up, b_c_low, b_c_up), (a_s_low, a_s_up, b_s_low, b_s_up)):
+        low, up = b_low - a_low, b_up - a_up
+        halves.append((a_low + a_up + b_low + b_up, (up + low) * cos, (up - low) * sin))
+    return tuple(halves)
 
 
 def _limited(spread: Array, size: Array, unknown: float) -> Array:
     """σ = spread/size joined to that of an unknown angle; size 0 counts as unknown, NaN stays NaN."""
-    ratio = np.where(size == 0, np.inf, spread / np.where(size == 0, 1.0, size)) / unknown
-    return unknown * np.sin(np.arctan(ratio))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        joined = spread / np.sqrt(size * size + (spread / unknown) ** 2)
+    return np.where(size == 0, unknown, joined)
