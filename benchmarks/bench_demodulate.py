@@ -1,9 +1,10 @@
-"""demodulate against merely reading the same uncompressed file with h5py, its growth with length, and its peak memory.
+"""demodulate against merely reading the same uncompressed file with h5py: as a function, and as whole processes in pairs; growth, memory.
 
 python benchmarks/bench_demodulate.py [millions of samples]
 """
 
 import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -68,6 +69,40 @@ def best(action: Callable[[], object], times: int = 3) -> float:
     return min(taken)
 
 
+READ = """
+import h5py
+with h5py.File({path!r}) as file:
+    for name in "cs":
+        channel = file["recording"][name]
+        for start in range(0, len(channel), 1 << 20):
+            channel[start : start + (1 << 20)]
+"""
+
+
+def processor_seconds(command: list[str]) -> float:
+    """Processor time of a process of its own, children and all [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def as_processes(path: Path) -> None:
+    """Print how much processor time `hrg demodulate` takes against a script that only reads, pair by pair."""
+    output = str(path.with_suffix(".periods.h5"))
+    for periods in (1, 50):
+        command = [sys.executable, "-m", "hrg_cli.cli", "demodulate", str(path), "-o", output, "--force", "-q"]
+        pairs = [
+            (
+                processor_seconds([sys.executable, "-c", READ.format(path=str(path))]),
+                processor_seconds([*command, "--periods-per-window", str(periods)]),
+            )
+            for _ in range(3)
+        ]
+        reading, whole = min(pairs, key=lambda pair: pair[1])
+        print(f"  whole process, {periods} periods a window: {whole:.2f} s, {whole / reading:.1f} x a process that only reads ({reading:.2f} s)")
+
+
 def main(millions: float) -> None:
     """Print the ratios, the growth and the peak memory of one run."""
     with tempfile.TemporaryDirectory() as folder:
@@ -82,6 +117,7 @@ def main(millions: float) -> None:
             for periods in (1.0, 50.0):
                 taken = best(partial(run, path, periods), 2)
                 print(f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} x reading, {taken / size * 1e9:.1f} ns a pair")
+            as_processes(path)
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"peak memory {after:.0f} MB (before demodulating {before:.0f} MB)")
 

@@ -73,7 +73,8 @@ def main() -> None:
     for solver in ("closed-form", "gauss-newton", "levenberg-marquardt"):
         taken = best(lambda solver=solver: run(part, solver=solver), 2) / len(part) * 1e6
         print(
-            f"estimate, {solver}, with deviations and continuity: {taken:.2f} us a period, {scipy_us / taken:.0f} times faster (aim: 500)"
+            f"estimate, {solver}, with deviations and continuity: {taken:.2f} us a period, {scipy_us / taken:.0f} times faster (aim: 500), "
+            f"{taken / closed_us:.1f} times the closed form alone"
         )
     for rows in (30_000, 100_000, 300_000, 1_000_000):
         part = record.rows(0, rows)
