@@ -142,7 +142,7 @@ def test_carrier_signals_are_those_of_seed_b(carrier: float, periods: float) -> 
 
 def test_blocks_do_not_change_results_and_a_lazy_file_streams() -> None:
     rng = np.random.default_rng(5)
-    time = np.arange(300_000) / 50_000
+    time = np.arange(1_200_000) / 50_000
     z = np.rint(9000 * np.cos(2 * np.pi * 5003.3 * time) + 3 * rng.normal(size=(2, len(time)))).astype("i2")
     whole = recording(z[0], z[1], 50_000.0)
     for periods in (1.0, 20.0):
