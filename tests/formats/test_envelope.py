@@ -203,3 +203,20 @@ def test_flags_of_the_other_kind_are_usage_errors(tmp_path, hrg):
     path = iq_log(tmp_path, np.arange(300) / 100.0, envelope(np.arange(300) / 100.0))
     assert "--c is for samples" in hrg("import", "--envelope", path, "-o", tmp_path / "p.h5", "--c", 2).err
     assert "add --envelope" in hrg("import", path, "-o", tmp_path / "p.h5", "--amplitude", 2).err
+
+
+def test_a_stream_of_blocks_is_the_whole(tmp_path, monkeypatch):
+    """Ten blocks, none a whole number of windows long, with a cut and a slow column, give the windows of one."""
+    from hrg_cli.formats import text
+
+    time, u = lock_in(poles=1, constant_s=0.04)
+    path = written(tmp_path / "l.csv", time, [u[0].real, u[0].imag, u[1].real, u[1].imag, 20 + time], "time (s),i1,q1,i2,q2,temp (degC)")
+    whole = taken(path, from_s=3.0, to_s=50.0)
+    monkeypatch.setattr(text, "BLOCK_BYTES", path.stat().st_size // 10)
+    blocks = list(import_envelope(path, reference_frequency_hz=REFERENCE, constant_rate_rad_s=0.0, from_s=3.0, to_s=50.0))
+    assert len(blocks) > 5 and json.loads(blocks[-1].details)["rows"] == 4700
+    many = collect(blocks)
+    np.testing.assert_allclose(many.time_s, whole.time_s, atol=1e-9)
+    np.testing.assert_allclose(many.temperature_degc, whole.temperature_degc, atol=1e-9)
+    np.testing.assert_allclose(many.signals, whole.signals, atol=0.05 * whole.signals_std.min())
+    assert many.window_s == whole.window_s and not many.flags.any()
