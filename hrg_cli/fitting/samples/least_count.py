@@ -45,7 +45,7 @@ def least_count(parts: Iterable[Array]) -> float:
     if len(values) < FEWEST_VALUES:
         return 0.0
     floor = ROUNDINGS * rounding * float(np.abs(values).max())
-    steps: Any = np.diff(values)
+    steps = np.diff(values)
     steps = steps[steps > floor / ROUNDINGS]  # the same value, calculated twice
     if len(steps) < FEWEST_VALUES - 1:
         return 0.0
