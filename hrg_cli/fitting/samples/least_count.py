@@ -23,7 +23,7 @@ ROUNDINGS = 4.0
 
 
 def counted(values: Array) -> tuple[Array, Array]:
-    """The distinct values (k,), rising, and how often each stands (numpy's own `unique` loads masked arrays: a tenth of a command's start)."""
+    """The distinct values (k,), rising, and how often each stands; numpy's own `unique` loads masked arrays, which costs a command time."""
     ordered = np.sort(values)
     first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)])
     return ordered[first], np.diff(np.append(first, len(ordered)))
