@@ -98,7 +98,7 @@ def plan_windows(path: Path, blocks: Iterable[tuple[Array, Array]], asked: int |
     if asked is not None:
         return WindowPlan(min(asked, total), step_s, noise, offset_hz, passed(looks))
     kappa = noise.correlated_rows
-    power = float(np.median(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
+    power = float(np.nanmedian(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
     clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)
     rows = max(1 if kappa <= INDEPENDENT else round(SPREAD * kappa), int(min(np.ceil(clear), total)))
     rows = max(1, min(rows, total // FEWEST_WINDOWS))
