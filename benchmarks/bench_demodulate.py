@@ -100,7 +100,8 @@ def as_processes(path: Path) -> None:
             for _ in range(3)
         ]
         reading, whole = min(pairs, key=lambda pair: pair[1])
-        print(f"  whole process, {periods} periods a window: {whole:.2f} s, {whole / reading:.1f} x a process that only reads ({reading:.2f} s)")
+        ratio = f"{whole / reading:.1f} x a process that only reads ({reading:.2f} s)"
+        print(f"  whole process, {periods} periods a window: {whole:.2f} s, {ratio}")
 
 
 def main(millions: float) -> None:

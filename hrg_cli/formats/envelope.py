@@ -15,56 +15,25 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
 from ..records import FLAG_GAP, FLAG_NOT_FINITE, Array, Periods
-from .columns import Roles, find, listing, numbered
+from .columns import Roles, find
+from .envelope_signal import EnvelopeSignal
+from .envelope_windows import WindowPlan, mean_turn, plan_windows, window_means
 from .importing import Column
 from .log import ONE_DEMODULATOR, Log
-from .quantities import channel_unit, is_level, phase_factor
 from .readers import guarded, open_log
-from .row_noise import DELAY, RowNoise, passed, row_noise
 from .slow import SlowLog
 from .taken import GAP_STEPS, Taken, checked_range, moved
 from .timing import Timing, timing_of
 
-LOOKS, LOOK_ROWS = 16, 1 << 14
-"""Stretches of rows, at most, from which noise and correlation are found."""
-
-SPREAD = 5.0
-"""Windows are so many times longer than the rows' correlation: neighbours are then correlated by 5 % and less."""
-
-INDEPENDENT = 1.3
-"""Correlation (rows that count as one) up to which rows are windows as they are."""
-
-CLEAR = 10.0
-"""Amplitude over noise that a window shall have where the log is long enough."""
-
-FEWEST_WINDOWS = 200
-"""Windows that are kept even where they are still correlated; their standard deviations allow for it."""
-
-BEND = 0.1
-"""Part of a window's standard deviation by which the envelope's curvature may move its mean."""
-
-WEAKENED, LOST = 0.9, 0.6
-"""Gain of the filter at the oscillation below which it is told, and below which the result is suspect."""
-
 UNKNOWN_PHASE = np.pi / np.sqrt(3)
 """Standard deviation of a phase of which nothing is known."""
-
-ALIASES = {
-    "c_in_phase": ("c_in_phase", "c_i", "ci", "i1", "x1", "x", "i", "in-phase", "in phase", "real", "re"),
-    "c_quadrature": ("c_quadrature", "c_q", "cq", "q1", "y1", "y", "q", "quadrature", "imag", "im"),
-    "s_in_phase": ("s_in_phase", "s_i", "si", "i2", "x2"),
-    "s_quadrature": ("s_quadrature", "s_q", "sq", "q2", "y2"),
-    "amplitude": ("amplitude", "r", "magnitude", "mag", "level", "power", "ampl"),
-    "phase": ("phase", "theta", "phi", "angle"),
-}
-"""Role -> titles it goes by where no column is named."""
 
 Named = Annotated[Column, Field(description="column by name or by 1-based number")]
 
@@ -130,7 +99,7 @@ def import_envelope(
         "amplitude": amplitude,
         "phase": phase,
     }
-    signal = _Signal.found(log, path, named, decibel, phase_units, quadrature_sign)
+    signal = EnvelopeSignal.found(log, path, named, decibel, phase_units, quadrature_sign)
     first = next(iter(signal.columns.values()))
     roles = find(log, str(path), {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate})
     timing = timing_of(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
@@ -149,7 +118,7 @@ def import_envelope(
     columns = signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
     taken = Taken(log, columns, dict.fromkeys(signal.columns, unit), timing.sample_rate_hz, from_s, to_s)
     source = _Source(path, log, roles, timing, slow, signal)
-    plan = _plan(source, from_s, to_s, rows_per_window)
+    plan = plan_windows(path, source.between(from_s, to_s), rows_per_window)
     blank = Periods(
         time_s=np.empty(0),
         signals=np.empty((0, 4)),
@@ -175,101 +144,6 @@ def import_envelope(
 
 
 @dataclass(frozen=True)
-class _Signal:
-    """Which columns hold the envelope and how: role -> index."""
-
-    columns: dict[str, int]
-    decibel: bool
-    phase_factor: float
-    sign: int
-    scale: tuple[float, ...]
-
-    @classmethod
-    def found(cls, log: Log, path: Path, named: dict[str, Any], decibel: bool, phase_units: str | None, sign: int) -> _Signal:
-        """The columns that were named, or those that their titles tell. HrgError: none, or half a pair."""
-        columns = {role: numbered(log, str(path), role, wanted) for role, wanted in named.items() if wanted is not None}
-        if not columns:
-            names = {c.name.lower(): i for i, c in reversed(list(enumerate(log.channels))) if c.kind == "number"}
-            told = {role: next((names[t] for t in titles if t in names), None) for role, titles in ALIASES.items()}
-            groups = (("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature"), ("c_in_phase", "c_quadrature"), ("amplitude", "phase"))
-            for group in (*groups, ("amplitude",)):
-                if all(told[role] is not None for role in group):
-                    columns = {role: index for role in group if (index := told[role]) is not None}
-                    break
-        if "amplitude" in columns and len(set(columns) - {"amplitude", "phase"}):
-            raise HrgError(f"{path}: amplitude and in-phase columns are both named; give I and Q, or amplitude and phase")
-        pairs = (("c_in_phase", "c_quadrature"), ("s_in_phase", "s_quadrature"), ("phase", "amplitude"))
-        for one, other in pairs:
-            half = next(((a, b) for a, b in ((one, other), (other, one)) if a in columns and b not in columns), None)
-            if half is not None and half != ("amplitude", "phase"):
-                raise HrgError(f"{path}: {half[0]} is named without {half[1]}; name both (its columns are {listing(log)})")
-        if "s_in_phase" in columns and "c_in_phase" not in columns:
-            raise HrgError(f"{path}: channel S is named without channel C; name a single pick-off's columns as c_in_phase and c_quadrature")
-        if not columns:
-            raise HrgError(
-                f"{path}: which columns hold the envelope? Its columns are {listing(log)}; name c_in_phase and c_quadrature "
-                "(and those of s), or amplitude and phase"
-            )
-        if len(set(columns.values())) < len(columns):
-            raise HrgError(f"{path}: one column is named twice for the envelope; its columns are {listing(log)}")
-        factor = 1.0
-        if "phase" in columns:
-            unit = phase_units or log.channels[columns["phase"]].units
-            if not unit:
-                raise HrgError(f"{path}: the unit of the phase in column {columns['phase'] + 1} is not told; give phase_units: deg or rad")
-            factor = phase_factor(unit)
-        level = next((log.channels[i].units for i in columns.values() if is_level(log.channels[i].units)), None)
-        if level is not None and not decibel:
-            raise HrgError(f"{path}: a column of the envelope is in {level}; add decibel, or export it in its own unit")
-        if decibel and "amplitude" not in columns:
-            raise HrgError(f"{path}: decibel is for an amplitude; I and Q are no levels")
-        return cls(columns, decibel, factor, sign, tuple(log.channels[i].scale_factor for i in columns.values()))
-
-    def unit(self, log: Log) -> str:
-        """Unit of the signals: the log's, or what its level is relative to."""
-        told = log.channels[next(iter(self.columns.values()))].units
-        if self.decibel:
-            return {"dbv": "V", "dbmv": "mV", "dbuv": "µV", "dbµv": "µV", "dbvrms": "V", "dbm": "mW^0.5", "dbw": "W^0.5"}.get(
-                told.lower(), "1"
-            )
-        return channel_unit(told)
-
-    def envelopes(self, columns: list[Array]) -> Array:
-        """u = I + jQ (channel, n), channel S zero where there is none."""
-        values = dict(zip(self.columns, (np.asarray(c, float) * k for c, k in zip(columns, self.scale, strict=True)), strict=True))
-        u = np.zeros((2, len(columns[0])), complex)
-        if "amplitude" in values:
-            size = 10 ** (values["amplitude"] / 20) if self.decibel else values["amplitude"]
-            u[0] = size * np.exp(1j * self.sign * self.phase_factor * values["phase"]) if "phase" in values else size
-        else:
-            u[0] = values["c_in_phase"] + 1j * self.sign * values["c_quadrature"]
-            if "s_in_phase" in values:
-                u[1] = values["s_in_phase"] + 1j * self.sign * values["s_quadrature"]
-        return u
-
-    @property
-    def phase_known(self) -> bool:
-        """Whether there is more than an amplitude."""
-        return "amplitude" not in self.columns or "phase" in self.columns
-
-    def verdicts(self, reference_hz: float) -> list[tuple[Any, str]]:
-        """What these columns cannot tell."""
-        if not self.phase_known:
-            return [
-                (
-                    "suspect",
-                    f"only an amplitude was recorded: its decay can be found; the frequency is {reference_hz:g} Hz as given, "
-                    "and wave angle, quadrature and splits cannot be seen in this run",
-                )
-            ]
-        if "s_in_phase" not in self.columns:
-            return [
-                ("suspect", "only one channel was recorded and S is set to 0: wave angle, quadrature and splits cannot be seen in this run")
-            ]
-        return []
-
-
-@dataclass(frozen=True)
 class _Source:
     """The opened log and how its rows are read."""
 
@@ -278,7 +152,7 @@ class _Source:
     roles: Roles
     timing: Timing
     slow: SlowLog
-    signal: _Signal
+    signal: EnvelopeSignal
 
     def rows(self) -> Iterator[tuple[Array, Array, list[Array]]]:
         """Blocks: times from the log's first row on, envelopes (channel, n), slow columns in SI units."""
@@ -298,116 +172,15 @@ class _Source:
                 slow = self.slow.converted(columns[count : count + len(self.slow.indexes)])
                 yield times, self.signal.envelopes(columns[:count]), slow
 
-
-@dataclass(frozen=True)
-class _Plan:
-    """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference and what the filter passes there."""
-
-    rows: int
-    step_s: float
-    noise: RowNoise
-    offset_hz: float
-    passed: float
-
-    def verdicts(self, logged: bool) -> list[tuple[Any, str]]:
-        """What the filter before the rows does, and what was done about it."""
-        kappa = self.noise.correlated_rows
-        found: list[tuple[Any, str]] = []
-        if kappa > INDEPENDENT:
-            independent = self.rows >= SPREAD * kappa - 1
-            found.append(
-                (
-                    "valid",
-                    f"the rows' noise is correlated over {kappa:.3g} rows (the demodulator's filter): windows of {self.rows} rows are used"
-                    + ("" if independent else ", still correlated; their standard deviations are those that a long average needs"),
-                )
-            )
-            lag_s = DELAY * kappa * self.step_s
-            if logged:
-                found.append(("valid", f"the filter delays the signals by about {lag_s:.2g} s against the logged columns"))
-        if self.passed < WEAKENED:
-            found.append(
-                (
-                    "suspect" if self.passed < LOST else "valid",
-                    f"the oscillation lies {self.offset_hz:.3f} Hz from the reference, where the demodulator's filter passes about "
-                    f"{self.passed:.0%} of the amplitude and turns the phase; amplitudes are those behind the filter: move the reference",
-                )
-            )
-        if not self.noise.level:
-            found.append(
-                ("valid", "too few rows, or noise that is not white, to be sure of its size: it is that of the lowest octave seen")
-            )
-        return found
+    def between(self, from_s: float | None, to_s: float | None) -> Iterator[tuple[Array, Array]]:
+        """Times and envelopes of the rows in the range asked for."""
+        for times, u, _ in self.rows():
+            low = 0 if from_s is None else int(np.searchsorted(times, from_s))
+            high = len(times) if to_s is None else int(np.searchsorted(times, to_s))
+            yield times[low:high], u[:, low:high]
 
 
-def _plan(source: _Source, from_s: float | None, to_s: float | None, asked: int | None) -> _Plan:
-    """Look at the rows in the range asked for: noise, correlation, rows a window."""
-    looks: list[Array] = []
-    steps: list[float] = []
-    total = 0
-    for times, u, _ in source.rows():
-        inside = slice(
-            0 if from_s is None else int(np.searchsorted(times, from_s)), len(times) if to_s is None else int(np.searchsorted(times, to_s))
-        )
-        times, u = times[inside], u[:, inside]
-        total += len(times)
-        if len(times) > 1:
-            steps.append(float(np.median(np.diff(times))))
-        for start in range(0, len(times), LOOK_ROWS):
-            looks.append(u[:, start : start + LOOK_ROWS])
-        if len(looks) > 4 * LOOKS:
-            looks = looks[::2]
-    looks = [look for look in looks[:: max(1, len(looks) // LOOKS)] if look.shape[1] > 3] or looks
-    if total < 8:
-        raise HrgError(f"{source.path}: holds {total} rows between from_s and to_s; at least 8 were expected")
-    step_s = float(np.median(steps))
-    with np.errstate(invalid="ignore"):
-        noise = row_noise(looks)
-        offset_hz = float(np.median([_offset(look) for look in looks])) / (2 * np.pi * step_s)
-    if asked is not None:
-        return _Plan(min(asked, total), step_s, noise, offset_hz, passed(looks))
-    kappa = noise.correlated_rows
-    power = float(np.median(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
-    clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)
-    rows = max(1 if kappa <= INDEPENDENT else round(SPREAD * kappa), int(min(np.ceil(clear), total)))
-    rows = max(1, min(rows, total // FEWEST_WINDOWS))
-    while rows > 1 and _bends(looks, rows, noise):
-        rows //= 2
-    return _Plan(rows, step_s, noise, offset_hz, passed(looks))
-
-
-def _offset(look: Array) -> float:
-    """Mean turn a row [rad]."""
-    pairs = look[:, 1:] * np.conj(look[:, :-1])
-    return float(np.angle(pairs[np.isfinite(pairs)].sum()))
-
-
-def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
-    """Whether the envelope's curvature moves the mean of so many rows by more than `BEND` of its standard deviation."""
-    bend2, noise2 = np.zeros(2), noise.density.sum(1) / rows
-    count = 0
-    for look in looks:
-        means = _means(look, rows, _offset(look))[0]
-        if means.shape[1] < 3:
-            continue
-        turn = np.exp(-1j * rows * _offset(look))
-        second = means[:, 2:] * turn - 2 * means[:, 1:-1] + means[:, :-2] / turn
-        second = second[:, np.isfinite(second).all(0)]
-        bend2 += np.maximum(0.0, (np.abs(second) ** 2).sum(1) - 6 * noise2 * second.shape[1]) / 24**2
-        count += second.shape[1]
-    slack = 3 * 6 * noise2 / 24**2 * np.sqrt(max(count, 1))  # what chance adds to the sum
-    return count > 0 and bool((bend2 > BEND**2 * noise2 * count + slack).any())
-
-
-def _means(u: Array, rows: int, turn: float) -> tuple[Array, Array]:
-    """Means (channel, windows) of so many rows each, turned back by `turn` a row about each window's middle; which rows they are."""
-    windows = u.shape[1] // rows
-    part = u[:, : windows * rows].reshape(len(u), windows, rows)
-    back = np.exp(-1j * turn * (np.arange(rows) - (rows - 1) / 2))
-    return (part * back).mean(-1), np.arange(windows * rows).reshape(windows, rows)
-
-
-def _stream(source: _Source, blank: Periods, plan: _Plan, taken: Taken) -> Iterator[Periods]:
+def _stream(source: _Source, blank: Periods, plan: WindowPlan, taken: Taken) -> Iterator[Periods]:
     """Blocks of windows; the last one bears what only the whole log tells."""
     held: Periods | None = None
     shift = 0.0
@@ -459,10 +232,10 @@ def _joined(a: tuple[Array, Array, list[Array]], b: tuple[Array, Array, list[Arr
     )
 
 
-def _windows(blank: Periods, plan: _Plan, source: _Source, times: Array, u: Array, slow: list[Array]) -> Periods:
+def _windows(blank: Periods, plan: WindowPlan, source: _Source, times: Array, u: Array, slow: list[Array]) -> Periods:
     """Means of the rows, with standard deviations, flags and slow columns."""
     known, one = source.signal.phase_known, "s_in_phase" not in source.signal.columns
-    means, rows = _means(u, plan.rows, _offset(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0)
+    means, rows = window_means(u, plan.rows, mean_turn(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0)
     strong = means[np.argmax(np.nansum(np.abs(means) ** 2, axis=1))]
     cos2 = np.where(np.abs(strong) > 0, strong.real**2 / np.maximum(np.abs(strong) ** 2, 1e-300), 0.5)
     signals, std = np.empty((len(rows), 4)), np.empty((len(rows), 4))

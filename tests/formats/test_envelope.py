@@ -163,6 +163,7 @@ def test_gaps_bad_rows_logs_and_cut(tmp_path):
     np.testing.assert_allclose(made.temperature_degc, 25 + made.time_s, atol=1e-6)
     assert np.flatnonzero(made.flags & FLAG_NOT_FINITE).tolist() == [50]
     assert np.flatnonzero(made.flags & FLAG_GAP).tolist() == [150]
+    assert np.count_nonzero(taken(path).flags) >= 1, "a row that is not finite does not stop the search for the rows a window"
     facts = json.loads(made.details)
     assert facts["gaps"]["count"] == 1 and facts["not_finite"]["first"] == ["line 1002"] and facts["cut"]["from_s"] == 5.0
 

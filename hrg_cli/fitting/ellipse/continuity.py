@@ -77,14 +77,12 @@ def local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -
     segments = -(-n // SEGMENT)
     ends = (h, segments * SEGMENT + h - n)
     rows = np.lib.stride_tricks.sliding_window_view
-    t, v, w = (
-        rows(np.pad(column, ends, mode=mode), SEGMENT + 2 * h)[::SEGMENT]
-        for column, mode in (
-            (np.where(np.isfinite(time_s), time_s, 0.0), "edge"),
-            (filled, "edge"),
-            (np.where(used, weights, 0.0), "constant"),
-        )
+    columns = (
+        np.pad(np.where(np.isfinite(time_s), time_s, 0.0), ends, mode="edge"),
+        np.pad(filled, ends, mode="edge"),
+        np.pad(np.where(used, weights, 0.0), ends),
     )
+    t, v, w = (rows(column, SEGMENT + 2 * h)[::SEGMENT] for column in columns)
     middle = h + SEGMENT // 2
     t, v = t - t[:, middle, None], v - v[:, middle, None]
     wt, wv = w * t, w * v

@@ -23,7 +23,7 @@ ROUNDINGS = 4.0
 
 
 def counted(values: Array) -> tuple[Array, Array]:
-    """The distinct values (k,), rising, and how often each stands (numpy's own `unique` loads masked arrays: a tenth of a command's start)."""
+    """The distinct values (k,), rising, and how often each stands; numpy's own `unique` loads masked arrays, which costs a command time."""
     ordered = np.sort(values)
     first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)])
     return ordered[first], np.diff(np.append(first, len(ordered)))
@@ -45,7 +45,7 @@ def least_count(parts: Iterable[Array]) -> float:
     if len(values) < FEWEST_VALUES:
         return 0.0
     floor = ROUNDINGS * rounding * float(np.abs(values).max())
-    steps: Any = np.diff(values)
+    steps = np.diff(values)
     steps = steps[steps > floor / ROUNDINGS]  # the same value, calculated twice
     if len(steps) < FEWEST_VALUES - 1:
         return 0.0
