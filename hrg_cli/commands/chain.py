@@ -325,3 +325,32 @@ def plan(
             print(sentence)
 
     run.finish(report, show)
+
+
+@command(app, "forecast", "hrg forecast resonator.h5 --drive parametric -o forecast.svg", idle=NO_DRAWS | ONE_PROCESS)
+def forecast(
+    run: Common,
+    resonator: OneFile = None,
+    drive: Annotated[
+        str | None, typer.Option(help="free (run-down), force (default) or parametric (one ring electrode).", show_default=False)
+    ] = None,
+    wave_angle_rad: Annotated[float | None, typer.Option(help="Wave angle at the start (default 0).", show_default=False)] = None,
+    rate_rad_s: Annotated[float | None, typer.Option(help="Constant input rate (default 0).", show_default=False)] = None,
+    duration_s: Annotated[float | None, typer.Option(help="Length of the forecast (default 3600).", show_default=False)] = None,
+    quadrature_gain_1_s: Annotated[
+        float | None, typer.Option(help="Gain of a quadrature loop by force (default 0).", show_default=False)
+    ] = None,
+    scale_factor: Annotated[float | None, typer.Option(help="K, where the resonator has none.", show_default=False)] = None,
+    trim: Annotated[bool | None, typer.Option("--trim", help="Forecast the gyro as a spring along its stiffest axis leaves it.")] = None,
+    trim_step_rad_s: Annotated[
+        float | None, typer.Option(help="Smallest step of the spring, of either electrode pair.", show_default=False)
+    ] = None,
+) -> None:
+    """The drift a resonator will show, alone: D over the angle, the wave's way over hours, the error between external fixes.
+
+    Written as a table over time (.csv), all of it (.json) or one figure (.svg, .png), by the output's suffix.
+    """
+    flags = {key: value for key, value in locals().items() if key not in ("run", "resonator")}
+    from .forecasting import forecast_file
+
+    run.finish(*forecast_file(resonator, run, flags))
