@@ -20,6 +20,9 @@ import numpy as np
 
 from . import fast_loop
 from .coefficients import Coefficients, analytic, state_of
+from .electronics import Electronics, board
+from .noise import Noise
+from .noise_source import NoiseSource
 from .plant import POLYNOMIAL, Block, Control, Environment, Plant, Samples
 
 Array = np.ndarray
@@ -32,9 +35,19 @@ _STEPS_A_PERIOD_NONLINEAR = 12.0
 
 
 def run(
-    environment: Environment, plant: Plant, control: Control, start: Array, step_s: float, count: int, start_angle_rad: float = 0.0
+    environment: Environment,
+    plant: Plant,
+    control: Control,
+    start: Array,
+    step_s: float,
+    count: int,
+    start_angle_rad: float = 0.0,
+    *,
+    electronics: Electronics | None = None,
+    noise: Noise | None = None,
+    random: np.random.Generator | None = None,
 ) -> Iterator[Block]:
-    """Samples at n·step_s, n < count, in chunks of `CHUNK`.
+    """Samples at n·step_s, n < count, in chunks of `CHUNK`; with `electronics` the loops act on what the board knows.
 
     start: envelopes (2,) at t = 0 against the mean frequency of `plant.mechanics`. start_angle_rad: electrical angle mθ near which
     the loops take the wave's at first; (mθ, φ) and (mθ + π, φ + π) are one wave, but a parasitic force is coherent with φ.
@@ -76,18 +89,24 @@ def run(
     off = off[np.argsort(off[:, 0], kind="stable")] if len(off) else off
     polynomial = np.asarray(plant.polynomial, float)
     assert len(polynomial) == len(POLYNOMIAL)
+    loops = fast_loop.Loops(kinds, gains, drive_matrix, parasitic, off)
+    e_A = np.array([math.cos(start_angle_rad), math.sin(start_angle_rad)])
+    source = NoiseSource(
+        noise or Noise(), mechanics, h, substeps, count * substeps, random or np.random.default_rng(), electronics is not None
+    )
+    desk = board(electronics, control, mechanics, h, float(np.angle(e_A @ start)), start_angle_rad, source.electronic)
     for first in range(0, count, CHUNK):
         n = min(CHUNK, count - first)
         knots = table.knots(first * substeps, n * substeps, h, knot_stride)
         propagators, local = table.propagators(knots, h, omega)
-        z, v, drive, command = np.empty((2, n)), np.empty((2, n)), np.zeros((2, n), complex), np.zeros((2, n))
-        advance(
-            memory, knots - first * substeps, propagators, local, n, substeps, h, first * substeps, omega, polynomial, nonlinear,
-            kinds, gains, drive_matrix, parasitic, off, z, v, drive, command,
-        )  # fmt: skip
+        rows = fast_loop.Rows(np.empty((2, n)), np.empty((2, n)), np.zeros((2, n), complex), np.zeros((2, n)), np.zeros((2, n)))
+        motion = fast_loop.Motion(first * substeps, n, substeps, h, omega, knots - first * substeps, propagators, local)
+        forces = fast_loop.Forces(polynomial, nonlinear, *source.kicks(n * substeps))
+        advance(memory, motion, forces, loops, desk, source.electronics(first * substeps, n * substeps), rows)
         t = np.arange(first, first + n) * step_s
-        samples = Samples(t, z, v, drive, table.temperature(t), table.rate(t))
-        yield Block(samples, command, functools.partial(_envelopes, table, t, z, v, omega))
+        seen = rows.noise if source.readout else None
+        samples = Samples(t, rows.z, rows.v, rows.drive, table.temperature(t), table.rate(t), seen)
+        yield Block(samples, rows.command, functools.partial(_envelopes, table, t, rows.z, rows.v, omega))
 
 
 def _envelopes(table: Coefficients, t: Array, z: Array, v: Array, omega: float, at: Array) -> Array:

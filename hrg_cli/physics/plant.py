@@ -157,6 +157,8 @@ class Samples:
     """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f e^{jω_r t}, amplitude a second."""
     temperature_degc: Array
     rate_rad_s: Array
+    noise: Array | None = None
+    """(2, n) read-out noise where the engine drew it (the loops saw the same); None: the pick-off chain draws its own."""
 
 
 @dataclass

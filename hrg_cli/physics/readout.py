@@ -25,7 +25,9 @@ def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> 
     if readout.kind == "carrier":
         turns = np.mod(readout.carrier_hz / (1 + readout.clock_error) * samples.time_s, 1.0)  # carrier and converter share a clock
         y = y * (-2 * np.sin(2 * np.pi * turns + readout.carrier_phase_rad))
-    if readout.noise > 0:
+    if samples.noise is not None:
+        y = y + samples.noise
+    elif readout.noise > 0:
         y = y + readout.noise * random.standard_normal((y.shape[1], 2)).T
     for step in readout.after:
         y = step(samples, y)
