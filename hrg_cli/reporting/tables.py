@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
-from ..units import to_deg_per_hour
+from ..units import to_deg_per_hour, to_trade
 from . import diagnosis, identification
 from .console import print_table
 from .json_text import json_object
@@ -23,9 +23,9 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
         print_table("", head, rows)
     if isinstance(record, Resonator):
         identification.show(report)
-    head, rows = _faults(report)
-    if rows:
-        print_table("", head, rows)
+    for head, rows in (_faults(report), _allan(report)):
+        if rows:
+            print_table("", head, rows)
 
 
 def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
@@ -39,7 +39,7 @@ def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], l
         for key, value in report.items()
         if key not in ("kind", "status", "status_reasons", "output") and not isinstance(value, dict | list)
     ]
-    rows += [(key, value) for key, value in (report.get("trade") or {}).items() if value is not None]
+    rows += [_trade(key, value) for key, value in (report.get("trade") or {}).items() if value is not None]
     return ("figure", "value"), rows
 
 
@@ -98,6 +98,23 @@ def _faults(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any,
         if name in seen
     ]
     return ("fault", "value", "unit", "z"), [(n, f"{v:.4g} ± {s:.2g}", u, f"{v / s:.3g}") for n, v, s, u in rows if s > 0]
+
+
+def _trade(key: str, value: float) -> tuple[str, float]:
+    """A figure of the trade in its own unit."""
+    words, size, unit = to_trade(key, value)
+    return f"{words}, {unit}" if unit else words, size
+
+
+def _allan(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Noise coefficients of IEEE Std 952 with their 95 % intervals; one that is not told from zero has an upper limit only."""
+    rows = []
+    for key, found in (report.get("allan") or {}).items():
+        if isinstance(found, Mapping):
+            words, value, unit = to_trade(key, found["value"])
+            low, high = (to_trade(key, found[end])[1] for end in ("low", "high"))
+            rows.append((words, value if value > 0 else None, low if value > 0 else None, high, unit))
+    return ("noise of the rate (IEEE 952)", "value", "95 % from", "to", "unit"), rows
 
 
 def _words(key: str) -> str:
