@@ -181,11 +181,19 @@ def rate(
     nodes: Annotated[
         int | None, typer.Option(help="Times at which the rate is fitted (default 20, fewer for a short run).", show_default=False)
     ] = None,
+    main_phase_error_rad: Annotated[
+        float | None, typer.Option(help="Driven run: known phase error of the main force (default 0).", show_default=False)
+    ] = None,
+    quadrature_phase_error_rad: Annotated[
+        float | None, typer.Option(help="Driven run: known phase error of the quadrature force (default 0).", show_default=False)
+    ] = None,
 ) -> None:
-    """The rate a free run shows, with the identified resonator as reference model."""
+    """The rate a free or driven run shows, with the identified resonator as reference model."""
     if resonator is None and not run.show_config:
         raise UsageError("no resonator is named; add --resonator resonator.h5")
-    run_stage_on_files(run, "rate", [wave] if wave else [], beside={"resonator": resonator}, nodes=nodes)
+    run_stage_on_files(run, "rate", [wave] if wave else [], beside={"resonator": resonator}, nodes=nodes,
+        main_phase_error_rad=main_phase_error_rad, quadrature_phase_error_rad=quadrature_phase_error_rad,
+    )  # fmt: skip
 
 
 @command(app, "calibrate", "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder", idle=ONE_PROCESS)

@@ -16,10 +16,10 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import Check, at_most, covariance_is_one, failures
+from ..fitting.envelopes.resonator_spread import deviation, from_vector, mechanics_of, moved, vector_covariance, vector_of
 from ..physics import drift as law
 from ..physics.resonator import Mechanics
 from ..records import Resonator
-from .forecasting.spread import deviation, from_vector, mechanics_of, moved, vector_covariance, vector_of
 from .forecasting.trim import Trim, trim_of
 
 Array = np.ndarray

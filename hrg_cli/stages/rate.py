@@ -1,4 +1,4 @@
-"""`hrg rate`: the rate a free run shows, from the identified resonator as reference model (seed A's last task)."""
+"""`hrg rate`: the rate a run shows, free or driven, from the identified resonator as reference model (seed A's last task)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
+from ..fitting.envelopes.rate_driven import rate_driven
 from ..fitting.envelopes.rate_from_model import HOPELESS, TOO_COARSE, RateEstimate, rate_from_model
 from ..records import Compensated, Resonator, Wave
 
@@ -26,10 +27,12 @@ def rate(
         int | None,
         Field(ge=4, description="times at which the rate is fitted; by default 20 or more, as the run asks; fewer for a short one"),
     ] = None,
+    main_phase_error_rad: Annotated[float, Field(description="known phase error of the main force of a driven run")] = 0.0,
+    quadrature_phase_error_rad: Annotated[float, Field(description="known phase error of its quadrature force")] = 0.0,
 ) -> Compensated:
-    """Ω(t) of a free run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
+    """Ω(t) of a run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
 
-    HrgError: another gyro or mode number, a refused resonator or one without K, a driven run, too few windows for the nodes.
+    HrgError: another gyro or mode number, a refused resonator or one without K, too few windows for the nodes.
     """
     name = f"run {wave.run_id or '?'}"
     wave = _in_memory(wave)
@@ -41,8 +44,11 @@ def rate(
         why = "; ".join(resonator.status_reasons) or "no reason is given"
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
     if wave.mode == "forced":
-        raise HrgError(f"{name}: is driven; a reference model without the drive describes free runs only, use compensate")
-    found = rate_from_model(wave, resonator, nodes)
+        found = rate_driven(wave, resonator, nodes, main_phase_error_rad, quadrature_phase_error_rad)
+    elif main_phase_error_rad or quadrature_phase_error_rad:
+        raise HrgError(f"{name}: is a free run, which no force acts on; leave the phase errors out")
+    else:
+        found = rate_from_model(wave, resonator, nodes)
     count = len(found.time_s)
     result = Compensated(
         time_s=found.time_s,

@@ -9,11 +9,11 @@ from scipy.integrate import solve_ivp
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
+from hrg_cli.fitting.envelopes.resonator_spread import deviation, from_vector, mechanics_of, moved, vector_covariance, vector_of
 from hrg_cli.physics import drift, ellipse, resonator
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator
 from hrg_cli.stages.forecast import forecast, summary
-from hrg_cli.stages.forecasting.spread import deviation, from_vector, mechanics_of, moved, vector_covariance, vector_of
 
 
 def made(nu=0.02, split=0.004, spread=0.02, mode_number=2, **change):

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...fitting.envelopes.resonator_spread import deviation, from_vector, moved
 from ...physics.drift import drift_bound
 from ...physics.resonator import Mechanics
-from .spread import deviation, from_vector, moved
 
 Array = np.ndarray
 
