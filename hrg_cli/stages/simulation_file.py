@@ -126,6 +126,9 @@ class ReadoutTable(Table):
     carrier_phase_rad: float = 0.0
     model: Literal["linear", "full"] = "linear"
     gap: Positive | None = None
+    law: Literal["alternating", "constant-voltage", "printed"] = "alternating"
+    electrode_gaps: Annotated[list[Positive], Field(min_length=8, max_length=8)] = [1.0] * 8
+    electrode_gains: Annotated[list[Positive], Field(min_length=8, max_length=8)] = [1.0] * 8
     noise: NotNegative = 0.0
     adc_bits: Annotated[int, Field(ge=0, le=31)] = 0
     full_scale: Positive | None = None
@@ -138,6 +141,10 @@ class ReadoutTable(Table):
             raise ValueError('carrier_hz belongs to kind = "carrier" and is needed there; give both or neither')
         if (self.model == "full") != (self.gap is not None):
             raise ValueError('gap belongs to model = "full" and is needed there; give both or neither')
+        if self.model == "linear" and self.model_fields_set & {"law", "electrode_gaps", "electrode_gains"}:
+            raise ValueError('law, electrode_gaps and electrode_gains belong to model = "full"; set it and give the gap')
+        if self.kind == "carrier" and self.law == "constant-voltage":
+            raise ValueError('law = "constant-voltage" is a pick-off without a carrier; set kind = "direct" or law = "alternating"')
         if self.full_scale is not None and self.adc_bits == 0:
             raise ValueError("full_scale belongs to a converter; give adc_bits too")
         return self
