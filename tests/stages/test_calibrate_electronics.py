@@ -1,6 +1,6 @@
 """Gyros whose loops act on real electronics, through the whole chain: tables in their own standard deviations of what theory expects.
 
-The main force stands τ behind the wave (half a window read, half a window held, and the delay), so it turns the wave by a_ΦA/a_A·(−mθ')τ. It
+The main force stands τ behind the wave (half a window read, half a window held, and the delay): it turns the wave by a_ΦA/a_A·(−mθ')τ. It
 follows the loss ν(1 + δμ cos χ) through the amplitude loop, closed-loop response H(jλ) = L/(1 + L), L = (g + g²/4s)e^{−sτ}/(s + ν) at
 s = jλ = 2jKΩ. So (1 + ντ)mθ' = −K(1 − ντδμ Re H cos χ)Ω + D with D = νδμ(1 + Im H·KΩτ) sin χ − δω²k/(k² + λ²) sin 2ζ, k = ν + k_q.
 τ is known to 1/2ω only, a force's power being largest twice a period: the phase at which a window begins counts.
