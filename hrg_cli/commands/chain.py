@@ -362,3 +362,20 @@ def forecast(
     from .forecasting import forecast_file
 
     run.finish(*forecast_file(resonator, run, flags))
+
+
+@command(app, "mismatch", "hrg mismatch wave.h5 --main-amplitude 1.0 -o mismatch.csv", idle=NO_DRAWS | ONE_PROCESS)
+def mismatch(
+    run: Common,
+    wave: OneFile = None,
+    main_amplitude: Annotated[
+        float | None, typer.Option(help="Set amplitude; the run's median where not given.", show_default=False)
+    ] = None,
+    computing_s: Annotated[
+        float | None, typer.Option(help="Time from a window's end until its signals are there (default 0).", show_default=False)
+    ] = None,
+) -> None:
+    """The signals a control system acts on: error of the amplitude, quadrature, phase and angle, with their noise and delay."""
+    from .mismatching import mismatch_file
+
+    run.finish(*mismatch_file(wave, run, {"main_amplitude": main_amplitude, "computing_s": computing_s}))
