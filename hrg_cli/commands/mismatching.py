@@ -41,10 +41,17 @@ def mismatch_file(file: Path | None, run: Common, flags: dict[str, Any]) -> tupl
         "rows": len(made.columns["time_s"]),
         "delay_s": made.delay_s,
         "noise_density": made.noise_density,
+        "latency": made.latency,
     }
     rows = [(name, float(np.sqrt(np.mean(made.columns[f"{name}_std"] ** 2))), d) for name, d in made.noise_density.items()]
     head = ("signal", "noise of a window", "density, /√Hz")
-    return report, lambda: console.print_table(f"known {made.delay_s:g} s after the wave was so", head, rows)
+
+    def show() -> None:
+        console.print_table(f"known {made.delay_s:g} s after the wave was so", head, rows)
+        titles = ("rate of the angle over windows", "latency, s", "noise, rad/s", "found, rad/s")
+        console.print_table("", titles, [(int(row["windows"]), *list(row.values())[1:]) for row in made.latency])
+
+    return report, show
 
 
 def _csv(columns: dict[str, np.ndarray]) -> str:

@@ -42,6 +42,18 @@ def test_signals_and_their_noise():
     assert np.mean(c["angle_rate_rad_s"][1:]) == pytest.approx(-0.55 * 0.5 / 2, abs=5 * np.mean(c["angle_rate_rad_s_std"][1:]) / 10)
 
 
+def test_latency_buys_quiet():
+    """Four times the noise's half a window more: σ falls as n^−3/2; the scatter found is what the windows' deviations say."""
+    _, seen = wave()
+    rows = mismatch(seen).latency
+    noise = np.array([row["rate_noise_rad_s"] for row in rows])
+    assert noise[1:] / noise[:-1] == pytest.approx(2**-1.5, rel=0.2)
+    for row in rows[:4]:
+        count = 400 / row["windows"]
+        assert row["rate_noise_found_rad_s"] == pytest.approx(row["rate_noise_rad_s"], rel=5 / np.sqrt(count))
+    assert np.all(np.diff([row["latency_s"] for row in rows]) > 0)
+
+
 def test_no_good_window_is_no_signal():
     _, seen = wave()
     with pytest.raises(HrgError, match="no good window"):
