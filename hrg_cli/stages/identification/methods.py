@@ -41,6 +41,8 @@ RegressionMethod = Literal[
     "moving-axes-small-quadrature",
     "fixed-axes",
     "fixed-axes-weighted",
+    "fixed-axes-groups",
+    "frozen-axes",
     "rotation-integrals",
 ]
 ALL: tuple[RegressionMethod, ...] = get_args(RegressionMethod)
