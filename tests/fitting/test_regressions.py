@@ -186,6 +186,19 @@ def test_working_mode_finds_the_frequency_split_and_the_kind_of_drive(kind, fact
     assert len(axes) > 3 and all(min(abs(a - 0.9), abs(abs(a - 0.9) - np.pi / 2)) < 0.03 for a, _ in axes)
 
 
+@pytest.mark.parametrize("kind", ["force", "parametric"])
+@pytest.mark.parametrize("rate", [0.1, 0.4])
+def test_one_axis_from_all_crossings_at_any_rate(rate, kind):
+    """The lag of the quadrature, arctan(2mθ'/λ), is 20° and 55° of ζ (force); within it the axis is found."""
+    gyro, run = forced(kind, rate, std=1e-4)
+    decay = working_mode.monitor([run]).value[0]
+    found = working_mode.combined_axis(working_mode.stiffness_axes([run], 2, decay), 2)
+    assert found["crossings"] > 4
+    off = np.mod(found["value"] - gyro.stiffness_axis_rad + np.pi / 4, np.pi / 2) - np.pi / 4
+    assert abs(off) < 0.01 and abs(off) < 4 * found["std"]
+    assert working_mode.combined_axis([], 2) is None
+
+
 def test_phase_equation_gives_the_damping_split_where_quadrature_is_large():
     gyro, run = forced("force", std=1e-6)
     found = working_mode.monitor([run])
