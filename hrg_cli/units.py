@@ -27,6 +27,23 @@ def canonical(unit: str) -> str:
     return _SPELLING.get(unit.strip(), unit.strip())
 
 
+TRADE = {
+    "rad_s_sqrt_s": (DEGREE / 3600 / 60, "°/h/√h"),
+    "rad_sqrt_s": (DEGREE / 60, "°/√h"),
+    "rad_s": (DEGREE_PER_HOUR, "°/h"),
+    "rad": (DEGREE / 3600, "″"),
+}
+"""Unit at the end of a figure's name -> its size in SI units in the trade's, and that unit's name, the longest end first."""
+
+
+def to_trade(name: str, value: float) -> tuple[str, float, str]:
+    """A figure in the trade's unit: (name in words, value, unit) of a name that ends in its SI unit."""
+    for end, (size, unit) in TRADE.items():
+        if name.endswith("_" + end):
+            return name.removesuffix("_" + end).replace("_", " "), value / size, unit
+    return name.replace("_", " "), value, ""
+
+
 def to_deg_per_hour(rate_rad_s: float) -> float:
     """A rate in rad/s as °/h, for people."""
     return rate_rad_s / DEGREE_PER_HOUR

@@ -270,8 +270,14 @@ def rate(
     axis_azimuth_deg: Annotated[
         float | None, typer.Option(help="Direction of that tilt, from north (default 0).", show_default=False)
     ] = None,
+    main_phase_error_rad: Annotated[
+        float | None, typer.Option(help="Driven run: known phase error of the main force (default 0).", show_default=False)
+    ] = None,
+    quadrature_phase_error_rad: Annotated[
+        float | None, typer.Option(help="Driven run: known phase error of the quadrature force (default 0).", show_default=False)
+    ] = None,
 ) -> None:
-    """The rate a free run shows, with the identified resonator as reference model."""
+    """The rate a free or driven run shows, with the identified resonator as reference model."""
     if resonator is None and not run.show_config:
         raise UsageError("no resonator is named; add --resonator resonator.h5")
     run_stage_on_files(
@@ -284,6 +290,8 @@ def rate(
         latitude_deg=latitude_deg,
         axis_tilt_deg=axis_tilt_deg,
         axis_azimuth_deg=axis_azimuth_deg,
+        main_phase_error_rad=main_phase_error_rad,
+        quadrature_phase_error_rad=quadrature_phase_error_rad,
     )
 
 
@@ -434,3 +442,49 @@ def plan(
             print(sentence)
 
     run.finish(report, show)
+
+
+@command(app, "forecast", "hrg forecast resonator.h5 --drive parametric -o forecast.svg", idle=NO_DRAWS | ONE_PROCESS)
+def forecast(
+    run: Common,
+    resonator: OneFile = None,
+    drive: Annotated[
+        str | None, typer.Option(help="free (run-down), force (default) or parametric (one ring electrode).", show_default=False)
+    ] = None,
+    wave_angle_rad: Annotated[float | None, typer.Option(help="Wave angle at the start (default 0).", show_default=False)] = None,
+    rate_rad_s: Annotated[float | None, typer.Option(help="Constant input rate (default 0).", show_default=False)] = None,
+    duration_s: Annotated[float | None, typer.Option(help="Length of the forecast (default 3600).", show_default=False)] = None,
+    quadrature_gain_1_s: Annotated[
+        float | None, typer.Option(help="Gain of a quadrature loop by force (default 0).", show_default=False)
+    ] = None,
+    scale_factor: Annotated[float | None, typer.Option(help="K, where the resonator has none.", show_default=False)] = None,
+    trim: Annotated[bool | None, typer.Option("--trim", help="Forecast the gyro as a spring along its stiffest axis leaves it.")] = None,
+    trim_step_rad_s: Annotated[
+        float | None, typer.Option(help="Smallest step of the spring, of either electrode pair.", show_default=False)
+    ] = None,
+) -> None:
+    """The drift a resonator will show, alone: D over the angle, the wave's way over hours, the error between external fixes.
+
+    Written as a table over time (.csv), all of it (.json) or one figure (.svg, .png), by the output's suffix.
+    """
+    flags = {key: value for key, value in locals().items() if key not in ("run", "resonator")}
+    from .forecasting import forecast_file
+
+    run.finish(*forecast_file(resonator, run, flags))
+
+
+@command(app, "mismatch", "hrg mismatch wave.h5 --main-amplitude 1.0 -o mismatch.csv", idle=NO_DRAWS | ONE_PROCESS)
+def mismatch(
+    run: Common,
+    wave: OneFile = None,
+    main_amplitude: Annotated[
+        float | None, typer.Option(help="Set amplitude; the run's median where not given.", show_default=False)
+    ] = None,
+    computing_s: Annotated[
+        float | None, typer.Option(help="Time from a window's end until its signals are there (default 0).", show_default=False)
+    ] = None,
+) -> None:
+    """The signals a control system acts on: error of the amplitude, quadrature, phase and angle, with their noise and delay."""
+    from .mismatching import mismatch_file
+
+    run.finish(*mismatch_file(wave, run, {"main_amplitude": main_amplitude, "computing_s": computing_s}))

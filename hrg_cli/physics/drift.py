@@ -6,7 +6,9 @@ control terms enter as (a_Φ/a_A)·Δφ.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -32,58 +34,91 @@ def drift(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadr
     return np.asarray((damping - 2 * r * mechanics.frequency_split_rad_s * np.cos(zeta) - quadrature_force + r * main_force) / (1 - r**2))
 
 
-def drift_small_quadrature(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadrature_force: Angle = 0.0) -> Array:
-    """D [rad/s] to first order in r: νδμ sin χ − 2r δω cos ζ − f_B   (seed A (8))."""
-    chi, zeta = _angles(mechanics, wave_angle_rad)
-    return np.asarray(
-        mechanics.damping_split_1_s * np.sin(chi)
-        - 2 * np.asarray(ratio) * mechanics.frequency_split_rad_s * np.cos(zeta)
-        - quadrature_force
-    )
-
-
-def phase_rate(
-    mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadrature_force: Angle = 0.0, main_force: Angle = 0.0
-) -> Array:
-    """dφ/dt above the mean frequency, rad/s: [δω cos ζ (1 + r²) − 2r νδμ sin χ − f_A + r f_B]/(1 − r²)   (PHYSICS §4)."""
-    chi, zeta = _angles(mechanics, wave_angle_rad)
-    r = np.asarray(ratio, float)
-    split = mechanics.frequency_split_rad_s * np.cos(zeta) * (1 + r**2)
-    return np.asarray((split - 2 * r * mechanics.damping_split_1_s * np.sin(chi) - main_force + r * quadrature_force) / (1 - r**2))
-
-
-def drift_from_phase(
-    mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle, phase_rate_rad_s: Angle, quadrature_force: Angle = 0.0
-) -> Array:
-    """D [rad/s] with the stiffness axes replaced by the measured dφ/dt   (seed A (12), to first order in r): νδμ sin χ − 2r dφ/dt − f_B.
-
-    dφ/dt must be against the *mean* frequency: an error δ of it, a millikelvin of temperature, costs 2rδ.
-    """
-    chi, _ = _angles(mechanics, wave_angle_rad)
-    return np.asarray(mechanics.damping_split_1_s * np.sin(chi) - 2 * np.asarray(ratio) * phase_rate_rad_s - quadrature_force)
-
-
 def quadrature_quasi_static(mechanics: Mechanics, wave_angle_rad: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
-    """r once it follows the wave angle: δω sin ζ/λ   (seed A after (9)); λ = ν (force), 2ν (parametric: the pump damps B), plus
-    the loop's gain.
+    """r once it follows the wave angle: δω sin ζ/λ   (seed A after (9)), λ of `quadrature_decay`.
 
     For νt ≫ 1, δω ≪ ν and a wave that moves slowly against ν only.
     """
     _, zeta = _angles(mechanics, wave_angle_rad)
-    return np.asarray(mechanics.frequency_split_rad_s * np.sin(zeta) / _decay(mechanics, drive, quadrature_gain_1_s))
+    return np.asarray(mechanics.frequency_split_rad_s * np.sin(zeta) / quadrature_decay(mechanics, drive, quadrature_gain_1_s))
 
 
 def drift_quasi_static(mechanics: Mechanics, wave_angle_rad: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
     """D [rad/s] with the quasi-static quadrature: νδμ sin χ − (δω²/λ) sin 2ζ   (seed A (9); half of it with a parametric drive, M3p)."""
     chi, zeta = _angles(mechanics, wave_angle_rad)
-    split = mechanics.frequency_split_rad_s**2 / _decay(mechanics, drive, quadrature_gain_1_s)
+    split = mechanics.frequency_split_rad_s**2 / quadrature_decay(mechanics, drive, quadrature_gain_1_s)
     return np.asarray(mechanics.damping_split_1_s * np.sin(chi) - split * np.sin(2 * zeta))
 
 
-def _decay(mechanics: Mechanics, drive: str, gain: float) -> float:
-    if drive not in ("force", "parametric"):
-        raise ValueError(f'drive is "force" or "parametric", not {drive!r}')
-    return mechanics.damping_rate_1_s * (2 if drive == "parametric" else 1) + gain
+def drift_bound(mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
+    """D_max = νδμ + δω²/λ, rad/s   (seed A after the tangent law; λ of `quadrature_decay`)."""
+    split = np.square(mechanics.frequency_split_rad_s) / quadrature_decay(mechanics, drive, quadrature_gain_1_s)
+    return np.asarray(np.abs(mechanics.damping_split_1_s) + split)
+
+
+def quadrature_decay(mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> float:
+    """λ, 1/s, that holds the quadrature back: ν (force drive), 2ν (parametric: the pump damps B, M3p), plus the loop's gain.
+
+    In a free run-down r grows as δω sin ζ·t unchecked (M2); ν then stands for the growth until one time constant.
+    """
+    if drive not in ("free", "force", "parametric"):
+        raise ValueError(f'drive is "free", "force" or "parametric", not {drive!r}')
+    return mechanics.damping_rate_1_s * (2 if drive == "parametric" else 1) + quadrature_gain_1_s
+
+
+def quadrature_settled(mechanics: Mechanics, wave_angle_rad: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
+    """r at which `quadrature_rate` vanishes at a fixed angle, for any split: beyond 1 with a force drive there is none.
+
+    Force: δω sin ζ/(ν − νδμ cos χ + k_q). Parametric: δω_s(1 − r²) = 2νr, so r = δω_s/(ν + √(ν² + δω_s²)), δω_s = δω sin ζ.
+    """
+    chi, zeta = _angles(mechanics, wave_angle_rad)
+    nu, along = mechanics.damping_rate_1_s, mechanics.frequency_split_rad_s * np.sin(zeta)
+    if drive == "parametric":
+        return np.asarray(along / (nu + np.sqrt(nu**2 + along**2)))
+    return np.asarray(along / (nu - mechanics.damping_split_1_s * np.cos(chi) + quadrature_gain_1_s))
+
+
+def quadrature_rate(
+    mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0
+) -> Array:
+    """dr/dt, 1/s: the first two of seed A (7) divided, exact in r; a_A falls freely, is held by a force along it, or pumped (M3p).
+
+    Free: δω_s(1 + r²) + 2νδμ cos χ·r. Force: δω_s − (ν_B + k_q) r. Parametric, p = ν_A + δω_s r: δω_s(1 − r²) − 2νr.
+    """
+    chi, zeta = _angles(mechanics, wave_angle_rad)
+    r, along = np.asarray(ratio, float), mechanics.frequency_split_rad_s * np.sin(zeta)
+    friction = mechanics.damping_split_1_s * np.cos(chi)
+    if drive == "free":
+        return np.asarray(along * (1 + r**2) + 2 * friction * r)
+    if drive == "parametric":
+        return np.asarray(along * (1 - r**2) - 2 * mechanics.damping_rate_1_s * r)
+    return np.asarray(along - (mechanics.damping_rate_1_s - friction + quadrature_gain_1_s) * r)
+
+
+def motion(mechanics: Mechanics, rate_rad_s: float, drive: str, quadrature_gain_1_s: float = 0.0) -> Callable[[float, Array], Array]:
+    """d(θ, r)/dt as a function of (t, (θ, r)): m·dθ/dt = −KΩ + D(θ, r) with `drift` and `quadrature_rate`; for `adams`."""
+
+    def slope(_: float, state: Array) -> Array:
+        angle, r = state
+        swing = drift(mechanics, angle, r) - mechanics.scale_factor * rate_rad_s
+        return np.stack(
+            np.broadcast_arrays(swing / mechanics.mode_number, quadrature_rate(mechanics, angle, r, drive, quadrature_gain_1_s))
+        )
+
+    return slope
+
+
+def motion_following(mechanics: Mechanics, rate_rad_s: float, quadrature_gain_1_s: float) -> Callable[[float, Array], Array]:
+    """dθ/dt of a gyro whose fast quadrature loop makes r follow the angle with the lag 1/λ: r = r_settled(θ + KΩ/mλ), right to (2KΩ/λ)²."""
+    decay = quadrature_decay(mechanics, "force", quadrature_gain_1_s)
+    turning = mechanics.scale_factor * rate_rad_s
+
+    def slope(_: float, angle: Array) -> Array:
+        seen = angle + turning / (mechanics.mode_number * decay)
+        r = quadrature_settled(mechanics, seen, "force", quadrature_gain_1_s)
+        return np.asarray((drift(mechanics, angle, r) - turning) / mechanics.mode_number)
+
+    return slope
 
 
 def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
@@ -100,24 +135,30 @@ def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
     return np.asarray(mechanics.damping_axis_rad + (angle + np.pi * turns) / m)
 
 
-def adams(rate: Callable[[float, float], float], start_rad: float, step_s: float, steps: int) -> Array:
-    """θ (steps + 1,) of dθ/dt = f(t, θ) by the explicit four-point Adams method, error O(step⁴); the first three steps by Runge–Kutta.
+def adams(rate: Callable[[float, Array], Array], start: Angle, step_s: float, steps: int) -> Array:
+    """y (steps + 1, ...) of dy/dt = f(t, y) by `adams_steps`, from y(0) of any shape."""
+    first = np.asarray(start, float)
+    return np.stack([first, *islice(adams_steps(rate, first, step_s), steps)])
 
-    θ₄ = θ₃ + Δt(55f₃ − 59f₂ + 37f₁ − 9f₀)/24   (seed A, after (10)).
+
+def adams_steps(rate: Callable[[float, Array], Array], start: Array, step_s: float) -> Iterator[Array]:
+    """y after each step by the explicit four-point Adams method, error O(step⁴); the first three steps by Runge–Kutta.
+
+    y₄ = y₃ + Δt(55f₃ − 59f₂ + 37f₁ − 9f₀)/24   (seed A, after (10)).
     """
-    angle = np.empty(steps + 1)
-    angle[0] = start_rad
-    slopes: list[float] = []
-    for k in range(steps):
-        t, y = k * step_s, float(angle[k])
-        slopes.append(rate(t, y))
+    y, k = np.asarray(start, float), 0
+    slopes: deque[Array] = deque(maxlen=4)
+    while True:
+        t = k * step_s
+        slopes.append(np.asarray(rate(t, y)))
         if len(slopes) < 4:
             k1 = slopes[-1]
             k2 = rate(t + step_s / 2, y + step_s / 2 * k1)
             k3 = rate(t + step_s / 2, y + step_s / 2 * k2)
             k4 = rate(t + step_s, y + step_s * k3)
-            angle[k + 1] = y + step_s * (k1 + 2 * k2 + 2 * k3 + k4) / 6
+            y = y + step_s * (k1 + 2 * k2 + 2 * k3 + k4) / 6
         else:
-            f0, f1, f2, f3 = slopes[-4:]
-            angle[k + 1] = y + step_s * (55 * f3 - 59 * f2 + 37 * f1 - 9 * f0) / 24
-    return angle
+            f0, f1, f2, f3 = slopes
+            y = y + step_s * (55 * f3 - 59 * f2 + 37 * f1 - 9 * f0) / 24
+        k += 1
+        yield y

@@ -21,6 +21,9 @@ import numpy as np
 
 from . import fast_loop
 from .coefficients import Coefficients, analytic, state_of
+from .electronics import Electronics, board
+from .noise import Noise
+from .noise_source import NoiseSource
 from .plant import POLYNOMIAL, Block, Control, Environment, Plant, Samples
 
 Array = np.ndarray
@@ -33,9 +36,19 @@ _STEPS_A_PERIOD_NONLINEAR = 12.0
 
 
 def run(
-    environment: Environment, plant: Plant, control: Control, start: Array, step_s: float, count: int, start_angle_rad: float = 0.0
+    environment: Environment,
+    plant: Plant,
+    control: Control,
+    start: Array,
+    step_s: float,
+    count: int,
+    start_angle_rad: float = 0.0,
+    *,
+    electronics: Electronics | None = None,
+    noise: Noise | None = None,
+    random: np.random.Generator | None = None,
 ) -> Iterator[Block]:
-    """Samples at n·step_s, n < count, in chunks of `CHUNK`.
+    """Samples at n·step_s, n < count, in chunks of `CHUNK`; with `electronics` the loops act on what the board knows.
 
     start: envelopes (2,) at t = 0 against the mean frequency of `plant.mechanics`. start_angle_rad: electrical angle mθ near which
     the loops take the wave's at first; (mθ, φ) and (mθ + π, φ + π) are one wave, but a parasitic force is coherent with φ.
@@ -77,17 +90,22 @@ def run(
     off = off[np.argsort(off[:, 0], kind="stable")] if len(off) else off
     polynomial = np.asarray(plant.polynomial, float)
     assert len(polynomial) == len(POLYNOMIAL)
+    loops = fast_loop.Loops(kinds, gains, drive_matrix, parasitic, off)
+    e_A = np.array([math.cos(start_angle_rad), math.sin(start_angle_rad)])
+    source = NoiseSource(
+        noise or Noise(), mechanics, h, substeps, count * substeps, random or np.random.default_rng(), electronics is not None
+    )
+    desk = board(electronics, control, mechanics, h, float(np.angle(e_A @ start)), start_angle_rad, source.electronic)
 
     def samples(first: int, n: int) -> tuple[Array, ...]:
-        """Displacement, velocity, drive and command (2, n) of the next n samples."""
+        """Displacement, velocity, drive, command and read-out noise (2, n) of the next n samples."""
         knots = table.knots(first * substeps, n * substeps, h, knot_stride)
         propagators, local = table.propagators(knots, h, omega)
-        z, v, drive, command = np.empty((2, n)), np.empty((2, n)), np.zeros((2, n), complex), np.zeros((2, n))
-        advance(
-            memory, knots - first * substeps, propagators, local, n, substeps, h, first * substeps, omega, polynomial, nonlinear,
-            kinds, gains, drive_matrix, parasitic, off, z, v, drive, command,
-        )  # fmt: skip
-        return z, v, drive, command
+        rows = fast_loop.Rows(np.empty((2, n)), np.empty((2, n)), np.zeros((2, n), complex), np.zeros((2, n)), np.zeros((2, n)))
+        motion = fast_loop.Motion(first * substeps, n, substeps, h, omega, knots - first * substeps, propagators, local)
+        forces = fast_loop.Forces(polynomial, nonlinear, *source.kicks(n * substeps))
+        advance(memory, motion, forces, loops, desk, source.electronics(first * substeps, n * substeps), rows)
+        return rows.z, rows.v, rows.drive, rows.command, rows.noise
 
     # (samples done when the knock is felt, its state there), in time order
     knocks = sorted(((math.floor(at / step_s) + 1, at, change) for at, change in plant.kicks if at >= 0), key=lambda knock: knock[1])
@@ -102,12 +120,12 @@ def run(
             memory[:4] += _carried(table, instant, after * step_s, change, omega)
         if done < first + n:
             parts.append(samples(done, first + n - done))
-        z, v, drive, command = parts[0] if len(parts) == 1 else (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
+        z, v, drive, command, noisy = parts[0] if len(parts) == 1 else (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
         del parts
         t = np.arange(first, first + n) * step_s
-        yield Block(
-            Samples(t, z, v, drive, table.temperature(t), table.rate(t)), command, functools.partial(_envelopes, table, t, z, v, omega)
-        )
+        seen = noisy if source.readout else None
+        samples_of = Samples(t, z, v, drive, table.temperature(t), table.rate(t), seen)
+        yield Block(samples_of, command, functools.partial(_envelopes, table, t, z, v, omega))
 
 
 def _carried(table: Coefficients, start: float, stop: float, change: Array, scale: float) -> Array:

@@ -6,10 +6,11 @@ import functools
 import math
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from .electronics import Board, look, passed, rounded, turn_oscillator
 from .plant import Acceleration
 
 Array = np.ndarray
@@ -22,6 +23,87 @@ def _no_extra(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float
 _extra: Any = _no_extra
 
 
+class Motion(NamedTuple):
+    """Steps to make and the linear motion over them: knots (step numbers), exact propagators and what the loops need there."""
+
+    first: int
+    """Number of the first step since t = 0."""
+    samples: int
+    substeps: int
+    """Steps a sample."""
+    h: float
+    """Length of a step."""
+    scale: float
+    """ω by which the momentum is divided."""
+    knots: Array
+    propagators: Array
+    local: Array
+
+
+class Forces(NamedTuple):
+    """Kicks that no loop makes: polynomial terms (9,), whether these or a further acceleration act, and random ones a step (n, 2).
+
+    `thermal` act always, `rough` (of the drive's electronics) while the drive is on; changes of the momentum over `scale`, empty for none.
+    """
+
+    polynomial: Array
+    nonlinear: bool
+    thermal: Array
+    rough: Array
+
+
+class Loops(NamedTuple):
+    """The control: kinds (driven, drive, quadrature loop), gains (10,), drive matrix, parasitic force, intervals without drive."""
+
+    kinds: Array
+    gains: Array
+    drive_matrix: Array
+    parasitic: Array
+    off: Array
+
+
+class Disturbance(NamedTuple):
+    """Electronic noise over the same steps: white (n, 2), and knots of 1/f envelopes (k, 8) with their stride and first step.
+
+    Columns of the knots: read-out C, S in phase and in quadrature, then the drive's likewise. Without noise the arrays are empty.
+    """
+
+    white: Array
+    knots: Array
+    stride: int
+    first: int
+
+
+class Rows(NamedTuple):
+    """What is kept of every sample: displacement, velocity over ω, force, command, read-out noise, (2, n) each."""
+
+    z: Array
+    v: Array
+    drive: Array
+    command: Array
+    noise: Array
+
+
+def _disturbed(i: int, d: Disturbance, cos: float, sin: float) -> tuple[float, float, complex, complex]:
+    """Read-out noise of both channels at step i of the block, and the drive's envelope noise, 1/f parts at the oscillator's phase."""
+    nx, ny, fx, fy = 0.0, 0.0, 0j, 0j
+    if len(d.white) > 0:
+        nx, ny = d.white[i, 0], d.white[i, 1]
+    if len(d.knots) > 0:
+        at = (i - d.first) / d.stride
+        k = int(at)
+        f = at - k
+        e0 = d.knots[k, 0] + f * (d.knots[k + 1, 0] - d.knots[k, 0])
+        e1 = d.knots[k, 1] + f * (d.knots[k + 1, 1] - d.knots[k, 1])
+        e2 = d.knots[k, 2] + f * (d.knots[k + 1, 2] - d.knots[k, 2])
+        e3 = d.knots[k, 3] + f * (d.knots[k + 1, 3] - d.knots[k, 3])
+        nx += e0 * cos - e1 * sin
+        ny += e2 * cos - e3 * sin
+        fx = d.knots[k, 4] + f * (d.knots[k + 1, 4] - d.knots[k, 4]) + 1j * (d.knots[k, 5] + f * (d.knots[k + 1, 5] - d.knots[k, 5]))
+        fy = d.knots[k, 6] + f * (d.knots[k + 1, 6] - d.knots[k, 6]) + 1j * (d.knots[k, 7] + f * (d.knots[k + 1, 7] - d.knots[k, 7]))
+    return nx, ny, fx, fy
+
+
 def _acceleration(t: float, x: float, y: float, vx: float, vy: float, c: Array) -> tuple[float, float]:
     """The terms of `plant.POLYNOMIAL` with coefficients c, plus the further acceleration."""
     r2, v2, zv = x * x + y * y, vx * vx + vy * vy, x * vx + y * vy
@@ -32,11 +114,15 @@ def _acceleration(t: float, x: float, y: float, vx: float, vy: float, c: Array) 
     return ax + along_z * x + along_v * vx + c[7] * qa + c[8] * qb, ay + along_z * y + along_v * vy - c[7] * qb + c[8] * qa
 
 
-def advance(  # type: ignore[no-untyped-def]
-    memory, knots, propagators, local, n, substeps, h, first, scale, polynomial, nonlinear,
-    kinds, gains, drive_matrix, parasitic, off, z, v, drive, command,
-):  # fmt: skip
-    """n samples of `substeps` steps; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last e_A and force."""
+def advance(memory: Array, motion: Motion, forces: Forces, loops: Loops, board: Board, disturbance: Disturbance, rows: Rows) -> None:
+    """The samples of `motion`; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last e_A and force."""
+    first, n, substeps, h, scale = motion.first, motion.samples, motion.substeps, motion.h, motion.scale
+    knots, propagators, local = motion.knots, motion.propagators, motion.local
+    polynomial, nonlinear, thermal = forces.polynomial, forces.nonlinear, forces.thermal
+    kinds, gains, drive_matrix, parasitic, off = loops.kinds, loops.gains, loops.drive_matrix, loops.parasitic, loops.off
+    z, v, drive, command = rows.z, rows.v, rows.drive, rows.command
+    brownian, rough = len(thermal) > 0, len(forces.rough) > 0
+    settings, state = board.settings, board.state
     x, y, px, py = memory[0], memory[1], memory[2], memory[3]
     gx, gy = memory[8] + 1j * memory[9], memory[10] + 1j * memory[11]
     moving = len(knots) > 1
@@ -64,10 +150,16 @@ def advance(  # type: ignore[no-untyped-def]
         fx, fy, hx, hy = 0j, 0j, 0j, 0j
         sampled = 0.0
         main, quadrature = 0.0, 0.0
+        noise_x, noise_y, rough_x, rough_y, on = 0.0, 0.0, 0j, 0j, False
+        if board.kind > 0:
+            noise_x, noise_y, rough_x, rough_y = _disturbed(i, disturbance, state[0], state[1])
         if forced:
             while gap < len(off) and t >= off[gap, 1]:
                 gap += 1
-            if not (gap < len(off) and t >= off[gap, 0]):
+            on = not (gap < len(off) and t >= off[gap, 0])
+            if board.kind == 2:
+                look(first + i, x + noise_x, y + noise_y, h, on, kinds, gains, settings, state, board.waiting)
+            if on:
                 # The loops look at the middle of the kick, as expected from the last one. There the momentum holds the force's
                 # part of u' too, by a factor that sampling makes ωh·cot ωh; left inside, it would ripple at 2ω through the gains.
                 angle = omega * h
@@ -83,7 +175,31 @@ def advance(  # type: ignore[no-untyped-def]
                 s2, s3 = 2 * (x * y + wx * wy), 2 * (x * wy - wx * y)
                 s12 = math.sqrt(s1 * s1 + s2 * s2)
                 a_A = math.sqrt((s0 + s12) / 2)
-                if a_A > 0.0 and s12 > 0.0:
+                if board.kind == 2:
+                    main, quadrature = state[22], state[23]
+                    cos, sin, spring = state[24], state[25], state[26]
+                    turn = state[0] + 1j * state[1]
+                    late = gains[6] - 1j * gains[7]
+                    acting = settings[12] if settings[1] == 0 or state[12] == 1 else 0.0
+                    if kinds[1] == 0:
+                        fx, fy = turn * late * main * cos, turn * late * main * sin
+                    else:
+                        pump = turn * turn * late * (main / state[28])
+                        fx, fy = pump * ux.conjugate(), pump * uy.conjugate()
+                    if kinds[2] == 1:
+                        side = -1j * turn * (gains[8] - 1j * gains[9]) * quadrature
+                        fx -= side * sin
+                        fy += side * cos
+                    elif kinds[2] == 2:
+                        c2, s2e = cos * cos - sin * sin, 2 * cos * sin
+                        ax -= 2 * omega * spring * (-s2e * x + c2 * y)
+                        ay -= 2 * omega * spring * (c2 * x + s2e * y)
+                    hx = (drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy) * acting + (parasitic[0] + rough_x) * turn
+                    hy = (drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy) * acting + (parasitic[1] + rough_y) * turn
+                    ax -= 2 * omega * rounded(hx.imag, settings[10], settings[11])
+                    ay -= 2 * omega * rounded(hy.imag, settings[10], settings[11])
+                    hx, hy = hx * passed(abs(hx), settings[11]), hy * passed(abs(hy), settings[11])
+                elif a_A > 0.0 and s12 > 0.0:
                     a_B = s3 / (2 * a_A)
                     if s1 > 0:
                         cos = math.sqrt((1 + s1 / s12) / 2)
@@ -118,8 +234,8 @@ def advance(  # type: ignore[no-untyped-def]
                         side = -1j * turn * (gains[8] - 1j * gains[9]) * quadrature
                         fx -= side * sin
                         fy += side * cos
-                    hx = drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy + parasitic[0] * turn
-                    hy = drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy + parasitic[1] * turn
+                    hx = drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy + (parasitic[0] + rough_x) * turn
+                    hy = drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy + (parasitic[1] + rough_y) * turn
                     ax -= 2 * omega * hx.imag
                     ay -= 2 * omega * hy.imag
         gx, gy = hx, hy
@@ -141,6 +257,16 @@ def advance(  # type: ignore[no-untyped-def]
             kick *= 0.5
         px += kick * ax
         py += kick * ay
+        if brownian:
+            px += thermal[i, 0]
+            py += thermal[i, 1]
+        if rough and on:
+            px += forces.rough[i, 0]
+            py += forces.rough[i, 1]
+        if board.kind > 0:
+            rows.noise[0, i // substeps] += noise_x / substeps
+            rows.noise[1, i // substeps] += noise_y / substeps
+            turn_oscillator(state)
         x, y, px, py = (
             P[0, 0] * x + P[0, 1] * y + P[0, 2] * px + P[0, 3] * py,
             P[1, 0] * x + P[1, 1] * y + P[1, 2] * px + P[1, 3] * py,
@@ -169,7 +295,23 @@ def compiled(extra: Acceleration | None) -> Callable[..., None]:
 
 
 def _bind_and_compile(jit: Any, extra: Any) -> Callable[..., None]:
-    return jit(_bound(advance, _acceleration=jit(_bound(_acceleration, _extra=extra))))
+    return jit(_bound(advance, _acceleration=jit(_bound(_acceleration, _extra=extra)), **_board_parts()))
+
+
+@functools.lru_cache(maxsize=1)
+def _board_parts() -> dict[str, Any]:
+    """What the loop calls of the board and its noise, compiled once whatever acceleration it is bound with."""
+    from numba import njit
+
+    def made(jit: Any) -> dict[str, Any]:
+        convert = jit(rounded)
+        parts = {"_disturbed": _disturbed, "passed": passed, "turn_oscillator": turn_oscillator, "look": _bound(look, rounded=convert)}
+        return {"rounded": convert} | {name: jit(part) for name, part in parts.items()}
+
+    try:
+        return made(njit(cache=True))
+    except RuntimeError:  # no folder to cache in
+        return made(njit)
 
 
 def _bound(function: Any, **names: Any) -> Any:

@@ -182,6 +182,8 @@ class Samples:
     """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f e^{jω_r t}, amplitude a second."""
     temperature_degc: Array
     rate_rad_s: Array
+    noise: Array | None = None
+    """(2, n) read-out noise where the engine drew it (the loops saw the same); None: the pick-off chain draws its own."""
 
 
 @dataclass
@@ -205,8 +207,11 @@ class Readout:
     kind: str = "direct"  # direct | carrier
     carrier_hz: float = 0.0
     carrier_phase_rad: float = 0.0
-    model: str = "linear"  # linear | full (seed B's U_c, U_s)
+    model: str = "linear"  # linear | full (seed B's electrodes)
     gap: float = 1.0
+    law: str = "alternating"
+    gaps: Array = field(default_factory=lambda: np.ones(8))
+    gains: Array = field(default_factory=lambda: np.ones(8))
     steps: list[ReadoutStep] = field(default_factory=list)
     after: list[ReadoutStep] = field(default_factory=list)
     """Steps after the carrier and noise (converter side: saturation, dropped samples)."""

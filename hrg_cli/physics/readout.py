@@ -1,7 +1,6 @@
 """The pick-off chain of a simulated gyro: displacement -> steps of the effects -> electrodes -> carrier -> noise -> converter.
 
-Full electrode model of seed B: U_c = 2cU(1 + c²)/(1 − c²)² with c the displacement over the gap, kept so that a small
-displacement is unchanged (y = gap·c(1 + c²)/(1 − c²)²). Carrier: y·(−2 sin(ω_c t + ψ)), so that the coefficients at
+Electrodes: `electrodes.pick_off`. Carrier: y·(−2 sin(ω_c t + ψ)), so that the coefficients at
 ω_c ∓ ω are exactly those of PHYSICS §3 (1) with A the displacement's amplitude.
 """
 
@@ -9,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import HrgError
+from .electrodes import pick_off
 from .plant import Readout, Samples
 
 Array = np.ndarray
@@ -21,23 +20,17 @@ def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> 
     for step in readout.steps:
         y = step(samples, y)
     if readout.model == "full":
-        y = full_electrode(y, readout.gap)
+        y = pick_off(readout.law, readout.gap, readout.gaps, readout.gains, y, samples.v_over_omega)
     if readout.kind == "carrier":
         turns = np.mod(readout.carrier_hz / (1 + readout.clock_error) * samples.time_s, 1.0)  # carrier and converter share a clock
         y = y * (-2 * np.sin(2 * np.pi * turns + readout.carrier_phase_rad))
-    if readout.noise > 0:
+    if samples.noise is not None:
+        y = y + samples.noise
+    elif readout.noise > 0:
         y = y + readout.noise * random.standard_normal((y.shape[1], 2)).T
     for step in readout.after:
         y = step(samples, y)
     return y
-
-
-def full_electrode(displacement: Array, gap: float) -> Array:
-    """gap·c(1 + c²)/(1 − c²)², c = displacement/gap (seed B, U_c over 2U). HrgError: the displacement reaches the gap."""
-    c = displacement / gap
-    if np.any(np.abs(c) >= 1):
-        raise HrgError(f"readout.gap = {gap:g}: the displacement reaches {np.abs(displacement).max():g}; it must stay below the gap")
-    return gap * c * (1 + c**2) / (1 - c**2) ** 2
 
 
 def convert(readout: Readout, y: Array) -> Array:

@@ -46,6 +46,9 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
         found.append(("mode", f"{mode['frequency_hz']:.8g} Hz, decay {mode['damping_rate_1_s']:.5g} ± {mode['std_1_s']:.1g} 1/s"))
     for axis in details.get("stiffness_axes", []):
         found.append(("stiffness axis where a_B changes sign", f"{axis['value']:.5g} ± {axis['std']:.1g} rad"))
+    whole = details.get("stiffness_axis_of_crossings")
+    if whole:
+        found.append(("stiffness axis of all crossings", f"{whole['value']:.6g} ± {whole['std']:.2g} rad"))
     for key, words in (("rate_rad_s", "fitted rate, rad/s"), ("quadrature_damping_1_s", "damping of the quadrature, 1/s")):
         if key in details:
             found.append((words, f"{details[key]['value']:.6g} ± {details[key]['std']:.2g}"))

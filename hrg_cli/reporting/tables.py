@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
-from ..units import to_deg_per_hour
+from ..units import to_deg_per_hour, to_trade
 from . import calibration, diagnosis, identification
 from .console import print_table
 from .json_text import json_object
@@ -25,9 +25,9 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
         identification.show(report)
     if isinstance(record, Calibration):
         calibration.show(report)
-    head, rows = _faults(report)
-    if rows:
-        print_table("", head, rows)
+    for head, rows in (_faults(report), _allan(report)):
+        if rows:
+            print_table("", head, rows)
 
 
 def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
@@ -41,7 +41,7 @@ def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], l
         for key, value in report.items()
         if key not in ("kind", "status", "status_reasons", "output") and not isinstance(value, dict | list)
     ]
-    rows += [(key, value) for key, value in (report.get("trade") or {}).items() if value is not None]
+    rows += [_trade(key, value) for key, value in (report.get("trade") or {}).items() if value is not None]
     return ("figure", "value"), rows
 
 
@@ -100,6 +100,23 @@ def _faults(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any,
         if name in seen
     ]
     return ("fault", "value", "unit", "z"), [(n, f"{v:.4g} ± {s:.2g}", u, f"{v / s:.3g}") for n, v, s, u in rows if s > 0]
+
+
+def _trade(key: str, value: float) -> tuple[str, float]:
+    """A figure of the trade in its own unit."""
+    words, size, unit = to_trade(key, value)
+    return f"{words}, {unit}" if unit else words, size
+
+
+def _allan(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Noise coefficients of IEEE Std 952 with their 95 % intervals; one that is not told from zero has an upper limit only."""
+    rows = []
+    for key, found in (report.get("allan") or {}).items():
+        if isinstance(found, Mapping):
+            words, value, unit = to_trade(key, found["value"])
+            low, high = (to_trade(key, found[end])[1] for end in ("low", "high"))
+            rows.append((words, value if value > 0 else None, low if value > 0 else None, high, unit))
+    return ("noise of the rate (IEEE 952)", "value", "95 % from", "to", "unit"), rows
 
 
 def _words(key: str) -> str:

@@ -162,21 +162,26 @@ class _Totals:
         return {
             "residual_rms_rad_s": {"before": float(row[0]), "after": float(row[1])},
             "angle_cell_rms_rad_s": {"before": float(cell[0]), "after": float(cell[1])},
-            "trade": self.trade(),
+            **self.trade(),
         }
 
-    def trade(self) -> dict[str, float | None]:
-        """Bias residual, and the Allan coefficients of the compensated rate's error (None: not seen); empty for a short run."""
+    def trade(self) -> dict[str, dict[str, Any]]:
+        """Bias residual and Allan coefficients of the compensated rate's error (None: not seen), then these with 95 % intervals.
+
+        Empty for a short run.
+        """
         errors = np.concatenate(self.errors) if self.errors else np.zeros(0)
         if len(errors) < LEAST_RATES:
-            return {}
+            return {"trade": {}}
         found = allan_figures(errors, self.time_s / max(self.rows, 1) * self.together)
-        return {
+        trade = {
             "bias_residual_rad_s": float(errors.mean()),
             "white_angle_noise_rad": found.quantization_rad or None,
             "angle_random_walk_rad_sqrt_s": found.angle_random_walk_rad_sqrt_s or None,
             "bias_instability_rad_s": found.bias_instability_rad_s or None,
+            "rate_random_walk_rad_s_sqrt_s": found.rate_random_walk_rad_s_sqrt_s or None,
         }
+        return {"trade": trade, "allan": {**found.intervals, "chi2_per_dof": found.chi2_per_dof}}
 
 
 def _judged(

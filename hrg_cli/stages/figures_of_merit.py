@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -129,7 +129,7 @@ def trade_figures(calibration: Calibration, paths: Sequence[Path]) -> dict[str, 
 
 @dataclass(frozen=True)
 class AllanFigures:
-    """Allan deviation of a rate with the coefficients of IEEE Std 952 annex C: σ² = Q²·3/τ² + N²/τ + B²·2ln2/π + K²τ/3."""
+    """Allan deviation of a rate with the coefficients of IEEE Std 952 annex C; one that is not told from zero is 0 (see `intervals`)."""
 
     time_s: Array
     deviation_rad_s: Array
@@ -137,27 +137,34 @@ class AllanFigures:
     angle_random_walk_rad_sqrt_s: float
     bias_instability_rad_s: float
     rate_random_walk_rad_s_sqrt_s: float
+    intervals: dict[str, dict[str, float]]
+    """Name with its unit -> value, std, and low and high of the 95 % interval."""
+    chi2_per_dof: float
+
+
+ALLAN_UNITS = {
+    "quantization": "rad",
+    "angle_random_walk": "rad_sqrt_s",
+    "bias_instability": "rad_s",
+    "rate_random_walk": "rad_s_sqrt_s",
+}
 
 
 def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
-    """Overlapping Allan deviation of an evenly sampled rate and its coefficients, by non-negative least squares in relative error.
+    """Overlapping Allan deviation of an evenly sampled rate and its coefficients, fitted with the covariance of its values (`allan_terms`).
 
     HrgError: fewer than 30 values, or values that are not finite.
     """
-    from scipy.optimize import nnls
-
     from ..fitting.tables.allan import allan_deviation
+    from ..fitting.tables.allan_terms import allan_terms
 
     rate = np.asarray(rate_rad_s, float)
     if len(rate) < 30 or not np.isfinite(rate).all():
         raise HrgError(
             f"an Allan deviation needs at least 30 finite rates, {int(np.isfinite(rate).sum())} are there; a longer run is needed"
         )
-    time, deviation, relative = allan_deviation(rate, interval_s)
-    variance = deviation**2
-    terms = np.stack([3 / time**2, 1 / time, np.full(len(time), 2 * np.log(2) / np.pi), time / 3], axis=1)
-    weight = 1 / np.maximum(variance * 2 * relative, 1e-300)
-    scale = np.linalg.norm(terms * weight[:, None], axis=0)
-    found, _ = nnls(terms * weight[:, None] / scale, variance * weight)
-    q, n, b, k = np.sqrt(found / scale)
-    return AllanFigures(time, deviation, float(q), float(n), float(b), float(k))
+    time, deviation, _ = allan_deviation(rate, interval_s)
+    found = allan_terms(rate, interval_s)
+    intervals = {f"{name}_{ALLAN_UNITS[name]}": asdict(c) for name, c in found.coefficients.items()}
+    q, n, b, k = (c.value for c in found.coefficients.values())
+    return AllanFigures(time, deviation, q, n, b, k, intervals, found.chi2 / max(found.dof, 1))

@@ -1,4 +1,4 @@
-"""`hrg rate`: the rate a free run shows, from the identified resonator as reference model (seed A's last task)."""
+"""`hrg rate`: the rate a run shows, free or driven, from the identified resonator as reference model (seed A's last task)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.checks import Check
+from ..fitting.envelopes.rate_driven import rate_driven
 from ..fitting.envelopes.rate_from_model import HOPELESS, SETTLED, TOO_COARSE, RateEstimate, rate_from_model
 from ..records import Compensated, Resonator, Wave
 from .earth_rate import earth_rate_rad_s
@@ -31,12 +32,14 @@ def rate(
     latitude_deg: Annotated[float | None, Field(description="latitude from which the Earth's rate is taken instead")] = None,
     axis_tilt_deg: Annotated[float, Field(description="tilt of the sensitive axis from the vertical")] = 0.0,
     axis_azimuth_deg: Annotated[float, Field(description="direction of that tilt from north")] = 0.0,
+    main_phase_error_rad: Annotated[float, Field(description="known phase error of the main force of a driven run")] = 0.0,
+    quadrature_phase_error_rad: Annotated[float, Field(description="known phase error of its quadrature force")] = 0.0,
 ) -> Compensated:
-    """Ω(t) of a free run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
+    """Ω(t) of a run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
 
     A gyro shows the rate against the stars; with the Earth's rate given the answer is the rate against the ground, as a table logs it.
 
-    HrgError: another gyro or mode number, a refused resonator or one without K, a driven run, too few windows for the nodes.
+    HrgError: another gyro or mode number, a refused resonator or one without K, too few windows for the nodes.
     """
     name = f"run {wave.run_id or '?'}"
     wave = _in_memory(wave)
@@ -48,9 +51,12 @@ def rate(
         why = "; ".join(resonator.status_reasons) or "no reason is given"
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
     if wave.mode == "forced":
-        raise HrgError(f"{name}: is driven; a reference model without the drive describes free runs only, use compensate")
+        found = rate_driven(wave, resonator, nodes, main_phase_error_rad, quadrature_phase_error_rad)
+    elif main_phase_error_rad or quadrature_phase_error_rad:
+        raise HrgError(f"{name}: is a free run, which no force acts on; leave the phase errors out")
+    else:
+        found = rate_from_model(wave, resonator, nodes)
     earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
-    found = rate_from_model(wave, resonator, nodes)
     found = dataclasses.replace(found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth)
     impossible, doubtful = closing(found)
     result = Compensated(

@@ -16,10 +16,13 @@ from ..effects.effect import no_term, same_signal, same_state
 from ..errors import HrgError
 from ..physics import ellipse, fast_engine, readout, slow_engine
 from ..physics import environment as bench
-from ..physics.plant import Block, Control, Environment, Readout, ThermalCourses, linear_plant
-from ..physics.resonator import Mechanics
+from ..physics import noise as noises
+from ..physics.electronics import Electronics
+from ..physics.plant import Block, Control, Environment, Plant, Readout, ThermalCourses, linear_plant
+from ..physics.resonator import IDENTITY, Mechanics, reflection
 from ..records import Recording
 from ..settings import to_toml
+from .loop_watch import LoopWatch
 from .simulation_file import (
     Course,
     Cycle,
@@ -77,9 +80,13 @@ def simulate_run(
 ) -> Iterator[Recording]:
     """One checked run as a stream of recording blocks."""
     active = _active(settings, extra_effects)
+    run_number = zlib.crc32(settings.run_id.encode())
     # A generator would report a wrong environment or effect only when its first block is asked for.
-    made, pickoff, logged = (_fast if model == "fast" else _slow)(settings, active)
-    return _blocks(settings, made, pickoff, logged, np.random.default_rng([seed, zlib.crc32(settings.run_id.encode())]), block_samples)
+    if model == "fast":
+        made, pickoff, logged = _fast(settings, active, np.random.default_rng([seed, run_number, 1]))
+    else:
+        made, pickoff, logged = _slow(settings, active)
+    return _blocks(settings, made, pickoff, logged, np.random.default_rng([seed, run_number]), block_samples)
 
 
 def _active(settings: SimulationFile, extra_effects: Sequence[Any]) -> Active:
@@ -88,23 +95,29 @@ def _active(settings: SimulationFile, extra_effects: Sequence[Any]) -> Active:
     return [(effect, effect.values(given) if hasattr(effect, "values") else dict(given)) for effect, given in found]
 
 
-def _fast(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
+def _fast(settings: SimulationFile, active: Active, random: np.random.Generator) -> tuple[Iterator[Block], Readout, Environment]:
     mechanics, courses, control, pickoff = mechanics_of(settings), courses_of(settings), control_of(settings), _readout(settings)
     world = environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, world)
-    plant = linear_plant(mechanics, courses, world)
+    plant = sprung(settings, linear_plant(mechanics, courses, world))
     for effect, p in active:
         _call(effect, "plant", p, plant, world)
         _call(effect, "control", p, control)
         _call(effect, "readout", p, pickoff)
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
     start, angle = start_of(settings)
-    return fast_engine.run(world, plant, control, start, step, _count(settings), angle), pickoff, world
+    made = fast_engine.run(
+        world, plant, control, start, step, _count(settings), angle,
+        electronics=electronics_of(settings, pickoff), noise=noise_of(settings, pickoff), random=random,
+    )  # fmt: skip
+    return made, pickoff, world
 
 
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
     mechanics, courses, pickoff = mechanics_of(settings), courses_of(settings), _readout(settings)
+    if settings.electronics is not None or not noise_of(settings, pickoff).silent:
+        raise HrgError("simulation: [electronics] and [noise] act on samples; simulate with --model fast")
     world, logged = environment_of(settings, bool(active)), environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, logged)
@@ -120,7 +133,10 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         [partial(effect.slow_jump, p) for effect, p in active if getattr(effect, "slow_jump", None) is not None],
     )
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
-    plant_at = partial(linear_plant, mechanics, courses)
+
+    def plant_at(world: Environment) -> Plant:
+        return sprung(settings, linear_plant(mechanics, courses, world))
+
     start, angle = start_of(settings)
     return slow_engine.run(world, plant_at, control_of(settings), terms, start, step, _count(settings), angle), pickoff, logged
 
@@ -139,6 +155,7 @@ def _blocks(
     waiting: list[Array] = []
     waiting_rows: list[dict[str, Array]] = []
     last_wave: tuple[float, float] | None = None
+    watch = LoopWatch(settings) if settings.electronics is not None else None
     first = 0
     for block in made:
         n = len(block.samples.time_s)
@@ -149,6 +166,8 @@ def _blocks(
         if len(at):
             rows, last_wave = _rows(block, at, first, world, settings, last_wave)
             waiting_rows.append(rows)
+            if watch is not None:
+                watch.see(rows)
         first += n
         if sum(w.shape[1] for w in waiting) > block_samples:
             joined = np.concatenate(waiting, axis=1)
@@ -157,7 +176,8 @@ def _blocks(
                 joined = joined[:, block_samples:]
                 waiting_rows = [{name: values[:0] for name, values in waiting_rows[0].items()}]
             waiting = [joined]
-    yield _recording(head, np.concatenate(waiting, axis=1), waiting_rows, settings.recording)
+    last = _recording(head, np.concatenate(waiting, axis=1), waiting_rows, settings.recording)
+    yield last if watch is None else last.judged(watch.reasons())
 
 
 def _rows(
@@ -267,6 +287,49 @@ def control_of(settings: SimulationFile) -> Control:
     )
 
 
+def sprung(settings: SimulationFile, plant: Plant) -> Plant:
+    """The plant with [spring]: W less 2ωs(I + R(2mα)), a softening along α alone."""
+    s = settings.spring
+    if s is not None:
+        axis = IDENTITY + reflection(2 * settings.device.mode_number * s.axis_rad)
+        plant.stiffness = plant.stiffness - 2 * plant.mechanics.omega_rad_s * s.size_rad_s * axis
+    return plant
+
+
+def electronics_of(settings: SimulationFile, pickoff: Readout) -> Electronics | None:
+    """The board of [electronics], with the converter of the read-out."""
+    e = settings.electronics
+    if e is None:
+        return None
+    step = 2 * e.drive_full_scale / 2**e.drive_bits if e.drive_bits and e.drive_full_scale else 0.0
+    converter = pickoff.adc_bits > 0
+    return Electronics(
+        periods_per_update=e.periods_per_update,
+        delay_periods=e.delay_periods,
+        filter_hz=e.filter_hz or 0.0,
+        phase_loop_hz=e.phase_loop_hz,
+        adc_step=readout.least_count(pickoff) if converter else 0.0,
+        adc_limit=pickoff.full_scale if converter else 0.0,
+        drive_step=step,
+        drive_limit=e.drive_full_scale or 0.0,
+        drive_periods=e.drive_periods,
+        phase_product=e.spring_signal == "phase_product",
+    )
+
+
+def noise_of(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
+    """What is noisy, in the engine's units."""
+    n = settings.noise
+    warm = n.temperature_k is not None and n.effective_mass_kg is not None
+    return noises.Noise(
+        noises.thermal_velocity2(n.temperature_k or 0.0, n.effective_mass_kg or 1.0, n.metres_per_unit) if warm else 0.0,
+        pickoff.noise,
+        n.readout_corner_hz,
+        n.drive_density,
+        n.drive_corner_hz,
+    )
+
+
 def _readout(settings: SimulationFile) -> Readout:
     r = settings.readout
     largest = max(settings.start.amplitude, settings.control.amplitude or 0.0)
@@ -276,6 +339,9 @@ def _readout(settings: SimulationFile) -> Readout:
         carrier_phase_rad=r.carrier_phase_rad,
         model=r.model,
         gap=r.gap or 1.0,
+        law=r.law,
+        gaps=np.array(r.electrode_gaps),
+        gains=np.array(r.electrode_gains),
         noise=r.noise,
         adc_bits=r.adc_bits,
         full_scale=r.full_scale or (3.0 if r.kind == "carrier" else 1.5) * largest,

@@ -1,7 +1,7 @@
 """The simulation file: what may stand in its TOML, checked strictly, and how its runs override it.
 
-Tables [device], [start], [readout], [control], [environment], [recording], [effects.NAME]; each [[run]] repeats any part of them
-under the same dotted names, e.g. `start.wave_angle_rad = 0.3`, on top of the file's own.
+Tables [device], [start], [readout], [control], [electronics], [noise], [spring], [environment], [recording], [effects.NAME]; each
+[[run]] repeats any part of them under the same dotted names, e.g. `start.wave_angle_rad = 0.3`, on top of the file's own.
 """
 
 from __future__ import annotations
@@ -126,6 +126,9 @@ class ReadoutTable(Table):
     carrier_phase_rad: float = 0.0
     model: Literal["linear", "full"] = "linear"
     gap: Positive | None = None
+    law: Literal["alternating", "constant-voltage", "printed"] = "alternating"
+    electrode_gaps: Annotated[list[Positive], Field(min_length=8, max_length=8)] = [1.0] * 8
+    electrode_gains: Annotated[list[Positive], Field(min_length=8, max_length=8)] = [1.0] * 8
     noise: NotNegative = 0.0
     adc_bits: Annotated[int, Field(ge=0, le=31)] = 0
     full_scale: Positive | None = None
@@ -138,6 +141,10 @@ class ReadoutTable(Table):
             raise ValueError('carrier_hz belongs to kind = "carrier" and is needed there; give both or neither')
         if (self.model == "full") != (self.gap is not None):
             raise ValueError('gap belongs to model = "full" and is needed there; give both or neither')
+        if self.model == "linear" and self.model_fields_set & {"law", "electrode_gaps", "electrode_gains"}:
+            raise ValueError('law, electrode_gaps and electrode_gains belong to model = "full"; set it and give the gap')
+        if self.kind == "carrier" and self.law == "constant-voltage":
+            raise ValueError('law = "constant-voltage" is a pick-off without a carrier; set kind = "direct" or law = "alternating"')
         if self.full_scale is not None and self.adc_bits == 0:
             raise ValueError("full_scale belongs to a converter; give adc_bits too")
         return self
@@ -169,6 +176,57 @@ class ControlTable(Table):
             if len(interval) != 2 or interval[0] >= interval[1]:
                 raise ValueError(f"off_s holds intervals [start, stop] with start < stop, not {interval}")
         return self
+
+
+class ElectronicsTable(Table):
+    """[electronics]: the loops act on what a board demodulates (windows of whole periods), filtered, delayed and through converters.
+
+    Its converter is that of [readout] (adc_bits, full_scale). drive_full_scale is the force, amplitude a second, at which it saturates.
+    """
+
+    periods_per_update: Annotated[int, Field(ge=1, le=100_000)] = 16
+    delay_periods: NotNegative = 0.0
+    filter_hz: Positive | None = None
+    phase_loop_hz: Positive = 1.0
+    drive_bits: Annotated[int, Field(ge=0, le=31)] = 0
+    drive_full_scale: Positive | None = None
+    drive_periods: Annotated[int, Field(ge=0, le=100_000)] = 0
+    spring_signal: Literal["quadrature", "phase_product"] = "quadrature"
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.drive_bits and self.drive_full_scale is None:
+            raise ValueError("drive_bits need the force at which the converter saturates; give drive_full_scale")
+        return self
+
+
+class NoiseTable(Table):
+    """[noise]: Brownian force of the resonator, and electronic noise with a 1/f corner about the resonance.
+
+    readout_corner_hz belongs to the noise of [readout]; drive_density is the drive's envelope force, amplitude/s/√Hz, one-sided.
+    """
+
+    temperature_k: Positive | None = None
+    effective_mass_kg: Positive | None = None
+    metres_per_unit: Positive = 1.0
+    readout_corner_hz: NotNegative = 0.0
+    drive_density: NotNegative = 0.0
+    drive_corner_hz: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if (self.temperature_k is None) != (self.effective_mass_kg is None):
+            raise ValueError("Brownian force needs temperature_k and effective_mass_kg; give both or neither")
+        if self.drive_corner_hz and not self.drive_density:
+            raise ValueError("drive_corner_hz is the corner of drive_density; give it too")
+        return self
+
+
+class SpringTable(Table):
+    """[spring]: a constant electric spring that softens along an axis: δω·e^{2jmθ_ω} less size·e^{2jm·axis}, f less size/2π."""
+
+    size_rad_s: float
+    axis_rad: float
 
 
 class Ramp(Table):
@@ -294,6 +352,9 @@ class SimulationFile(Table):
     start: Start = Start()
     readout: ReadoutTable = ReadoutTable()
     control: ControlTable = ControlTable()
+    electronics: ElectronicsTable | None = None
+    noise: NoiseTable = NoiseTable()
+    spring: SpringTable | None = None
     environment: EnvironmentTable = EnvironmentTable()
     recording: RecordingTable
     effects: dict[str, dict[str, float | str | bool]] = {}
@@ -309,6 +370,21 @@ class SimulationFile(Table):
             )
         if self.readout.carrier_hz is not None and self.readout.carrier_hz <= self.device.frequency_hz:
             raise ValueError(f"readout.carrier_hz = {self.readout.carrier_hz:g} must exceed the device's {self.device.frequency_hz:g} Hz")
+        return self
+
+    @model_validator(mode="after")
+    def _electronics_belong(self) -> Self:
+        if self.electronics is not None and self.control.mode == "free":
+            raise ValueError('electronics drives loops, but control.mode is "free"; set control.mode = "forced" or leave [electronics] out')
+        if self.noise.drive_density and self.control.mode == "free":
+            raise ValueError('noise.drive_density is of the drive, but control.mode is "free"; set control.mode = "forced" or leave it out')
+        if self.readout.kind == "carrier" and (self.electronics is not None or self.noise.readout_corner_hz):
+            raise ValueError(
+                "electronics and noise.readout_corner_hz act on the direct read-out; a carrier moves the signal away from the 1/f noise, "
+                'so set readout.kind = "direct" or leave them out'
+            )
+        if self.noise.readout_corner_hz and not self.readout.noise:
+            raise ValueError("noise.readout_corner_hz is the corner of readout.noise; give it too")
         return self
 
 

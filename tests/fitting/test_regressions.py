@@ -19,6 +19,8 @@ from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
 
 TRUE = coordinates.from_mechanics(GYRO)
+APPROXIMATE = ("moving-axes-small-quadrature", "fixed-axes-groups", "frozen-axes")
+EXACT = [m for m in regressions.METHODS if m not in APPROXIMATE]
 
 
 def thin(waves, blocks=300):
@@ -37,21 +39,21 @@ def noisy():
     return thin(programme(std=1e-3, ratio=0.05, seed=3))
 
 
-@pytest.mark.parametrize("method", [m for m in regressions.METHODS if m != "moving-axes-small-quadrature"])
+@pytest.mark.parametrize("method", EXACT)
 def test_without_noise_only_the_differencing_is_left(method, clean):
     answer = regressions.solve(*clean, method)
     tolerance = 2e-6 if method in ("increments", "stokes") else 1e-4
     assert np.allclose(answer.p[:6], TRUE[:6], atol=tolerance)
 
 
-@pytest.mark.parametrize("method", [m for m in regressions.METHODS if m != "moving-axes-small-quadrature"])
+@pytest.mark.parametrize("method", EXACT)
 def test_with_noise_within_its_own_errors(method, noisy):
     answer = regressions.solve(*noisy, method)
     std = np.sqrt(np.diag(answer.covariance))[:6]
     assert np.all(np.abs(answer.p[:6] - TRUE[:6]) < 5 * std)
 
 
-@pytest.mark.parametrize("method", [m for m in regressions.METHODS if m != "moving-axes-small-quadrature"])
+@pytest.mark.parametrize("method", EXACT)
 def test_stated_errors_are_the_scatter(method):
     """Over draws of the noise (error/σ)² is χ², although neighbouring differences share their noise."""
     space = freedom(Known(), TRUE, 2, 4.0)
@@ -97,6 +99,35 @@ def test_small_quadrature_is_biased_and_says_so():
     answer = regressions.solve(runs, space, "moving-axes-small-quadrature")
     assert np.abs(answer.p[0] - TRUE[0]) > 0.005 * TRUE[0]
     assert any("biased" in w for w in answer.warnings)
+
+
+def test_frozen_axes_of_waves_that_hardly_turn():
+    """Seed A, fourth remark after (17): right to the turn of mθ; said where the wave turns more."""
+    gyro = Mechanics(5000.0, 0.3, 0.006, 0.35, 0.02, 0.9, 0.55)
+    waves = [
+        run_down(a, rate, mechanics=gyro, std=1e-6, ratio=0.0, seed=i)
+        for i, (a, rate) in enumerate([(0.1, 0.01), (0.5, -0.01), (0.9, 0.0), (1.3, 0.0)])
+    ]
+    runs, space = thin(waves)
+    answer = regressions.solve(runs, space, "frozen-axes")
+    assert not any("frozen" in w for w in answer.warnings)
+    true = coordinates.from_mechanics(gyro)
+    assert answer.p[0] == pytest.approx(true[0], rel=1e-3)
+    assert np.hypot(*(answer.p[1:3] - true[1:3])) < 0.15 * 0.006 and np.hypot(*(answer.p[3:5] - true[3:5])) < 0.15 * 0.02
+    assert any("use moving-axes" in w for w in regressions.solve(*thin(programme(std=1e-5)), "frozen-axes").warnings)
+
+
+def test_two_groups_of_data_see_the_splits_through_the_rounding():
+    """Seed A, second remark after (17), with a small quadrature: ν, both splits and K to a tenth."""
+    gyro = Mechanics(5000.0, 0.3, 0.03, 0.35, 0.05, 0.9, 0.55)
+    waves = [
+        run_down(a, rate, mechanics=gyro, std=1e-6, ratio=0.0, seed=i) for i, (a, rate) in enumerate([(0.1, 1.0), (0.5, -1.0), (0.9, 0.5)])
+    ]
+    answer = regressions.solve(*thin(waves), "fixed-axes-groups")
+    true = coordinates.from_mechanics(gyro)
+    assert answer.p[[0, 5]] == pytest.approx(true[[0, 5]], rel=0.02)
+    assert np.hypot(*(answer.p[1:3] - true[1:3])) < 0.15 * 0.03 and np.hypot(*(answer.p[3:5] - true[3:5])) < 0.15 * 0.05
+    assert any("drops the smaller" in w for w in answer.warnings)
 
 
 def test_a_wave_lost_in_noise_is_said():
@@ -153,6 +184,19 @@ def test_working_mode_finds_the_frequency_split_and_the_kind_of_drive(kind, fact
     assert found.trap_1_s_per_mhz == pytest.approx(2 * np.pi * 1e-3 / (2 * found.quadrature_rms))
     axes = working_mode.stiffness_axes([run], 2, found.value[0])
     assert len(axes) > 3 and all(min(abs(a - 0.9), abs(abs(a - 0.9) - np.pi / 2)) < 0.03 for a, _ in axes)
+
+
+@pytest.mark.parametrize("kind", ["force", "parametric"])
+@pytest.mark.parametrize("rate", [0.1, 0.4])
+def test_one_axis_from_all_crossings_at_any_rate(rate, kind):
+    """The lag of the quadrature, arctan(2mθ'/λ), is 20° and 55° of ζ (force); within it the axis is found."""
+    gyro, run = forced(kind, rate, std=1e-4)
+    decay = working_mode.monitor([run]).value[0]
+    found = working_mode.combined_axis(working_mode.stiffness_axes([run], 2, decay), 2)
+    assert found["crossings"] > 4
+    off = np.mod(found["value"] - gyro.stiffness_axis_rad + np.pi / 4, np.pi / 2) - np.pi / 4
+    assert abs(off) < 0.01 and abs(off) < 4 * found["std"]
+    assert working_mode.combined_axis([], 2) is None
 
 
 def test_phase_equation_gives_the_damping_split_where_quadrature_is_large():

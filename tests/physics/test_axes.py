@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from oracles import axes
 from scipy.integrate import solve_ivp
 
-from hrg_cli.physics import axes, ellipse, resonator
+from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
 
 GYRO = Mechanics(200.0, 0.6, 0.1, 0.35, 0.9, 1.1, 0.55)

@@ -63,10 +63,10 @@ def test_errors_are_honest():
 def test_all_methods_in_one_table_and_each_alone():
     waves = programme(std=1e-3, ratio=0.05, seed=2)
     table = details(identify(waves, method="all"))["methods"]
-    assert table[0]["method"] == "likelihood" and len(table) == 10
+    assert table[0]["method"] == "likelihood" and len(table) == 12
     for row in table[1:]:
         cell = row["parameters"]["damping_rate_1_s"]
-        if row["method"] != "moving-axes-small-quadrature":
+        if row["method"] not in ("moving-axes-small-quadrature", "fixed-axes-groups", "frozen-axes"):  # these are approximate
             assert abs(cell["difference"]) < 6 * cell["std"], row["method"]
     one = identify(waves, method="stokes")
     assert one.method == "stokes" and one.chi2_per_dof == pytest.approx(1, abs=0.2)

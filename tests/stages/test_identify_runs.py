@@ -89,8 +89,8 @@ def test_rate_stage_sees_the_rate_without_the_drift():
     assert np.mean((record.residual_after_rad_s / record.rate_estimate_rad_s_std) ** 2) < 1 + 5 * np.sqrt(2 / 16)
     unlogged = rate(wave.replace(rate_rad_s=None), resonator)
     assert unlogged.residual_after_rad_s is None and len(unlogged.time_s) == 20
-    with pytest.raises(HrgError, match="driven"):
-        rate(wave.replace(mode="forced"), resonator)
+    with pytest.raises(HrgError, match="no force acts"):
+        rate(wave, resonator, main_phase_error_rad=0.1)
     other = identify(programme(Mechanics(4987.3, 0.31, 0.2, 0.6, 0.3, 0.2, 0.55), std=1e-5))
     assert rate(wave, other, nodes=8).status in ("suspect", "refused")
 

@@ -107,10 +107,11 @@ def test_carrier_gives_seed_b_coefficients():
     np.testing.assert_allclose(z, signals.signals(np.array([A, B, theta, phi, psi])), atol=1e-6)
 
 
-def test_full_electrode_law():
-    """U_c = 2cU(1 + c²)/(1 − c²)²: third harmonic and compression as its series gap·(c + 3c³ + …)."""
-    linear, full = run(config(0.05)), run(config(0.05, readout={"model": "full", "gap": 20.0}))
-    np.testing.assert_allclose(full.c, linear.c + 3 * linear.c**3 / 400, atol=1e-4)
+@pytest.mark.parametrize(("law", "cubic"), [("alternating", 1), ("printed", 3)])
+def test_full_electrode_law(law, cubic):
+    """Third harmonic and compression as the law's series gap·(c + γc³ + …)."""
+    linear, full = run(config(0.05)), run(config(0.05, readout={"model": "full", "gap": 20.0, "law": law}))
+    np.testing.assert_allclose(full.c, linear.c + cubic * linear.c**3 / 400, atol=1e-4)
     assert np.abs(full.c - linear.c).max() > 1e-3
     with pytest.raises(HrgError, match="stay below the gap"):
         run(config(0.05, readout={"model": "full", "gap": 0.5}))

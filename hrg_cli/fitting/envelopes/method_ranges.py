@@ -9,7 +9,9 @@ import numpy as np
 from ...physics import ellipse
 from .envelope_runs import EnvelopeRun
 
-USES_AXES = ("moving-axes", "moving-axes-small-quadrature", "increments", "rotation-integrals")
+USES_AXES = ("moving-axes", "moving-axes-small-quadrature", "frozen-axes", "increments", "rotation-integrals")
+FROZEN = 0.1
+"""Turn of mθ within a run up to which its axes may be taken as frozen: cos 2mθ and sin 2mθ are wrong by up to that much."""
 CIRCULAR = 0.9
 """|a_B/a_A| above which the axes of the ellipse are too ill-defined for a method that uses them."""
 
@@ -59,6 +61,11 @@ def warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool) -> 
             "the published elimination KΩ := −mθ̇ deletes the drift it seeks: the damping split comes out halved "
             "(with quadrature or rotation its axis is wrong as well); use the true rate"
         )
+    turned = max(float(np.ptp(ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)[0])) for run in runs)
+    if method == "frozen-axes" and turned > FROZEN:
+        out.append(f"frozen-axes takes the splits where the wave stands on average; it turns by {turned:.2g} rad of mθ, use moving-axes")
+    if method == "fixed-axes-groups":
+        out.append("fixed-axes-groups drops the smaller of sin Δφ and cos Δφ: it is biased by up to a tenth of the other split's terms")
     lost = lost_in_noise(runs)
     if lost > LOST_ROWS:
         out.append(

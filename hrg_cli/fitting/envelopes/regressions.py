@@ -31,6 +31,8 @@ CORRECTIONS = 6
 """Times the truncation is found anew at most."""
 SETTLED = 0.05
 """Part of a standard deviation by which the last correction may still move an answer."""
+GROUP = 0.1
+"""|sin Δφ| or |cos Δφ| up to which a row belongs to a group of seed A's second remark."""
 WIDE_STEP = 3.0
 """Step over the median from which two rows are no neighbours: a gap."""
 
@@ -128,13 +130,15 @@ def _joined(parts: Sequence[Equations]) -> Equations:
     return Equations(columns, target, offset, weight, first)
 
 
-def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False) -> Equations:
+def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False, frozen: bool = False) -> Equations:
     """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D with D of PHYSICS §4 (8) exact.
 
-    `small`: (14), (16): products of the quadrature with a damping split or with the frequency split in ȧ_A are dropped.
+    `small`: (14), (16): products of the quadrature with a damping split or with the frequency split in ȧ_A are dropped. `frozen`: the
+    splits are taken at the run's mean angle.
     """
     w = ellipse_of(run)
-    c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
+    angle = np.full_like(w.angle, w.angle.mean()) if frozen else w.angle
+    c, s, zero = np.cos(2 * angle), np.sin(2 * angle), np.zeros_like(w.a)
     cross = 0.0 if small else 1.0
     first = _rows(run, [w.a, w.a * c, w.a * s, cross * w.b * s, -cross * w.b * c, zero, zero], -w.a_dot, w.good)
     second = _rows(run, [w.b, -cross * w.b * c, -cross * w.b * s, -w.a * s, w.a * c, zero, zero], -w.b_dot, w.good)
@@ -162,6 +166,14 @@ def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = Fa
 def moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Seed A (14), (16)."""
     return moving_axes(run, eliminate_rate, small=True)
+
+
+def frozen_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A, fourth remark after (17): axes frozen where the wave stands, for a wave that hardly turns.
+
+    The printed fourth equation drops the part of the drift; m·dθ/dt = −KΩ + D stands in its place, as in moving axes.
+    """
+    return moving_axes(run, eliminate_rate, frozen=True)
 
 
 def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
@@ -197,6 +209,18 @@ def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equat
     )
 
 
+def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A, second remark after (17): the same in two groups of data.
+
+    Main group, the wave between the electrodes' axes: sin Δφ → 0, cos Δφ → ±1. Further group, the wave on one of them: cos Δφ → 0,
+    sin Δφ → ±1. Rows in between are left out; the printed a_C a_S Δφ̇ → 0 would leave the frequency split unknown and is kept.
+    """
+    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
+    return _channel_products(
+        run, cross.real, cross.imag, np.abs(run.envelope[:, 0]) ** 2, np.abs(run.envelope[:, 1]) ** 2, eliminate_rate, False, grouped=True
+    )
+
+
 def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own power taken off; no A, B, θ is formed."""
     noise = 2 * run.std**2
@@ -205,8 +229,13 @@ def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     return _channel_products(run, cross.real, cross.imag, c2, s2, eliminate_rate, True)
 
 
-def _channel_products(run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array, eliminate_rate: bool, whole: bool) -> Equations:
-    """½d(a_C²)/dt, ½d(a_S²)/dt and, `whole`, d(a_C a_S e^{jΔφ})/dt, else a_C a_S Δφ̇ alone; x + jy = a_C a_S e^{jΔφ}."""
+def _channel_products(
+    run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array, eliminate_rate: bool, whole: bool, grouped: bool = False
+) -> Equations:
+    """½d(a_C²)/dt, ½d(a_S²)/dt and, `whole`, d(a_C a_S e^{jΔφ})/dt, else a_C a_S Δφ̇ alone; x + jy = a_C a_S e^{jΔφ}.
+
+    `grouped`: Δφ is rounded to a multiple of π/2 where it is within `GROUP` of one; the other rows weigh nothing.
+    """
     t = run.time_s
     keep = ~beside_gap(t)
     rate = table_rate(run)
@@ -214,6 +243,13 @@ def _channel_products(run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array
     if eliminate_rate:
         known, rate = -ellipse_of(run).angle_dot, zero
     size = np.sqrt(np.maximum(c2 + s2, 1e-300))
+    product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
+    sin, cos = y / product, x / product
+    left = cos * derivative(y, t) - sin * derivative(x, t)
+    if grouped:
+        size = np.where(np.minimum(np.abs(sin), np.abs(cos)) < GROUP, size, np.inf)
+        sin, cos = np.round(sin), np.round(cos)
+        x, y = product * cos, product * sin
     amplitude = [
         _rows(run, [-c2, -c2, -x, zero, y, rate * x, zero], derivative(c2, t) / 2 - known * x, keep, size),
         _rows(run, [-s2, s2, -x, zero, -y, -rate * x, zero], derivative(s2, t) / 2 + known * x, keep, size),
@@ -225,9 +261,6 @@ def _channel_products(run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array
         )
         quadrature = _rows(run, [-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t), keep, size)
         return _joined([*amplitude, in_phase, quadrature])
-    product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
-    sin, cos = y / product, x / product
-    left = cos * derivative(y, t) - sin * derivative(x, t)
     phase = _rows(
         run,
         [zero, zero, sin * total, 2 * product, cos * difference, -rate * sin * difference, zero],
@@ -298,11 +331,17 @@ METHODS: dict[str, Callable[..., Equations]] = {
     "moving-axes-small-quadrature": moving_axes_small_quadrature,
     "fixed-axes": fixed_axes,
     "fixed-axes-weighted": fixed_axes_weighted,
+    "fixed-axes-groups": fixed_axes_groups,
+    "frozen-axes": frozen_axes,
     "increments": increments,
     "products": products,
     "stokes": stokes,
 }
-EXACT = {"moving-axes-small-quadrature": "moving-axes"}
+EXACT = {
+    "moving-axes-small-quadrature": "moving-axes",
+    "fixed-axes-groups": "fixed-axes-weighted",
+    "frozen-axes": "moving-axes",
+}
 """Methods whose equations are approximate -> the exact ones with the same differences."""
 
 

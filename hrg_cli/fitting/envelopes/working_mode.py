@@ -100,19 +100,25 @@ def _regression(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     return value / scale, covariance / np.outer(scale, scale)
 
 
+STRAIGHT = 0.25
+"""Turn of mθ to either side of a crossing over which sin ζ is as good as straight: its cube is left out alike on both sides."""
+
+
 def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int, quadrature_damping_1_s: float = np.inf) -> list[tuple[float, float]]:
     """(axis [rad], its standard deviation) at every sign change of a_B as the wave passes it slowly; + to − and − to + alike.
 
-    The quadrature follows a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2) with a lag 1/λ, which turns the crossing by θ'/λ: given
-    λ, it is taken off. Rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω in [0, π/m).
+    The quadrature follows a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2) through ṙ = −λr + δω sin ζ, so while the wave turns evenly
+    it stands arctan(2mθ'/λ) of ζ behind: given λ, that is taken off. Rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω
+    in [0, π/m).
     """
     out = []
     for run in runs:
         a, b, angle, phase = ellipse.wave(run.envelope, 1)
         angle, _ = ellipse.unwrap(angle, phase, 1)
         ratio = b / a
-        width = max(3, len(ratio) // 40)
         speed = derivative(angle, run.time_s)
+        step = np.median(np.abs(speed)) * np.median(np.diff(run.time_s))
+        width = max(3, min(len(ratio) // 40, int(STRAIGHT / 2 / max(step, 1e-12))))
         half = width // 2
         for i in np.flatnonzero(np.diff(np.sign(np.convolve(ratio, np.ones(width) / width, "valid"))) != 0) + half:
             rows = slice(max(0, i - 2 * width), i + 2 * width)
@@ -123,9 +129,27 @@ def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int, quadrature_dam
             noise = float((run.std[rows] / a[rows]).mean())
             if abs(fit[0]) < 5 * noise * np.sqrt(covariance[0, 0]):
                 continue
-            lag = float(speed[rows].mean()) / quadrature_damping_1_s
+            lag = float(np.arctan(2 * speed[rows].mean() / quadrature_damping_1_s)) / 2
             axis = (angle[i] - fit[1] / fit[0] - lag) / mode_number
             axis -= 0.0 if fit[0] > 0 else np.pi / (2 * mode_number)
             std = noise * np.sqrt(covariance[1, 1]) / abs(fit[0]) / mode_number
             out.append((float(np.mod(axis, np.pi / mode_number)), float(std)))
     return out
+
+
+def combined_axis(crossings: Sequence[tuple[float, float]], mode_number: int) -> dict[str, float] | None:
+    """One axis [rad] with its deviation from all crossings, their number and χ² a degree of freedom; None without a crossing.
+
+    Weighted mean on the circle of 2mθ; its deviation holds the crossings' scatter whole, which is the same at every turn of the wave: the
+    quadrature's damping itself moves with the angle by the damping split.
+    """
+    if not crossings:
+        return None
+    axes, stds = np.array(crossings).T
+    weight = 1 / np.maximum(stds, 1e-12) ** 2
+    m2 = 2 * mode_number
+    axis = float(np.angle(np.sum(weight * np.exp(1j * m2 * axes)))) / m2
+    off = np.angle(np.exp(1j * m2 * (axes - axis))) / m2
+    chi2 = float(np.sum(weight * off**2) / max(len(axes) - 1, 1))
+    std = float(np.sqrt(1 / np.sum(weight) + np.sum(weight * off**2) / np.sum(weight)))
+    return {"value": float(np.mod(axis, 2 * np.pi / m2)), "std": std, "crossings": len(axes), "chi2_per_dof": chi2}

@@ -222,6 +222,13 @@ def svg(plot: Plot, prefix: str) -> str:
     return text.replace("<svg ", f'<svg role="img" aria-labelledby="{prefix}-title" focusable="false" ', 1)
 
 
+def standalone_svg(plot: Plot, path: Path) -> None:
+    """The figure as an SVG file of its own on white, without a date."""
+    with style():
+        _settle(plot.figure)
+        plot.figure.savefig(path, format="svg", facecolor="white", metadata={"Date": None, "Creator": None, "Title": plot.title})
+
+
 def png(plot: Plot, path: Path) -> None:
     """The figure as PNG on white, without a date."""
     with style():

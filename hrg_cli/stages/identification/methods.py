@@ -45,6 +45,8 @@ RegressionMethod = Literal[
     "moving-axes-small-quadrature",
     "fixed-axes",
     "fixed-axes-weighted",
+    "fixed-axes-groups",
+    "frozen-axes",
     "rotation-integrals",
 ]
 ALL: tuple[RegressionMethod, ...] = get_args(RegressionMethod)
@@ -365,6 +367,7 @@ def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
         "quadrature_rms": found.quadrature_rms,
         "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
         "stiffness_axes": [{"value": a, "std": max(s, scatter)} for a, s in crossings],
+        "stiffness_axis_of_crossings": working_mode.combined_axis(crossings, mode),
     }
     verdict.flat = [
         f"the damping split enters the phase with 2·a_B/a_A = {2 * found.quadrature_rms:.2g} only: "

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .resonator import Mechanics
+from hrg_cli.physics.resonator import Mechanics
 
 Array = np.ndarray
 

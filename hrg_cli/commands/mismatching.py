@@ -1,0 +1,66 @@
+"""The body of `hrg mismatch`: the signals a control system acts on, from a wave file to CSV or JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import store
+from ..errors import UsageError
+from ..records import Wave
+from ..reporting import console
+from ..stages.mismatch import mismatch
+from .frame import Common, existing
+
+
+def mismatch_file(file: Path | None, run: Common, flags: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
+    """Write the signals; the command's JSON and the function that shows their noise and delay."""
+    started = time.monotonic()
+    values = run.settings(mismatch, **flags)
+    path = existing([file] if file else [], "a wave file")[0]
+    output = run.need_output("mismatch.csv")
+    if output.suffix not in (".csv", ".json"):
+        raise UsageError(f"{output}: mismatch signals are written as .csv or .json; choose one of these suffixes")
+    wave = store.read(path, Wave)
+    made = mismatch(wave, **values)
+    with store.atomic_path(output, run.force) as temporary:
+        temporary.write_text(_csv(made.columns) if output.suffix == ".csv" else _json(made.columns), encoding="utf-8")
+    report = {
+        "kind": "mismatch",
+        "status": wave.status,
+        "status_reasons": list(wave.status_reasons),
+        "output": str(output),
+        "elapsed_s": round(time.monotonic() - started, 3),
+        "rows": len(made.columns["time_s"]),
+        "delay_s": made.delay_s,
+        "noise_density": made.noise_density,
+        "latency": made.latency,
+    }
+    rows = [(name, float(np.sqrt(np.mean(made.columns[f"{name}_std"] ** 2))), d) for name, d in made.noise_density.items()]
+    head = ("signal", "noise of a window", "density, /√Hz")
+
+    def show() -> None:
+        console.print_table(f"known {made.delay_s:g} s after the wave was so", head, rows)
+        titles = ("rate of the angle over windows", "latency, s", "noise, rad/s", "found, rad/s")
+        console.print_table("", titles, [(int(row["windows"]), *list(row.values())[1:]) for row in made.latency])
+
+    return report, show
+
+
+def _csv(columns: dict[str, np.ndarray]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([f"{v:.9g}" if np.isfinite(v) else "" for v in row] for row in np.column_stack(list(columns.values())))
+    return text.getvalue()
+
+
+def _json(columns: dict[str, np.ndarray]) -> str:
+    return json.dumps(console.clean({name: values.tolist() for name, values in columns.items()}), allow_nan=False) + "\n"

@@ -1,0 +1,71 @@
+"""The pick-off's law against the currents of its capacitors, differentiated numerically."""
+
+import numpy as np
+import pytest
+
+from hrg_cli.errors import HrgError
+from hrg_cli.physics.electrodes import LAWS, SIGNS, cubic_factor, pick_off
+
+ONES = np.ones(8)
+
+
+def currents(x, s, voltage, t, gap, gaps=ONES, gains=ONES):
+    """Currents of both channels by d/dt of the charges C_k U, finite differences."""
+    out = np.zeros((2, len(t)))
+    for k in range(8):
+        towards = SIGNS[k] * (x, s)[k % 2]
+        charge = voltage / (gap * gaps[k] - towards)
+        out[k % 2] += SIGNS[k] * gains[k] * np.gradient(charge, t)
+    return out
+
+
+def amplitude(y, t, omega):
+    """|least-squares phasor| at ω of the inner samples."""
+    basis = np.exp(1j * omega * t) * np.hanning(len(t))
+    return 2 * abs(np.sum(y * basis)) / np.sum(np.hanning(len(t)))
+
+
+@pytest.mark.parametrize("gaps", [ONES, 1 + 0.1 * np.cos(np.arange(8) * 1.3)], ids=["equal", "own gaps"])
+@pytest.mark.parametrize("law", ["alternating", "constant-voltage"])
+def test_law_is_the_current_of_the_capacitors(law, gaps):
+    gains = ONES if gaps is ONES else 1 + 0.05 * np.sin(np.arange(8))
+    omega, carrier, gap = 2 * np.pi * 50.0, 2 * np.pi * 1500.0, 4.0
+    t = np.arange(0, 0.4, 2e-6)
+    x, s = np.cos(omega * t), 0.5 * np.sin(omega * t)
+    v = np.stack([-np.sin(omega * t), 0.5 * np.cos(omega * t)])
+    y = pick_off(law, gap, gaps, gains, np.stack([x, s]), v)
+    size = gap**2 / 4  # of the sum of four currents to the displacement
+    if law == "alternating":
+        seen = currents(x, s, np.cos(carrier * t), t, gap, gaps, gains) * size
+        for k in range(2):  # the current at the sidebands is that of the product, differentiated
+            for side in (carrier - omega, carrier + omega):
+                got = amplitude(y[k] * np.cos(carrier * t), t, side) * side
+                assert amplitude(seen[k], t, side) == pytest.approx(got, rel=1e-3)
+    else:
+        seen = currents(x, s, np.ones_like(t), t, gap, gaps, gains) * size / omega
+        assert np.abs(seen - y)[:, 5:-5].max() < 1e-4
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_cubic_factor_of_the_fundamental(law):
+    omega, t = 2 * np.pi * 10.0, np.linspace(0, 1, 20_000, endpoint=False)
+    for a in (0.02, 0.05):
+        z = a * np.stack([np.cos(omega * t), np.cos(omega * t)])
+        v = -a * np.stack([np.sin(omega * t), np.sin(omega * t)])
+        y = pick_off(law, 1.0, ONES, ONES, z, v)[0]
+        growth = 2 * abs(np.mean(y * np.exp(1j * omega * t))) / a - 1
+        assert growth / (0.75 * a**2) == pytest.approx(cubic_factor(law), rel=2 * a**2 + 0.01)
+
+
+def test_equal_electrodes_one_by_one_are_the_closed_law():
+    z = np.stack([np.linspace(-0.5, 0.5, 11), np.linspace(0.4, -0.4, 11)])
+    nearly = ONES + 1e-12
+    for law in LAWS:
+        assert pick_off(law, 1.0, nearly, ONES, z, z[::-1]) == pytest.approx(
+            pick_off(law, 1.0, ONES, ONES, z, z[::-1]), rel=1e-9, abs=1e-12
+        )
+
+
+def test_a_wave_that_reaches_a_gap_is_refused():
+    with pytest.raises(HrgError, match="narrowest gap"):
+        pick_off("alternating", 1.0, np.array([0.5, *ONES[1:]]), ONES, np.full((2, 3), 0.6), np.zeros((2, 3)))

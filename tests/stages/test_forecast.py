@@ -1,0 +1,162 @@
+"""The forecast of a resonator's drift against the envelopes integrated directly, against draws of its covariance, and as a command."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hrg_cli import store
+from hrg_cli.errors import HrgError
+from hrg_cli.fitting.envelopes.resonator_spread import deviation, from_vector, mechanics_of, moved, vector_covariance, vector_of
+from hrg_cli.physics import drift, ellipse, resonator
+from hrg_cli.physics.resonator import PARAMETERS
+from hrg_cli.records import Resonator
+from hrg_cli.stages.forecast import forecast, summary
+
+
+def made(nu=0.02, split=0.004, spread=0.02, mode_number=2, **change):
+    values = dict(frequency_hz=5000.0, damping_rate_1_s=nu, damping_split_1_s=0.01 * nu, damping_axis_rad=0.35)
+    values |= dict(frequency_split_rad_s=split, stiffness_axis_rad=0.9, scale_factor=0.55) | change
+    value = np.array([values[name] for name, _ in PARAMETERS])
+    std = np.abs(value) * np.array([1e-9, 1e-3, spread, spread, spread, spread, 1e-6])
+    units = np.array([unit for _, unit in PARAMETERS])
+    names = np.array([name for name, _ in PARAMETERS])
+    return Resonator(name=names, value=value, std=std, units=units, covariance=np.diag(std**2), gyro_id="A", mode_number=mode_number)
+
+
+def envelopes_of(g, drive, gain, rate, start, ratio, times):
+    """(θ, r) of the driven envelopes u' = L u + force by scipy, the force computed from u alone."""
+    m = g.mode_number
+    L = resonator.generator(g, rate, second_order=0.0)
+
+    def slope(_, u):
+        s0, s1, s2, s3 = ellipse.stokes(u)
+        a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
+        a_B = s3 / (2 * a_A)
+        half = np.arctan2(s2, s1) / 2
+        e_A, e_B = np.array([np.cos(half), np.sin(half)]), np.array([-np.sin(half), np.cos(half)])
+        turn = (e_A @ u) / a_A
+        free = L @ u
+        falls = np.real(np.conj(turn) * (e_A @ free))  # what the amplitude loop must give back
+        if drive == "free":
+            return free
+        if drive == "parametric":
+            return free - falls / a_A * turn**2 * np.conj(u)
+        return free - falls * turn * e_A + 1j * turn * gain * a_B * e_B
+
+    u0 = ellipse.envelopes(1.0, ratio, start, 0.3, m)
+    u = solve_ivp(slope, (0, times[-1]), u0, t_eval=times, rtol=1e-10, atol=1e-13).y.T
+    a_A, a_B, angle, phase = ellipse.wave(u, m)
+    angle, _ = ellipse.unwrap(angle, phase, m)
+    return angle + np.round((start - angle[0]) * m / np.pi) * np.pi / m, a_B / a_A
+
+
+@pytest.mark.parametrize(
+    ("drive", "gain", "rate", "mode_number"),
+    [
+        ("free", 0.0, 0.0, 2), ("free", 0.0, 0.01, 1), ("force", 0.0, 0.0, 2),
+        ("force", 0.5, 0.03, 2), ("force", 8.0, 0.03, 2), ("parametric", 0.0, 0.02, 2),
+    ],
+)  # fmt: skip
+def test_the_way_of_the_wave_is_that_of_the_driven_envelopes(drive, gain, rate, mode_number):
+    record = made(mode_number=mode_number)
+    found = forecast(record, drive=drive, wave_angle_rad=0.7, rate_rad_s=rate, duration_s=120.0, quadrature_gain_1_s=gain)
+    t, g = found.table["time_s"], mechanics_of(record)
+    r0 = 0.0 if drive == "free" else float(drift.quadrature_settled(g, 0.7, drive, gain))
+    angle, _ = envelopes_of(g, drive, gain, rate, 0.7, r0, np.concatenate([[0.0], t]))
+    moved_by = np.abs(angle[1:] - 0.7).max()
+    np.testing.assert_allclose(found.table["wave_angle_rad"], angle[1:], atol=2e-5 * moved_by + 1e-9)
+    error = -(mode_number * (angle[1:] - 0.7) / 0.55 + rate * t)
+    np.testing.assert_allclose(found.table["error_rad"], error, atol=4e-5 * moved_by + 1e-8)
+
+
+@pytest.mark.parametrize("drive", ["force", "parametric"])
+def test_the_map_is_the_drift_of_a_settled_wave_whatever_the_split(drive):
+    """r settles where the envelopes do, far beyond δω ≪ ν, where seed A's sum errs."""
+    record = made(split=0.012)
+    g = mechanics_of(record)
+    angles = np.array([0.2, 0.63, 1.1])
+    slope = drift.motion(g, 0.0, drive)
+    held = drift.adams(lambda t, r: slope(t, np.stack([angles, r]))[1], np.zeros(3), 0.5, 3000)[-1]
+    assert held == pytest.approx(drift.quadrature_settled(g, angles, drive), rel=1e-6)
+    found = forecast(record, drive=drive)
+    assert found.status == ("suspect" if drive == "force" else "valid")
+
+
+def test_deviations_are_those_of_draws_also_where_the_split_is_lost_in_noise():
+    rng = np.random.default_rng(3)
+    for split, spread in ((0.004, 0.05), (1e-5, 20.0)):
+        record = made(split=split, spread=spread, damping_axis_rad=1e-4, stiffness_axis_rad=1e-3)
+        g = mechanics_of(record)
+        x, covariance = vector_of(g), vector_covariance(record)
+        angle = np.linspace(0.1, 1.4, 7)
+        std = deviation(drift.drift_quasi_static(from_vector(moved(x, covariance), g), angle))
+        draws = from_vector(rng.multivariate_normal(x, covariance, 20000), g)
+        assert std == pytest.approx(np.std(drift.drift_quasi_static(draws, angle), axis=0), rel=0.1)
+
+
+def test_forecast_figures_are_the_papers():
+    """D_max = νδμ + δω²/ν; the 8θ part is half with a parametric drive (M3p) and falls with a quadrature loop (C6)."""
+    record = made()
+    for drive, gain, decay in (("force", 0.0, 0.02), ("parametric", 0.0, 0.04), ("force", 0.18, 0.2), ("free", 0.0, 0.02)):
+        f = forecast(record, drive=drive, quadrature_gain_1_s=gain, duration_s=20.0).figures
+        assert f["sin_8_theta_part_rad_s"]["value"] == pytest.approx(0.004**2 / decay)
+        assert f["drift_bound_rad_s"]["value"] == pytest.approx(0.0002 + 0.004**2 / decay)
+        assert f["drift_largest_rad_s"]["value"] <= f["drift_bound_rad_s"]["value"] * 1.1
+    f = forecast(record, rate_rad_s=0.05, duration_s=20.0).figures
+    turning = 2 * 0.55 * 0.05
+    assert f["mean_drift_while_turning_rad_s"]["value"] == pytest.approx(-turning * 0.004**2 / (0.02**2 + turning**2))
+
+
+def test_the_trim_leaves_a_round_resonator():
+    """The spring's −2ωs(I + R(2mα)) added to W leaves equal frequencies, lower by s."""
+    record = made(split=0.3, spread=1e-3)
+    trim = forecast(record, drive="free", duration_s=2.0).trim
+    g = mechanics_of(record)
+    soft = 2 * g.omega_rad_s * trim.size_rad_s * (np.eye(2) + resonator.reflection(4 * trim.axis_rad))
+    roots = np.sqrt(np.linalg.eigvalsh(g.stiffness_matrix() - soft)) / (2 * np.pi)
+    assert np.ptp(roots) * 2 * np.pi < 1e-4 * 0.3
+    assert roots.mean() == pytest.approx(5000 + trim.frequency_shift_hz, abs=1e-5)
+    trimmed = forecast(record, trim=True)
+    assert trimmed.status == "valid"
+    assert trimmed.figures["sin_8_theta_part_rad_s"]["value"] < 1e-12
+    with pytest.raises(HrgError, match="identify the frequency split better"):
+        forecast(made(split=0.3), trim=True)
+    coarse = forecast(record, trim=True, trim_step_rad_s=0.01)
+    assert 0 < coarse.trim.left_rad_s <= 0.01 / np.sqrt(2)
+
+
+def test_refusals_name_what_to_do():
+    with pytest.raises(HrgError, match="quadrature loop"):
+        forecast(made(split=0.1))
+    with pytest.raises(HrgError, match="--scale-factor"):
+        forecast(made(scale_factor=0.0))
+    with pytest.raises(HrgError, match="no positive damping_rate"):
+        forecast(made(nu=0.0))
+    gone = forecast(made(split=0.004), drive="free", duration_s=3600.0)
+    assert gone.status == "suspect"
+    assert gone.table["time_s"][-1] < 300
+    assert any("faded" in reason for reason in gone.status_reasons)
+
+
+def test_forecast_command(tmp_path, hrg):
+    path = tmp_path / "resonator.h5"
+    store.write(path, made())
+    done = hrg("forecast", path, "--duration-s", "100", "-o", tmp_path / "f.csv")
+    assert done.status == 0, done.err
+    rows = list(csv.DictReader((tmp_path / "f.csv").open()))
+    answer = json.loads(hrg("forecast", path, "--duration-s", "100", "--json").out)
+    assert answer["kind"] == "forecast" and answer["status"] == "valid"
+    assert [float(r["time_s"]) for r in rows] == [r["time_s"] for r in answer["table"]]
+    assert float(rows[-1]["error_worst_rad"]) == pytest.approx(answer["table"][-1]["error_worst_rad"], rel=1e-6)
+    assert hrg("forecast", path, "-o", tmp_path / "f.svg", "-q").status == 0
+    assert "<svg" in (tmp_path / "f.svg").read_text()
+    assert hrg("forecast", path, "-o", tmp_path / "f.h5").status == 2
+    assert hrg("forecast", path, "--drive", "free").status == 0
+    assert hrg("forecast", path, "--drive", "free", "--strict").status == 3
+
+
+def test_summary_is_plain():
+    json.dumps(summary(forecast(made(), duration_s=20.0)), allow_nan=False)

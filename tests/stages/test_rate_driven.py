@@ -1,0 +1,92 @@
+"""The rate of driven runs from the reference model: simulated gyros with loops, errors counted in their own standard deviations."""
+
+import numpy as np
+import pytest
+
+from hrg_cli.errors import HrgError
+from hrg_cli.records import Resonator, collect
+from hrg_cli.stages.demodulate import demodulate
+from hrg_cli.stages.estimate import estimate
+from hrg_cli.stages.rate import rate
+from hrg_cli.stages.simulate import simulate
+
+DEVICE = dict(
+    frequency_hz=1000.0, damping_rate_1_s=0.3, damping_split_1_s=0.03, damping_axis_rad=0.35,
+    frequency_split_rad_s=0.25, stiffness_axis_rad=0.9, scale_factor=0.55,
+)  # fmt: skip
+NAMES = [name for name in DEVICE]
+
+
+def resonator(relative=0.0, seed=0, **change):
+    value = np.array([{**DEVICE, **change}[n] for n in NAMES])
+    std = np.abs(value) * relative
+    value = value + std * np.random.default_rng(seed).normal(size=len(value))
+    return Resonator(
+        name=np.array(NAMES), value=value, std=std, units=np.array(["Hz", "s-1", "s-1", "rad", "rad s-1", "rad", "1"]),
+        covariance=np.diag(std**2),
+    )  # fmt: skip
+
+
+def wave_of(control, seed=1, seconds=20.0, noise=3e-4, **more):
+    config = dict(
+        device=DEVICE, readout=dict(noise=noise), control=dict(mode="forced", amplitude_gain_1_s=5.0) | control,
+        environment=dict(rate_rad_s=0.2, rate=dict(kind="sine", amplitude_rad_s=0.1, frequency_hz=0.08)),
+        recording=dict(sample_rate_hz=8000.0, duration_s=seconds),
+    ) | more  # fmt: skip
+    periods = collect(demodulate(collect(simulate(config, seed=seed)), periods_per_window=10))
+    return collect(estimate(periods))
+
+
+def truth(time):
+    return 0.2 + 0.1 * np.sin(2 * np.pi * 0.08 * time)
+
+
+@pytest.mark.parametrize(
+    "control",
+    [
+        dict(quadrature_loop="finite", quadrature_gain_1_s=5.0),
+        dict(quadrature_loop="off"),
+        dict(quadrature_loop="off", drive="parametric"),
+        dict(quadrature_loop="spring", quadrature_gain_1_s=5.0),
+    ],
+    ids=["force", "open", "one electrode", "spring"],
+)
+def test_rate_of_a_driven_run(control):
+    """A spring of σ turns the wave in second order, by about σ²/4ω, which shows beside so little noise."""
+    wave = wave_of(control)
+    found = rate(wave, resonator())
+    assert found.status == "valid", found.status_reasons
+    error = np.asarray(found.rate_estimate_rad_s) - truth(np.asarray(found.time_s))
+    z = error / found.rate_estimate_rad_s_std
+    assert np.sqrt(np.mean(z**2)) < (2.6 if control["quadrature_loop"] == "spring" else 1.7)  # 20 nodes and more: chance 1e-4
+    assert np.sqrt(np.mean(error**2)) < 0.2 * np.sqrt(np.mean((np.asarray(found.residual_before_rad_s)) ** 2))
+
+
+def test_phase_error_of_the_quadrature_force_is_taken_out():
+    """f_B = (a_ΦB/a_A)Δφ_B from the logged command, or from the first two of (7) where none is logged."""
+    wave = wave_of(dict(quadrature_loop="finite", quadrature_gain_1_s=5.0, quadrature_phase_error_rad=0.05))
+    off = rate(wave, resonator())
+    for known in (wave, wave.replace(drive_main=None, drive_quadrature=None)):
+        on = rate(known, resonator(), quadrature_phase_error_rad=0.05)
+        before, after = (np.sqrt(np.mean((np.asarray(f.rate_estimate_rad_s) - truth(np.asarray(f.time_s))) ** 2)) for f in (off, on))
+        assert after < 0.2 * before
+
+
+def test_deviations_hold_the_resonators_own():
+    """Resonators drawn from their covariance: error over σ stays that of a normal variable."""
+    wave = wave_of(dict(quadrature_loop="finite", quadrature_gain_1_s=5.0), noise=1e-4)
+    z = []
+    for seed in range(12):
+        found = rate(wave, resonator(0.01, seed))
+        z.append((np.asarray(found.rate_estimate_rad_s) - truth(np.asarray(found.time_s))) / found.rate_estimate_rad_s_std)
+    assert 0.4 < np.sqrt(np.mean(np.square(z))) < 1.7
+
+
+def test_refusals():
+    wave = wave_of(dict(quadrature_loop="off"), seconds=2.0)
+    with pytest.raises(HrgError, match="no scale_factor"):
+        rate(wave, resonator(scale_factor=0.0))
+    with pytest.raises(HrgError, match="ask for fewer"):
+        rate(wave, resonator(), nodes=100)
+    with pytest.raises(HrgError, match="no force acts"):
+        rate(wave.replace(mode="free"), resonator(), main_phase_error_rad=0.1)
