@@ -13,7 +13,8 @@ from pydantic import Field
 
 from .errors import HrgError
 from .records import Calibration
-from .stages.calibration.table import values
+from .reporting.text import c_comment
+from .stages.calibration.table import measured_part, values
 
 Array = np.ndarray
 LARGEST_ANGLES, LARGEST_NODES = 192, 33
@@ -313,7 +314,7 @@ def _c_text(
         tables.append(f"static const {kind} hrg_{short[name]}_table[HRG_NODES][HRG_ANGLES] = {{\n" + ",\n".join(rows) + "\n};\n")
         look = f"hrg_lookup(hrg_{short[name]}_table, x, theta)"
         calls[name] = f"HRG_{short[name].upper()}_OFFSET + HRG_{short[name].upper()}_STEP * (double){look}" if bits else look
-    measured = json.loads(calibration.details).get("measured")
+    measured = measured_part(calibration)
     extra = ""
     if measured and measured["kind"] == "quadrature":
         c, s = measured["coefficients"]
@@ -326,8 +327,9 @@ def _c_text(
         extra = "\n/* Seed A (12): add -2*ratio*dphi/dt, dphi/dt against the mean frequency; its table is in the JSON export. */\n"
     low, high = (v if np.isfinite(v) else n for v, n in ((calibration.node_min, -1e308), (calibration.node_max, 1e308)))
     return _C.format(
-        gyro=calibration.gyro_id.replace("*/", ""), model=calibration.model, status=calibration.status, mode=int(calibration.mode_number),
-        correction=calibration.correction, axis_words="temperature, degC" if calibration.axis == "temperature" else "frequency, Hz",
+        gyro=c_comment(calibration.gyro_id), model=c_comment(calibration.model), status=calibration.status,
+        mode=int(calibration.mode_number), correction=c_comment(calibration.correction),
+        axis_words="temperature, degC" if calibration.axis == "temperature" else "frequency, Hz",
         low=low, high=high, rate_low=calibration.rate_min_rad_s, rate_high=calibration.rate_max_rad_s, e=errors,
         nodes=len(nodes), angles=angles,
         first=float(nodes[0]), step=float(nodes[1] - nodes[0]) if len(nodes) > 1 else 1.0, period=np.pi / calibration.mode_number,

@@ -4,7 +4,7 @@ Written under a temporary name in the target folder and renamed when whole; an e
 Datasets carry dimension scales, so each group opens with `xarray.open_dataset(path, group=..., engine="h5netcdf")`.
 """
 
-from .atomic import atomic_path, check_output
+from .atomic import atomic_path, check_output, remove_stale
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
 from .reading import is_hdf5, kind_of, open_record, read, read_any
 from .writing import created_now, sha256, write
@@ -21,6 +21,7 @@ __all__ = [
     "open_record",
     "read",
     "read_any",
+    "remove_stale",
     "sha256",
     "write",
 ]

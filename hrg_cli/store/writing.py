@@ -27,6 +27,7 @@ from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
 from .atomic import atomic_path, quiet
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
+from .validity import WrittenBlocks
 
 ROW_CHUNK = {"recording": 1 << 18}
 _SCALE_ONLY = "This is a netCDF dimension but not a netCDF variable. %9d"
@@ -54,8 +55,10 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
         last: AnyRecord | None = None
         file: h5py.File | None = None
+        promised = WrittenBlocks(path)
         try:
             for block in blocks:
+                promised.check(block)
                 _need_space(block, Path(path))
                 if file is None:
                     file = h5py.File(temporary, "w", libver=("earliest", "v110"))
@@ -142,7 +145,7 @@ def _units(record: Record, spec: Column) -> str:
 def _encoded(value: Any, spec: Column) -> Any:
     if spec.dtype == "str":
         return np.array([str(v) for v in np.asarray(value).ravel()], dtype=h5py.string_dtype()).reshape(np.shape(value))
-    array = np.asarray(value[()] if isinstance(value, h5py.Dataset) else value)
+    array = np.asarray(value)
     return array if spec.dtype == "raw" else array.astype(spec.dtype, copy=False)
 
 

@@ -46,7 +46,9 @@ def standard_deviations(calibration: Calibration, x: Array, wave_angle_rad: Arra
     weights = node_weights(x, calibration.node, kind)
     nodes, width = len(calibration.node), calibration.drift_harmonics.shape[1] + calibration.scale_factor_harmonics.shape[1]
     out = []
-    doubt = json.loads(calibration.details).get("interpolation_std", {})
+    doubt = json.loads(calibration.details).get("interpolation_std") or {}
+    if not isinstance(doubt, dict) or not all(_is_number(v) for v in doubt.values()):
+        raise HrgError("the calibration's details are damaged (interpolation_std); make the calibration again")
     shape = bump(x, np.asarray(calibration.node, float))
     for first, size, key in (
         (0, calibration.drift_harmonics.shape[1], "drift_rad_s"),
@@ -70,10 +72,32 @@ def bump(x: Array, nodes: Array) -> Array:
     return np.asarray(4 * np.abs(part * (1 - part)))
 
 
+def measured_part(calibration: Calibration) -> dict[str, Any] | None:
+    """What of the drift is computed in operation, from the calibration's details: {kind, coefficients or mean_frequency_hz}; or None.
+
+    HrgError: it is there, but not as `hrg calibrate` writes it.
+    """
+    part = json.loads(calibration.details).get("measured")
+    if not part:
+        return None
+    wanted = {"quadrature": ("coefficients", 2), "phase": ("mean_frequency_hz", len(calibration.node))}
+    kind = part.get("kind") if isinstance(part, dict) else None
+    if isinstance(kind, str) and kind in wanted:
+        key, count = wanted[kind]
+        numbers = part.get(key)
+        if isinstance(numbers, list) and len(numbers) == count and all(_is_number(v) for v in numbers):
+            return dict(part)
+    raise HrgError("the calibration's details are damaged (measured); make the calibration again")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
 def measured_drift(calibration: Calibration, path: Path) -> Array:
     """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise."""
-    part: dict[str, Any] | None = json.loads(calibration.details).get("measured")
-    if not part:
+    part = measured_part(calibration)
+    if part is None:
         return np.zeros(len(path))
     if part["kind"] == "quadrature":
         return np.asarray(quadrature(path) @ np.array(part["coefficients"]))
