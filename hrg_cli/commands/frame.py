@@ -25,7 +25,8 @@ DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
 SAME_CONTENT = {".h5": (".h5", ".hdf5", ".he5", ".nc", ".nc4"), ".html": (".html", ".htm")}
 PROMISING = frozenset(
-    [".h5", ".hdf5", ".he5", ".nc", ".nc4", ".html", ".htm", ".csv", ".json", ".h", ".toml", ".txt", ".pdf", ".png", ".svg", ".jpg", ".xlsx", ".xls", ".mat", ".parquet", ".wav", ".flac", ".tdms", ".zip"]
+    [*SAME_CONTENT[".h5"], *SAME_CONTENT[".html"], ".csv", ".json", ".h", ".toml", ".txt", ".pdf", ".png", ".svg", ".jpg"]
+    + [".xlsx", ".xls", ".mat", ".parquet", ".wav", ".flac", ".tdms", ".zip"]
 )
 """Suffixes that tell a person and other programs what a file holds."""
 
@@ -200,7 +201,12 @@ def _to_a_file(function: Callable[..., None], common: Common, arguments: Mapping
     """The command's body, unless -o names standard output, which no command writes results to."""
     if common.output is not None and str(common.output) == "-":
         raise UsageError("-o -: results are files; name one (--json prints the result's figures on standard output)")
-    function(common, **arguments)
+    try:
+        function(common, **arguments)
+    except KeyboardInterrupt:
+        if common.output is not None and common.output.is_dir():
+            raise InterruptedRunError(f"interrupted; what was finished before stays in {common.output}, no file is half written") from None
+        raise
 
 
 def _with_help(annotation: Any, text: str | None) -> Any:
