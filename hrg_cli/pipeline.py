@@ -177,7 +177,9 @@ def _naming(path: Path | None) -> Iterator[None]:
             error.args = (f"{path}: {error}",)
         raise
     except np.linalg.LinAlgError as error:
-        raise HrgError(f"{path or 'the runs'}: the numbers give equations without a solution ({error}); look for values out of all proportion") from error
+        raise HrgError(
+            f"{path or 'the runs'}: the numbers give equations without a solution ({error}); look for values out of proportion"
+        ) from error
 
 
 def _watched(stream: Iterable[Record], source: Record, path: Path, progress: Progress | None) -> Iterator[Record]:

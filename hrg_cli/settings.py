@@ -51,6 +51,22 @@ def load_toml(path: Path | str) -> dict[str, Any]:
         raise HrgError(f"{path}: cannot be read ({error.strerror}); name a TOML file") from error
 
 
+def parse_toml(text: str) -> dict[str, Any]:
+    """A TOML text (a record's settings) as a dictionary. HrgError: it is none."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise HrgError("the settings kept in the file are not TOML") from error
+
+
+def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one table of dotted keys."""
+    out: dict[str, Any] = {}
+    for key, value in tree.items():
+        out |= flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return out
+
+
 LARGEST_INTEGER = 2**63
 """TOML's integers have 64 bits."""
 

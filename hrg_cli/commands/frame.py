@@ -24,10 +24,11 @@ from ..reporting.text import plain
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
 SAME_CONTENT = {".h5": (".h5", ".hdf5", ".he5", ".nc", ".nc4"), ".html": (".html", ".htm")}
-PROMISING = frozenset(
-    [*SAME_CONTENT[".h5"], *SAME_CONTENT[".html"], ".csv", ".json", ".h", ".toml", ".txt", ".pdf", ".png", ".svg", ".jpg"]
-    + [".xlsx", ".xls", ".mat", ".parquet", ".wav", ".flac", ".tdms", ".zip"]
+OTHER_CONTENT = (
+    *(".csv", ".json", ".h", ".toml", ".txt", ".pdf", ".png", ".svg", ".jpg"),
+    *(".xlsx", ".xls", ".mat", ".parquet", ".wav", ".flac", ".tdms", ".zip"),
 )
+PROMISING = frozenset((*SAME_CONTENT[".h5"], *SAME_CONTENT[".html"], *OTHER_CONTENT))
 """Suffixes that tell a person and other programs what a file holds."""
 
 Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE...", show_default=False)]

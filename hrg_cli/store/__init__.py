@@ -6,7 +6,7 @@ Datasets carry dimension scales, so each group opens with `xarray.open_dataset(p
 
 from .atomic import atomic_path, check_output, remove_stale
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
-from .reading import is_hdf5, kind_of, open_record, read, read_any
+from .reading import changes, is_hdf5, kind_of, open_record, read, read_any
 from .writing import created_now, sha256, write
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "FORMAT_VERSION",
     "AnyRecord",
     "atomic_path",
+    "changes",
     "check_output",
     "created_now",
     "is_hdf5",

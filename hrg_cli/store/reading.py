@@ -16,6 +16,7 @@ from .. import __version__
 from ..errors import HrgError
 from ..records import Column, Provenance, Record, Source
 from ..units import canonical
+from . import checksums
 from .handles import Handle, reading
 from .layout import BY_NAME, FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
 from .lazy import CheckedColumn
@@ -66,6 +67,12 @@ def kind_of(path: Path | str) -> type[Record]:
     """The kind of record in `path`."""
     with _opened(Path(path)) as file:
         return _kind(file, Path(path))
+
+
+def changes(path: Path | str) -> list[str] | None:
+    """What in a file differs from what was written there, in words; None where it keeps no checksums (a laboratory's file)."""
+    with _opened(Path(path)) as file:
+        return checksums.changes(file)
 
 
 @contextlib.contextmanager

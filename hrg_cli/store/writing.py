@@ -26,6 +26,7 @@ from .. import __version__
 from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
 from .atomic import atomic_path, quiet
+from .checksums import Running, seal
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
 from .validity import WrittenBlocks
 
@@ -56,21 +57,23 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
         last: AnyRecord | None = None
         file: h5py.File | None = None
         promised = WrittenBlocks(path)
+        running: dict[str, Running] = {}
         try:
             for block in blocks:
                 promised.check(block)
                 _need_space(block, Path(path))
                 if file is None:
                     file = h5py.File(temporary, "w", libver=("earliest", "v110"))
-                    _create(file, block)
+                    _create(file, block, running)
                 else:
-                    _append(file, block)
+                    _append(file, block, running)
                 last = block
             if file is None or last is None:
                 raise HrgError(f"{path}: nothing to write; the stage before it produced no record")
             if finish is not None:
                 last = finish(last)
             _finish(file, last)
+            seal(file, running)
             file.close()
         except BaseException as error:
             with quiet():
@@ -104,7 +107,7 @@ def _present(record: Record) -> Iterator[tuple[str, str, Column, Any]]:
             yield field_name, place_of(type(record), field_name, spec), spec, value
 
 
-def _create(file: h5py.File, record: Record) -> None:
+def _create(file: h5py.File, record: Record, running: dict[str, Running]) -> None:
     file.create_group(record.kind)
     for _, place, spec, value in _present(record):
         if spec.dims is None:
@@ -124,6 +127,9 @@ def _create(file: h5py.File, record: Record) -> None:
                 if _worth_compressing(array):
                     options |= {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         dataset = file.create_dataset(place, data=array, track_times=False, **options)
+        if growing:
+            running[place] = Running()
+            running[place].add(array)
         dataset.attrs["units"] = _units(record, spec)
         dataset.attrs["long_name"] = spec.meaning
         dataset.flush()  # a failure while a dataset is closed would be lost
@@ -149,7 +155,7 @@ def _encoded(value: Any, spec: Column) -> Any:
     return array if spec.dtype == "raw" else array.astype(spec.dtype, copy=False)
 
 
-def _append(file: h5py.File, block: Record) -> None:
+def _append(file: h5py.File, block: Record, running: dict[str, Running]) -> None:
     for _, place, spec, value in _present(block):
         if spec.dims is None or spec.dims[0] not in GROWING:
             continue
@@ -158,6 +164,7 @@ def _append(file: h5py.File, block: Record) -> None:
         start = dataset.shape[0]
         dataset.resize(start + len(array), axis=0)
         dataset[start:] = array
+        running[place].add(array)
         dataset.flush()
 
 
