@@ -119,8 +119,18 @@ def run_stage(
         )
     if isinstance(result, Record):
         return Outcome(written, report(written, output, started, stage.summary(written)))
-    with store.open_record(output, type(written)) as whole:  # what was written last is only the stream's last block
+    with gone_if_it_fails(output), store.open_record(output, type(written)) as whole:  # `written` is only the stream's last block
         return Outcome(written, report(written, output, started, stage.summary(whole)))
+
+
+@contextmanager
+def gone_if_it_fails(output: Path) -> Iterator[None]:
+    """While a written output is looked at once more: a command that then fails leaves no output."""
+    try:
+        yield
+    except BaseException:
+        output.unlink(missing_ok=True)
+        raise
 
 
 def write_first(

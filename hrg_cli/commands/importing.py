@@ -28,7 +28,7 @@ def import_file(log: Path | None, run: Common, flags: Mapping[str, Any]) -> dict
         record = pipeline.write_first(
             output, import_log(path, **values), values, "import", sources, force=run.force, command_line=command_line()
         )
-    with store.open_record(output, Recording) as whole:
+    with pipeline.gone_if_it_fails(output), store.open_record(output, Recording) as whole:
         facts = {
             "run_id": whole.run_id,
             "samples": len(whole),

@@ -19,7 +19,19 @@ NUMBERS: dict[str, float] = {
     "nan": np.nan, "inf": np.inf, "-inf": -np.inf, "0": 0.0, "-1": -1.0, "1e300": 1e300, "-1e300": -1e300, "1e-320": 1e-320,
     "2**63": float(2**63), "1e9": 1e9, "0.5": 0.5,
 }  # fmt: skip
-TEXTS = ("", "nan", "{", "[]", "null", "*/ int owned(void){return 1;} /*", "=cmd|' /C calc'!A0", "\x1b[31m\n\r", "x" * 5000, "../..", "\\\n")
+TEXTS = (
+    "",
+    "nan",
+    "{",
+    "[]",
+    "null",
+    "*/ int owned(void){return 1;} /*",
+    "=cmd|' /C calc'!A0",
+    "\x1b[31m\n\r",
+    "x" * 5000,
+    "../..",
+    "\\\n",
+)
 TYPES = ("?", "f2", "c16", ">f8", "u8", "i1", "S4", "V8")
 SHAPES = ("empty", "scalar", "shorter", "longer", "two", "one row")
 VALUES = ("put", "all", "reversed", "shuffled", "first", "scaled")

@@ -1,4 +1,4 @@
-"""Faults over all commands: `python tests/robustness/faults.py --trials 20000` puts damaged inputs, `--failures 200` failing calls, into each.
+"""Faults over all commands: `faults.py --trials 20000` puts damaged inputs into them, `--failures 200` so many failing calls of each kind.
 
 Every failing input is told with its seed and kept below build/faults, its damage as a line of JSON that belongs into corpus.json.
 """
@@ -26,7 +26,10 @@ import programme  # noqa: E402
 
 CORPUS = Path(__file__).with_name("corpus.json")
 SHIM = Path(__file__).with_name("fail_nth.c")
-CALLS = (("open", errno.EMFILE), ("open", errno.EACCES), ("read", errno.EIO), ("write", errno.ENOSPC), ("write", errno.EIO), ("rename", errno.EIO))
+CALLS = (
+    *(("open", errno.EMFILE), ("open", errno.EACCES), ("read", errno.EIO)),
+    *(("write", errno.ENOSPC), ("write", errno.EIO), ("rename", errno.EIO)),
+)
 
 
 def words_of(case: programme.Case, good: Path, folder: Path, changed: str) -> list[str]:
@@ -53,7 +56,9 @@ def attempt(case: programme.Case, good: Path, folder: Path, changed: str, damage
     return judge.run(words, folder, folder / case.output)
 
 
-def put_damage(good: Path, folder: Path, cases: list[programme.Case], trials: int, seed: int, kept: Path | None) -> tuple[Counter, list[str]]:
+def put_damage(
+    good: Path, folder: Path, cases: list[programme.Case], trials: int, seed: int, kept: Path | None
+) -> tuple[Counter, list[str]]:
     """Damaged inputs over the commands in turn: how each ended, and what broke a promise."""
     counts: Counter = Counter()
     failures = []
@@ -146,7 +151,9 @@ def main() -> int:
         failures += broken
         print(f"{sum(counts.values())} failing calls over {len(cases)} commands")
         for name in sorted({name for name, *_ in counts}):
-            print(f"  {name:20}" + ", ".join(f"{call} {n} × {status}" for (case, call, status), n in sorted(counts.items()) if case == name))
+            print(
+                f"  {name:20}" + ", ".join(f"{call} {n} × {status}" for (case, call, status), n in sorted(counts.items()) if case == name)
+            )
     print(f"{len(failures)} broke a promise")
     print("\n".join(failures[:40]))
     shutil.rmtree(folder, ignore_errors=True)

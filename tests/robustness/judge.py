@@ -1,4 +1,4 @@
-"""One judge for every command and fault: a command is run in a process forked from a warm one, and what it leaves is held against the promises.
+"""One judge for every command and fault: a command runs in a process forked from a warm one; what it leaves is held against the promises.
 
 The promises: exit status 0, 1, 2 or 3; with 1 and 2 one sentence on standard error, nothing on standard output and no output file; with 0
 and 3 one JSON object; no traceback, no internal error, no library's warning, no half file; no figure that is not finite in what is
@@ -28,8 +28,10 @@ MEMORY_MB = 1500
 """Above what the warm process has."""
 NOISE = re.compile(r"Traceback|internal error|Warning|\*\* On entry|Fatal|Segmentation|core dumped")
 NOT_FINITE = re.compile(r"(?<![\w.])[-+]?(nan|inf|infinity)(?![\w.])", re.IGNORECASE)
-WARM = ("pipeline", "store", "exporting", "limits", "verification", "formats", "commands.answering", "commands.reporting", "commands.importing",
-        "commands.simulating", "commands.batching", "commands.planning", "commands.diagnosing", "reporting.page", "cli")  # fmt: skip
+WARM = (
+    *("pipeline", "store", "exporting", "limits", "verification", "formats", "reporting.page", "cli"),
+    *(f"commands.{name}" for name in ("answering", "reporting", "importing", "simulating", "batching", "planning", "diagnosing")),
+)
 
 
 @dataclass

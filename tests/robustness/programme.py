@@ -68,12 +68,19 @@ def _case(name: str, text: str, damaged: str, output: str, costly: bool = False)
     return Case(name, tuple(text.split()), tuple(damaged.split()), output, costly)
 
 
+FORCED = " ".join(f"{{forced{n}.h5}}" for n in range(6))
+SHOWN = "{wave.h5} {calibration.h5} {diagnosis.h5}"
 CASES = (
     _case("demodulate", "demodulate {recording.h5} -o {out}", "recording.h5", "out.h5"),
     _case("estimate", "estimate {periods.h5} -o {out}", "periods.h5", "out.h5"),
     _case("identify", "identify {free0.h5} {free1.h5} {free2.h5} -o {out}", "free0.h5", "out.h5"),
     _case("rate", "rate {free0.h5} --resonator {resonator.h5} -o {out} --nodes 4", "free0.h5 resonator.h5", "out.h5"),
-    _case("calibrate", "calibrate {forced0.h5} {forced1.h5} {forced2.h5} {forced3.h5} {forced4.h5} {forced5.h5} -o {out} --harmonics 1", "forced0.h5", "out.h5"),
+    _case(
+        "calibrate",
+        f"calibrate {FORCED} -o {{out}} --harmonics 1",
+        "forced0.h5",
+        "out.h5",
+    ),
     _case("compensate", "compensate {forced0.h5} --calibration {calibration.h5} -o {out}", "forced0.h5 calibration.h5", "out.h5"),
     _case("diagnose", "diagnose {free0.h5} {free1.h5} -o {out}", "free0.h5", "out.h5", costly=True),
     _case("export csv", "export {calibration.h5} -o {out}", "calibration.h5", "out.csv"),
@@ -94,7 +101,13 @@ CASES = (
     _case("import parquet", "import {log.parquet} -o {out}", "log.parquet", "out.h5"),
     _case("import tdms", "import {log.tdms} -o {out}", "log.tdms", "out.h5"),
     _case("plan", "plan {resonator.h5} --menu {menu.toml} -o {out}", "resonator.h5 menu.toml", "out.toml", costly=True),
-    _case("report", "report {wave.h5} {calibration.h5} {diagnosis.h5} -o {out}", "wave.h5 calibration.h5 diagnosis.h5", "out.html", costly=True),
+    _case(
+        "report",
+        "report {wave.h5} {calibration.h5} {diagnosis.h5} -o {out}",
+        "wave.h5 calibration.h5 diagnosis.h5",
+        "out.html",
+        costly=True,
+    ),
     _case("batch", "batch {lot.toml} -o {out}", "lot.toml recording.h5", "out", costly=True),
 )
 
