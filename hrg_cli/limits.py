@@ -49,7 +49,6 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     ([calibration], [resonator], …) or at the top. `status = "valid"` (the default) wants a record that is not refused or suspect.
     HrgError: a limit that is neither, no limit for this kind.
     """
-    figures = figures_of(record)
     own = limits.get(record.kind)
     table: Mapping[str, Any] = own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not _is_group(v)}
     if not table:
@@ -58,6 +57,7 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
         )
     if len(table) > MOST_LIMITS:
         raise HrgError(f"the limits hold {len(table)} entries for a {record.kind} file, {MOST_LIMITS} at most were expected")
+    figures = figures_of(record)
     rows = []
     wanted = table.get("status", "valid")
     if wanted not in ("valid", "suspect", "any"):

@@ -80,7 +80,14 @@ def remove_dataset(path):
         del file["spectrum"]["density"]
 
 
+def claim_more(path):
+    with h5py.File(path, "r+") as file:
+        del file["periods/time_s"]
+        file.create_dataset("periods/time_s", shape=(1 << 40,), dtype="f8", chunks=(1 << 16,))
+
+
 CHANGES = {
+    "a dataset that claims a size": (claim_more, "the values of /periods/time_s were changed"),
     "a value in its last digits": (change_value, "the values of /periods/signals were changed"),
     "an attribute": (change_attribute, "the attributes of /periods were changed"),
     "a unit": (change_unit, "the attributes of /periods/signals were changed"),

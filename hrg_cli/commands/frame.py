@@ -7,6 +7,7 @@ import copy
 import functools
 import inspect
 import json
+import logging
 import os
 import re
 import sys
@@ -262,7 +263,8 @@ def own_standard_output() -> Iterator[None]:
 def guarded(body: Callable[[], None], verbose: bool = False) -> None:
     """Run a command's body; every failure becomes one line on standard error and an exit status."""
     if not verbose:
-        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy in steps that are judged by their result
+        warnings.simplefilter("ignore")  # a library's words are for programmers; results are judged here, in sentences
+        logging.getLogger().addHandler(logging.NullHandler())
     try:
         with own_standard_output(), unread_is_no_failure():
             body()

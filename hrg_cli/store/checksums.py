@@ -1,7 +1,6 @@
 """What a file held when it was written: SHA-256 of every dataset and of every group's attributes, kept in the root attribute `checksums`.
 
-A dataset's digest is over its values in C order, its type and its shape; one that does not match tells that something was changed, not
-by whom.
+Of a dataset its type, its shape and the digest of its values in C order are kept; what does not match was changed, by whom it cannot tell.
 """
 
 from __future__ import annotations
@@ -18,6 +17,8 @@ import numpy as np
 NAME = "checksums"
 ROWS_BYTES = 8 << 20
 """So much of a dataset is read at a time."""
+CLAIMED_BYTES, CLAIMED_RATIO = 64 << 20, 2000
+"""A dataset larger than the first is read only where it claims less than so many times the bytes it stores: no compression here does more."""
 OF_NETCDF = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_NCProperties")
 """Attributes that netCDF keeps for itself: places in the file, not content."""
 
@@ -33,11 +34,14 @@ class Running:
         self._hash.update(_bytes(np.asarray(values)))
 
     def of(self, dataset: h5py.Dataset) -> str:
-        """The digest, now that the dataset has its type and its whole shape."""
-        whole = self._hash.copy()
-        kind = "text" if dataset.dtype.kind in "OSU" else dataset.dtype.str
-        whole.update(f"{kind}{tuple(int(n) for n in dataset.shape)}".encode())
-        return whole.hexdigest()
+        """Type, shape and digest, now that the dataset has its whole shape."""
+        return f"{_form(dataset)} {self._hash.hexdigest()}"
+
+
+def _form(dataset: h5py.Dataset) -> str:
+    """Type and shape of a dataset, as one word."""
+    kind = "text" if dataset.dtype.kind in "OSU" else dataset.dtype.str
+    return f"{kind}{'x'.join(str(int(n)) for n in dataset.shape)}"
 
 
 def _bytes(values: np.ndarray) -> Any:
@@ -51,7 +55,7 @@ def _text(value: Any) -> str:
 
 
 def of_dataset(dataset: h5py.Dataset) -> str:
-    """The digest of a dataset on disk, read a few megabytes at a time."""
+    """Type, shape and digest of a dataset on disk, read a few megabytes at a time."""
     running = Running()
     if dataset.ndim == 0 or not dataset.size:
         running.add(dataset[()])
@@ -123,10 +127,20 @@ def changes(file: h5py.File) -> list[str] | None:
     said = []
     for path, item in contents(file):
         if isinstance(item, h5py.Dataset):
-            said += _compared(left.pop(path, None), lambda item=item: of_dataset(item), f"the values of {path}")
+            said += _compared_values(left.pop(path, None), item, f"the values of {path}")
         said += _compared(left.pop(f"{path}@", None), lambda item=item: of_attributes(item), f"the attributes of {path}")
     gone = sorted({place.removesuffix("@") for place in left})
     return said + [f"{place} was removed" for place in gone]
+
+
+def _compared_values(kept: str | None, dataset: h5py.Dataset, what: str) -> list[str]:
+    """The same of a dataset, which is read only where its type and shape are those that were kept."""
+    claimed = dataset.size * dataset.dtype.itemsize
+    if kept is not None and kept.split(" ")[0] != _form(dataset):
+        return [f"{what} were changed"]
+    if claimed > CLAIMED_BYTES and claimed > CLAIMED_RATIO * dataset.id.get_storage_size():
+        return [f"{what} are not stored"]
+    return _compared(kept, lambda: of_dataset(dataset), what)
 
 
 def _compared(kept: str | None, digest: Any, what: str) -> list[str]:

@@ -109,6 +109,7 @@ def attribute_problem(value: Any, spec: Column) -> str | None:
         if valid.one_of and value not in valid.one_of:
             return f"is {str(value)[:60]!r}, {_either(valid.one_of)} was expected"
         return _json_problem(value, valid.json) if valid.json else None
+    value = float(value)  # whole numbers, too: one of 1e300 fits no type of numpy's
     if np.isnan(value):
         return None if valid.missing == "anywhere" else "is nan, a finite number was expected"
     if np.isinf(value) and not valid.infinite:
