@@ -95,21 +95,17 @@ class _Verification:
     def _own(self, path: Path, verdict: Verdict) -> Record | None:
         """The file's values against its own checksums; its record where it can be read."""
         try:
+            verdict.kind = store.kind_of(path).kind
             changed = store.changes(path)
-            kind = store.kind_of(path)
-            verdict.kind = kind.kind
-            with store.open_record(path, kind) as record:
-                found: Record = record
+            if changed is None:
+                verdict.worse("without checksums", "keeps no checksums (a laboratory's file, or an older hrg's); changes would not show")
+            for sentence in changed or []:
+                verdict.worse("changed", sentence)
+            with store.open_record(path, store.kind_of(path)) as record:
+                return record
         except HrgError as error:
             verdict.worse("damaged", str(error).removeprefix(f"{path}: "))
             return None
-        if changed is None:
-            verdict.worse(
-                "without checksums", "keeps no checksums (a laboratory's file, or of an older hrg); its values cannot be verified"
-            )
-        for sentence in changed or []:
-            verdict.worse("changed", sentence)
-        return found
 
     def _sources(self, path: Path, record: Record, verdict: Verdict) -> list[Path]:
         """Hold the file's sources against what lies in the folder now; the hrg files among those that are right."""
@@ -118,9 +114,7 @@ class _Verification:
             named = path.parent / Path(source.name).name
             match = next((p for p in [named, *self._in_folder(path.parent)] if p.is_file() and self._digest(p) == source.sha256), None)
             if match is None and named.is_file():
-                verdict.worse(
-                    "changed", f"was made from another {source.name} than lies here now; that one was changed or made again since"
-                )
+                verdict.worse("changed", f"was made from another {source.name} than lies here; that one was changed or made again")
             elif match is None:
                 verdict.notes.append(f"its source {source.name} is not in the folder and was not followed")
             elif store.is_hdf5(match) and _is_ours(match):

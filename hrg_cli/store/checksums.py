@@ -18,7 +18,7 @@ NAME = "checksums"
 ROWS_BYTES = 8 << 20
 """So much of a dataset is read at a time."""
 CLAIMED_BYTES, CLAIMED_RATIO = 64 << 20, 2000
-"""A dataset larger than the first is read only where it claims less than so many times the bytes it stores: no compression here does more."""
+"""A dataset larger than the first is read only where it claims less than so many times the bytes it stores."""
 OF_NETCDF = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_NCProperties")
 """Attributes that netCDF keeps for itself: places in the file, not content."""
 
