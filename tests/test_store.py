@@ -13,6 +13,7 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.records import KINDS, Calibration, Compensated, Diagnosis, Periods, Provenance, Recording, Resonator, Source, Wave, collect
 from hrg_cli.store.atomic import this_host
+from hrg_cli.store.heaps import check_heaps
 
 
 def small(kind, rows=7):
@@ -264,3 +265,41 @@ def test_status_only_gets_worse():
     assert record.judged(["a"], "refused").judged(["b"], "suspect").status == "refused"
     assert record.judged(["a"]).judged(["b"]).status_reasons == ("a", "b")
     assert small(Compensated) and small(Diagnosis)
+
+
+def test_every_row_column_is_stored_with_a_checksum(tmp_path):
+    """Raw samples, too: a damaged chunk is noticed when it is read."""
+    for kind in (Recording, Periods, Wave):
+        store.write(tmp_path / f"{kind.kind}.h5", small(kind, 40))
+        with h5py.File(tmp_path / f"{kind.kind}.h5") as file:
+            own = file[kind.kind]
+            names = [n for n, c in kind.columns().items() if c.dims and c.dims[0] == "row" and c.group is None and (c.name or n) in own]
+            assert names and all(own[kind.columns()[n].name or n].fletcher32 for n in names)
+
+
+def test_a_size_that_is_hardly_stored_is_not_believed(tmp_path):
+    """One chunk of a dataset of a gigabyte is there; the rest would read as zeros."""
+    store.write(tmp_path / "a.h5", small(Recording))
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        for name in "cs":
+            attributes = dict(file["recording"][name].attrs)
+            del file["recording"][name]
+            dataset = file["recording"].create_dataset(name, shape=(1 << 29,), dtype="i2", chunks=(1 << 16,))
+            dataset[: 1 << 16] = 1
+            dataset.attrs["units"] = attributes["units"]
+    with pytest.raises(HrgError, match=r"claims 536870912 values but stores 65536 at most"):
+        store.read(tmp_path / "a.h5", Recording)
+
+
+def test_a_zeroed_heap_is_refused_before_the_library_sees_it(tmp_path):
+    """The library steps through it without end; the test would, too, without the look before."""
+    path = tmp_path / "a.h5"
+    store.write(path, small(Wave))
+    content = bytearray(path.read_bytes())
+    at = content.index(b"GCOL\x01\x00\x00\x00")
+    content[at + 16 : at + 64] = bytes(48)
+    path.write_bytes(content)
+    with pytest.raises(HrgError, match=f"texts at byte {at} are overwritten"):
+        check_heaps(path)
+    with pytest.raises(HrgError, match="are overwritten"):
+        store.kind_of(path)
