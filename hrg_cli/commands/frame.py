@@ -260,13 +260,26 @@ def own_standard_output() -> Iterator[None]:
             own.close()
 
 
+@contextlib.contextmanager
+def libraries_silent(verbose: bool) -> Iterator[None]:
+    """Without the warnings and logs of libraries, which are for programmers: here results are judged, in sentences."""
+    if verbose:
+        yield
+        return
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
+
+
 def guarded(body: Callable[[], None], verbose: bool = False) -> None:
     """Run a command's body; every failure becomes one line on standard error and an exit status."""
-    if not verbose:
-        warnings.simplefilter("ignore")  # a library's words are for programmers; results are judged here, in sentences
-        logging.getLogger().addHandler(logging.NullHandler())
     try:
-        with own_standard_output(), unread_is_no_failure():
+        with libraries_silent(verbose), own_standard_output(), unread_is_no_failure():
             body()
     except UsageError as error:
         leave(str(error), USAGE)
