@@ -3,12 +3,14 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
+TRIALS ?= 20000
+FAILURES ?= 200
 READY := $(VENV)/.ready
 
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help run test test-browser study bench lint sample-data build clean
+.PHONY: help run test test-browser study faults mutants bench lint sample-data build clean
 
 help:  ## Print this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 22
@@ -31,6 +33,13 @@ test-browser: $(READY)  ## Test the report page in Debian's chromium (installed 
 
 study: $(READY)  ## Run the long statistical studies
 	$(BIN)/python -m pytest -n $(JOBS) -m slow tests
+
+faults: $(READY)  ## Damaged inputs and failing calls over all commands (TRIALS, FAILURES, HRG_TEST_SEED; another seed each time)
+	$(BIN)/python tests/robustness/faults.py --trials $(TRIALS) --failures $(FAILURES)
+	HRG_TEST_SEED=$${HRG_TEST_SEED:-$$(date +%s)} $(BIN)/python -m pytest -n $(JOBS) -m hypothesis tests
+
+mutants: $(READY)  ## Change the code on purpose and count the changes that no test sees (ONLY=part of a file's name)
+	$(BIN)/python tests/mutants/run.py $(if $(ONLY),--only $(ONLY))
 
 bench: $(READY)  ## Measure speed and accuracy now, as one page (PAGE=docs/BENCHMARKS.md keeps it)
 	$(BIN)/python benchmarks/page.py $(PAGE)

@@ -9,5 +9,9 @@ class UsageError(HrgError):
     """The command line asks for something that does not exist (exit status 2)."""
 
 
+class InterruptedRunError(HrgError):
+    """The work was interrupted; the message says how far it came and how to go on (exit status 130)."""
+
+
 class DiskFullError(HrgError):
     """The output's disk is full; HDF5 cannot close its file cleanly afterwards (exit status 1)."""

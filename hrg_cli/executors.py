@@ -9,8 +9,11 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import signal
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from typing import Any, TypeVar
 
 from .errors import HrgError
@@ -21,6 +24,10 @@ OpenExecutor = Callable[[], contextlib.AbstractContextManager[Executor]]
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 CONNECT_S = 15
 """Seconds to wait for a scheduler."""
+WORKERS_S = 60
+"""Seconds to wait for a scheduler's first worker, or for another after the last one left."""
+LOOK_S = 5.0
+"""Seconds between two looks at whether anybody is still working."""
 ROUNDS = 2
 """Rounds with all workers before the lost tasks are tried alone."""
 
@@ -38,20 +45,77 @@ class InlineExecutor(Executor):
         return future
 
 
+def _end_with_parent() -> None:
+    """In a worker: the terminal's Ctrl-C is the parent's to answer, and the worker ends when the parent does, however it ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        assert parent is not None
+        parent.join()
+        os._exit(1)
+
+    if parent is not None:
+        threading.Thread(target=watch, daemon=True).start()
+
+
 @contextlib.contextmanager
 def local_processes(jobs: int) -> Iterator[Executor]:
-    """`jobs` processes of this machine with one thread each; this process itself for one."""
+    """`jobs` processes of this machine with one thread each; this process itself for one.
+
+    They end with this process. Left by an exception (Ctrl-C, a full disk), what is pending is dropped and what runs is killed at once.
+    """
     if jobs == 1:
         yield InlineExecutor()
         return
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
-        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent)
+        before_us = set(multiprocessing.active_children())
+        try:
             yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - before_us:
+                child.kill()
+                child.join()
+            raise
+        finally:
+            pool.shutdown(wait=True)
     finally:
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+
+
+class DaskExecutor(Executor):
+    """A Dask client as an executor that notices when nobody is left to work."""
+
+    def __init__(self, client: Any, where: str) -> None:
+        self._client, self._where = client, where
+        self._inner = client.get_executor(pure=False, retries=2)
+        self._alone_since: float | None = None
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """The future of fn(*args, **kwargs) on a worker."""
+        future: Future[Any] = self._inner.submit(fn, *args, **kwargs)
+        return future
+
+    def need_workers(self) -> None:
+        """HrgError: for `WORKERS_S` the scheduler has had no worker."""
+        if self._client.scheduler_info()["workers"]:
+            self._alone_since = None
+            return
+        self._alone_since = self._alone_since or time.monotonic()
+        if time.monotonic() - self._alone_since >= WORKERS_S:
+            raise HrgError(
+                f"{self._where}: the Dask scheduler has had no worker for {WORKERS_S:g} s; start one with `dask worker {self._where}`, "
+                "the same command then goes on"
+            )
+
+    def drop(self) -> None:
+        """Give up what is pending."""
+        self._inner.shutdown(wait=False, cancel_futures=True)
 
 
 @contextlib.contextmanager
@@ -62,20 +126,41 @@ def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
     except ImportError as error:
         raise HrgError("sharing work with Dask needs the library distributed; run pip install 'hrg-cli[lots]'") from error
     cluster = None
-    if address is None:
-        cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None)  # type: ignore[no-untyped-call]
-    try:
+    with _quiet_distributed(), contextlib.ExitStack() as closing:
+        if address is None:
+            cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None)  # type: ignore[no-untyped-call]
+            closing.callback(cluster.close)  # type: ignore[no-untyped-call]
         try:
             client = Client(address or cluster, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
         except (OSError, TimeoutError, ValueError) as error:
             raise HrgError(
                 f"{address}: no Dask scheduler answers there ({error}); start one with `dask scheduler`, or leave --scheduler out"
             ) from error
-        with client:
-            yield client.get_executor(pure=False, retries=2)
+        closing.callback(client.close)  # type: ignore[no-untyped-call]
+        executor = DaskExecutor(client, address or "the cluster started here")
+        try:
+            yield executor
+        except BaseException:
+            with contextlib.suppress(Exception):
+                executor.drop()
+            raise
+
+
+@contextlib.contextmanager
+def _quiet_distributed() -> Iterator[None]:
+    """Dask logs lost connections and closed loops with tracebacks, also at the end of a good run; here a result or a sentence counts."""
+    import logging
+
+    names = ("distributed", "distributed.nanny", "distributed.worker", "distributed.scheduler", "distributed.core", "distributed.client")
+    loggers = [logging.getLogger(name) for name in (*names, "distributed.comm", "distributed.utils", "tornado.application", "asyncio")]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
     finally:
-        if cluster is not None:
-            cluster.close()  # type: ignore[no-untyped-call]
+        for logger, level in zip(loggers, before):
+            logger.setLevel(level)
 
 
 def run_tasks(
@@ -124,12 +209,21 @@ def _round(executor: Executor, work: Callable[[Any], Any], tasks: Sequence[Any],
             futures[executor.submit(work, tasks[index])] = index
         except (BrokenExecutor, RuntimeError):
             yield index, _Lost()
-    for future in as_completed(futures):
-        try:
-            yield futures[future], future.result()
-        except (BrokenExecutor, CancelledError):
-            yield futures[future], _Lost()
-        except Exception as error:
-            if type(error).__name__ not in ("KilledWorker", "CommClosedError", "FutureCancelledError"):
-                raise
-            yield futures[future], _Lost()
+    pending = set(futures)
+    while pending:
+        ended, pending = wait(pending, timeout=LOOK_S, return_when=FIRST_COMPLETED)
+        if not ended and isinstance(executor, DaskExecutor):
+            executor.need_workers()
+        for future in ended:
+            yield futures[future], _result(future)
+
+
+def _result(future: Future[Any]) -> Any:
+    try:
+        return future.result()
+    except (BrokenExecutor, CancelledError):
+        return _Lost()
+    except Exception as error:
+        if type(error).__name__ not in ("KilledWorker", "CommClosedError", "FutureCancelledError"):
+            raise
+        return _Lost()

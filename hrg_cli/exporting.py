@@ -14,6 +14,7 @@ from pydantic import Field
 from .errors import HrgError
 from .measured_export import MEASURED_FORMULA, c_measured, csv_measured
 from .records import Calibration
+from .reporting.text import c_comment
 from .stages.calibration.table import values
 
 Array = np.ndarray
@@ -319,8 +320,9 @@ def _c_text(
         calls[name] = f"HRG_{short[name].upper()}_OFFSET + HRG_{short[name].upper()}_STEP * (double){look}" if bits else look
     low, high = (v if np.isfinite(v) else n for v, n in ((calibration.node_min, -1e308), (calibration.node_max, 1e308)))
     return _C.format(
-        gyro=calibration.gyro_id.replace("*/", ""), model=calibration.model, status=calibration.status, mode=int(calibration.mode_number),
-        correction=calibration.correction, axis_words="temperature, degC" if calibration.axis == "temperature" else "frequency, Hz",
+        gyro=c_comment(calibration.gyro_id), model=c_comment(calibration.model), status=calibration.status,
+        mode=int(calibration.mode_number), correction=c_comment(calibration.correction),
+        axis_words="temperature, degC" if calibration.axis == "temperature" else "frequency, Hz",
         low=low, high=high, rate_low=calibration.rate_min_rad_s, rate_high=calibration.rate_max_rad_s, e=errors,
         nodes=len(nodes), angles=angles,
         first=float(nodes[0]), step=float(nodes[1] - nodes[0]) if len(nodes) > 1 else 1.0, period=np.pi / calibration.mode_number,

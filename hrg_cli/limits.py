@@ -38,6 +38,10 @@ class Row:
         return f"{self.name} is {self.value:.6g}, {' and '.join(bounds)} was wanted"
 
 
+MOST_LIMITS = 10_000
+"""More than any file has figures; a longer list is a damaged file."""
+
+
 def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     """Rows of verdicts for `[limits]` tables: name = { minimum = …, maximum = … }, or a bare number, which is a maximum.
 
@@ -45,13 +49,15 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     ([calibration], [resonator], …) or at the top. `status = "valid"` (the default) wants a record that is not refused or suspect.
     HrgError: a limit that is neither, no limit for this kind.
     """
-    figures = figures_of(record)
     own = limits.get(record.kind)
     table: Mapping[str, Any] = own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not _is_group(v)}
     if not table:
         raise HrgError(
             f"the limits hold nothing for a {record.kind} file; write a table [{record.kind}] with name = {{ minimum = …, maximum = … }}"
         )
+    if len(table) > MOST_LIMITS:
+        raise HrgError(f"the limits hold {len(table)} entries for a {record.kind} file, {MOST_LIMITS} at most were expected")
+    figures = figures_of(record)
     rows = []
     wanted = table.get("status", "valid")
     if wanted not in ("valid", "suspect", "any"):
@@ -99,13 +105,17 @@ def figures_of(record: Record) -> dict[str, float]:
         module = import_module(f"hrg_cli.stages.{stage}")
     except ModuleNotFoundError:
         module = None
-    if module is not None and hasattr(module, "summary"):
-        _flatten("", module.summary(record), figures)
-    if isinstance(record, Calibration):
-        from .stages.figures_of_merit import calibration_figures
+    try:
+        if module is not None and hasattr(module, "summary"):
+            _flatten("", module.summary(record), figures)
+        if isinstance(record, Calibration):
+            from .stages.figures_of_merit import calibration_figures
 
-        figures |= calibration_figures(record)
-        _flatten("details", json.loads(record.details), figures)
+            figures |= calibration_figures(record)
+            _flatten("details", json.loads(record.details), figures)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:  # JSON of another shape than its command writes
+        what = f"{type(error).__name__}: {str(error)[:80]}"
+        raise HrgError(f"the details of this {record.kind} are damaged ({what}); make the file again with `{record.made_by}`") from error
     if isinstance(record, Resonator):
         for name, (value, std, _) in record.parameters().items():
             figures[name], figures[f"{name}_std"] = value, std

@@ -11,6 +11,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import __version__, settings, store
 from .errors import HrgError
 from .origins import overlap, part_of, samples_of
@@ -108,7 +110,8 @@ def run_stage(
             records: list[Record] = [
                 open_files.enter_context(store.open_record(path, kind)) if stage.lazy else store.read(path, kind) for path in inputs
             ]
-            result = stage.function()(records, **arguments)
+            with _naming(None):
+                result = stage.function()(records, **arguments)
             result = result.judged(_doubts(inputs, records))
             parents = [*records, *records_beside]
         else:
@@ -124,8 +127,18 @@ def run_stage(
         )
     if isinstance(result, Record):
         return Outcome(written, report(written, output, started, stage.summary(written)))
-    with store.open_record(output, type(written)) as whole:  # what was written last is only the stream's last block
+    with gone_if_it_fails(output), store.open_record(output, type(written)) as whole:  # `written` is only the stream's last block
         return Outcome(written, report(written, output, started, stage.summary(whole)))
+
+
+@contextmanager
+def gone_if_it_fails(output: Path) -> Iterator[None]:
+    """While a written output is looked at once more: a command that then fails leaves no output."""
+    try:
+        yield
+    except BaseException:
+        output.unlink(missing_ok=True)
+        raise
 
 
 def write_first(
@@ -173,14 +186,18 @@ def _doubts(inputs: Sequence[Path], records: Sequence[Record]) -> list[str]:
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Put the file's name before a stage's sentence that lacks it."""
+def _naming(path: Path | None) -> Iterator[None]:
+    """Put the file's name before a stage's sentence that lacks it (None: of several inputs the stage names the run itself)."""
     try:
         yield
     except HrgError as error:
-        if error.args and path.name not in str(error):
+        if error.args and path is not None and path.name not in str(error):
             error.args = (f"{path}: {error}",)
         raise
+    except np.linalg.LinAlgError as error:
+        raise HrgError(
+            f"{path or 'the runs'}: the numbers give equations without a solution ({error}); look for values out of proportion"
+        ) from error
 
 
 def _watched(stream: Iterable[Record], source: Record, path: Path, progress: Progress | None) -> Iterator[Record]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar
@@ -28,6 +29,45 @@ GROWING = ("row", "auxiliary_row", "truth_row")
 """Leading dimensions along which a stream is appended."""
 
 
+SIZES: dict[str, tuple[int, ...]] = {"channel": (2,), "signal": (4, 8)}
+"""Sizes a named dimension may have; the others are free. A dimension `x_2` has the size of `x`."""
+
+
+@dataclass(frozen=True)
+class Valid:
+    """What values a column or attribute may hold; every reader and the writer hold it to this (`store/validity.py`).
+
+    missing: where NaN may stand for a value that is not known: "never", "flagged" (rows whose flags are not 0 or whose fit did not
+    converge), "anywhere"; infinity never may. raw: any number, as a converter gave it. above, at_least, at_most: bounds of every
+    value. rising: strictly, from row to row. one_of: the texts that are known. json: a text that is a JSON "object" or "list".
+    """
+
+    missing: Literal["never", "flagged", "anywhere"] = "never"
+    raw: bool = False
+    infinite: bool = False
+    above: float | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+    rising: bool = False
+    one_of: tuple[str, ...] = ()
+    json: Literal["", "object", "list"] = ""
+
+
+FINITE = Valid()
+RAW = Valid(raw=True)
+RISING = Valid(rising=True)
+FLAGGED = Valid(missing="flagged")
+FLAGGED_STD = Valid(missing="flagged", at_least=0)
+LOGGED = Valid(missing="anywhere")
+SCATTER = Valid(at_least=0)
+POSITIVE = Valid(above=0)
+ORDER = Valid(at_least=1, at_most=1000)
+JSON_OBJECT, JSON_LIST = Valid(json="object"), Valid(json="list")
+MODE, READOUT = Valid(one_of=("free", "forced")), Valid(one_of=("direct", "carrier"))
+FASTEST_HZ = 1e12
+"""No converter samples faster; a larger rate is a damaged number."""
+
+
 @dataclass(frozen=True)
 class Column:
     """How one field of a record is kept: a dataset (`dims` not None) or an attribute of the group."""
@@ -41,6 +81,7 @@ class Column:
     optional: bool
     packed: bool = True
     """Compressed where that saves space; not where it would cost more than all the work on the values."""
+    valid: Valid = FINITE
 
 
 def column(
@@ -53,18 +94,37 @@ def column(
     dtype: str = "f8",
     optional: bool = False,
     packed: bool = True,
+    valid: Valid = FINITE,
 ) -> Any:
     """Declare a dataset; `units` is its canonical unit ("any" for the channel's own), `dims` the names of its dimensions."""
-    spec = Column(units, meaning, dims, group, name, dtype, optional, packed)
+    spec = Column(units, meaning, dims, group, name, dtype, optional, packed, valid)
     return field(default=None, metadata={"column": spec}) if optional else field(metadata={"column": spec})
 
 
 def attribute(
-    meaning: str, *, default: Any = dataclasses.MISSING, dtype: str = "str", group: str | None = None, name: str | None = None
+    meaning: str,
+    *,
+    default: Any = dataclasses.MISSING,
+    dtype: str = "str",
+    group: str | None = None,
+    name: str | None = None,
+    valid: Valid = FINITE,
 ) -> Any:
     """Declare an attribute of the record's group; with `default` it may be missing from a file."""
     optional = default is not dataclasses.MISSING
-    return field(default=default, metadata={"column": Column(None, meaning, None, group, name, dtype, optional)})
+    return field(default=default, metadata={"column": Column(None, meaning, None, group, name, dtype, optional, valid=valid)})
+
+
+def details_number(text: str, *keys: str, default: float) -> float:
+    """A number deep in a record's JSON text, `default` where it is not there. HrgError: something else stands in its place."""
+    tree: Any = json.loads(text or "{}")
+    for key in keys:
+        if not isinstance(tree, dict):
+            break
+        tree = tree.get(key, default if key == keys[-1] else {})
+    if isinstance(tree, int | float) and not isinstance(tree, bool) and np.isfinite(tree):
+        return float(tree)
+    raise HrgError(f"the details are damaged ({'.'.join(keys)} is no number); make the file again")
 
 
 @dataclass(frozen=True)
@@ -185,47 +245,59 @@ class Recording(Record):
 
     kind: ClassVar[str] = "recording"
     made_by: ClassVar[str] = "hrg import or hrg simulate"
-    c: Array = column("any", "channel C, raw", dtype="raw")
-    s: Array = column("any", "channel S, raw", dtype="raw")
-    time_s: Array | None = column("s", "time of each sample (uneven sampling)", optional=True)
-    sample_rate_hz: float | None = attribute("sampling rate of even sampling", default=None, dtype="f8")
-    mode: str = attribute('"free" or "forced"')
-    readout: str = attribute('"direct" or "carrier"', default="direct")
-    carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8")
-    mode_number: int = attribute("angular mode number m: 2 for a shell, 1 for a pendulum", default=2, dtype="i8")
+    c: Array = column("any", "channel C, raw", dtype="raw", valid=RAW)
+    s: Array = column("any", "channel S, raw", dtype="raw", valid=RAW)
+    time_s: Array | None = column("s", "time of each sample (uneven sampling)", optional=True, valid=RISING)
+    sample_rate_hz: float | None = attribute(
+        "sampling rate of even sampling", default=None, dtype="f8", valid=Valid(above=0, at_most=FASTEST_HZ)
+    )
+    mode: str = attribute('"free" or "forced"', valid=MODE)
+    readout: str = attribute('"direct" or "carrier"', default="direct", valid=READOUT)
+    carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8", valid=POSITIVE)
+    mode_number: int = attribute("angular mode number m: 2 for a shell, 1 for a pendulum", default=2, dtype="i8", valid=ORDER)
     gyro_id: str = attribute("the gyro", default="")
     run_id: str = attribute("the run", default="")
     lot_id: str = attribute("the lot", default="")
     start_time: str = attribute("ISO 8601 time of t = 0", default="")
-    nominal_frequency_hz: float | None = attribute("expected oscillation frequency", default=None, dtype="f8")
+    nominal_frequency_hz: float | None = attribute("expected oscillation frequency", default=None, dtype="f8", valid=POSITIVE)
     c_units: str = attribute("unit of channel C", default="1", group="/recording/c", name="units")
     s_units: str = attribute("unit of channel S", default="1", group="/recording/s", name="units")
     c_scale_factor: float = attribute("unit of channel C a raw count", default=1.0, dtype="f8", group="/recording/c", name="scale_factor")
     s_scale_factor: float = attribute("unit of channel S a raw count", default=1.0, dtype="f8", group="/recording/s", name="scale_factor")
     c_add_offset: float = attribute("value of channel C at raw 0", default=0.0, dtype="f8", group="/recording/c", name="add_offset")
     s_add_offset: float = attribute("value of channel S at raw 0", default=0.0, dtype="f8", group="/recording/s", name="add_offset")
-    least_count: float | None = attribute("smallest step of the recorded values of both channels, in their unit", default=None, dtype="f8")
-    details: str = attribute("JSON: what import took of the log: columns, units, rate, gaps, rows left out", default="{}")
-    auxiliary_time_s: Array | None = column("s", "time of the log", ("auxiliary_row",), group="/auxiliary", name="time_s", optional=True)
-    temperature_degc: Array | None = column("degC", "temperature log", ("auxiliary_row",), group="/auxiliary", optional=True)
-    rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis", ("auxiliary_row",), group="/auxiliary", optional=True)
+    least_count: float | None = attribute(
+        "smallest step of the recorded values of both channels, in their unit", default=None, dtype="f8", valid=POSITIVE
+    )
+    details: str = attribute(
+        "JSON: what import took of the log: columns, units, rate, gaps, rows left out", default="{}", valid=JSON_OBJECT
+    )
+    auxiliary_time_s: Array | None = column(
+        "s", "time of the log", ("auxiliary_row",), group="/auxiliary", name="time_s", optional=True, valid=RISING
+    )
+    temperature_degc: Array | None = column("degC", "temperature log", ("auxiliary_row",), group="/auxiliary", optional=True, valid=LOGGED)
+    rate_rad_s: Array | None = column(
+        "rad s-1", "rate about the sensitive axis", ("auxiliary_row",), group="/auxiliary", optional=True, valid=LOGGED
+    )
     drive_main: Array | None = column(
-        "any", "commanded drive of the main wave, force/(2ω) a second", ("auxiliary_row",), group="/auxiliary", optional=True
+        "any", "commanded drive of the main wave, force/(2ω) a second", ("auxiliary_row",), group="/auxiliary", optional=True, valid=LOGGED
     )
     drive_quadrature: Array | None = column(
-        "any", "commanded drive of the quadrature wave", ("auxiliary_row",), group="/auxiliary", optional=True
+        "any", "commanded drive of the quadrature wave", ("auxiliary_row",), group="/auxiliary", optional=True, valid=LOGGED
     )
     truth_time_s: Array | None = column("s", "time of the truth", ("truth_row",), group="/truth", name="time_s", optional=True)
     truth_main_amplitude: Array | None = column(
-        "any", "true main amplitude", ("truth_row",), group="/truth", name="main_amplitude", optional=True
+        "any", "true main amplitude", ("truth_row",), group="/truth", name="main_amplitude", optional=True, valid=LOGGED
     )
     truth_quadrature_amplitude: Array | None = column(
-        "any", "true quadrature amplitude", ("truth_row",), group="/truth", name="quadrature_amplitude", optional=True
+        "any", "true quadrature amplitude", ("truth_row",), group="/truth", name="quadrature_amplitude", optional=True, valid=LOGGED
     )
     truth_wave_angle_rad: Array | None = column(
-        "rad", "true wave angle", ("truth_row",), group="/truth", name="wave_angle_rad", optional=True
+        "rad", "true wave angle", ("truth_row",), group="/truth", name="wave_angle_rad", optional=True, valid=LOGGED
     )
-    truth_phase_rad: Array | None = column("rad", "true phase", ("truth_row",), group="/truth", name="phase_rad", optional=True)
+    truth_phase_rad: Array | None = column(
+        "rad", "true phase", ("truth_row",), group="/truth", name="phase_rad", optional=True, valid=LOGGED
+    )
     truth_settings: str = attribute("the simulation's settings as TOML", default="", group="/truth", name="settings")
 
     first_sample: int = 0
@@ -260,29 +332,37 @@ class Recording(Record):
 class Windowed(Record):
     """What a row of every window carries, and the run it belongs to: common to `Periods` and `Wave`."""
 
-    time_s: Array = column("s", "centre of the window", packed=False)
-    flags: Array = column("1", "bits: 1 clipped, 2 gap, 4 not finite, 8 settling", dtype="u1")
-    temperature_degc: Array | None = column("degC", "temperature at the window", optional=True)
-    rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis at the window", optional=True)
-    drive_main: Array | None = column("any", "commanded drive of the main wave", optional=True)
-    drive_quadrature: Array | None = column("any", "commanded drive of the quadrature wave", optional=True)
-    reference_frequency_hz: float = attribute("frequency of the reference phase, which is 0 at t = 0", dtype="f8")
-    window_s: float = attribute("length of a window", dtype="f8")
-    mode: str = attribute('"free" or "forced"')
-    readout: str = attribute('"direct" or "carrier"', default="direct")
-    mode_number: int = attribute("angular mode number m", default=2, dtype="i8")
+    time_s: Array = column("s", "centre of the window", packed=False, valid=RISING)
+    flags: Array = column("1", "bits: 1 clipped, 2 gap, 4 not finite, 8 settling", dtype="u1", valid=Valid(at_least=0, at_most=15))
+    temperature_degc: Array | None = column("degC", "temperature at the window", optional=True, valid=LOGGED)
+    rate_rad_s: Array | None = column("rad s-1", "rate about the sensitive axis at the window", optional=True, valid=LOGGED)
+    drive_main: Array | None = column("any", "commanded drive of the main wave", optional=True, valid=LOGGED)
+    drive_quadrature: Array | None = column("any", "commanded drive of the quadrature wave", optional=True, valid=LOGGED)
+    reference_frequency_hz: float = attribute("frequency of the reference phase, which is 0 at t = 0", dtype="f8", valid=POSITIVE)
+    window_s: float = attribute("length of a window", dtype="f8", valid=POSITIVE)
+    mode: str = attribute('"free" or "forced"', valid=MODE)
+    readout: str = attribute('"direct" or "carrier"', default="direct", valid=READOUT)
+    mode_number: int = attribute("angular mode number m", default=2, dtype="i8", valid=ORDER)
     gyro_id: str = attribute("the gyro", default="")
     run_id: str = attribute("the run", default="")
     lot_id: str = attribute("the lot", default="")
     start_time: str = attribute("ISO 8601 time of t = 0", default="")
-    least_count: float | None = attribute("smallest step of the samples' values, unit of the signals", default=None, dtype="f8")
+    least_count: float | None = attribute(
+        "smallest step of the samples' values, unit of the signals", default=None, dtype="f8", valid=POSITIVE
+    )
     quantisation_share: float | None = attribute(
         "part of the samples' residual variance that rounding to the least count makes: its square/12 over the residual's",
         default=None,
         dtype="f8",
     )
     spectrum_frequency_hz: Array | None = column(
-        "Hz", "frequency of the residual spectrum", ("frequency",), group="/spectrum", name="frequency_hz", optional=True
+        "Hz",
+        "frequency of the residual spectrum",
+        ("frequency",),
+        group="/spectrum",
+        name="frequency_hz",
+        optional=True,
+        valid=Valid(at_least=0, rising=True),
     )
     spectrum_density: Array | None = column(
         "any",
@@ -291,15 +371,22 @@ class Windowed(Record):
         group="/spectrum",
         name="density",
         optional=True,
+        valid=Valid(at_least=0),
     )
     spectrum_line_frequency_hz: Array | None = column(
-        "Hz", "lines that stand out of the residual", ("line",), group="/spectrum", name="line_frequency_hz", optional=True
+        "Hz",
+        "lines that stand out of the residual",
+        ("line",),
+        group="/spectrum",
+        name="line_frequency_hz",
+        optional=True,
+        valid=Valid(at_least=0),
     )
     spectrum_line_amplitude: Array | None = column(
         "any", "their amplitudes, both channels", ("line", "channel"), group="/spectrum", name="line_amplitude", optional=True
     )
     spectrum_line_ratio: Array | None = column(
-        "1", "their power over the noise floor", ("line",), group="/spectrum", name="line_ratio", optional=True
+        "1", "their power over the noise floor", ("line",), group="/spectrum", name="line_ratio", optional=True, valid=Valid(at_least=0)
     )
 
 
@@ -314,11 +401,11 @@ class Periods(Windowed):
 
     kind: ClassVar[str] = "periods"
     made_by: ClassVar[str] = "hrg demodulate"
-    signals: Array = column("any", "signal coefficients", ("row", "signal"))
-    signals_std: Array = column("any", "their standard deviations", ("row", "signal"), packed=False)
-    residual_rms: Array = column("any", "rms of what the fit leaves, channel C and S", ("row", "channel"))
-    periods_per_window: float = attribute("oscillation periods a window", dtype="f8")
-    carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8")
+    signals: Array = column("any", "signal coefficients", ("row", "signal"), valid=FLAGGED)
+    signals_std: Array = column("any", "their standard deviations", ("row", "signal"), packed=False, valid=FLAGGED_STD)
+    residual_rms: Array = column("any", "rms of what the fit leaves, channel C and S", ("row", "channel"), valid=FLAGGED_STD)
+    periods_per_window: float = attribute("oscillation periods a window", dtype="f8", valid=POSITIVE)
+    carrier_hz: float | None = attribute("carrier frequency", default=None, dtype="f8", valid=POSITIVE)
     units: str = attribute("unit of the signals", default="1", name="signal_units")
     details: str = attribute("JSON: what import --envelope took of the log, and the noise it found", default="{}")
 
@@ -333,20 +420,20 @@ class Wave(Windowed):
 
     kind: ClassVar[str] = "wave"
     made_by: ClassVar[str] = "hrg estimate"
-    main_amplitude: Array = column("any", "main amplitude a_A")
-    quadrature_amplitude: Array = column("any", "quadrature amplitude a_B, signed")
-    wave_angle_rad: Array = column("rad", "wave angle θ, physical angle, unwrapped")
-    phase_rad: Array = column("rad", "phase φ against the reference frequency, unwrapped")
-    carrier_phase_rad: Array = column("rad", "carrier phase ψ (0 with direct read-out)")
-    main_amplitude_std: Array = column("any", "its standard deviation")
-    quadrature_amplitude_std: Array = column("any", "its standard deviation")
-    wave_angle_rad_std: Array = column("rad", "its standard deviation")
-    phase_rad_std: Array = column("rad", "its standard deviation")
-    carrier_phase_rad_std: Array = column("rad", "its standard deviation")
-    residual_rms: Array = column("any", "rms of the redundant equations' residual (0 where there is no redundancy)")
-    signal_std: Array = column("any", "standard deviation of one signal coefficient, pooled over the window's signals")
+    main_amplitude: Array = column("any", "main amplitude a_A", valid=FLAGGED)
+    quadrature_amplitude: Array = column("any", "quadrature amplitude a_B, signed", valid=FLAGGED)
+    wave_angle_rad: Array = column("rad", "wave angle θ, physical angle, unwrapped", valid=FLAGGED)
+    phase_rad: Array = column("rad", "phase φ against the reference frequency, unwrapped", valid=FLAGGED)
+    carrier_phase_rad: Array = column("rad", "carrier phase ψ (0 with direct read-out)", valid=FLAGGED)
+    main_amplitude_std: Array = column("any", "its standard deviation", valid=FLAGGED_STD)
+    quadrature_amplitude_std: Array = column("any", "its standard deviation", valid=FLAGGED_STD)
+    wave_angle_rad_std: Array = column("rad", "its standard deviation", valid=FLAGGED_STD)
+    phase_rad_std: Array = column("rad", "its standard deviation", valid=FLAGGED_STD)
+    carrier_phase_rad_std: Array = column("rad", "its standard deviation", valid=FLAGGED_STD)
+    residual_rms: Array = column("any", "rms of the redundant equations' residual (0 where there is no redundancy)", valid=FLAGGED_STD)
+    signal_std: Array = column("any", "standard deviation of one signal coefficient, pooled over the window's signals", valid=FLAGGED_STD)
     iterations: Array = column("1", "residual evaluations of the solver (0: closed form; negative: not converged)", dtype="i2")
-    frequency_hz: Array = column("Hz", "oscillation frequency: reference + dφ/dt / 2π, smoothed over neighbouring windows")
+    frequency_hz: Array = column("Hz", "oscillation frequency: reference + dφ/dt / 2π, smoothed over neighbouring windows", valid=LOGGED)
     units: str = attribute("unit of the amplitudes", default="1", name="amplitude_units")
 
     def good(self) -> Array:
@@ -362,27 +449,48 @@ class Resonator(Record):
     made_by: ClassVar[str] = "hrg identify"
     name: Array = column("1", "parameter", ("parameter",), dtype="str")
     value: Array = column("any", "value", ("parameter",))
-    std: Array = column("any", "standard deviation", ("parameter",))
+    std: Array = column("any", "standard deviation", ("parameter",), valid=SCATTER)
     units: Array = column("1", "unit", ("parameter",), dtype="str")
     covariance: Array = column("any", "covariance of the values", ("parameter", "parameter_2"))
     method: str = attribute("method of identification", default="likelihood")
-    mode_number: int = attribute("angular mode number m", default=2, dtype="i8")
+    mode_number: int = attribute("angular mode number m", default=2, dtype="i8", valid=ORDER)
     gyro_id: str = attribute("the gyro", default="")
     lot_id: str = attribute("the lot", default="")
-    chi2_per_dof: float = attribute("χ² a degree of freedom of the fit", default=float("nan"), dtype="f8")
-    condition: float = attribute("condition number of the scaled Fisher information", default=float("nan"), dtype="f8")
+    chi2_per_dof: float = attribute(
+        "χ² a degree of freedom of the fit", default=float("nan"), dtype="f8", valid=Valid(missing="anywhere", infinite=True, at_least=0)
+    )
+    condition: float = attribute(
+        "condition number of the scaled Fisher information",
+        default=float("nan"),
+        dtype="f8",
+        valid=Valid(missing="anywhere", infinite=True, at_least=0),
+    )
     temperature_degc: float | None = attribute("mean temperature of the runs, where it was logged", default=None, dtype="f8")
-    temperature_span_degc: float | None = attribute("range of the runs' temperatures", default=None, dtype="f8")
-    flat_directions: str = attribute("JSON list of sentences: what these runs cannot tell", default="[]")
-    details: str = attribute("JSON: method comparison, profiles, bounds", default="{}")
+    temperature_span_degc: float | None = attribute("range of the runs' temperatures", default=None, dtype="f8", valid=SCATTER)
+    flat_directions: str = attribute("JSON list of sentences: what these runs cannot tell", default="[]", valid=JSON_LIST)
+    details: str = attribute("JSON: method comparison, profiles, bounds", default="{}", valid=JSON_OBJECT)
     run: Array | None = column("1", "run", ("run",), group="/fit", name="run_id", dtype="str", optional=True)
     run_chi2_per_dof: Array | None = column(
-        "1", "χ² a degree of freedom of the run", ("run",), group="/fit", name="chi2_per_dof", optional=True
+        "1",
+        "χ² a degree of freedom of the run",
+        ("run",),
+        group="/fit",
+        name="chi2_per_dof",
+        optional=True,
+        valid=Valid(missing="anywhere", at_least=0),
     )
     run_residual_rms: Array | None = column(
-        "any", "rms of the run's envelope residual", ("run",), group="/fit", name="residual_rms", optional=True
+        "any",
+        "rms of the run's envelope residual",
+        ("run",),
+        group="/fit",
+        name="residual_rms",
+        optional=True,
+        valid=Valid(missing="anywhere", at_least=0),
     )
-    run_rows: Array | None = column("1", "windows used of the run", ("run",), group="/fit", name="rows", dtype="i8", optional=True)
+    run_rows: Array | None = column(
+        "1", "windows used of the run", ("run",), group="/fit", name="rows", dtype="i8", optional=True, valid=SCATTER
+    )
 
     def parameters(self) -> dict[str, tuple[float, float, str]]:
         """name -> (value, standard deviation, unit)."""
@@ -403,28 +511,32 @@ class Calibration(Record):
 
     kind: ClassVar[str] = "calibration"
     made_by: ClassVar[str] = "hrg calibrate"
-    temperature_degc: Array | None = column("degC", "temperature nodes", ("node",), optional=True)
-    frequency_hz: Array | None = column("Hz", "frequency nodes, with `axis` frequency", ("node",), optional=True)
-    wave_angle_rad: Array = column("rad", "wave angle nodes over one period π/m", ("angle",))
+    temperature_degc: Array | None = column("degC", "temperature nodes", ("node",), optional=True, valid=RISING)
+    frequency_hz: Array | None = column(
+        "Hz", "frequency nodes, with `axis` frequency", ("node",), optional=True, valid=Valid(above=0, rising=True)
+    )
+    wave_angle_rad: Array = column("rad", "wave angle nodes over one period π/m", ("angle",), valid=RISING)
     drift_rad_s: Array = column("rad s-1", "drift D", ("node", "angle"))
-    drift_rad_s_std: Array = column("rad s-1", "its standard deviation", ("node", "angle"))
+    drift_rad_s_std: Array = column("rad s-1", "its standard deviation", ("node", "angle"), valid=SCATTER)
     scale_factor: Array = column("1", "scale factor K", ("node", "angle"))
-    scale_factor_std: Array = column("1", "its standard deviation", ("node", "angle"))
+    scale_factor_std: Array = column("1", "its standard deviation", ("node", "angle"), valid=SCATTER)
     drift_harmonics: Array = column("rad s-1", "constant, cos 2mθ, sin 2mθ, …", ("node", "harmonic"))
-    drift_harmonics_std: Array = column("rad s-1", "their standard deviations", ("node", "harmonic"))
+    drift_harmonics_std: Array = column("rad s-1", "their standard deviations", ("node", "harmonic"), valid=SCATTER)
     scale_factor_harmonics: Array = column("1", "constant, cos 2mθ, sin 2mθ, …", ("node", "harmonic_k"))
-    scale_factor_harmonics_std: Array = column("1", "their standard deviations", ("node", "harmonic_k"))
+    scale_factor_harmonics_std: Array = column("1", "their standard deviations", ("node", "harmonic_k"), valid=SCATTER)
     covariance: Array = column(
         "any", "covariance of all coefficients, node-major, drift then scale factor a node", ("coefficient", "coefficient_2")
     )
-    axis: str = attribute('"temperature" or "frequency"', default="temperature")
+    axis: str = attribute('"temperature" or "frequency"', default="temperature", valid=Valid(one_of=("temperature", "frequency")))
     model: str = attribute("variant: table, parametric, quadrature, phase, combined, physical", default="table")
-    interpolation: str = attribute("between nodes: linear, cubic, monotone", default="linear")
-    mode_number: int = attribute("angular mode number m", default=2, dtype="i8")
+    interpolation: str = attribute(
+        "between nodes: linear, cubic, monotone", default="linear", valid=Valid(one_of=("linear", "cubic", "monotone"))
+    )
+    mode_number: int = attribute("angular mode number m", default=2, dtype="i8", valid=ORDER)
     gyro_id: str = attribute("the gyro", default="")
     lot_id: str = attribute("the lot", default="")
-    node_min: float = attribute("lowest node value the table may be used at", dtype="f8")
-    node_max: float = attribute("highest node value the table may be used at", dtype="f8")
+    node_min: float = attribute("lowest node value the table may be used at", dtype="f8", valid=Valid(infinite=True))
+    node_max: float = attribute("highest node value the table may be used at", dtype="f8", valid=Valid(infinite=True))
     rate_min_rad_s: float = attribute("lowest rate calibrated", dtype="f8")
     rate_max_rad_s: float = attribute("highest rate calibrated", dtype="f8")
 
@@ -438,7 +550,7 @@ class Calibration(Record):
     correction: str = attribute(
         "sign and order of the correction", default="rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
     )
-    details: str = attribute("JSON: rms figures, ladder, cross-validation, stability, model coefficients", default="{}")
+    details: str = attribute("JSON: rms figures, ladder, cross-validation, stability, model coefficients", default="{}", valid=JSON_OBJECT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -447,17 +559,17 @@ class Compensated(Record):
 
     kind: ClassVar[str] = "compensated"
     made_by: ClassVar[str] = "hrg compensate"
-    time_s: Array = column("s", "middle of the increment")
+    time_s: Array = column("s", "middle of the increment", valid=RISING)
     rate_estimate_rad_s: Array = column("rad s-1", "rate after the tables")
-    rate_estimate_rad_s_std: Array | None = column("rad s-1", "its standard deviation, where it is known", optional=True)
+    rate_estimate_rad_s_std: Array | None = column("rad s-1", "its standard deviation, where it is known", optional=True, valid=SCATTER)
     angle_estimate_rad: Array = column("rad", "its integral from the run's start")
     residual_before_rad_s: Array | None = column("rad s-1", "rate error with a constant scale factor only", optional=True)
     residual_after_rad_s: Array | None = column("rad s-1", "rate error after the tables", optional=True)
     gyro_id: str = attribute("the gyro", default="")
     run_id: str = attribute("the run", default="")
     lot_id: str = attribute("the lot", default="")
-    mode_number: int = attribute("angular mode number m", default=2, dtype="i8")
-    details: str = attribute("JSON: rms figures", default="{}")
+    mode_number: int = attribute("angular mode number m", default=2, dtype="i8", valid=ORDER)
+    details: str = attribute("JSON: rms figures", default="{}", valid=JSON_OBJECT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -466,22 +578,25 @@ class Diagnosis(Record):
 
     kind: ClassVar[str] = "diagnosis"
     made_by: ClassVar[str] = "hrg diagnose"
-    run: Array = column("1", "index of the run of each row", dtype="i4")
+    run: Array = column("1", "index of the run of each row", dtype="i4", valid=SCATTER)
     time_s: Array = column("s", "time")
     wave_angle_rad: Array = column("rad", "wave angle")
     main_amplitude: Array = column("any", "main amplitude")
-    temperature_degc: Array | None = column("degC", "temperature", optional=True)
-    rate_rad_s: Array | None = column("rad s-1", "rate", optional=True)
+    temperature_degc: Array | None = column("degC", "temperature", optional=True, valid=LOGGED)
+    rate_rad_s: Array | None = column("rad s-1", "rate", optional=True, valid=LOGGED)
     measured: Array = column("any", "measured series, columns named in `series`", ("row", "series"))
     simulated_before: Array = column("any", "the same of the base model", ("row", "series"))
     simulated_after: Array = column("any", "the same of the extended model", ("row", "series"))
     residual_before: Array = column("1", "whitened residual of the base model", ("row", "series"))
     residual_after: Array = column("1", "whitened residual of the extended model", ("row", "series"))
-    series: str = attribute("JSON list: the columns' names")
-    run_ids: str = attribute("JSON list: the runs", default="[]")
+    series: str = attribute("JSON list: the columns' names", valid=JSON_LIST)
+    run_ids: str = attribute("JSON list: the runs", default="[]", valid=JSON_LIST)
     gyro_id: str = attribute("the gyro", default="")
-    verdict: str = attribute("adequate, explained, partly explained, unexplained")
-    report: str = attribute("JSON: the whole verdict")
+    verdict: str = attribute(
+        "adequate, explained, partly explained, unexplained",
+        valid=Valid(one_of=("adequate", "explained", "partly explained", "unexplained")),
+    )
+    report: str = attribute("JSON: the whole verdict", valid=JSON_OBJECT)
     extended_model: str = attribute("the extended model as TOML", default="")
 
 

@@ -40,13 +40,49 @@ def load_toml(path: Path | str) -> dict[str, Any]:
     try:
         if path.stat().st_size > 16 << 20:
             raise HrgError(f"{path}: has {path.stat().st_size} bytes, a settings file of at most 16 MB was expected")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        _need_usual_numbers(tree, str(path))
+        return tree
     except UnicodeDecodeError as error:
         raise HrgError(f"{path}: is not a text file, a TOML file was expected") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise HrgError(f"{path}: is not TOML ({error or 'nested too deeply'}); correct it") from error
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, or a number of thousands of digits
+        raise HrgError(f"{path}: is not TOML ({str(error)[:200] or 'nested too deeply'}); correct it") from error
     except OSError as error:
         raise HrgError(f"{path}: cannot be read ({error.strerror}); name a TOML file") from error
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """A TOML text (a record's settings) as a dictionary. HrgError: it is none."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise HrgError("the settings kept in the file are not TOML") from error
+
+
+def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one table of dotted keys."""
+    out: dict[str, Any] = {}
+    for key, value in tree.items():
+        out |= flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return out
+
+
+LARGEST_INTEGER = 2**63
+"""TOML's integers have 64 bits."""
+
+
+def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
+    """HrgError (as a sentence) where a whole number is beyond TOML's range, or a text holds a zero byte."""
+    if isinstance(tree, Mapping):
+        for name, value in tree.items():
+            _need_usual_numbers(value, where, f"{key}.{name}" if key else str(name))
+    elif isinstance(tree, list):
+        for index, value in enumerate(tree):
+            _need_usual_numbers(value, where, f"{key}.{index}")
+    elif isinstance(tree, int) and not -LARGEST_INTEGER <= tree < LARGEST_INTEGER:
+        raise HrgError(f"{where}: {key[:80]} is a whole number of more than 64 bits; write a smaller one, or one with a decimal point")
+    elif isinstance(tree, str) and "\0" in tree:
+        raise HrgError(f"{where}: {key[:80]} holds a zero byte; correct it")
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -55,9 +91,16 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise UsageError(f"--set {text}: key=value was expected, e.g. --set periods_per_window=4")
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+        parsed = tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return key.strip(), value.strip()
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or brackets as deep
+        raise UsageError(f"--set {text[:60]}…: {str(error)[:100] or 'is nested too deeply'}") from error
+    try:
+        _need_usual_numbers(parsed, "--set", key.strip())
+    except HrgError as error:
+        raise UsageError(str(error)) from None
+    return key.strip(), parsed
 
 
 def assign(tree: dict[str, Any], key: str, value: Any) -> None:

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 import h5py
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from conftest import ringing
 
 from hrg_cli import store
+from hrg_cli.store.validity import WrittenBlocks
 
 
 def edited(change, **recording):
@@ -35,7 +37,8 @@ def changed(**fields):
             key: value(getattr(record, key) if key != "time_s" else record.times()) if callable(value) else value
             for key, value in fields.items()
         }
-        store.write(folder / "bad.h5", record.replace(**given))
+        with mock.patch.object(WrittenBlocks, "check"):  # as another program might write it
+            store.write(folder / "bad.h5", record.replace(**given))
         return folder / "bad.h5"
 
     return make
@@ -131,15 +134,15 @@ REFUSED_WITH_1 = {
     "unequal lengths": (edited(replace_dataset("recording/s", np.zeros(17, "i2"))), "lengths must be equal"),
     "two-dimensional channel": (edited(replace_dataset("recording/s", np.zeros((40, 2)))), "dimension"),
     "complex numbers": (edited(replace_dataset("recording/s", np.zeros(4000, complex))), "real numbers"),
-    "one sample": (changed(c=np.zeros(1, "i2"), s=np.zeros(1, "i2")), ""),
+    "one sample": (changed(c=np.zeros(1, "i2"), s=np.zeros(1, "i2")), "fewer than 6"),
     "no samples": (changed(c=np.zeros(0, "i2"), s=np.zeros(0, "i2")), "no samples"),
-    "all zero": (changed(c=lambda x: 0 * x, s=lambda x: 0 * x), ""),
-    "constant": (changed(c=lambda x: 0 * x + 7, s=lambda x: 0 * x + 7), ""),
-    "nothing finite": (changed(c=lambda x: np.full(len(x), np.nan), s=lambda x: np.full(len(x), np.nan)), ""),
+    "all zero": (changed(c=lambda x: 0 * x, s=lambda x: 0 * x), "all zero"),
+    "constant": (changed(c=lambda x: 0 * x + 7, s=lambda x: 0 * x + 7), "both channels are constant"),
+    "nothing finite": (changed(c=lambda x: np.full(len(x), np.nan), s=lambda x: np.full(len(x), np.nan)), "hardly any finite sample"),
     "frequency above Nyquist": (changed(nominal_frequency_hz=7000.0), "half the sampling rate"),
-    "times decrease": (changed(sample_rate_hz=None, time_s=with_jump(2000, -0.1)), ""),
-    "times repeat": (changed(sample_rate_hz=None, time_s=repeated(2000)), ""),
-    "times not finite": (changed(sample_rate_hz=None, time_s=block(5, 3, np.nan)), ""),
+    "times decrease": (changed(sample_rate_hz=None, time_s=with_jump(2000, -0.1)), "increase from row to row"),
+    "times repeat": (changed(sample_rate_hz=None, time_s=repeated(2000)), "increase from row to row"),
+    "times not finite": (changed(sample_rate_hz=None, time_s=block(5, 3, np.nan)), "a finite number was expected"),
     "log of the environment not sorted": (changed(auxiliary_time_s=np.array([0.0, 2.0, 1.0]), temperature_degc=np.zeros(3)), "increase"),
     "newer format": (edited(lambda f: f.attrs.__setitem__("format_version", "9.0")), "format_version"),
     "foreign HDF5": (edited(lambda f: f.attrs.__delitem__("format")), "not an hrg file"),
@@ -259,7 +262,7 @@ def test_full_disk(tiny_disk, tmp_path):
         ("[device]\nfrequency_hz = 'fast'\n", "frequency_hz"),
         ("[device]\nfrequenzy_hz = 5000.0\n", "frequenzy_hz"),
         ("[device\n", "not TOML"),
-        ("", ""),
+        ("", "device is missing"),
         ("[device]\nfrequency_hz = -1.0\n", "frequency_hz"),
     ],
 )

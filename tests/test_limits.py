@@ -47,3 +47,17 @@ def test_limits_for_another_kind_only(record):
 def test_the_example_file(record):
     rows = check(record, load_toml("configs/limits.toml"))
     assert len(rows) == 5 and all(row.value is not None for row in rows)
+
+
+@pytest.mark.parametrize("value", ["1e400", "-1e400", "NaN"])
+def test_what_is_not_finite_passes_no_limit(record, value):
+    damaged = record.replace(details=record.details[:-1] + f', "strange": {value}' + "}")
+    for limit in ({"minimum": -1.0}, {"maximum": 1.0}, 1.0):
+        assert not check(damaged, {"calibration": {"details.strange": limit}})[-1].passed
+
+
+def test_a_figure_at_its_limit_passes_and_beyond_does_not(record):
+    for value, passed in ((4.0, True), (4.5, False)):
+        whole = record.replace(details=record.details[:-1] + f', "figure": {value}' + "}")
+        assert check(whole, {"calibration": {"details.figure": 4.0}})[-1].passed is passed
+        assert check(whole, {"calibration": {"details.figure": {"minimum": 8.5 - value}}})[-1].passed is (not passed)

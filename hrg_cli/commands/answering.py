@@ -10,7 +10,6 @@ from typing import Any
 from .. import settings, store
 from ..errors import UsageError
 from ..reporting import console, tables
-from ..reporting.text import plain
 from .frame import Common, existing
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
@@ -88,11 +87,11 @@ def info_file(file: Path | None, run: Common) -> Shown:
 
     def show() -> None:
         made = f"{provenance.generated_by or 'unknown'} {provenance.created}"
-        print(f"{path}: {record.kind}, {record.status}, made by {plain(made)}")
+        console.say(f"{path}: {record.kind}, {record.status}, made by {made}")
         for reason in record.status_reasons:
-            print(f"  {record.status}: {plain(reason)}")
+            console.say(f"  {record.status}: {reason}")
         console.print_table("", ("figure", "value"), list(facts.items()))
         for line in provenance.history:
-            print(plain(line))
+            console.say(line)
 
     return run.kept(report), show

@@ -101,6 +101,26 @@ def info(run: Common, file: OneFile = None) -> None:
 
 @command(
     app,
+    "verify",
+    "hrg verify lot/",
+    idle=NO_DRAWS | ONE_PROCESS | no_settings("files are held against what was written"),
+    says={
+        "output": "File to write the JSON report into.",
+        "strict": "Files that keep no checksums (a laboratory's), too, end with status 3.",
+    },
+)
+def verify(run: Common, files: Files = None) -> None:
+    """Whether files are as they were written: checksums of every dataset, the chain of sources, a lot's notes; 3 when not.
+
+    FILE: hrg files or folders; sources that lie in the same folder are followed.
+    """
+    from .verifying import verify_files
+
+    run.finish(*verify_files(files or [], run))
+
+
+@command(
+    app,
     "run",
     "hrg run recording-*.h5 -o results/ --jobs 2",
     says={

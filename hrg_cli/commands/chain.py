@@ -439,7 +439,7 @@ def plan(
         rows += [(name, std, report["after"][name]) for name, std in report["before"].items()]
         console.print_table("", ("separation in σ, or standard deviation", "before", "expected after"), rows)
         for sentence in report["impossible"]:
-            print(sentence)
+            console.say(sentence)
 
     run.finish(report, show)
 

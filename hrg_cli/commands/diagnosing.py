@@ -40,7 +40,7 @@ def diagnose_files(
     assert isinstance(outcome.record, Diagnosis)
     if not outcome.record.extended_model:
         return outcome
-    with store.atomic_path(extended, run.force) as temporary:
+    with pipeline.gone_if_it_fails(output), store.atomic_path(extended, run.force) as temporary:
         temporary.write_text(outcome.record.extended_model, encoding="utf-8")
     return pipeline.Outcome(outcome.record, {**outcome.json, "extended_model": str(extended)})
 

@@ -7,7 +7,9 @@ import copy
 import functools
 import inspect
 import json
+import logging
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,9 +19,18 @@ from typing import Annotated, Any, NoReturn, get_args
 
 import typer
 
-from ..errors import DiskFullError, HrgError, UsageError
+from ..errors import DiskFullError, HrgError, InterruptedRunError, UsageError
+from ..reporting.text import plain
 
-DONE, FAILED, USAGE, REFUSED = 0, 1, 2, 3
+DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
+
+SAME_CONTENT = {".h5": (".h5", ".hdf5", ".he5", ".nc", ".nc4"), ".html": (".html", ".htm")}
+OTHER_CONTENT = (
+    *(".csv", ".json", ".h", ".toml", ".txt", ".pdf", ".png", ".svg", ".jpg"),
+    *(".xlsx", ".xls", ".mat", ".parquet", ".wav", ".flac", ".tdms", ".zip"),
+)
+PROMISING = frozenset((*SAME_CONTENT[".h5"], *SAME_CONTENT[".html"], *OTHER_CONTENT))
+"""Suffixes that tell a person and other programs what a file holds."""
 
 Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE...", show_default=False)]
 OneFile = Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)]
@@ -76,15 +87,23 @@ class Common:
 
         whole = {**report, "output": None if self.output is None else str(self.output)}
         if self.output is not None:
+            self._need_suffix("report.json")
             with atomic_path(self.output, self.force) as temporary:
                 temporary.write_text(json.dumps(console.clean(whole), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         return whole
 
     def need_output(self, example: str) -> Path:
-        """The output, or the usage error that names an example."""
+        """The output, or the usage error that names an example; also where its suffix promises another content."""
         if self.output is None:
             raise UsageError(f"no output is named; add -o {example}")
+        self._need_suffix(example)
         return self.output
+
+    def _need_suffix(self, example: str) -> None:
+        suffix = "" if self.output is None else self.output.suffix.lower()
+        wanted = re.findall(r"\.\w+", example)
+        if wanted and suffix in PROMISING and not any(suffix in SAME_CONTENT.get(w, (w,)) for w in wanted):
+            raise UsageError(f"-o {self.output}: {self.output} would not hold what {suffix} promises; name it as {example}")
 
     def finish(self, report: Mapping[str, Any], show: Callable[[], None] | None = None, *, judged: bool = True) -> None:
         """Print the result and leave with the exit status that its validity asks for (0 where it is told but not judged)."""
@@ -97,7 +116,7 @@ class Common:
                 if show is not None:
                     show()
                 if report.get("output"):
-                    print(f"{report['output']}: {report['kind']}, {report['status']}")
+                    console.say(f"{report['output']}: {report['kind']}, {report['status']}")
         if self.verbose and not self.quiet and report.get("elapsed_s") is not None:
             console.message(f"{report['kind']}: {report['elapsed_s']:g} s")
         if not judged:
@@ -162,7 +181,7 @@ def command(
             given = {key: arguments.pop(key) for key in _OPTIONS}
             given["assignments"] = tuple(given["assignments"] or ())
             common = Common(**given)
-            guarded(functools.partial(function, common, **arguments), common.verbose)
+            guarded(functools.partial(_to_a_file, function, common, arguments), common.verbose)
 
         parameters = [
             *own,
@@ -178,6 +197,18 @@ def command(
         return app.command(name, epilog=f"Example: {example}", short_help=(function.__doc__ or "").splitlines()[0])(run)
 
     return register
+
+
+def _to_a_file(function: Callable[..., None], common: Common, arguments: Mapping[str, Any]) -> None:
+    """The command's body, unless -o names standard output, which no command writes results to."""
+    if common.output is not None and str(common.output) == "-":
+        raise UsageError("-o -: results are files; name one (--json prints the result's figures on standard output)")
+    try:
+        function(common, **arguments)
+    except KeyboardInterrupt:
+        if common.output is not None and common.output.is_dir():
+            raise InterruptedRunError(f"interrupted; what was finished before stays in {common.output}, no file is half written") from None
+        raise
 
 
 def _with_help(annotation: Any, text: str | None) -> Any:
@@ -200,23 +231,68 @@ def unread_is_no_failure() -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+@contextlib.contextmanager
+def own_standard_output() -> Iterator[None]:
+    """Standard output for this program alone: libraries below Python (LAPACK) that print there would break --json.
+
+    Characters that the terminal's encoding lacks are shown as escapes.
+    """
+    stream = sys.stdout
+    try:
+        handle = stream.fileno()
+    except (OSError, ValueError, AttributeError):  # a test's or a notebook's
+        yield
+        return
+    stream.flush()
+    kept = os.dup(handle)
+    silent = os.open(os.devnull, os.O_WRONLY)
+    sys.stdout = open(kept, "w", encoding=stream.encoding, errors="backslashreplace", buffering=1 if stream.isatty() else -1)  # noqa: SIM115
+    os.dup2(silent, handle)
+    os.close(silent)
+    try:
+        yield
+    finally:
+        own, sys.stdout = sys.stdout, stream
+        with contextlib.suppress(BrokenPipeError):
+            own.flush()
+        os.dup2(kept, handle)
+        with contextlib.suppress(BrokenPipeError):
+            own.close()
+
+
+@contextlib.contextmanager
+def libraries_silent(verbose: bool) -> Iterator[None]:
+    """Without the warnings and logs of libraries, which are for programmers: here results are judged, in sentences."""
+    if verbose:
+        yield
+        return
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
+
+
 def guarded(body: Callable[[], None], verbose: bool = False) -> None:
     """Run a command's body; every failure becomes one line on standard error and an exit status."""
-    if not verbose:
-        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy in steps that are judged by their result
     try:
-        with unread_is_no_failure():
+        with libraries_silent(verbose), own_standard_output(), unread_is_no_failure():
             body()
     except UsageError as error:
         leave(str(error), USAGE)
     except DiskFullError as error:
-        print(f"hrg: {error}", file=sys.stderr, flush=True)
+        print(f"hrg: {plain(error)}", file=sys.stderr, flush=True)
         sys.stdout.flush()
         os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
+    except InterruptedRunError as error:
+        leave(str(error), INTERRUPTED)
     except HrgError as error:
         leave(str(error), FAILED)
     except KeyboardInterrupt:
-        leave("interrupted; no output was written", 130)
+        leave("interrupted; no output was written", INTERRUPTED)
     except MemoryError:
         leave("not enough memory; use fewer or shorter inputs", FAILED)
     except typer.Exit:
@@ -231,7 +307,7 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
 
 def leave(text: str, status: int) -> None:
     """One line on standard error, then the exit status."""
-    print(f"hrg: {' '.join(text.split())}", file=sys.stderr, flush=True)
+    print(f"hrg: {plain(' '.join(text.split()))}", file=sys.stderr, flush=True)
     raise typer.Exit(status) from None
 
 
@@ -239,7 +315,8 @@ def command_line() -> str:
     """The command as it was typed, for `history`."""
     import shlex
 
-    return "hrg " + shlex.join(sys.argv[1:])
+    typed = "hrg " + shlex.join(sys.argv[1:])
+    return typed.encode("utf-8", "backslashreplace").decode()  # a file's name may be no text
 
 
 def existing(paths: Sequence[Path], what: str) -> list[Path]:

@@ -40,7 +40,7 @@ def import_file(log: Path | None, run: Common, flags: Mapping[str, Any], envelop
         )
     facts: dict[str, Any] = {"run_id": getattr(record, "run_id", "")}
     if isinstance(record, Recording):
-        with store.open_record(output, Recording) as whole:
+        with pipeline.gone_if_it_fails(output), store.open_record(output, Recording) as whole:
             facts |= {"samples": len(whole), "duration_s": float(whole.times(len(whole) - 1)[-1]), "sample_rate_hz": whole.sample_rate_hz}
     return pipeline.report(record, output, started, {**json.loads(getattr(record, "details", "{}")), **facts})
 

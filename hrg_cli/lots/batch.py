@@ -1,7 +1,9 @@
 """run_lot: the whole chain for every gyro of a lot, shared among processes or a cluster, resumable, one table at the end.
 
 The folder: one folder a gyro with its periods, waves, resonator, calibration; `lot.csv` (and `lot.parquet` with pyarrow),
-`lot.html`, `lot.json`. The same lot gives the same bytes whatever the number of workers and however often it was interrupted.
+`lot.html`, `lot.json`. The same lot gives the same results whatever the number of workers and however often it was interrupted; files
+differ in the stamp alone (`created`, the time in `history`, and the hashes of sources that bear one), and not even in that where the
+lot orders a time.
 """
 
 from __future__ import annotations
@@ -12,15 +14,16 @@ import hashlib
 import json
 import os
 import re
+import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .. import store
-from ..errors import HrgError
+from .. import settings, store
+from ..errors import DiskFullError, HrgError, InterruptedRunError
 from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
 from ..formats import partners
 from ..formats.hdf5 import SIGNATURE
@@ -60,21 +63,21 @@ def run_lot(
     started = time.monotonic()
     path, folder = Path(path), Path(folder)
     lot = read_lot(path, assignments, over)
+    command = _command(path, assignments, over)
     recordings = recordings_of(lot, path.parent)
     _claim(folder, force)
     with _only_writer(folder):
         open_executor = open_executor or executor_for()
-        first, failed = _recording_tasks(lot, recordings, folder)
-        gyros = {task.folder for task in first}
-        total = len(first) + len(gyros)
-        waves = run_tasks(work_recording, first, open_executor, lambda count: progress(count / total))
-        done = [result or _killed(task) for task, result in zip(first, waves)]
-        second = _gyro_tasks(lot, first, done)
-        results = run_tasks(work_gyro, second, open_executor, lambda count: progress((len(first) + count) / total))
+        first, failed = _recording_tasks(lot, recordings, folder, command)
+        count_of = _Count(len(first), len({task.folder for task in first}), progress)
+        with _saying_how_far(folder, count_of):
+            waves = run_tasks(work_recording, first, open_executor, count_of.recordings_done)
+            done = [result or _killed(task) for task, result in zip(first, waves)]
+            second = _gyro_tasks(lot, first, done, command)
+            results = run_tasks(work_gyro, second, open_executor, count_of.gyros_done)
         found = [result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED} for task, result in zip(second, results)]
         rows = judged_rows(lot, [_plain(r, folder, path) for r in failed + done], [_plain(r, folder, path) for r in found])
-        for left in folder.rglob(".*.hrg-*.tmp"):  # of workers that were killed; nobody else writes here
-            left.unlink(missing_ok=True)
+        store.remove_stale(folder, below=True)  # of workers that were killed
         report = _report(lot, rows, failed + done)
         write_table(folder, rows)
         _write_text(folder / "lot.html", lot_page(report, {t.gyro_id: Path(t.folder).name for t in first if Path(t.folder).is_dir()}))
@@ -83,6 +86,48 @@ def run_lot(
 
 
 KILLED = "its process was killed, even alone; it needs more memory than there is, or crashes"
+
+
+class _Count:
+    """How far a lot has come."""
+
+    def __init__(self, recordings: int, gyros: int, progress: Progress) -> None:
+        self.recordings, self.gyros, self._progress = recordings, gyros, progress
+        self.waves = self.done = 0
+
+    def recordings_done(self, count: int) -> None:
+        self.waves = count
+        self._tell()
+
+    def gyros_done(self, count: int) -> None:
+        self.done = count
+        self._tell()
+
+    def _tell(self) -> None:
+        self._progress((self.waves + self.done) / (self.recordings + self.gyros))
+
+    def sentence(self) -> str:
+        return f"{self.done} of {self.gyros} gyros and {self.waves} of {self.recordings} recordings done; the same command goes on"
+
+
+@contextlib.contextmanager
+def _saying_how_far(folder: Path, count: _Count) -> Iterator[None]:
+    """An interrupted lot says how far it came and cleans up after its workers; so does one whose disk is full."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise InterruptedRunError(f"{folder}: interrupted: {count.sentence()}") from None
+    except DiskFullError as error:
+        raise DiskFullError(f"{error}; {count.sentence()}") from error
+    finally:
+        store.remove_stale(folder, below=True)
+
+
+def _command(path: Path, assignments: Sequence[str], over: Mapping[str, Any] | None) -> str:
+    """The command as histories keep it: what it was told, not where or by how many processes it was done."""
+    words = ["hrg", "batch", path.name, *(word for text in assignments for word in ("--set", text))]
+    added = f", settings over it {settings.to_toml({'batch': over}).strip()!r}" if over else ""
+    return f"{shlex.join(words)}; {path.name} has SHA-256 {store.sha256(path)}{added}"
 
 
 def _killed(task: RecordingTask) -> dict[str, Any]:
@@ -121,12 +166,12 @@ def _only_writer(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _epoch(lot: LotSettings, file: Path) -> int:
-    """The time a recording's files bear, seconds since 1970: that of the lot, SOURCE_DATE_EPOCH, or the recording's own."""
+def _epoch(lot: LotSettings) -> int | None:
+    """The time that all files of the lot bear, s since 1970, where the lot or SOURCE_DATE_EPOCH orders one; None: the true one."""
     if lot.created:
         return int(datetime.fromisoformat(lot.created.replace("Z", "+00:00")).timestamp())
     fixed = os.environ.get("SOURCE_DATE_EPOCH")
-    return int(float(fixed)) if fixed else int(file.stat().st_mtime)
+    return int(float(fixed)) if fixed else None
 
 
 def safe_name(text: str) -> str:
@@ -136,7 +181,7 @@ def safe_name(text: str) -> str:
 
 
 def _recording_tasks(
-    lot: LotSettings, recordings: list[tuple[str | None, Path]], folder: Path
+    lot: LotSettings, recordings: list[tuple[str | None, Path]], folder: Path, command: str
 ) -> tuple[list[RecordingTask], list[dict[str, Any]]]:
     """The tasks, and the results of recordings that cannot even be opened."""
     tasks: list[RecordingTask] = []
@@ -159,7 +204,7 @@ def _recording_tasks(
         stages = (*(["import"] if foreign else []), *PER_RECORDING)
         values = {stage: lot.values(stage, file.name) for stage in stages}
         target = folder.absolute() / safe_name(gyro)
-        tasks.append(RecordingTask(str(file), str(target), name, gyro, _epoch(lot, file), values, foreign, lot.lot_id))
+        tasks.append(RecordingTask(str(file), str(target), name, gyro, _epoch(lot), values, foreign, lot.lot_id, command))
     return tasks, failed
 
 
@@ -182,19 +227,17 @@ def _gyro_of(file: Path) -> str:
         return recording.gyro_id
 
 
-def _gyro_tasks(lot: LotSettings, tasks: list[RecordingTask], done: list[dict[str, Any]]) -> list[GyroTask]:
+def _gyro_tasks(lot: LotSettings, tasks: list[RecordingTask], done: list[dict[str, Any]], command: str) -> list[GyroTask]:
     """One task a gyro, in the order of the gyros' names."""
     waves: dict[tuple[str, str], dict[str, list[str]]] = {}
-    newest: dict[str, int] = {}
     for task, result in zip(tasks, done):
         by_mode = waves.setdefault((task.gyro_id, task.folder), {"free": [], "forced": []})
-        newest[task.folder] = max(task.epoch, newest.get(task.folder, 0))
         if result["status"] != "failed":
             by_mode[result["mode"]].append(result["wave"])
     stages: tuple[str, ...] = tuple(stage for stage in ("identify", "calibrate", "diagnose") if stage in lot.stages)
     values = {stage: lot.values(stage) for stage in stages}
     return [
-        GyroTask(gyro, folder, tuple(sorted(m["free"])), tuple(sorted(m["forced"])), newest[folder], stages, values, lot.limits)
+        GyroTask(gyro, folder, tuple(sorted(m["free"])), tuple(sorted(m["forced"])), _epoch(lot), stages, values, lot.limits, command)
         for (gyro, folder), m in sorted(waves.items())
     ]
 

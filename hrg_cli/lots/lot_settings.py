@@ -42,7 +42,7 @@ class LotSettings(BaseModel):
     model_config = _STRICT
     lot_id: str = ""
     created: Annotated[str, Field(pattern=r"^(\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}Z)?$")] = ""
-    """The time written into every file; empty: that of each recording."""
+    """The time written into every file; empty: the true one."""
     recordings: list[str] = []
     gyro: list[GyroSettings] = []
     stages: list[Literal["identify", "calibrate", "diagnose"]] = ["identify", "calibrate"]

@@ -9,6 +9,7 @@ from statistics import median
 from typing import Any
 
 from .. import store
+from ..reporting.text import spreadsheet
 from .lot_settings import LotSettings
 
 FEWEST = 5
@@ -101,7 +102,7 @@ def write_table(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """`lot.csv`, and `lot.parquet` where pyarrow is installed; columns without a single value are left out."""
     import pandas as pd
 
-    table = pd.DataFrame(rows).convert_dtypes()
+    table = pd.DataFrame([{spreadsheet(name): spreadsheet(value) for name, value in row.items()} for row in rows]).convert_dtypes()
     table = table.drop(columns=[name for name in table if table[name].isna().all() and str(name).endswith(("_std", "_z"))])
     with store.atomic_path(folder / "lot.csv", force=True) as temporary:
         table.to_csv(temporary, index=False, lineterminator="\n")

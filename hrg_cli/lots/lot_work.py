@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import json
 import os
+import shlex
 import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__, pipeline, store
-from ..errors import HrgError
+from ..errors import DiskFullError, HrgError
 from ..records import Record
 
-COMMAND = "hrg batch"
 _ONE_AT_A_TIME = threading.Lock()
 """The time stands in the environment, which all threads of a Dask worker share."""
 
@@ -35,10 +35,11 @@ class RecordingTask:
     folder: str
     name: str
     gyro_id: str
-    epoch: int
+    epoch: int | None
     settings: Mapping[str, Mapping[str, Any]]
     foreign: bool = False
     lot_id: str = ""
+    command: str = "hrg batch"
 
 
 @dataclass(frozen=True)
@@ -49,10 +50,16 @@ class GyroTask:
     folder: str
     free: tuple[str, ...]
     forced: tuple[str, ...]
-    epoch: int
+    epoch: int | None
     stages: tuple[str, ...]
     settings: Mapping[str, Mapping[str, Any]]
     limits: Mapping[str, Any] = field(default_factory=dict)
+    command: str = "hrg batch"
+
+
+def line(task: RecordingTask | GyroTask, stage: str, inputs: Sequence[Path], output: Path) -> str:
+    """The line of `history`: the step as a command of its own, and the command that ran it."""
+    return f"hrg {stage} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in: {task.command})"
 
 
 def work_recording(task: RecordingTask) -> dict[str, Any]:
@@ -76,7 +83,8 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
             outputs.insert(0, recording)
         reasons: list[str] = []
         for stage, source, output in (("demodulate", recording, outputs[-2]), ("estimate", outputs[-2], wave)):
-            outcome = pipeline.run_stage(stage, [source], output, task.settings[stage], force=True, command_line=COMMAND)
+            typed = line(task, stage, [source], output)
+            outcome = pipeline.run_stage(stage, [source], output, task.settings[stage], force=True, command_line=typed)
             reasons += [reason for reason in outcome.record.status_reasons if reason not in reasons]
         mode = str(getattr(outcome.record, "mode", "free"))
         result |= {"mode": mode, "status": outcome.record.status, "reasons": reasons, "error": ""}
@@ -123,7 +131,8 @@ def _stage(task: GyroTask, stage: str, inputs: list[Path], beside: Mapping[str, 
         done = _remembered(note, key, folder)
         if done is not None:
             return done
-        outcome = pipeline.run_stage(stage, inputs, output, task.settings[stage], beside=beside, force=True, command_line=COMMAND)
+        typed = line(task, stage, [*inputs, *beside.values()], output)
+        outcome = pipeline.run_stage(stage, inputs, output, task.settings[stage], beside=beside, force=True, command_line=typed)
         result["json"] = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
         result["checks"] = _checked(outcome.record, task.limits)
         _remember(note, key, result, [output])
@@ -135,7 +144,9 @@ def _import(task: RecordingTask, output: Path) -> None:
 
     values = {**task.settings["import"], "gyro_id": task.gyro_id, "lot_id": task.lot_id}
     logs = _logs(task)
-    pipeline.write_first(output, import_log(logs[0], **values), values, "import", logs, force=True, command_line=COMMAND)
+    pipeline.write_first(
+        output, import_log(logs[0], **values), values, "import", logs, force=True, command_line=line(task, "import", logs, output)
+    )
 
 
 def _logs(task: RecordingTask) -> list[Path]:
@@ -163,8 +174,11 @@ def _worst(results: Mapping[str, Any], errors: list[str]) -> str:
 
 
 @contextlib.contextmanager
-def _stamped(epoch: int) -> Iterator[None]:
-    """A lot's files bear a time that does not depend on when and where they were made; one task at a time in a process."""
+def _stamped(epoch: int | None) -> Iterator[None]:
+    """A lot's files bear the time that was ordered, where one was, else the true one; one task at a time in a process."""
+    if epoch is None:
+        yield
+        return
     with _ONE_AT_A_TIME:
         before = os.environ.get("SOURCE_DATE_EPOCH")
         os.environ["SOURCE_DATE_EPOCH"] = str(epoch)
@@ -185,6 +199,8 @@ def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of numpy in steps that are judged by their result
             yield result
+    except DiskFullError:  # no verdict on the gyro: the whole lot stops
+        raise
     except HrgError as error:
         result |= {"status": "failed", "error": str(error)}
     except Exception as error:

@@ -15,7 +15,12 @@ from .text import plain
 
 def message(text: str) -> None:
     """One line on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    print(plain(text), file=sys.stderr, flush=True)
+
+
+def say(text: str) -> None:
+    """A line on standard output, without what would steer the terminal."""
+    print(plain(text))
 
 
 def print_json(report: Mapping[str, Any]) -> None:
@@ -48,7 +53,10 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
     for row in rows:
         table.add_row(*(cell(v) for v in row))
     console = Console(markup=False, highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160)
-    console.print(table)
+    try:
+        console.print(table)
+    except SystemExit:  # rich's answer to a reader that left
+        raise BrokenPipeError from None
 
 
 def cell(value: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .console import print_table
+from .console import print_table, say
 from .json_text import child
 from .text import number
 
@@ -19,7 +19,7 @@ QUANTITIES = (
 
 def show(report: Mapping[str, Any]) -> None:
     """Print the tables and sentences of a diagnosis's JSON."""
-    print(f"verdict: {report['verdict']}")
+    say(f"verdict: {report['verdict']}")
     moved = [v for v in report["values"] if v.get("wrong")]
     if moved:
         rows: Rows = [(v["name"], v["believed"], f"{v['value']:.6g} ± {v['std']:.2g}", v["units"], f"{v['sigma']:+.4g}") for v in moved]
@@ -31,13 +31,13 @@ def show(report: Mapping[str, Any]) -> None:
     if rows and (report["effects"] or report["remainder"]):
         print_table("", (f"rms on held-out {report['gain']['held_out']}", "before", "after"), rows)
     before, after = report["baseline"], report["after"]
-    print(f"χ² a degree of freedom: {before['chi2_per_dof']:.4g} before, {after['chi2_per_dof']:.4g} after")
+    say(f"χ² a degree of freedom: {before['chi2_per_dof']:.4g} before, {after['chi2_per_dof']:.4g} after")
     if report["remainder"]:
-        print(f"remainder: {report['remainder']['description']}")
+        say(f"remainder: {report['remainder']['description']}")
     if report.get("forecast"):
-        print(f"forecast: {report['forecast']['sentence']}")
+        say(f"forecast: {report['forecast']['sentence']}")
     for name, sentence in next_experiments(report):
-        print(f"next, for {name}: {sentence}")
+        say(f"next, for {name}: {sentence}")
 
 
 def sizes(effect: Mapping[str, Any]) -> str:

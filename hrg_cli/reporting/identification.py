@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .console import print_table
+from .console import print_table, say
 
 Rows = list[tuple[Any, ...]]
 
@@ -17,16 +17,16 @@ def show(report: Mapping[str, Any]) -> None:
         print_table("", *methods(details["methods"], list(report["parameters"])))
         for row in details["methods"]:
             for sentence in [row["refused"]] if row["refused"] else row["warnings"]:
-                print(f"{row['method']}: {sentence}")
+                say(f"{row['method']}: {sentence}")
     intervals = {"profile": details.get("profile"), "bootstrap": (details.get("bootstrap") or {}).get("intervals")}
     for name, found in intervals.items():
         if found:
             rows = [(parameter, *(f"{v['68'][k]:.6g} … {v['95'][k]:.6g}" for k in (0, 1))) for parameter, v in found.items()]
             print_table("", (f"{name} interval", "lower 68 … 95 %", "upper 68 … 95 %"), rows)
     for name, value in _facts(details):
-        print(f"{name} = {value}")
+        say(f"{name} = {value}")
     for sentence in report.get("identifiability", {}).get("flat_directions", []):
-        print(sentence)
+        say(sentence)
 
 
 def methods(table: list[dict[str, Any]], names: list[str]) -> tuple[tuple[str, ...], Rows]:

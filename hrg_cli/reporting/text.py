@@ -10,10 +10,31 @@ from typing import Any
 UNREADABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ufffe\uffff\ud800-\udfff]")
 """Control characters (also those that move a terminal's cursor) and those that turn the direction of text."""
 
+FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
+"""Signs that begin a formula in a spreadsheet."""
+LONGEST_COMMENT = 300
+"""Characters of a foreign text in a comment."""
+
 
 def plain(value: Any) -> str:
     """Text in which unreadable characters are a replacement mark."""
     return UNREADABLE.sub("\ufffd", str(value))
+
+
+def spreadsheet(value: Any) -> Any:
+    """A cell for a spreadsheet: text that it would take for a formula gets an apostrophe before it, which shows it as text."""
+    if not isinstance(value, str):
+        return value
+    text = plain(value)
+    return f"'{text}" if text.lstrip()[:1] in FORMULA or text[:1] in ("\t", "\r", "\n") else text
+
+
+def c_comment(value: Any) -> str:
+    """Text that stays inside a C comment: one line of ASCII that neither ends the comment nor opens another."""
+    text = " ".join(plain(value).split())[:LONGEST_COMMENT]
+    text = re.sub(r"\*(?=/)", "* ", re.sub(r"/(?=\*)", "/ ", text))
+    text = text.replace("\\", "/ ").encode("ascii", "replace").decode().replace("*/", "* /")
+    return re.sub(r"\?(?=\?)", "? ", text)  # two in a row begin a trigraph
 
 
 def number(value: Any, digits: int = 4) -> str:

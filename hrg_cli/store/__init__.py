@@ -4,9 +4,9 @@ Written under a temporary name in the target folder and renamed when whole; an e
 Datasets carry dimension scales, so each group opens with `xarray.open_dataset(path, group=..., engine="h5netcdf")`.
 """
 
-from .atomic import atomic_path, check_output
+from .atomic import atomic_path, check_output, remove_stale
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
-from .reading import is_hdf5, kind_of, open_record, provenance_of, read, read_any
+from .reading import changes, is_hdf5, kind_of, open_record, provenance_of, read, read_any
 from .writing import created_now, sha256, write
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "FORMAT_VERSION",
     "AnyRecord",
     "atomic_path",
+    "changes",
     "check_output",
     "created_now",
     "is_hdf5",
@@ -22,6 +23,7 @@ __all__ = [
     "provenance_of",
     "read",
     "read_any",
+    "remove_stale",
     "sha256",
     "write",
 ]

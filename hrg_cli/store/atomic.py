@@ -1,33 +1,64 @@
-"""Outputs whole or not at all: a temporary name beside the output, given its name when whole, removed otherwise."""
+"""Outputs whole or not at all: a temporary name beside the output, given its name when whole, removed otherwise.
+
+The temporary name bears host and process, so that several hosts may work in one folder: each removes what its own killed processes left,
+and what no host has touched for a day.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import functools
+import hashlib
 import os
+import platform
 import re
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import DiskFullError, HrgError
+from ..errors import DiskFullError, HrgError, UsageError
 from .layout import first_line
+
+LONGEST_NAME = 255
+"""Bytes of a file's name, on every usual file system."""
+SHOWN_BYTES = 60
+"""So much of the output's name stands in the temporary one."""
+ABANDONED_S = 86_400
+"""A temporary file that nobody has written to for so long is no longer somebody's."""
 
 
 def check_output(path: Path | str, force: bool = False) -> Path:
     """`path` as a place to write to, or the sentence why it is none."""
     path = Path(path)
+    _check_name(path)
     folder = path.parent
     if not folder.is_dir():
         raise HrgError(f"{path}: the folder {folder} does not exist; make it first")
     if path.is_dir():
         raise HrgError(f"{path}: is a folder; name a file in it")
+    if os.path.lexists(path) and path.exists() and not path.is_file():
+        raise HrgError(f"{path}: is a device, pipe or socket, and only a regular file may be replaced; choose another --output")
     if path.exists() and not force:
         raise HrgError(f"{path}: exists already; give --force to replace it or another --output")
     if not os.access(folder, os.W_OK) or (os.geteuid() == 0 and _read_only(folder)):
         raise HrgError(f"{path}: no right to write in {folder}; choose another --output")
     return path
+
+
+def _check_name(path: Path) -> None:
+    """Refuse a name that no file can have, or that is a word for standard output."""
+    if str(path) == "-":
+        raise UsageError("-o -: results are files, none is written to standard output; name a file (--json prints the result's figures)")
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise HrgError(f"{str(path)!r}: the name is not UTF-8, which other programs could not read; choose another") from error
+    if "\0" in str(path):
+        raise HrgError(f"{str(path)!r}: the name holds a zero byte; choose another --output")
+    if any(len(os.fsencode(part)) > LONGEST_NAME for part in path.parts) or len(os.fsencode(path)) > 4000:
+        raise HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
 
 
 def _read_only(folder: Path) -> bool:
@@ -40,8 +71,8 @@ def _read_only(folder: Path) -> bool:
 def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
     """A temporary name beside `path`, renamed to it when the block ends well and removed otherwise."""
     path = check_output(path, force)
-    _remove_stale(path)
-    temporary = path.parent / f".{path.name[:80]}.hrg-{os.getpid()}-{time.monotonic_ns()}.tmp"
+    remove_stale(path.parent, shown(path))
+    temporary = path.parent / f".{shown(path)}.hrg-{this_host()}-{os.getpid()}-{time.monotonic_ns()}.tmp"
     try:
         yield temporary
         if force:
@@ -76,13 +107,40 @@ def _rename_to_new(temporary: Path, path: Path) -> None:
         os.replace(temporary, path)
 
 
-def _remove_stale(path: Path) -> None:
-    """Remove temporary files of this output whose writer was killed."""
-    for left in path.parent.glob(f".{_glob_escape(path.name[:80])}.hrg-*.tmp"):
-        match = re.search(r"\.hrg-(\d+)-\d+\.tmp$", left.name)
-        if match and not Path(f"/proc/{match[1]}").exists() and Path("/proc/self").exists():
+def shown(path: Path) -> str:
+    """As much of an output's name as its temporary one bears."""
+    return path.name.encode()[:SHOWN_BYTES].decode("utf-8", "ignore")
+
+
+@functools.cache
+def this_host() -> str:
+    """The host, and the space of process numbers on it (of a container): within it a number names one process."""
+    facts = [platform.node()]
+    for read in (lambda: Path("/etc/machine-id").read_text(), lambda: os.readlink("/proc/self/ns/pid")):
+        with contextlib.suppress(OSError):
+            facts.append(read())
+    name = re.sub(r"[^A-Za-z0-9]", "", platform.node())[:16] or "host"
+    return f"{name}.{hashlib.sha256(' '.join(facts).encode()).hexdigest()[:8]}"
+
+
+def remove_stale(folder: Path, name: str | None = None, below: bool = False) -> None:
+    """Remove temporary files (of the output `name`, or all) whose writer was killed: of this host, or not touched for a day."""
+    pattern = f".{'*' if name is None else _glob_escape(name)}.hrg-*.tmp"
+    for left in folder.rglob(pattern) if below else folder.glob(pattern):
+        if _is_abandoned(left):
             with contextlib.suppress(OSError):
                 left.unlink()
+
+
+def _is_abandoned(left: Path) -> bool:
+    match = re.search(r"\.hrg-([A-Za-z0-9.]+)-(\d+)-\d+\.tmp$", left.name)
+    if match is None:
+        return False
+    if match[1] == this_host() and Path("/proc/self").exists():
+        return not Path(f"/proc/{match[2]}").exists()
+    with contextlib.suppress(OSError):
+        return time.time() - left.stat().st_mtime > ABANDONED_S
+    return False
 
 
 def _glob_escape(name: str) -> str:
@@ -96,6 +154,8 @@ def write_error(error: OSError, path: Path) -> HrgError:
         return DiskFullError(f"{path}: may not grow so large (a quota or a limit of this process); choose another --output")
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return HrgError(f"{path}: no right to write it; choose another --output")
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return HrgError(f"{path}: cannot be opened, too many files are open; raise the limit (ulimit -n) or give fewer --jobs")
     if error.errno == errno.ENAMETOOLONG:
         return HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
     return HrgError(f"{path}: cannot be written ({first_line(error)}); choose another --output")

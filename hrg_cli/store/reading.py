@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
-import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,28 +14,43 @@ import numpy as np
 
 from .. import __version__
 from ..errors import HrgError
-from ..records import Column, Provenance, Record, Recording, Source
+from ..records import Column, Provenance, Record, Source
 from ..units import canonical
-from .heaps import check_heaps
-from .layout import BY_NAME, FORMAT, FORMAT_VERSION, AnyRecord, default_of, first_line, place_of
+from . import checksums
+from .handles import Handle, reading
+from .layout import BY_NAME, FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
+from .lazy import CheckedColumn
+from .validity import attribute_problem, bound_together, dtype_problem, size_problem, values_problem
 
 LARGEST_COLUMN_BYTES = 8 << 30
 """No column read into memory at once may claim more."""
 LARGEST_GAP_BYTES = 64 << 20
 """So much of a dataset may be left unwritten (it reads as zeros) before its size is not believed."""
+LARGEST_CHUNK_BYTES = 256 << 20
+"""A chunk is unpacked whole; hrg writes chunks of 1 MB."""
+UNPACKED_BYTES, UNPACKED_RATIO = 256 << 20, 50
+"""A column of more than so many bytes is read whole only where the file stores more than one in so many of them."""
 
 
 @contextlib.contextmanager
 def open_record(path: Path | str, kind: type[AnyRecord]) -> Iterator[AnyRecord]:
-    """The record of `path`, its row columns left on disk (they are read when sliced); closed on leaving."""
-    with _opened(Path(path)) as file:
-        yield _record(file, Path(path), kind, lazy=True)
+    """The record of `path`, its row columns left on disk (they are read and checked when sliced); closed on leaving.
+
+    Any number of records may be open: files beyond a few dozen are closed and opened again as their rows are asked for.
+    """
+    handle = Handle(Path(path))
+    try:
+        with reading(handle.path):
+            record = _record(handle.file(), handle.path, kind, handle)
+        yield record
+    finally:
+        handle.close()
 
 
 def read(path: Path | str, kind: type[AnyRecord]) -> AnyRecord:
     """The record of `path`, whole, in memory. HrgError: not that kind, damaged, a missing or ill-shaped dataset, a wrong unit."""
     with _opened(Path(path)) as file:
-        return _record(file, Path(path), kind, lazy=False)
+        return _record(file, Path(path), kind)
 
 
 def read_any(path: Path | str) -> Record:
@@ -61,39 +75,21 @@ def kind_of(path: Path | str) -> type[Record]:
         return _kind(file, Path(path))
 
 
+def changes(path: Path | str) -> list[str] | None:
+    """What in a file differs from what was written there, in words; None where it keeps no checksums (a laboratory's file)."""
+    with _opened(Path(path)) as file:
+        return checksums.changes(file)
+
+
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
     """An HDF5 file for reading; every way h5py fails becomes a sentence."""
-    if not path.exists():
-        raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
-    if path.is_dir():
-        raise HrgError(f"{path}: is a folder; name a file in it")
-    if not os.access(path, os.R_OK):
-        raise HrgError(f"{path}: no right to read it; ask for read access")
-    if path.stat().st_size == 0:
-        raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
-    check_heaps(path)
+    handle = Handle(path)
     try:
-        file = h5py.File(path, "r", rdcc_nbytes=1 << 20)  # one chunk; HDF5 2 would keep 8 MB a dataset
-    except BlockingIOError as error:
-        raise HrgError(f"{path}: is being written by another program; wait until it is closed") from error
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        if "truncated" in str(error):
-            raise HrgError(f"{path}: is truncated ({path.stat().st_size} bytes are there); copy or record it again") from error
-        if not h5py.is_hdf5(path):
-            raise HrgError(f"{path}: is not an HDF5 file; for a log in another format run `hrg import {path.name}` first") from error
-        raise HrgError(f"{path}: cannot be opened as HDF5 ({first_line(error)}); copy or record it again") from error
-    try:
-        yield file
-    except HrgError:
-        raise
-    except (OSError, RuntimeError, KeyError, UnicodeDecodeError) as error:
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EACCES, errno.EROFS):
-            raise
-        raise HrgError(f"{path}: is damaged ({first_line(error)}); copy or record it again") from error
+        with reading(path):
+            yield handle.file()
     finally:
-        with contextlib.suppress(Exception):
-            file.close()
+        handle.close()
 
 
 def _text(value: Any) -> str:
@@ -114,7 +110,7 @@ def _kind(file: h5py.File, path: Path) -> type[Record]:
     return BY_NAME[kind]
 
 
-def _record(file: h5py.File, path: Path, kind: type[AnyRecord], lazy: bool) -> AnyRecord:
+def _record(file: h5py.File, path: Path, kind: type[AnyRecord], lazy: Handle | None = None) -> AnyRecord:
     found = _kind(file, path)
     if found is not kind:
         raise HrgError(f"{path}: is a {found.kind} file, a {kind.kind} file was expected; make one with `{kind.made_by}`")
@@ -130,13 +126,25 @@ def _record(file: h5py.File, path: Path, kind: type[AnyRecord], lazy: bool) -> A
             if spec.optional:
                 continue
             raise HrgError(f"{path}: dataset {place} is missing; make the file again with `{kind.made_by}`")
-        values[field_name] = _read_dataset(dataset, path, place, spec, sizes, lazy and spec.dims[0] == "row")
+        excused = partial(_excused, lazy or file, kind) if spec.valid.missing == "flagged" else None
+        values[field_name] = _read_dataset(dataset, path, place, spec, sizes, lazy if spec.dims[0] == "row" else None, excused)
     status = _text(file.attrs.get("status", "valid"))
     if status not in ("valid", "suspect", "refused"):
         raise HrgError(f'{path}: its status is {status!r}, expected "valid", "suspect" or "refused"')
     values["status"] = status
     record = kind(**values, status_reasons=tuple(_json_list(file, "status_reasons", path)), provenance=_provenance(file, path))
-    return _checked(record, path)
+    problem = bound_together(record)
+    if problem is not None:
+        raise HrgError(f"{path}: {problem}")
+    return record
+
+
+def _excused(opened: Handle | h5py.File, kind: type[Record], key: Any) -> np.ndarray:
+    """The rows of a key in which NaN may stand: flagged, or the solver did not converge."""
+    file = opened.file() if isinstance(opened, Handle) else opened
+    flags, iterations = file.get(f"/{kind.kind}/flags"), file.get(f"/{kind.kind}/iterations")
+    excused = np.asarray(flags[key]) != 0
+    return excused if iterations is None else excused | (np.asarray(iterations[key]) < 0)
 
 
 def _read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spec: Column, values: dict[str, Any]) -> Any:
@@ -146,7 +154,14 @@ def _read_attribute(file: h5py.File, path: Path, place: str, field_name: str, sp
         if spec.optional:
             return default_of(field_name, spec)
         raise HrgError(f"{path}: attribute {name} of {group} is missing; make the file again or add it")
-    value = holder.attrs[name]
+    value = _parsed(holder.attrs[name], spec, f"{path}: attribute {name} of {group}")
+    problem = attribute_problem(value, spec)
+    if problem is not None:
+        raise HrgError(f"{path}: attribute {name} of {group} {problem}; correct it or make the file again")
+    return value
+
+
+def _parsed(value: Any, spec: Column, where: str) -> Any:
     try:
         if spec.dtype == "str":
             return _text(value)
@@ -157,36 +172,62 @@ def _read_attribute(file: h5py.File, path: Path, place: str, field_name: str, sp
             return int(number)
         return number
     except (TypeError, ValueError, OverflowError) as error:
-        raise HrgError(f"{path}: attribute {name} of {group} is {_text(value)[:60]!r}, a number was expected") from error
+        raise HrgError(f"{where} is {_text(value)[:60]!r}, a number was expected") from error
 
 
-def _read_dataset(dataset: Any, path: Path, place: str, spec: Column, sizes: dict[str, tuple[int, str]], lazy: bool) -> Any:
+def _read_dataset(
+    dataset: Any,
+    path: Path,
+    place: str,
+    spec: Column,
+    sizes: dict[str, tuple[int, str]],
+    lazy: Handle | None,
+    excused: Callable[[Any], np.ndarray] | None,
+) -> Any:
     assert spec.dims is not None
     if not isinstance(dataset, h5py.Dataset):
         raise HrgError(f"{path}: {place} is a group, a dataset was expected")
     if dataset.shape is None or dataset.ndim != len(spec.dims):
         raise HrgError(f"{path}: dataset {place} has shape {dataset.shape}, {len(spec.dims)} dimension(s) were expected")
-    is_text = dataset.dtype.kind in "OSU"
-    if is_text != (spec.dtype == "str") or (not is_text and dataset.dtype.kind not in "iufb"):
-        raise HrgError(f"{path}: dataset {place} holds {dataset.dtype}, {'text' if spec.dtype == 'str' else 'real numbers'} were expected")
+    problem = dtype_problem(dataset.dtype, spec)
+    if problem is not None:
+        raise HrgError(f"{path}: dataset {place} {problem}; convert it and write the file again")
     units = dataset.attrs.get("units")
     if units is not None and spec.units not in (None, "any", "1") and canonical(_text(units)) != spec.units:
         raise HrgError(
             f"{path}: dataset {place} has units {_text(units)!r}, {spec.units!r} was expected; convert it and write the file again"
         )
     for dim, size in zip(spec.dims, dataset.shape):
-        known, where = sizes.setdefault(dim, (size, place))
+        known, where = sizes.setdefault(dim.removesuffix("_2"), (size, place))
         if known != size:
             raise HrgError(f"{path}: {place} has {size} values where {where} has {known}; lengths must be equal")
+        problem = size_problem(dim, size)
+        if problem is not None:
+            raise HrgError(f"{path}: dataset {place} {problem}; make the file again")
     _need_stored(dataset, path, place)
-    if lazy:
-        return dataset
-    if dataset.size * max(dataset.dtype.itemsize, 1) > LARGEST_COLUMN_BYTES:
-        raise HrgError(f"{path}: dataset {place} claims {dataset.size} values, more than can be held in memory; shorten the file")
-    if is_text:
+    if lazy is not None:
+        return CheckedColumn(lazy, dataset, place, spec, excused)
+    _need_room(dataset, path, place)
+    if spec.dtype == "str":
         _need_short_texts(dataset, path, place)
         return np.array([_text(v) for v in dataset[()].ravel()], dtype=object).reshape(dataset.shape)
-    return dataset[()] if spec.dtype == "raw" else np.asarray(dataset[()], dtype=spec.dtype)
+    found = dataset[()]
+    problem = values_problem(found, spec, 0, None if excused is None else lambda: excused(slice(None)))
+    if problem is not None:
+        raise HrgError(f"{path}: dataset {place} {problem}; make the file again or record it again")
+    return found if spec.dtype == "raw" else np.asarray(found, dtype=spec.dtype)
+
+
+def _need_room(dataset: h5py.Dataset, path: Path, place: str) -> None:
+    """Refuse a column that would take far more memory than its file has bytes for."""
+    claimed = dataset.size * max(dataset.dtype.itemsize, 1)
+    if claimed > LARGEST_COLUMN_BYTES:
+        raise HrgError(f"{path}: dataset {place} claims {dataset.size} values, more than can be held in memory; shorten the file")
+    stored = dataset.id.get_storage_size()
+    if claimed > UNPACKED_BYTES and claimed > UNPACKED_RATIO * stored:
+        raise HrgError(
+            f"{path}: dataset {place} would unpack {stored} bytes to {claimed >> 20} MB; write it again without such compression"
+        )
 
 
 def _need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
@@ -196,6 +237,9 @@ def _need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
         raise HrgError(f"{path}: dataset {place} keeps its values in another file; copy them into this one")
     claimed = dataset.size * dataset.dtype.itemsize
     if dataset.chunks is not None:
+        chunk = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
+        if chunk > LARGEST_CHUNK_BYTES and chunk > UNPACKED_RATIO * dataset.id.get_storage_size():
+            raise HrgError(f"{path}: dataset {place} would unpack one chunk to {chunk >> 20} MB; write it again in smaller chunks")
         stored = dataset.id.get_num_chunks() * int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
     else:
         stored = claimed if layout.get_layout() == h5py.h5d.COMPACT else dataset.id.get_storage_size()
@@ -243,34 +287,3 @@ def _provenance(file: h5py.File, path: Path) -> Provenance:
         created=_text(file.attrs.get("created", "")),
         generated_by=_text(file.attrs.get("generated_by", "")),
     )
-
-
-def _checked(record: AnyRecord, path: Path) -> AnyRecord:
-    """Rules that bind several fields."""
-    if not isinstance(record, Recording):
-        return record
-    if len(record) == 0:
-        raise HrgError(f"{path}: holds no samples; record again")
-    found = "neither" if record.time_s is None else "both"
-    if (record.sample_rate_hz is None) == (record.time_s is None):
-        raise HrgError(f"{path}: needs either the attribute sample_rate_hz or the dataset time_s in /recording, found {found}")
-    if record.sample_rate_hz is not None and not (np.isfinite(record.sample_rate_hz) and record.sample_rate_hz > 0):
-        raise HrgError(f"{path}: sample_rate_hz is {record.sample_rate_hz}, a positive number was expected")
-    if record.mode not in ("free", "forced"):
-        raise HrgError(f'{path}: mode is {record.mode!r}, "free" or "forced" was expected')
-    if record.readout not in ("direct", "carrier"):
-        raise HrgError(f'{path}: readout is {record.readout!r}, "direct" or "carrier" was expected')
-    if record.readout == "carrier" and record.carrier_hz is None:
-        raise HrgError(f'{path}: readout is "carrier" but the attribute carrier_hz is missing; add it')
-    if record.mode_number < 1:
-        raise HrgError(f"{path}: mode_number is {record.mode_number}, 1 or more was expected")
-    for name in ("c_scale_factor", "s_scale_factor"):
-        if not np.isfinite(getattr(record, name)) or getattr(record, name) == 0:
-            raise HrgError(f"{path}: {name[2:]} of channel {name[0]} is {getattr(record, name)}, a finite number other than 0 was expected")
-    if canonical(record.c_units) != canonical(record.s_units):
-        raise HrgError(f"{path}: channel c is in {record.c_units!r} and channel s in {record.s_units!r}; both must have one unit")
-    if record.auxiliary_time_s is None and (record.temperature_degc is not None or record.rate_rad_s is not None):
-        raise HrgError(f"{path}: /auxiliary has data but no time_s; add it")
-    if record.auxiliary_time_s is not None and len(record.auxiliary_time_s) > 1 and not np.all(np.diff(record.auxiliary_time_s) > 0):
-        raise HrgError(f"{path}: /auxiliary/time_s must increase from row to row; sort the log")
-    return record

@@ -26,7 +26,9 @@ from .. import __version__
 from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
 from .atomic import atomic_path, quiet
+from .checksums import Running, seal
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
+from .validity import WrittenBlocks
 
 ROW_CHUNK = {"recording": 1 << 18}
 LARGEST_CORRELATION = 1 + 1e-6
@@ -56,14 +58,17 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
         last: AnyRecord | None = None
         file: h5py.File | None = None
+        promised = WrittenBlocks(path)
+        running: dict[str, Running] = {}
         try:
             for block in blocks:
+                promised.check(block)
                 _need_space(block, Path(path))
                 if file is None:
                     file = h5py.File(temporary, "w", libver=("earliest", "v110"))
-                    _create(file, block)
+                    _create(file, block, running)
                 else:
-                    _append(file, block)
+                    _append(file, block, running)
                 last = block
             if file is None or last is None:
                 raise HrgError(f"{path}: nothing to write; the stage before it produced no record")
@@ -71,6 +76,7 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
                 last = finish(last)
             _refuse_no_covariance(last, Path(path))
             _finish(file, last)
+            seal(file, running)
             file.close()
         except BaseException as error:
             with quiet():
@@ -121,7 +127,7 @@ def _present(record: Record) -> Iterator[tuple[str, str, Column, Any]]:
             yield field_name, place_of(type(record), field_name, spec), spec, value
 
 
-def _create(file: h5py.File, record: Record) -> None:
+def _create(file: h5py.File, record: Record, running: dict[str, Running]) -> None:
     file.create_group(record.kind)
     for _, place, spec, value in _present(record):
         if spec.dims is None:
@@ -141,6 +147,9 @@ def _create(file: h5py.File, record: Record) -> None:
                 if spec.packed and _worth_compressing(array):
                     options |= {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         dataset = file.create_dataset(place, data=array, track_times=False, **options)
+        if growing:
+            running[place] = Running()
+            running[place].add(array)
         dataset.attrs["units"] = _units(record, spec)
         dataset.attrs["long_name"] = spec.meaning
         dataset.flush()  # a failure while a dataset is closed would be lost
@@ -162,11 +171,11 @@ def _units(record: Record, spec: Column) -> str:
 def _encoded(value: Any, spec: Column) -> Any:
     if spec.dtype == "str":
         return np.array([str(v) for v in np.asarray(value).ravel()], dtype=h5py.string_dtype()).reshape(np.shape(value))
-    array = np.asarray(value[()] if isinstance(value, h5py.Dataset) else value)
+    array = np.asarray(value)
     return array if spec.dtype == "raw" else array.astype(spec.dtype, copy=False)
 
 
-def _append(file: h5py.File, block: Record) -> None:
+def _append(file: h5py.File, block: Record, running: dict[str, Running]) -> None:
     for _, place, spec, value in _present(block):
         if spec.dims is None or spec.dims[0] not in GROWING:
             continue
@@ -175,6 +184,7 @@ def _append(file: h5py.File, block: Record) -> None:
         start = dataset.shape[0]
         dataset.resize(start + len(array), axis=0)
         dataset[start:] = array
+        running[place].add(array)
         dataset.flush()
 
 

@@ -28,3 +28,15 @@ def test_ramp_rises_with_time():
 
 def test_too_short_is_empty():
     assert all(len(part) == 0 for part in allan_deviation(np.zeros(8), 1.0))
+
+
+def test_the_stated_error_is_the_scatter_of_many_records():
+    """White noise, overlapping: theory gives 0.82 of the stated error at long times (3N/2n degrees of freedom for N/n stated ones)."""
+    rng = np.random.default_rng(4)
+    found = [allan_deviation(rng.standard_normal(1500), 1.0, 12) for _ in range(400)]
+    tau, _, relative = found[0]
+    deviations = np.array([deviation for _, deviation, _ in found])
+    seen = deviations.std(axis=0) / deviations.mean(axis=0)
+    middle = (tau >= 8) & (tau <= 150)
+    assert middle.sum() >= 4
+    assert np.all((seen / relative > 0.68)[middle] & (seen / relative < 1.1)[middle]), seen / relative

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrg_cli.fitting.ellipse.continuity import continued, local_slope
+from hrg_cli.fitting.ellipse.continuity import continued, local_slope, nearest_copy
 
 TIME = np.arange(600) * 0.01
 
@@ -59,3 +59,20 @@ def test_slope_of_a_line_with_uneven_times_and_missing_rows():
 def test_slope_is_unknown_where_nothing_is_known():
     assert np.isnan(local_slope(np.arange(5.0), np.arange(5.0), np.zeros(5), 2)).all()
     assert np.isnan(local_slope(np.arange(1.0), np.arange(1.0), np.ones(1), 2)).all()
+
+
+def test_the_nearest_copy_describes_the_same_wave():
+    """Whatever copy comes in, out comes the one beside what was expected, for odd half turns of angle and carrier, too."""
+    generator = np.random.default_rng(5)
+    expected = generator.uniform(-20, 20, (500, 3))
+    near = expected + generator.uniform(-0.5, 0.5, (500, 3))
+    np.testing.assert_allclose(nearest_copy(np.stack(copies(*near.T, generator), axis=-1), expected), near, atol=1e-9)
+
+
+def test_an_angle_alone_is_counted_over_a_gap():
+    """The predicted step over a gap decides, not the smallest: two half turns of the angle lie within it."""
+    kept = (TIME < 2) | (TIME > 3.5)
+    time_s = TIME[kept]
+    angle = 4.5 * time_s
+    found = continued(time_s, np.mod(angle, np.pi), 0 * time_s, 0 * time_s, window_s=0.01)[0]
+    np.testing.assert_allclose(found - found[0], angle - angle[0], atol=1e-9)

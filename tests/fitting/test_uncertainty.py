@@ -88,3 +88,10 @@ def test_the_angle_of_a_circular_wave_really_scatters_that_much():
     spread = np.std(found[:, 2])
     assert spread == pytest.approx(ANGLE_LIMIT, rel=0.05)
     assert 0.2 * spread < np.median(stated[:, 2]) < 2 * spread
+
+
+def test_limits_are_the_deviations_of_angles_of_which_nothing_is_known():
+    """θ (electrical) and ψ repeat after π, φ after 2π: the deviation of a uniform angle over that range."""
+    uniform = (np.arange(100_000) + 0.5) / 100_000 - 0.5
+    assert (np.pi * uniform).std() == pytest.approx(ANGLE_LIMIT, rel=1e-6) == pytest.approx(CARRIER_LIMIT, rel=1e-6)
+    assert (2 * np.pi * uniform).std() == pytest.approx(PHASE_LIMIT, rel=1e-6)

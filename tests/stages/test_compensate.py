@@ -90,3 +90,14 @@ def test_rates_outside_are_doubted(tables, truth):
     assert done.status == "suspect" and "beyond those calibrated" in done.status_reasons[-1]
     assert collect(compensate(fast.replace(rate_rad_s=None), tables)).status == "suspect"
     json.dumps(summary(done), allow_nan=False)
+
+
+def test_a_scale_factor_of_another_gyro_is_doubted(tables, truth):
+    """The run's own K, seen against its rate log, differs by a tenth from the tables': suspect; by a fiftieth it is not."""
+    for factor, status in ((1.1, "suspect"), (1.02, "valid")):
+        other = Truth(21)
+        other.k = truth.k * factor
+        run = forced_run(other, 10.0, lambda t: 0.4 * np.sin(0.4 * t), 40, 7, run_id="other", noise=1e-6)
+        done = collect(compensate(run, tables))
+        assert done.status == status, done.status_reasons
+        assert any("own scale factor" in reason for reason in done.status_reasons) == (status == "suspect")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -179,7 +180,7 @@ def design_of(flow: Propagation, layout: Layout) -> Design:
     wanted = [(e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)]
     beside = sensitivities(flow, wanted) if wanted else []
     ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
-    rows = [slice(int(first), int(last)) for first, last in zip(ends[:-1], ends[1:], strict=True)]
+    rows = [slice(int(first), int(last)) for first, last in pairwise(ends)]
     blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(rows))
     return Design(np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1), layout.shared, blocks)
 

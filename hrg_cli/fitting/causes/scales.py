@@ -27,7 +27,7 @@ def seconds_in(units: str) -> int:
     for factor in units.split():
         if factor == "Hz":
             power -= 1
-        elif factor == "s" or factor[1:].lstrip("-").isdigit() and factor[0] == "s":
+        elif factor == "s" or (factor[1:].lstrip("-").isdigit() and factor[0] == "s"):
             power += int(factor[1:] or 1)
     return power
 

@@ -8,7 +8,6 @@ S₁' = A₁ + 2KΩS₂, S₂' = A₂ − 2KΩS₁, both integrated from the run
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from ...errors import HrgError
 from ...physics import ellipse
 from ...physics.resonator import PARAMETERS, Mechanics
-from ...records import Resonator, Wave
+from ...records import Resonator, Wave, details_number
 from ..checks import goodness
 from . import coordinates, rows
 from .envelope_runs import EnvelopeRun, from_wave
@@ -87,7 +86,7 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         )
     mechanics = Mechanics(**{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number)
     p = coordinates.from_mechanics(mechanics)
-    p[6] = float(json.loads(resonator.details or "{}").get("second_order", {}).get("value", 1.0))
+    p[6] = details_number(resonator.details, "second_order", "value", default=1.0)
     if nodes is not None:
         found = _best(run, count, p)
         finer_count = 2 * count - 1

@@ -47,7 +47,9 @@ def standard_deviations(calibration: Calibration, x: Array, wave_angle_rad: Arra
     weights = node_weights(x, calibration.node, kind)
     nodes, width = len(calibration.node), calibration.drift_harmonics.shape[1] + calibration.scale_factor_harmonics.shape[1]
     out = []
-    doubt = json.loads(calibration.details).get("interpolation_std", {})
+    doubt = json.loads(calibration.details).get("interpolation_std") or {}
+    if not isinstance(doubt, dict) or not all(_is_number(v) for v in doubt.values()):
+        raise HrgError("the calibration's details are damaged (interpolation_std); make the calibration again")
     shape = bump(x, np.asarray(calibration.node, float))
     for first, size, key in (
         (0, calibration.drift_harmonics.shape[1], "drift_rad_s"),
@@ -91,8 +93,8 @@ def measured_at(calibration: Calibration, x: Array) -> Measured | None:
 
     Files written before the formulas were exact in r, or with one pair for all nodes, are applied as they were fitted.
     """
-    part: dict[str, Any] | None = json.loads(calibration.details).get("measured")
-    if not part:
+    part = measured_part(calibration)
+    if part is None:
         return None
     kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
     weights = node_weights(np.asarray(x, float), np.asarray(calibration.node, float), kind)
@@ -103,6 +105,31 @@ def measured_at(calibration: Calibration, x: Array) -> Measured | None:
     if len(coefficients) == 1:
         coefficients = np.repeat(coefficients, len(calibration.node), axis=0)
     return Measured("quadrature", bool(part.get("exact")), damping, quadrature=weights @ coefficients)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def measured_part(calibration: Calibration) -> dict[str, Any] | None:
+    """What of the drift is computed in operation, from the calibration's details: {kind, coefficients or mean_frequency_hz}; or None.
+
+    HrgError: it is there, but not as `hrg calibrate` writes it.
+    """
+    part = json.loads(calibration.details).get("measured")
+    if not part:
+        return None
+    key = {"quadrature": "coefficients", "phase": "mean_frequency_hz"}.get(part.get("kind") if isinstance(part, dict) else None)
+    if key is not None:
+        try:
+            numbers = np.array(part.get(key), float)
+        except (TypeError, ValueError):
+            numbers = np.array([np.nan])
+        nodes = len(calibration.node)
+        shapes = ((2,), (1, 2), (nodes, 2)) if key == "coefficients" else ((nodes,),)
+        if numbers.shape in shapes and np.all(np.isfinite(numbers)):
+            return dict(part)
+    raise HrgError("the calibration's details are damaged (measured); make the calibration again")
 
 
 def measured_drift(calibration: Calibration, path: Path) -> Array:

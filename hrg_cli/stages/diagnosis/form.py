@@ -17,8 +17,8 @@ import numpy as np
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
 from .search import Found, Search, Variant, adopted, as_fitted, bic, scored
-from .thresholds import WORTH
 from .shapes import FREE, NAME, PASSIVE, SUPPLIED, Shape, effect_of, in_shape, in_the_catalogue, level_of, power_of, values
+from .thresholds import WORTH
 
 Array = np.ndarray
 FORBIDDEN = 2.0

@@ -71,7 +71,10 @@ def faithful(
 
 
 def hold(text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Effect]) -> Written | None:
-    """Simulate a written model and compare it at the fit's rows; None where it cannot be simulated. `origin`: the file's run of each piece."""
+    """Simulate a written model and compare it at the fit's rows; None where it cannot be simulated.
+
+    origin: the file's run of each piece.
+    """
     table = tomllib.loads(text)
     try:
         runs = runs_of(table)

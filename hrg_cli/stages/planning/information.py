@@ -15,8 +15,8 @@ import numpy as np
 from ...effects.effect import Effect
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended import Point, predict
-from ...fitting.causes.layout import OWN
 from ...fitting.causes.extended_fit import Freedom
+from ...fitting.causes.layout import OWN
 from ...fitting.causes.sensitivities import base_sensitivities, propagation
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics import ellipse, slow_engine

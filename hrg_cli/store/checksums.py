@@ -1,0 +1,152 @@
+"""What a file held when it was written: SHA-256 of every dataset and of every group's attributes, kept in the root attribute `checksums`.
+
+Of a dataset its type, its shape and the digest of its values in C order are kept; what does not match was changed, by whom it cannot tell.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import h5py
+import numpy as np
+
+NAME = "checksums"
+ROWS_BYTES = 8 << 20
+"""So much of a dataset is read at a time."""
+CLAIMED_BYTES, CLAIMED_RATIO = 64 << 20, 2000
+"""A dataset larger than the first is read only where it claims less than so many times the bytes it stores."""
+OF_NETCDF = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_NCProperties")
+"""Attributes that netCDF keeps for itself: places in the file, not content."""
+
+
+class Running:
+    """The digest of a dataset that is written block by block."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def add(self, values: Any) -> None:
+        """Take the next rows."""
+        self._hash.update(_bytes(np.asarray(values)))
+
+    def of(self, dataset: h5py.Dataset) -> str:
+        """Type, shape and digest, now that the dataset has its whole shape."""
+        return f"{_form(dataset)} {self._hash.hexdigest()}"
+
+
+def _form(dataset: h5py.Dataset) -> str:
+    """Type and shape of a dataset, as one word."""
+    kind = "text" if dataset.dtype.kind in "OSU" else dataset.dtype.str
+    return f"{kind}{'x'.join(str(int(n)) for n in dataset.shape)}"
+
+
+def _bytes(values: np.ndarray) -> Any:
+    if values.dtype.kind not in "OSU":
+        return np.ascontiguousarray(values).data.cast("B") if values.size else b""
+    return b"".join(_text(v).encode("utf-8", "replace") + b"\0" for v in values.ravel())
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def of_dataset(dataset: h5py.Dataset) -> str:
+    """Type, shape and digest of a dataset on disk, read a few megabytes at a time."""
+    running = Running()
+    if dataset.ndim == 0 or not dataset.size:
+        running.add(dataset[()])
+        return running.of(dataset)
+    rows = max(1, ROWS_BYTES // max(1, dataset.dtype.itemsize * int(np.prod(dataset.shape[1:]))))
+    for start in range(0, dataset.shape[0], rows):
+        running.add(dataset[start : start + rows])
+    return running.of(dataset)
+
+
+def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
+    """The digest of all attributes of a group or dataset but netCDF's own and the checksums themselves."""
+    hashed = hashlib.sha256()
+    for name in sorted(holder.attrs):
+        if name in OF_NETCDF or (name == NAME and holder.name == "/"):
+            continue
+        value = np.asarray(holder.attrs[name])
+        hashed.update(name.encode() + b"\0" + value.dtype.kind.encode().replace(b"U", b"O").replace(b"S", b"O"))
+        hashed.update(bytes(_bytes(value)) + b"\0")
+    return hashed.hexdigest()
+
+
+def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
+    """Every group and dataset by its path, dimensions without values (netCDF's) left out, links to other files not followed."""
+
+    def below(group: h5py.Group) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
+        yield group.name, group
+        for name in sorted(group):
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                continue
+            item = group[name]
+            if isinstance(item, h5py.Group):
+                yield from below(item)
+            elif isinstance(item, h5py.Dataset) and not _only_dimension(item):
+                yield item.name, item
+
+    yield from below(file)
+
+
+def _only_dimension(dataset: h5py.Dataset) -> bool:
+    return "NAME" in dataset.attrs and _text(dataset.attrs["NAME"]).startswith("This is a netCDF dimension but not a netCDF variable")
+
+
+def seal(file: h5py.File, running: dict[str, Running]) -> None:
+    """Keep the digests of everything in the file; `running` has those of datasets that were hashed as they were written."""
+    kept = {}
+    for path, item in contents(file):
+        if isinstance(item, h5py.Dataset):
+            kept[path] = running[path].of(item) if path in running else of_dataset(item)
+        kept[f"{path}@"] = of_attributes(item)
+    file.attrs[NAME] = json.dumps(kept, sort_keys=True)
+
+
+def kept_in(file: h5py.File) -> dict[str, str] | None:
+    """The digests a file keeps, None where it keeps none."""
+    with contextlib.suppress(ValueError, KeyError):
+        found = json.loads(_text(file.attrs[NAME]))
+        if isinstance(found, dict):
+            return {str(place): str(digest) for place, digest in found.items()}
+    return None
+
+
+def changes(file: h5py.File) -> list[str] | None:
+    """What differs from what was written, in words; None where the file keeps no checksums."""
+    kept = kept_in(file)
+    if kept is None:
+        return None
+    left = dict(kept)
+    said = []
+    for path, item in contents(file):
+        if isinstance(item, h5py.Dataset):
+            said += _compared_values(left.pop(path, None), item, f"the values of {path}")
+        said += _compared(left.pop(f"{path}@", None), lambda item=item: of_attributes(item), f"the attributes of {path}")
+    gone = sorted({place.removesuffix("@") for place in left})
+    return said + [f"{place} was removed" for place in gone]
+
+
+def _compared_values(kept: str | None, dataset: h5py.Dataset, what: str) -> list[str]:
+    """The same of a dataset, which is read only where its type and shape are those that were kept."""
+    claimed = dataset.size * dataset.dtype.itemsize
+    if kept is not None and kept.split(" ")[0] != _form(dataset):
+        return [f"{what} were changed"]
+    if claimed > CLAIMED_BYTES and claimed > CLAIMED_RATIO * dataset.id.get_storage_size():
+        return [f"{what} are not stored"]
+    return _compared(kept, lambda: of_dataset(dataset), what)
+
+
+def _compared(kept: str | None, digest: Any, what: str) -> list[str]:
+    if kept is None:
+        return [f"{what} were added"]
+    try:
+        return [] if digest() == kept else [f"{what} were changed"]
+    except (OSError, RuntimeError):
+        return [f"{what} cannot be read (damaged)"]

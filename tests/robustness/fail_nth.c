@@ -1,0 +1,79 @@
+/* Fails the n-th call of one kind (open, read, write, sync, rename) that concerns files below one folder, as SQLite's tests do.
+ * Preloaded; quiet until armed by hrg_fault_arm() in a forked child. */
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+enum { FILES = 4096 };
+static char folder[4096], kind[16];
+static long nth, seen, hits;
+static int code, armed;
+static char ours[FILES];
+
+void hrg_fault_arm(const char *where, const char *what, int n, int error) {
+    snprintf(folder, sizeof folder, "%s", where);
+    snprintf(kind, sizeof kind, "%s", what);
+    nth = n, code = error, seen = hits = 0, armed = 1;
+    memset(ours, 0, sizeof ours);
+}
+long hrg_fault_hits(void) { return hits; }
+
+static int below(const char *path) {
+    char cwd[4096];
+    if (!armed || !path) return 0;
+    if (path[0] != '/') return getcwd(cwd, sizeof cwd) && strncmp(cwd, folder, strlen(folder)) == 0 && path[0] != '\0' && strncmp(path, ".std", 4) != 0;
+    return strncmp(path, folder, strlen(folder)) == 0;
+}
+static int fails(const char *what) {
+    if (strcmp(kind, what) != 0 || ++seen != nth) return 0;
+    hits++;
+    errno = code;
+    return 1;
+}
+static int known(int fd) { return armed && fd >= 0 && fd < FILES && ours[fd]; }
+
+#define REAL(type, name, ...) \
+    static type (*real)(__VA_ARGS__); \
+    if (!real) real = (type(*)(__VA_ARGS__))dlsym(RTLD_NEXT, #name)
+
+#define OPEN(name) \
+    int name(const char *path, int flags, ...) { \
+        REAL(int, name, const char *, int, ...); \
+        va_list list; va_start(list, flags); mode_t mode = (flags & (O_CREAT | O_TMPFILE)) ? va_arg(list, mode_t) : 0; va_end(list); \
+        int mine = below(path); \
+        if (mine && fails("open")) return -1; \
+        int fd = real(path, flags, mode); \
+        if (fd >= 0 && fd < FILES) ours[fd] = (char)mine; \
+        return fd; \
+    }
+OPEN(open)
+OPEN(open64)
+#define OPENAT(name) \
+    int name(int at, const char *path, int flags, ...) { \
+        REAL(int, name, int, const char *, int, ...); \
+        va_list list; va_start(list, flags); mode_t mode = (flags & (O_CREAT | O_TMPFILE)) ? va_arg(list, mode_t) : 0; va_end(list); \
+        int mine = below(path); \
+        if (mine && fails("open")) return -1; \
+        int fd = real(at, path, flags, mode); \
+        if (fd >= 0 && fd < FILES) ours[fd] = (char)mine; \
+        return fd; \
+    }
+OPENAT(openat)
+OPENAT(openat64)
+
+ssize_t read(int fd, void *to, size_t n) { REAL(ssize_t, read, int, void *, size_t); return known(fd) && fails("read") ? -1 : real(fd, to, n); }
+ssize_t pread(int fd, void *to, size_t n, off_t at) { REAL(ssize_t, pread, int, void *, size_t, off_t); return known(fd) && fails("read") ? -1 : real(fd, to, n, at); }
+ssize_t pread64(int fd, void *to, size_t n, off64_t at) { REAL(ssize_t, pread64, int, void *, size_t, off64_t); return known(fd) && fails("read") ? -1 : real(fd, to, n, at); }
+ssize_t write(int fd, const void *from, size_t n) { REAL(ssize_t, write, int, const void *, size_t); return known(fd) && fails("write") ? -1 : real(fd, from, n); }
+ssize_t pwrite(int fd, const void *from, size_t n, off_t at) { REAL(ssize_t, pwrite, int, const void *, size_t, off_t); return known(fd) && fails("write") ? -1 : real(fd, from, n, at); }
+ssize_t pwrite64(int fd, const void *from, size_t n, off64_t at) { REAL(ssize_t, pwrite64, int, const void *, size_t, off64_t); return known(fd) && fails("write") ? -1 : real(fd, from, n, at); }
+int ftruncate(int fd, off_t n) { REAL(int, ftruncate, int, off_t); return known(fd) && fails("write") ? -1 : real(fd, n); }
+int ftruncate64(int fd, off64_t n) { REAL(int, ftruncate64, int, off64_t); return known(fd) && fails("write") ? -1 : real(fd, n); }
+int rename(const char *a, const char *b) { REAL(int, rename, const char *, const char *); return below(b) && fails("rename") ? -1 : real(a, b); }
+int link(const char *a, const char *b) { REAL(int, link, const char *, const char *); return below(b) && fails("rename") ? -1 : real(a, b); }

@@ -1,0 +1,164 @@
+"""Faults over all commands: `faults.py --trials 20000` puts damaged inputs into them, `--failures 200` so many failing calls of each kind.
+
+Every failing input is told with its seed and kept below build/faults, its damage as a line of JSON that belongs into corpus.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
+import damage  # noqa: E402
+import judge  # noqa: E402
+import programme  # noqa: E402
+
+CORPUS = Path(__file__).with_name("corpus.json")
+SHIM = Path(__file__).with_name("fail_nth.c")
+CALLS = (
+    *(("open", errno.EMFILE), ("open", errno.EACCES), ("read", errno.EIO)),
+    *(("write", errno.ENOSPC), ("write", errno.EIO), ("rename", errno.EIO)),
+)
+
+
+def words_of(case: programme.Case, good: Path, folder: Path, changed: str) -> list[str]:
+    """The command line, the damaged input and the output in the trial's folder, the rest where the good ones are."""
+    out = []
+    for word in case.words:
+        if word.startswith("{") and word != "{out}":
+            name = word[1:-1]
+            word = str(folder / name if name == changed else good / name)
+        out.append(str(folder / case.output) if word == "{out}" else word)
+    return [*out, "-q", "--json"]
+
+
+def attempt(case: programme.Case, good: Path, folder: Path, changed: str, damages: list[damage.Damage]) -> judge.Outcome:
+    """One damaged input of one command."""
+    judge.clean(folder)
+    shutil.copy(good / changed, folder / changed)
+    if case.name == "batch" and changed == "lot.toml":
+        shutil.copy(good / "recording.h5", folder)
+    elif case.name == "batch":
+        shutil.copy(good / "lot.toml", folder)
+    damage.apply(folder / changed, damages)
+    words = words_of(case, folder if case.name == "batch" else good, folder, changed)
+    return judge.run(words, folder, folder / case.output)
+
+
+def put_damage(
+    good: Path, folder: Path, cases: list[programme.Case], trials: int, seed: int, kept: Path | None
+) -> tuple[Counter, list[str]]:
+    """Damaged inputs over the commands in turn: how each ended, and what broke a promise."""
+    counts: Counter = Counter()
+    failures = []
+    rng = np.random.default_rng(seed)
+    for trial in range(trials):
+        case = cases[trial % len(cases)]
+        changed = case.damaged[int(rng.integers(len(case.damaged)))]
+        damages = damage.draw(rng, good / changed)
+        found = attempt(case, good, folder, changed, damages)
+        counts[case.name, found.status] += 1
+        if found.broken:
+            line = json.dumps({"case": case.name, "input": changed, "damages": damages})
+            failures.append(f"seed {seed}, trial {trial}: {line}\n  {'; '.join(found.broken)}\n  {found.err.strip()[-600:]}")
+            print(failures[-1], file=sys.stderr, flush=True)
+            if kept is not None:
+                kept.mkdir(parents=True, exist_ok=True)
+                shutil.copy(folder / changed, kept / f"{seed}-{trial}-{changed}")
+    return counts, failures
+
+
+def put_failures(good: Path, folder: Path, cases: list[programme.Case], most: int) -> tuple[Counter, list[str]]:
+    """The first `most` opens, reads, writes and renames of each command, failing one at a time."""
+    counts: Counter = Counter()
+    failures = []
+    for case in cases:
+        for call, code in CALLS:
+            for nth in range(1, most + 1):
+                judge.clean(folder)
+                for name in (word[1:-1] for word in case.words if word.startswith("{") and word != "{out}"):
+                    shutil.copy(good / name, folder / name)
+                if case.name == "batch":
+                    shutil.copy(good / "recording.h5", folder)
+                words = words_of(case, folder, folder, "")
+                found = judge.run(words, folder, folder / case.output, (call, nth, code))
+                counts[case.name, call, found.status] += 1
+                if found.broken:
+                    told = f"{case.name}: {call} {nth} fails with {errno.errorcode[code]}: {'; '.join(found.broken)}"
+                    failures.append(f"{told}\n  {found.err.strip()[-300:]}")
+                if found.status == 0 and nth > 3 and counts[case.name, call, 0] > 3:
+                    break
+    return counts, failures
+
+
+def replay(good: Path, folder: Path) -> list[str]:
+    """Every damage that ever broke a promise."""
+    cases = {case.name: case for case in programme.ready(good)}
+    failures = []
+    for entry in json.loads(CORPUS.read_text()):
+        if entry["case"] in cases:
+            found = attempt(cases[entry["case"]], good, folder, entry["input"], entry["damages"])
+            if found.broken:
+                failures.append(f"{json.dumps(entry)}\n  {'; '.join(found.broken)}\n  {found.err.strip()[-300:]}")
+    return failures
+
+
+def _preloaded() -> None:
+    """Start again with the shim that makes calls fail."""
+    if "HRG_FAULT_SHIM" in os.environ:
+        return
+    made = Path(tempfile.mkdtemp()) / "fail_nth.so"
+    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(SHIM), "-ldl"], check=True)
+    os.environ |= {"LD_PRELOAD": str(made), "HRG_FAULT_SHIM": str(made)}
+    os.execv(sys.executable, [sys.executable, *sys.argv])
+
+
+def main() -> int:
+    """Command line: figures on standard output, status 1 where a promise was broken."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--failures", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=int(os.environ.get("HRG_TEST_SEED") or time.time()) % 2**31)
+    parser.add_argument("--only", default="", help="commands whose names contain this")
+    parser.add_argument("--no-costly", action="store_true")
+    asked = parser.parse_args()
+    if asked.failures:
+        _preloaded()
+    judge.warm()
+    folder = Path(tempfile.mkdtemp(prefix="hrg-faults-"))
+    good = programme.build(judge.clean(folder / "good"))
+    cases = [case for case in programme.ready(good, not asked.no_costly) if asked.only in case.name]
+    failures = replay(good, folder / "trial") if not asked.only else []
+    started = time.monotonic()
+    counts, broken = put_damage(good, folder / "trial", cases, asked.trials, asked.seed, Path("build/faults"))
+    failures += broken
+    print(f"{asked.trials} damaged inputs over {len(cases)} commands, seed {asked.seed}, {time.monotonic() - started:.0f} s")
+    for name in sorted({name for name, _ in counts}):
+        print(f"  {name:20}" + ", ".join(f"{n} × {status}" for (case, status), n in sorted(counts.items()) if case == name))
+    if asked.failures:
+        counts, broken = put_failures(good, folder / "trial", cases, asked.failures)
+        failures += broken
+        print(f"{sum(counts.values())} failing calls over {len(cases)} commands")
+        for name in sorted({name for name, *_ in counts}):
+            print(
+                f"  {name:20}" + ", ".join(f"{call} {n} × {status}" for (case, call, status), n in sorted(counts.items()) if case == name)
+            )
+    print(f"{len(failures)} broke a promise")
+    print("\n".join(failures[:40]))
+    shutil.rmtree(folder, ignore_errors=True)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,192 @@
+"""One judge for every command and fault: a command runs in a process forked from a warm one; what it leaves is held against the promises.
+
+The promises: exit status 0, 1, 2 or 3; with 1 and 2 one sentence on standard error, nothing on standard output and no output file; with 0
+and 3 one JSON object; no traceback, no internal error, no library's warning, no half file; no figure that is not finite in what is
+handed on under 0; bounded processor time and memory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hrg_cli import store
+
+PROCESSOR_S, CLOCK_S = 60, 240.0
+MEMORY_MB = 1500
+"""Above what the warm process has."""
+NOISE = re.compile(r"Traceback|internal error|Warning|\*\* On entry|Fatal|Segmentation|core dumped")
+NOT_FINITE = re.compile(r"(?<![\w.])[-+]?(nan|inf|infinity)(?![\w.])", re.IGNORECASE)
+WARM = (
+    *("pipeline", "store", "exporting", "limits", "verification", "formats", "reporting.page", "cli"),
+    *(f"commands.{name}" for name in ("answering", "reporting", "importing", "simulating", "batching", "planning", "diagnosing")),
+)
+
+
+@dataclass
+class Outcome:
+    """What a command left: its exit status (negative: killed by a signal), what it said, its peak memory, its broken promises."""
+
+    status: int
+    out: str
+    err: str
+    seconds: float
+    peak_mb: float
+    broken: list[str] = field(default_factory=list)
+
+
+def warm() -> None:
+    """Import what commands import, so that a forked child need not."""
+    for name in WARM:
+        importlib.import_module(f"hrg_cli.{name}")
+    for name in pipeline_stages():
+        importlib.import_module(f"hrg_cli.stages.{name}")
+
+
+def pipeline_stages() -> list[str]:
+    """The names of all stages."""
+    from hrg_cli.pipeline import STAGES
+
+    return list(STAGES)
+
+
+def run(words: list[str], folder: Path, output: Path, arm: tuple[str, int, int] | None = None) -> Outcome:
+    """Run `hrg WORDS` in `folder` in a child of this process and judge what it left; arm: (call, n-th, errno) to fail there."""
+    before = {p.name for p in folder.iterdir()}
+    said = [folder / ".stdout", folder / ".stderr"]
+    started = time.monotonic()
+    child = os.fork()
+    if child == 0:
+        _in_child(words, folder, said, arm)
+    status, used = _waited(child)
+    out, err = (path.read_text(errors="replace") if path.exists() else "" for path in said)
+    for path in said:
+        path.unlink(missing_ok=True)
+    outcome = Outcome(status, out, err, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+    outcome.broken = _broken(outcome, folder, output, before)
+    if time.monotonic() - started > CLOCK_S:
+        outcome.broken.append("did not end")
+    return outcome
+
+
+def _waited(child: int) -> tuple[int, resource.struct_rusage]:
+    deadline = time.monotonic() + CLOCK_S
+    while True:
+        done, status, used = os.wait4(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status), used
+        if time.monotonic() > deadline:
+            os.kill(child, signal.SIGKILL)
+            deadline += 60
+        time.sleep(0.002)
+
+
+def _in_child(words: list[str], folder: Path, said: list[Path], arm: tuple[str, int, int] | None) -> None:
+    status = 70
+    try:
+        os.chdir(folder)
+        for handle, path in zip((1, 2), said):
+            opened = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(opened, handle)
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+        sys.stderr = open(2, "w", buffering=1, closefd=False)  # noqa: SIM115
+        resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 5))
+        have = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (have + (MEMORY_MB << 21), have + (MEMORY_MB << 21)))
+        sys.argv = ["hrg", *words]
+        if arm is not None:
+            _shim().hrg_fault_arm(str(folder).encode(), arm[0].encode(), arm[1], arm[2])
+        from hrg_cli.cli import main
+
+        try:
+            main()
+            status = 0
+        except SystemExit as leaving:
+            status = int(leaving.code or 0)
+        sys.stdout.flush()
+    except BaseException:
+        import traceback
+
+        with contextlib.suppress(Exception):
+            traceback.print_exc()
+    finally:
+        with contextlib.suppress(Exception):
+            sys.stderr.flush()
+        os._exit(status)
+
+
+def _shim() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
+
+
+def _broken(found: Outcome, folder: Path, output: Path, before: set[str]) -> list[str]:
+    """The promises that were broken."""
+    broken = []
+    if found.status not in (0, 1, 2, 3):
+        broken.append(f"ended with {found.status}")
+    if NOISE.search(found.err) or NOISE.search(found.out):
+        broken.append("a traceback, an internal error or a library's words")
+    lines = found.err.strip().splitlines()
+    if found.status in (1, 2):
+        if found.out.strip():
+            broken.append("something on standard output of a failed command")
+        if len(lines) != 1 or not lines[0].startswith("hrg: ") or len(lines[0]) > 4000:
+            broken.append("not one sentence")
+        if output.exists() and not output.is_dir():
+            broken.append("an output of a failed command")
+    if "\x1b" in found.err + found.out:
+        broken.append("control characters for the terminal")
+    if found.status in (0, 3):
+        broken += _judged_output(found, output)
+    left = {p.name for p in folder.iterdir()} - before - {output.name, ".stdout", ".stderr"}
+    inside = [p.name for p in output.rglob("*.tmp")] if output.is_dir() else []
+    strange = sorted({name for name in left if not name.startswith(output.stem)} | set(inside))
+    if strange:
+        broken.append(f"left {strange[:3]} behind")
+    if found.seconds > PROCESSOR_S:
+        broken.append(f"took {found.seconds:.0f} s")
+    if found.peak_mb > MEMORY_MB:
+        broken.append(f"took {found.peak_mb:.0f} MB")
+    return broken
+
+
+def _judged_output(found: Outcome, output: Path) -> list[str]:
+    broken = []
+    try:
+        told = json.loads(found.out)
+        if not isinstance(told, dict) or "status" not in told:
+            broken.append("JSON without a status")
+    except ValueError:
+        return ["no JSON object on standard output"]
+    if output.suffix == ".h5" and output.is_file():
+        try:
+            store.read_any(output)
+            if store.changes(output):
+                broken.append("an output that differs from its own checksums")
+        except Exception as error:
+            broken.append(f"an output that cannot be read: {error}")
+    elif output.suffix in (".csv", ".h", ".toml") and output.is_file() and found.status == 0:
+        text = output.read_text(errors="replace")
+        text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL) if output.suffix == ".h" else text
+        match = NOT_FINITE.search(text)
+        if match:
+            broken.append(f"{match[0]} in {output.name} of a valid result")
+    return broken
+
+
+def clean(folder: Path) -> Path:
+    """The folder, made anew and empty."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder

@@ -1,0 +1,187 @@
+"""`hrg verify`: what was written is recognised as whole, and every kind of change in a chain or a lot is found and named."""
+
+import json
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+from conftest import ringing
+from test_batch import run_down, split_of
+from test_store import small
+
+from hrg_cli import store
+from hrg_cli.lots.batch import run_lot
+from hrg_cli.records import KINDS, Periods, Recording
+from hrg_cli.verification import report, verify
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A recording's chain to a resonator."""
+    from hrg_cli import pipeline, settings
+
+    folder = tmp_path_factory.mktemp("made")
+    for run, theta in enumerate((0.1, 0.6)):
+        store.write(folder / f"r{run}.h5", run_down("G", f"{run}", theta, 0.4, run))
+    steps = [("demodulate", [f"r{n}.h5"], f"p{n}.h5") for n in (0, 1)] + [("estimate", [f"p{n}.h5"], f"w{n}.h5") for n in (0, 1)]
+    for name, inputs, output in [*steps, ("identify", ["w0.h5", "w1.h5"], "resonator.h5")]:
+        values = settings.checked(pipeline.STAGES[name].function(), {})
+        pipeline.run_stage(name, [folder / i for i in inputs], folder / output, values)
+    return folder
+
+
+@pytest.fixture
+def chain(made, tmp_path):
+    """A copy of the chain to change."""
+    return shutil.copytree(made, tmp_path / "chain")
+
+
+def results(path):
+    return {v.name.rsplit("/", 1)[-1]: v for v in verify([path])}
+
+
+def test_an_untouched_chain_is_whole(chain, hrg):
+    told = hrg("verify", chain, "--json")
+    assert told.status == 0 and told.json["status"] == "valid" and len(told.json["files"]) == 7
+    assert all(f["result"] == "whole" and not f["findings"] for f in told.json["files"])
+    alone = hrg("verify", chain / "resonator.h5", "--json").json["files"]
+    assert {f["kind"] for f in alone} == {"resonator", "wave", "periods", "recording"}, "its sources are followed"
+
+
+def change_value(path):
+    with h5py.File(path, "r+") as file:
+        file["periods/signals"][3, 1] *= 1 + 1e-12
+
+
+def change_attribute(path):
+    with h5py.File(path, "r+") as file:
+        file["periods"].attrs["gyro_id"] = "another"
+
+
+def change_unit(path):
+    with h5py.File(path, "r+") as file:
+        file["periods/signals"].attrs["units"] = "mV"
+
+
+def change_status(path):
+    with h5py.File(path, "r+") as file:
+        file.attrs["status_reasons"] = "[]"
+        file.attrs["history"] = ""
+
+
+def add_dataset(path):
+    with h5py.File(path, "r+") as file:
+        file["periods/notes"] = np.zeros(3)
+
+
+def remove_dataset(path):
+    with h5py.File(path, "r+") as file:
+        del file["spectrum"]["density"]
+
+
+def claim_more(path):
+    with h5py.File(path, "r+") as file:
+        del file["periods/time_s"]
+        file.create_dataset("periods/time_s", shape=(1 << 40,), dtype="f8", chunks=(1 << 16,))
+
+
+CHANGES = {
+    "a dataset that claims a size": (claim_more, "the values of /periods/time_s were changed"),
+    "a value in its last digits": (change_value, "the values of /periods/signals were changed"),
+    "an attribute": (change_attribute, "the attributes of /periods were changed"),
+    "a unit": (change_unit, "the attributes of /periods/signals were changed"),
+    "the history": (change_status, "the attributes of / were changed"),
+    "an added dataset": (add_dataset, "the values of /periods/notes were added"),
+    "a removed dataset": (remove_dataset, "/spectrum/density was removed"),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_every_change_is_named(what, chain, hrg):
+    change, says = CHANGES[what]
+    change(chain / "p0.h5")
+    told = hrg("verify", chain, "--json")
+    assert told.status == 3 and told.json["status"] == "refused"
+    found = {f["name"].rsplit("/", 1)[-1]: f for f in told.json["files"]}
+    assert found["p0.h5"]["result"] in ("changed", "damaged") and says in found["p0.h5"]["findings"]
+    assert found["w0.h5"]["result"] == "changed" and "made from another p0.h5" in found["w0.h5"]["findings"][0]
+    assert found["p1.h5"]["result"] == found["w1.h5"]["result"] == found["resonator.h5"]["result"] == "whole"
+
+
+def test_a_source_made_again_with_other_settings_is_found(chain):
+    from hrg_cli import pipeline, settings
+
+    values = settings.checked(pipeline.STAGES["demodulate"].function(), {"periods_per_window": 3.0})
+    pipeline.run_stage("demodulate", [chain / "r0.h5"], chain / "p0.h5", values, force=True)
+    verdicts = results(chain)
+    assert verdicts["p0.h5"].result == "whole" and verdicts["w0.h5"].result == "changed"
+    pipeline.run_stage(
+        "estimate", [chain / "p0.h5"], chain / "w0.h5", settings.checked(pipeline.STAGES["estimate"].function(), {}), force=True
+    )
+    assert results(chain)["resonator.h5"].result == "changed"
+
+
+def test_settings_that_differ_between_runs_are_noted(chain):
+    from hrg_cli import pipeline, settings
+
+    values = settings.checked(pipeline.STAGES["estimate"].function(), {"solver": "levenberg-marquardt"})
+    pipeline.run_stage("estimate", [chain / "p0.h5"], chain / "w0.h5", values, force=True)
+    inputs = [chain / "w0.h5", chain / "w1.h5"]
+    pipeline.run_stage("identify", inputs, chain / "resonator.h5", settings.checked(pipeline.STAGES["identify"].function(), {}), force=True)
+    verdict = results(chain)["resonator.h5"]
+    assert verdict.result == "whole" and "different settings (estimate.solver): w0.h5; w1.h5" in verdict.notes[0]
+
+
+def test_a_renamed_source_is_found_and_a_missing_one_is_noted(chain):
+    (chain / "r0.h5").rename(chain / "kept.h5")
+    (chain / "r1.h5").unlink()
+    verdicts = results(chain)
+    assert all(v.result == "whole" for v in verdicts.values()) and not verdicts["p0.h5"].notes
+    assert verdicts["p1.h5"].notes == ["its source r1.h5 is not in the folder and was not followed"]
+
+
+def test_a_laboratorys_file_is_not_called_whole(tmp_path, hrg):
+    store.write(tmp_path / "a.h5", ringing())
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        del file.attrs["checksums"]
+    assert [v.result for v in verify([tmp_path / "a.h5"])] == ["without checksums"]
+    assert hrg("verify", tmp_path / "a.h5").status == 0 and hrg("verify", tmp_path / "a.h5", "--strict").status == 3
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
+def test_every_kind_is_whole_as_it_is_written_and_read(kind, tmp_path):
+    store.write(tmp_path / "a.h5", small(kind))
+    assert store.changes(tmp_path / "a.h5") == []
+
+
+def test_a_stream_keeps_the_checksums_of_the_whole(tmp_path):
+    whole = small(Periods, 100)
+    store.write(tmp_path / "a.h5", whole.blocks(7))
+    store.write(tmp_path / "b.h5", ringing(seconds=2.0).blocks(1000))
+    assert store.changes(tmp_path / "a.h5") == [] and store.changes(tmp_path / "b.h5") == []
+    assert store.read(tmp_path / "b.h5", Recording).c.dtype == np.dtype("i2")
+
+
+def test_a_lots_notes_are_compared(tmp_path):
+    (tmp_path / "data").mkdir()
+    for run, theta in enumerate((0.1, 0.6)):
+        store.write(tmp_path / "data" / f"{run}.h5", run_down("G", f"{run}", theta, split_of(1), run))
+    (tmp_path / "lot.toml").write_text('recordings = "data/*.h5"\nstages = ["identify"]\n')
+    out = tmp_path / "out"
+    run_lot(tmp_path / "lot.toml", out)
+    assert report(verify([out]))["status"] == "valid"
+    store.write(out / "G" / "0.wave.h5", store.read_any(out / "G" / "0.wave.h5").replace(run_id="9"), force=True)  # and sealed anew
+    (out / "G" / "1.periods.h5").unlink()
+    verdicts = results(out)
+    assert verdicts["0.wave.h5"].findings == ["is not what the lot wrote (0.json notes another SHA-256)"]
+    assert verdicts["1.periods.h5"].findings == ["was removed; 1.json notes it"]
+    assert verdicts["resonator.h5"].result == "changed"
+
+
+def test_nothing_to_verify_is_said(tmp_path, hrg):
+    assert "holds no hrg files" in hrg("verify", tmp_path).err
+    assert hrg("verify").status == 2
+    (tmp_path / "a.h5").write_bytes(b"not HDF5")
+    told = hrg("verify", tmp_path / "a.h5", "--json")
+    assert told.status == 3 and json.loads(told.out)["files"][0]["result"] == "damaged"
