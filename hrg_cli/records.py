@@ -422,9 +422,13 @@ class Diagnosis(Record):
     measured: Array = column("any", "measured series, columns named in `series`", ("row", "series"))
     simulated_before: Array = column("any", "the same of the base model", ("row", "series"))
     simulated_after: Array = column("any", "the same of the extended model", ("row", "series"))
+    simulated_without: Array | None = column(
+        "any", "the model fitted without some of the causes, columns named in `left_out`", ("row", "series", "left_out"), optional=True
+    )
     residual_before: Array = column("1", "whitened residual of the base model", ("row", "series"))
     residual_after: Array = column("1", "whitened residual of the extended model", ("row", "series"))
     series: str = attribute("JSON list: the columns' names")
+    left_out: str = attribute("JSON list of lists: the causes left out of each column of simulated_without", default="[]")
     run_ids: str = attribute("JSON list: the runs", default="[]")
     gyro_id: str = attribute("the gyro", default="")
     verdict: str = attribute("adequate, explained, partly explained, unexplained")
