@@ -102,9 +102,9 @@ def info(run: Common, file: OneFile = None) -> None:
 @command(
     app,
     "run",
-    "hrg run recording-*.h5 -o results/ --jobs 2",
+    "hrg run recordings/ -o results/ --jobs 2",
     says={
-        "output": "Folder of the results.",
+        "output": "Folder of the results; the same folder resumes.",
         "config": "TOML file with a table a stage.",
         "assignments": "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated.",
         "seed": "Seed of every stage that draws.",
@@ -114,11 +114,16 @@ def info(run: Common, file: OneFile = None) -> None:
 def run_(
     run: Common,
     recordings: Files = None,
+    limits: Annotated[Path | None, typer.Option(help="TOML file with limits the results must hold.", show_default=False)] = None,
+    full: Annotated[bool, typer.Option("--full", help="Draw the figures of every run and file on the page, too.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
 ) -> None:
-    """The whole chain on the recordings (or logs) of one gyro, into a folder, with a report page."""
-    from .running import run_files
+    """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and a page to show."""
+    from .running import run_files, tables_of
 
-    run.finish(run_files(recordings or [], run))
+    if run.show_config:
+        tables_of(run)
+    run.finish(*run_files(recordings or [], run, limits, full, dry_run))
 
 
 @command(

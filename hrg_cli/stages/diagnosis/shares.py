@@ -28,6 +28,8 @@ PIECES = 4
 ALL_SUBSETS = 3
 """Causes up to which every combination is fitted."""
 PPM = 1e6
+ROUND = 0.7
+"""Quadrature over main amplitude from which a wave has no angle worth the name."""
 
 
 @dataclass(frozen=True)
@@ -41,36 +43,43 @@ class Difference:
 
 
 def difference(first: Array, second: Array) -> Difference:
-    """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2."""
+    """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2, NaN where the wave is nearly a circle.
+
+    Of a circle neither angle nor phase is defined: their noise grows as 1/(1 − r²), r = a_B/a_A.
+    """
     a, b = (ellipse.wave(rows[:, :2] + 1j * rows[:, 2:], 1) for rows in (np.asarray(first), np.asarray(second)))
     turns = np.round((a[2] - b[2]) / np.pi)
     phase = a[3] - b[3] + np.pi * turns
     with np.errstate(divide="ignore", invalid="ignore"):
         amplitude, quadrature = np.log(a[0] / b[0]), a[1] / a[0] - b[1] / b[0]
-    return Difference(a[2] - b[2] - np.pi * turns, amplitude, quadrature, np.angle(np.exp(1j * phase)))
+        flat = (np.abs(a[1]) < ROUND * a[0]) & (np.abs(b[1]) < ROUND * b[0])
+    angle = np.where(flat, a[2] - b[2] - np.pi * turns, np.nan)
+    return Difference(angle, amplitude, quadrature, np.where(flat, np.angle(np.exp(1j * phase)), np.nan))
 
 
-def figures(departure: Difference, run: Array, time_s: Array) -> dict[str, float]:
-    """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency in Hz."""
-    drifts, frequencies = [], []
+def figures(departure: Difference, run: Array, time_s: Array) -> dict[str, float | None]:
+    """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency in Hz; None where nothing shows it."""
+    drifts: list[float] = []
+    frequencies: list[float] = []
     for k in np.unique(run):
         for piece in np.array_split(np.flatnonzero(run == k), PIECES):
+            piece = piece[np.isfinite(departure.angle[piece])]
             t = time_s[piece] - time_s[piece].mean() if len(piece) > 2 else np.zeros(0)
             if t @ t > 0:
-                drifts.append(t @ np.unwrap(departure.angle[piece], period=np.pi) / (t @ t))
-                frequencies.append(t @ np.unwrap(departure.phase[piece]) / (t @ t) / (2 * np.pi))
+                drifts.append(float(t @ np.unwrap(departure.angle[piece], period=np.pi) / (t @ t)))
+                frequencies.append(float(t @ np.unwrap(departure.phase[piece]) / (t @ t) / (2 * np.pi)))
     return {
-        "drift_deg_h": _rms(drifts) / DEGREE_PER_HOUR,
-        "angle_ppm": _rms(departure.angle) * PPM,
-        "amplitude_ppm": _rms(departure.amplitude) * PPM,
-        "frequency_hz": _rms(frequencies),
+        "drift_deg_h": _rms(drifts, 1 / DEGREE_PER_HOUR),
+        "angle_ppm": _rms(departure.angle, PPM),
+        "amplitude_ppm": _rms(departure.amplitude, PPM),
+        "frequency_hz": _rms(frequencies, 1.0),
     }
 
 
-def _rms(values: Array | list[float]) -> float:
+def _rms(values: Array | list[float], factor: float) -> float | None:
     squares = np.square(np.asarray(values, float))
     finite = squares[np.isfinite(squares)]
-    return float(np.sqrt(finite.mean())) if len(finite) else 0.0
+    return float(np.sqrt(finite.mean())) * factor if len(finite) else None
 
 
 @dataclass(frozen=True)
@@ -79,7 +88,7 @@ class Shares:
 
     left_out: tuple[tuple[str, ...], ...]
     rows: Array
-    figures: dict[str, dict[str, float]]
+    figures: dict[str, dict[str, float | None]]
 
 
 def sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
