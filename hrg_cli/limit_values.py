@@ -19,7 +19,7 @@ _QUANTITIES: dict[str, dict[str, float]] = {
     "an angle": {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": DEGREE, "°": DEGREE, "arcsec": DEGREE / 3600},
     "a frequency": {"Hz": 1.0, "mHz": 1e-3, "uHz": 1e-6, "µHz": 1e-6, "kHz": 1e3},
     "a time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0},
-    "a decay rate": {"1/s": 1.0, "1/h": 1 / 3600},
+    "a decay rate": {"1/s": 1.0, "1/h": 1 / 3600, "rad/s": 1.0, "deg/s": DEGREE, "deg/h": DEGREE_PER_HOUR, "°/h": DEGREE_PER_HOUR},
     "a temperature": {"degC": 1.0, "°C": 1.0},
     "a ratio": {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6, "ppb": 1e-9},
 }  # fmt: skip
@@ -42,7 +42,7 @@ UNITS = {
     "a time": "s",
     "a decay rate": "s-1",
     "a temperature": "degC",
-    "a ratio": "1",
+    "a ratio": "",
     "a rate in °/h": "deg/h",
     "a ratio in ppm": "ppm",
 }

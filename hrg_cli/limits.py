@@ -32,7 +32,7 @@ class Row:
     """Of a figure that is no number: what was found and what was wanted."""
     std: float | None = None
     """Standard deviation of the value, where the file knows it."""
-    units: str = "1"
+    units: str = ""
 
     @property
     def margin_sigma(self) -> float | None:
@@ -150,12 +150,15 @@ def figures_of(record: Record) -> dict[str, float]:
 
 
 def _causes(record: Diagnosis) -> dict[str, float]:
-    """How many causes were found, and their sizes by name: effects.NAME.PARAMETER, with _std."""
+    """How many causes were found, their sizes by name (effects.NAME.PARAMETER), and the values beside them (values.NAME), with _std."""
     try:
-        effects = json.loads(record.report).get("effects", [])
-    except (ValueError, AttributeError):
-        effects = []
+        report = dict(json.loads(record.report))
+    except (ValueError, TypeError):
+        report = {}
+    effects = report.get("effects") or []
     figures = {"causes": float(len(effects))}
+    for value in report.get("values") or []:
+        figures[f"values.{value['name']}"], figures[f"values.{value['name']}_std"] = float(value["value"]), float(value["std"])
     for effect in effects:
         for name, parameter in (effect.get("parameters") or {}).items():
             key = f"effects.{effect.get('name')}.{name}"

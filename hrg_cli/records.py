@@ -10,11 +10,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 
 from .errors import HrgError
+from .notebook import Shown, needed
 
 Array = np.ndarray
 R = TypeVar("R", bound="Record")
@@ -83,8 +85,8 @@ class Provenance:
     generated_by: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Record:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Record(Shown):
     """Common to all kinds: validity with its reasons, and provenance."""
 
     kind: ClassVar[str]
@@ -147,7 +149,7 @@ def collect(stream: R | Iterable[R]) -> R:
     return dataclasses.replace(last, **joined)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Recording(Record):
     """Samples of the two channels; evenly sampled (`sample_rate_hz`, first sample at t = 0) or at `time_s`.
 
@@ -212,7 +214,7 @@ class Recording(Record):
         return c, s
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Windowed(Record):
     """What a row of every window carries, and the run it belongs to: common to `Periods` and `Wave`."""
 
@@ -253,7 +255,7 @@ class Windowed(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Periods(Windowed):
     """Signals a window: the least-squares coefficients of both channels at the window's centre.
 
@@ -272,7 +274,7 @@ class Periods(Windowed):
     units: str = attribute("unit of the signals", default="1", name="signal_units")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Wave(Windowed):
     """The standing wave a window: main amplitude, quadrature, wave angle, phases, with standard deviations.
 
@@ -303,7 +305,7 @@ class Wave(Windowed):
         return (self.flags == 0) & (self.iterations >= 0) & np.isfinite(self.wave_angle_rad)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Resonator(Record):
     """Mechanical parameters with covariance, and how well each run agrees."""
 
@@ -339,8 +341,16 @@ class Resonator(Record):
         """Value of one parameter."""
         return self.parameters()[name][0]
 
+    def uncertain(self) -> dict[str, Any]:
+        """The parameters as correlated numbers of the package `uncertainties`: what is computed from them has its right σ.
 
-@dataclass(frozen=True, kw_only=True)
+        HrgError: the package is not installed.
+        """
+        numbers = needed("uncertainties", "uncertain()").correlated_values(np.asarray(self.value, float), np.asarray(self.covariance, float))
+        return dict(zip(map(str, self.name), numbers, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Calibration(Record):
     """Drift D(T, θ) and scale factor K(T, θ): m·dθ/dt = −K·Ω + D, as Fourier coefficients a temperature node and as tables.
 
@@ -382,13 +392,25 @@ class Calibration(Record):
         assert nodes is not None
         return nodes
 
+    def evaluate(self, node: Array | float, wave_angle_rad: Array | float) -> tuple[Array, Array]:
+        """(D in rad/s, K) at temperatures (or frequencies, by `axis`) and wave angles, broadcast against each other.
+
+        HrgError: a node outside the range the tables may be used in.
+        """
+        x, theta = np.broadcast_arrays(np.asarray(node, float), np.asarray(wave_angle_rad, float))
+        low, high = (v if np.isfinite(v) else edge for v, edge in ((self.node_min, -np.inf), (self.node_max, np.inf)))
+        if np.any((x < low) | (x > high)):
+            raise HrgError(f"the tables are for {low:g} to {high:g}, {float(x.min()):g} to {float(x.max()):g} was asked for")
+        drift, scale = import_module("hrg_cli.stages.calibration.table").values(self, x.ravel(), theta.ravel())
+        return drift.reshape(x.shape), scale.reshape(x.shape)
+
     correction: str = attribute(
         "sign and order of the correction", default="rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
     )
     details: str = attribute("JSON: rms figures, ladder, cross-validation, stability, model coefficients", default="{}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Compensated(Record):
     """Rate and angle of one run after the tables, with what was left before and after where the rate was known."""
 
@@ -407,7 +429,7 @@ class Compensated(Record):
     details: str = attribute("JSON: rms figures", default="{}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Diagnosis(Record):
     """What the simulation gets wrong: the verdict as JSON and the residual series before and after."""
 

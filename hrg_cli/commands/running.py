@@ -112,9 +112,7 @@ def reasons_of(steps: Sequence[Step]) -> list[str]:
             inherited = reason.split(" is ", 1)[0] in doubted or reason.endswith("more inputs are suspect or refused")
             if not inherited:
                 named.setdefault(reason, []).append(step.output)
-    return [
-        f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}" for reason, outputs in named.items()
-    ]
+    return [f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}" for reason, outputs in named.items()]
 
 
 def _explained(steps: Sequence[Step]) -> bool:

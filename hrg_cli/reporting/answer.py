@@ -248,4 +248,3 @@ def groups(records: Sequence[Record]) -> dict[str, list[Record]]:
 def is_result(record: Record) -> bool:
     """Whether a record can speak in an answer."""
     return not isinstance(record, Wave) and record.kind in ("diagnosis", "resonator", "calibration", "compensated")
-

@@ -22,8 +22,12 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
     runs = counts.get("wave") or counts.get("recording") or 0
     said = []
     if runs:
-        said.append(f"{runs} recording{'s' if runs != 1 else ''} of both channels {'were' if runs != 1 else 'was'} demodulated by least squares")
-        said[-1] += " in windows at the oscillation frequency, and each window's envelopes resolved into the standing wave's main amplitude,"
+        said.append(
+            f"{runs} recording{'s' if runs != 1 else ''} of both channels {'were' if runs != 1 else 'was'} demodulated by least squares"
+        )
+        said[-1] += (
+            " in windows at the oscillation frequency, and each window's envelopes resolved into the standing wave's main amplitude,"
+        )
         said[-1] += " quadrature, angle and phase with their standard deviations."
     if isinstance(of.get("resonator"), Resonator):
         said.append(

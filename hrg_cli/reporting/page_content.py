@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
+from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status
 from ..units import DEGREE_PER_HOUR
 from .diagnosis import gains
 from .json_text import calibration_rms, child, entries, figure_of_merit, json_list, json_object

@@ -93,6 +93,8 @@ _BY_UNIT: dict[str, Callable[[float], tuple[float, str]]] = {
     "rad": _angle,
     "rad s-1": _rate,
     "s": _time,
+    "": lambda size: (1.0, ""),
+    "deg/h": lambda size: (1.0, "°/h"),
     "degC": lambda size: (1.0, "°C"),
     "K-1": lambda size: (1e6, "ppm/K") if size < 1e-2 else (1e2, "%/K"),
     "amplitude": lambda size: (1e6, "ppm of the unit amplitude"),

@@ -65,4 +65,8 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     labels(ax, x=f"{words} error, {departure.unit}", title="Whose it is")
     note(ax, "on data left out" if departure.held_out else "")
     said = f"{words.capitalize()} error {number(departure.before, 3)} {departure.unit} without the causes" if causes else ""
-    return f"{said}, {number(departure.after, 3)} with them." if causes else f"{words.capitalize()} error {number(departure.after, 3)} {departure.unit}."
+    return (
+        f"{said}, {number(departure.after, 3)} with them."
+        if causes
+        else f"{words.capitalize()} error {number(departure.after, 3)} {departure.unit}."
+    )
