@@ -1,7 +1,7 @@
 """The chain of one gyro, the same for `hrg run` and `hrg batch`: each recording to its wave, then the waves to the gyro's results.
 
     recordings ── import, demodulate, estimate ──▶ waves ──┬ identify (free) ──▶ resonator
-                                                           ├ diagnose (free, else forced; beside it the resonator) ──▶ diagnosis, extended model
+                                                           ├ diagnose (free, else forced) ──▶ diagnosis, extended model
                                                            └ calibrate (forced) ──▶ calibration ── compensate ──▶ a file a forced run
 
 Every step is told as a `Step`; one that fails ends its own branch and no other. What was done before, unchanged, is not done again.
@@ -95,12 +95,13 @@ def recording_to_wave(work: Work, source: Path, name: str, logs: Sequence[Path] 
 def waves_to_results(work: Work, free: Sequence[Path], forced: Sequence[Path], stages: Sequence[str] = RESULTS) -> Iterator[Step]:
     """Identify free runs, diagnose free ones (forced where there are none) with the identified resonator beside them, calibrate and
     compensate forced ones; each stage of `stages` for which there are waves."""
-    resonator = calibration = None
+    resonator: Path | None = None
+    calibration: Path | None = None
     for stage in [s for s in RESULTS if s in stages]:
         waves = {"identify": free, "diagnose": free or forced, "calibrate": forced, "compensate": forced}[stage]
         if not waves:
             continue
-        beside = {"resonator": resonator} if resonator is not None and "resonator" in pipeline.STAGES[stage].beside else {}
+        beside: dict[str, Path] = {"resonator": resonator} if resonator is not None and "resonator" in pipeline.STAGES[stage].beside else {}
         if stage == "compensate":
             if calibration is not None:
                 for wave in waves:

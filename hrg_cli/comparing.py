@@ -65,8 +65,8 @@ def compare(old: Record, new: Record) -> Comparison:
     names = [n for n in first if n in second and _is_named(n, first) and math.isfinite(first[n]) and math.isfinite(second[n])]
     found = [_difference(n, first[n], _std(n, first), second[n], _std(n, second), int(mode)) for n in names]
     if isinstance(old, Calibration) and isinstance(new, Calibration):
-        found += _tables(old, new)
-    words = [("status", old.status, new.status)]
+        found += of_tables(old, new)
+    words: list[tuple[str, str, str]] = [("status", old.status, new.status)]
     if isinstance(old, Diagnosis) and isinstance(new, Diagnosis):
         words.append(("verdict", old.verdict, new.verdict))
     return Comparison(
@@ -79,7 +79,7 @@ def compare(old: Record, new: Record) -> Comparison:
 
 def _difference(name: str, old: float, old_std: float | None, new: float, new_std: float | None, mode: int) -> Difference:
     change = new - old
-    if name.endswith("axis_rad") or name.endswith("axis_rad.value"):
+    if name.endswith(("axis_rad", "axis_rad.value")):
         period = math.pi / mode
         change = (change + period / 2) % period - period / 2
     both = math.hypot(old_std or 0.0, new_std or 0.0) if old_std is not None and new_std is not None else 0.0
@@ -102,7 +102,7 @@ def _std(name: str, figures: dict[str, float]) -> float | None:
     return next((figures[k] for k in keys if k in figures and math.isfinite(figures[k])), None)
 
 
-def _tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
+def of_tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
     """Where the tables differ most in σ, on the old table's nodes that the new one reaches, of D and of K."""
     if old.axis != new.axis:
         return []

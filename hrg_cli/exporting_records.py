@@ -1,7 +1,7 @@
 """Any kind of file for other programs: CSV, JSON, Parquet, Excel, MATLAB; `.gz` compresses the text formats.
 
-One row of the table is one row of the record (a window, a parameter, a node and angle); columns carry their units in their names as in the
-file. Attributes and provenance go where the format has a place for them: JSON, a second sheet, further MATLAB variables, Parquet's metadata.
+One row of the table is one row of the record (a window, a parameter, a node and angle); columns carry their units in their names as in
+the file. Attributes and provenance go where the format has a place: JSON, a second sheet, further MATLAB variables, Parquet's metadata.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def format_of(output: Path) -> tuple[str, bool]:
 
 
 def export_record(record: Record, output: Path) -> bytes:
-    """The record in the format of the output's name. UsageError: an unknown format. HrgError: a package missing, too many rows for a sheet."""
+    """The record in the format of the output's name. UsageError: an unknown one. HrgError: a package missing, too many rows for a sheet."""
     suffix, packed = format_of(output)
     if suffix not in _WRITERS:
         raise UsageError(f"{output}: cannot export as {suffix or 'a file without an ending'}; end its name in {', '.join(FORMATS)}")
@@ -128,7 +128,7 @@ def _mat(record: Record) -> bytes:
     if isinstance(record, Recording):
         variables |= {name: values for name, values in columns_of(record).items()}
     sink = io.BytesIO()
-    savemat(sink, {record.kind: variables, "about": about}, do_compression=True, long_field_names=True)
+    savemat(sink, {record.kind: variables, "about": about}, do_compression=True, long_field_names=True)  # type: ignore[arg-type]
     return sink.getvalue()
 
 

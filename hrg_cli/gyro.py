@@ -51,7 +51,7 @@ def run_gyro(
     """
     tables = tables or {}
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
-    _of_one_gyro([i for i in inputs if not i.logs])
+    gyro_of(inputs)
     stages = [*(["import"] if any(i.logs for i in inputs) else []), *PER_RECORDING, *RESULTS]
     work = Work(folder, resolved(tables, stages), limits or {}, (), force, _Line(command_line))
     total = len(inputs) + len(RESULTS)
@@ -74,7 +74,7 @@ def run_gyro(
 def planned(paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, tuple[str, ...], str]]:
     """What a run would do, without doing it: (stage, inputs, output) a line; the modes of recordings are read, logs count as free."""
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
-    _of_one_gyro([i for i in inputs if not i.logs])
+    gyro_of(inputs)
     lines: list[tuple[str, tuple[str, ...], str]] = []
     waves: dict[str, list[str]] = {"free": [], "forced": []}
     for one in inputs:
@@ -146,10 +146,12 @@ def _head(path: Path) -> Recording:
         return record
 
 
-def _of_one_gyro(inputs: Sequence[Input]) -> None:
-    """HrgError: recordings of several gyros. A file that cannot be read is left to its own step."""
+def gyro_of(inputs: Sequence[Input]) -> str:
+    """The gyro of these recordings, empty where none names it. HrgError: several gyros. A file that cannot be read is left to its step."""
     gyros: dict[str, Path] = {}
     for one in inputs:
+        if one.logs:
+            continue
         try:
             gyro = _head(one.path).gyro_id
         except HrgError:
@@ -159,6 +161,7 @@ def _of_one_gyro(inputs: Sequence[Input]) -> None:
     if len(gyros) > 1:
         (a, first), (b, second) = list(gyros.items())[:2]
         raise HrgError(f"{second}: is of gyro {b}, but {first.name} is of gyro {a}; run takes one gyro, batch takes a lot of them")
+    return next(iter(gyros), "")
 
 
 @dataclass(frozen=True)

@@ -51,9 +51,7 @@ class Shown:
         rows = {"status": self.status} | _facts(self)  # type: ignore[attr-defined]
         if self.status_reasons:  # type: ignore[attr-defined]
             rows["because"] = "; ".join(self.status_reasons)  # type: ignore[attr-defined]
-        lines = "".join(
-            f"<tr><th style='text-align:left'>{html.escape(str(k))}</th><td>{html.escape(str(v))}</td></tr>" for k, v in rows.items()
-        )
+        lines = "".join(_line(key, str(value)) for key, value in rows.items())
         return f"<table><caption><b>{html.escape(type(self).__name__)}</b></caption>{lines}{_parameter_rows(self)}</table>"
 
     def to_xarray(self) -> xarray.Dataset:
@@ -117,7 +115,8 @@ def _facts(record: Any) -> dict[str, Any]:
 def _parameter_rows(record: Any) -> str:
     if not hasattr(record, "parameters"):
         return ""
-    rows = record.parameters().items()
-    return "".join(
-        f"<tr><th style='text-align:left'>{html.escape(n)}</th><td>{v:.10g} ± {s:.2g} {html.escape(u)}</td></tr>" for n, (v, s, u) in rows
-    )
+    return "".join(_line(name, f"{value:.10g} ± {std:.2g} {units}") for name, (value, std, units) in record.parameters().items())
+
+
+def _line(name: str, value: str) -> str:
+    return f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"

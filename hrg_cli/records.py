@@ -346,7 +346,8 @@ class Resonator(Record):
 
         HrgError: the package is not installed.
         """
-        numbers = needed("uncertainties", "uncertain()").correlated_values(np.asarray(self.value, float), np.asarray(self.covariance, float))
+        package, values = needed("uncertainties", "uncertain()"), np.asarray(self.value, float)
+        numbers = package.correlated_values(values, np.asarray(self.covariance, float))
         return dict(zip(map(str, self.name), numbers, strict=True))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from .. import settings, store
 from ..chain import Step
 from ..errors import HrgError
-from ..gyro import inputs_of, planned, run_gyro
+from ..gyro import gyro_of, inputs_of, planned, run_gyro
 from ..limits import Row, check
 from ..pipeline import STAGES
 from ..reporting import answer_text, console
@@ -35,7 +35,8 @@ def run_files(recordings: Sequence[Path], run: Common, limits: Path | None = Non
     folder = run.need_output("results/")
     if dry_run:
         return _plan(paths, folder, tables, started)
-    files = [one.path for one in inputs_of(paths, tables.get("import", {}).get("s_file"))]
+    inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
+    files, gyro = [one.path for one in inputs], gyro_of(inputs)
     made_folder = not folder.is_dir()
     if made_folder:
         store.check_output(folder)
@@ -43,7 +44,7 @@ def run_files(recordings: Sequence[Path], run: Common, limits: Path | None = Non
     page = folder / "report.html"
     ours = (folder / MARK).exists()
     store.check_output(page, run.force or ours)
-    with console.progress_bar("run", run.quiet or run.json) as progress:
+    with console.progress_bar(f"run {gyro}".strip(), run.quiet or run.json) as progress:
 
         def told(step: Step, share: float) -> None:
             progress(share)
@@ -62,7 +63,7 @@ def run_files(recordings: Sequence[Path], run: Common, limits: Path | None = Non
     deciding = [step for step in steps if step.name != "identify"] if _explained(steps) else steps
     missed = [row.sentence() for row in rows if not row.passed]
     worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
-    report = {
+    report: dict[str, Any] = {
         "kind": "run",
         "status": worst,
         "status_reasons": [*missed, *reasons_of(deciding)],

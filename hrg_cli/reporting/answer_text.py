@@ -14,19 +14,19 @@ def show(found: Answer) -> None:
     for reason in found.why:
         print(f"  {reason}")
     if found.requirements:
-        rows = [(r.name, r.value, r.limit, _margin(r.margin_sigma), "yes" if r.passed else "NO") for r in found.requirements]
-        print_table("", ("requirement", "value", "limit", "margin, σ", "passed"), rows)
+        required = [(r.name, r.value, r.limit, _margin(r.margin_sigma), "yes" if r.passed else "NO") for r in found.requirements]
+        print_table("", ("requirement", "value", "limit", "margin, σ", "passed"), required)
     if found.causes:
-        rows = [
+        causes = [
             (c.words, c.size, _share(c.drift_deg_h), _share(c.amplitude_ppm), number(abs(c.z), 3), ", ".join(c.rivals).replace("_", " "))
             for c in found.causes
         ]
-        print_table("", ("cause", "size", "drift, °/h", "amplitude, ppm", "σ", "cannot be told from"), rows)
+        print_table("", ("cause", "size", "drift, °/h", "amplitude, ppm", "σ", "cannot be told from"), causes)
     if found.parameters:
         print_table("", (f"{found.parameters_of}", ""), [(p.label, p.text) for p in found.parameters])
     if found.moved:
-        rows = [(m.label, m.believed, m.measured, number(m.sigma, 3)) for m in found.moved]
-        print_table("", ("wrong in the supplied model", "believed", "measured", "σ"), rows)
+        moved = [(m.label, m.believed, m.measured, number(m.sigma, 3)) for m in found.moved]
+        print_table("", ("wrong in the supplied model", "believed", "measured", "σ"), moved)
     for line in (found.forecast, *found.suspect_runs, *found.stability):
         if line:
             print(line)

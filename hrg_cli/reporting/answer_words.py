@@ -99,9 +99,8 @@ def causes_of(report: Mapping[str, Any], departure: Departure | None) -> tuple[C
         name = plain(effect.get("name"))
         rivals = effect.get("indistinguishable_from")
         others = tuple(plain(r) for r in rivals) if isinstance(rivals, list) else ()
-        found.append(
-            Cause(name, in_words(name), size_of(effect), FAMILY.get(name, "own"), as_float(effect.get("z")), rivals=others, **parts)
-        )
+        family, z = FAMILY.get(name, "own"), as_float(effect.get("z"))
+        found.append(Cause(name, in_words(name), size_of(effect), family, z, rivals=others, **parts))
     key = departure.key if departure else "drift_deg_h"
     return tuple(sorted(found, key=lambda cause: -(getattr(cause, key) or 0.0)))
 

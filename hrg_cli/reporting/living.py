@@ -34,7 +34,7 @@ def living_data(record: Diagnosis) -> dict[str, Any] | None:
     found = [str(e.get("name")) for e in entries(json_object(record.report), "effects")]
     causes = [name for name in found if any(name in names for names in sets)]
     run, time_s = np.asarray(record.run), np.asarray(record.time_s)
-    rows = {(): np.asarray(record.simulated_after)}
+    rows: dict[tuple[str, ...], Array] = {(): np.asarray(record.simulated_after)}
     rows |= {names: np.asarray(record.simulated_without)[:, :, k] for k, names in enumerate(sets)}
     shown = np.unique(run)[:RUNS]
     states = {}
@@ -49,10 +49,10 @@ def living_data(record: Diagnosis) -> dict[str, Any] | None:
             "tau": _numbers(tau),
             "allan": _numbers(deviation),
         }
-    names = json_list(record.run_ids)
+    run_ids = json_list(record.run_ids)
     return {
         "causes": [{"name": plain(name), "words": plain(in_words(name))} for name in causes],
-        "runs": [plain(names[k]) if k < len(names) else str(k) for k in shown],
+        "runs": [plain(run_ids[k]) if k < len(run_ids) else str(k) for k in shown],
         "times": [_numbers(_thin(time_s[run == k] - time_s[run == k][0])) for k in shown],
         "states": states,
     }

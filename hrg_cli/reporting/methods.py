@@ -22,17 +22,15 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
     runs = counts.get("wave") or counts.get("recording") or 0
     said = []
     if runs:
+        were = "recording was" if runs == 1 else "recordings were"
         said.append(
-            f"{runs} recording{'s' if runs != 1 else ''} of both channels {'were' if runs != 1 else 'was'} demodulated by least squares"
+            f"{runs} {were} demodulated by least squares in windows at the oscillation frequency, and each window's envelopes resolved into"
+            " the standing wave's main amplitude, quadrature, angle and phase with their standard deviations."
         )
-        said[-1] += (
-            " in windows at the oscillation frequency, and each window's envelopes resolved into the standing wave's main amplitude,"
-        )
-        said[-1] += " quadrature, angle and phase with their standard deviations."
     if isinstance(of.get("resonator"), Resonator):
         said.append(
-            "Damping and frequency split, their axes and the scale factor were fitted to all free runs together by maximum likelihood on the"
-            " averaged (slow) equations of motion [1]."
+            "Damping and frequency split, their axes and the scale factor were fitted to all free runs together by maximum likelihood"
+            " on the averaged (slow) equations of motion [1]."
         )
     diagnosis = of.get("diagnosis")
     if isinstance(diagnosis, Diagnosis):
@@ -40,9 +38,10 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
         tested, found = len(entries(report, "tested")), len(entries(report, "effects"))
         taken = len(json_list(diagnosis.run_ids))
         said.append(
-            f"The same model was then held against {taken} run{'s' if taken != 1 else ''} for {tested} further effects; {found} "
-            f"{'was' if found == 1 else 'were'} taken in, each significant after correction for the number tried and judged on data held out."
-            " A cause's share is the wave's difference between the fits with and without it, everything else fitted anew."
+            f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested} further effects;"
+            f" {found} {'was' if found == 1 else 'were'} taken in, each significant after correction for the number tried"
+            " and judged on data held out. A cause's share is the wave's difference between the fits with and without it,"
+            " everything else fitted anew."
         )
     if isinstance(of.get("calibration"), Calibration):
         said.append(

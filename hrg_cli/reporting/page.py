@@ -154,7 +154,7 @@ def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -
         if entry.record.kind in ("diagnosis", "calibration", "resonator", "compensated") and not _is_extended(entry.record):
             gyros.setdefault(gyro, {})[entry.record.kind] = path
     found = []
-    for number, (gyro, files) in enumerate(gyros.items(), start=1):
+    for place, (gyro, files) in enumerate(gyros.items(), start=1):
         records = {kind: store.read_any(path) for kind, path in files.items()}
         made = answer(list(records.values()), rows, {kind: path.name for kind, path in files.items()})
         if made is None:
@@ -168,8 +168,8 @@ def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -
                 living = data
             if isinstance(tables_of := records.get("calibration"), Calibration):
                 drawn += calibration.calibration_plots(tables_of, first_only=True)
-            pictures = [_picture(plot, f"answer-{number}-{plot.key}") for plot in drawn if plot is not None]
-        found.append(Shown(made, f"answer-{number}", pictures, living, methods(list(records.values()), counts[gyro])))
+            pictures = [_picture(plot, f"answer-{place}-{plot.key}") for plot in drawn if plot is not None]
+        found.append(Shown(made, f"answer-{place}", pictures, living, methods(list(records.values()), counts[gyro])))
     return found
 
 

@@ -1,7 +1,7 @@
 """Numbers for people: rounded by their standard deviation, in the units of the trade (°/h, ppm, °, mHz).
 
 The concise notation of the GUM (7.2.2): 1003.7000003(10) Hz is 1003.700 000 3 Hz with a standard deviation of 0.000 001 0 Hz. The number of
-digits of σ follows the Particle Data Group: two where its leading digits are 10 … 35, one up to 94, and 95 … 99 count as 100.
+digits of σ follows the Particle Data Group: two where its leading digits are 10 … 35, else one; 95 … 99 count as 100.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any
 from ..units import DEGREE, DEGREE_PER_HOUR
 from .text import number, ten
 
-TWO_DIGITS, ONE_DIGIT = 354, 949
-"""Three leading digits of σ up to which two, and up to which one digit of it is kept."""
+TWO_DIGITS = 354
+"""Three leading digits of σ up to which two of them are kept; beyond, one, which for 950 and more rounds to 10."""
 
 
 def rounded(value: Any, std: Any) -> str:
@@ -36,9 +36,7 @@ def _last_digit(std: float) -> int:
     """Power of ten of the last digit that is shown."""
     power = math.floor(math.log10(std))
     leading = round(std / 10.0**power * 100)
-    if leading <= TWO_DIGITS:
-        return power - 1
-    return power if leading <= ONE_DIGIT else power
+    return power - 1 if leading <= TWO_DIGITS else power
 
 
 def _concise(value: float, std: float, last: int) -> str:

@@ -21,7 +21,6 @@ def before_and_after(record: Diagnosis, departure: Departure | None, causes: tup
     run, time_s = np.asarray(record.run), np.asarray(record.time_s)
     factor, unit = time_unit(float(np.ptp(time_s)))
     figure, axes = panels(1, 2, height=2.7, width=8.2)
-    figure.get_layout_engine().set(w_pad=0.09)  # type: ignore[union-attr]
     ax = axes[0, 0]
     pairs = [("without the causes", record.simulated_before, 1), ("with the causes", record.simulated_after, 0)]
     for words, simulated, colour in pairs if causes else pairs[1:]:
@@ -64,9 +63,7 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     words = next(w for key, w, *_ in QUANTITIES if key == departure.key)
     labels(ax, x=f"{words} error, {departure.unit}", title="Whose it is")
     note(ax, "on data left out" if departure.held_out else "")
-    said = f"{words.capitalize()} error {number(departure.before, 3)} {departure.unit} without the causes" if causes else ""
-    return (
-        f"{said}, {number(departure.after, 3)} with them."
-        if causes
-        else f"{words.capitalize()} error {number(departure.after, 3)} {departure.unit}."
-    )
+    left = f"{number(departure.after, 3)} {departure.unit}"
+    if not causes:
+        return f"{words.capitalize()} error {left}."
+    return f"{words.capitalize()} error {number(departure.before, 3)} {departure.unit} without the causes, {left} with them."

@@ -1,8 +1,8 @@
 """Diagnosis, the shares: what each cause leaves in the runs where it is not taken in and everything else is fitted anew.
 
-With u the extended model's envelopes and u₋ those of the fit without one cause, the cause's share is the difference of their waves: of m·θ
-(its slope over a quarter of a run is a drift), of ln a_A and of the phase (its slope is a frequency). What the base model can take over of a
-cause is therefore no part of its share, and the share does not depend on the order in which the causes were found.
+With u the extended model's envelopes and u₋ those of the fit without one cause, the cause's share is the difference of their waves: of
+m·θ (its slope over a quarter of a run is a drift), of ln a_A and of the phase (its slope is a frequency). What the base model can take
+over of a cause is therefore no part of its share, and the share does not depend on the order in which the causes were found.
 """
 
 from __future__ import annotations
