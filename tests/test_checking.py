@@ -49,7 +49,9 @@ def test_limits_with_units(name, written, value):
     assert limit_value(name, written) == pytest.approx(value, rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "written"), [("bias_rad_s", "5 deg"), ("bias_rad_s", "five"), ("frequency_hz", "5 ppm"), ("chi2", float("inf"))])
+@pytest.mark.parametrize(
+    ("name", "written"), [("bias_rad_s", "5 deg"), ("bias_rad_s", "five"), ("frequency_hz", "5 ppm"), ("chi2", float("inf"))]
+)
 def test_units_of_something_else(name, written):
     with pytest.raises(UsageError, match="limit"):
         limit_value(name, written)
@@ -61,7 +63,9 @@ def test_what_was_meant():
 
 
 def test_many_files_verdict_and_causes(hrg, results):
-    given = limits(results, '[diagnosis]\nverdict = ["adequate", "explained"]\ncauses = 2\n[resonator]\nstatus = "any"\nscale_factor = 0.6\n')
+    given = limits(
+        results, '[diagnosis]\nverdict = ["adequate", "explained"]\ncauses = 2\n[resonator]\nstatus = "any"\nscale_factor = 0.6\n'
+    )
     files = (results / "diagnosis.h5", results / "resonator.h5")
     done = hrg("check", *files, "--limits", given, "--json")
     assert done.status == 0 and {row["file"] for row in done.json["rows"]} == set(map(str, files)), done.err

@@ -29,7 +29,9 @@ def bash(line, folder, **more):
     tool = folder / "bin" / "hrg"
     tool.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hrg_cli.cli "$@"\n')
     tool.chmod(0o755)
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{tool.parent}:{os.environ['PATH']}", "TMPDIR": str(folder / "tmp")} | more
+    environment = (
+        os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{tool.parent}:{os.environ['PATH']}", "TMPDIR": str(folder / "tmp")} | more
+    )
     (folder / "tmp").mkdir(exist_ok=True)
     return subprocess.run(["bash", "-o", "pipefail", "-c", line], cwd=folder, capture_output=True, text=True, env=environment, check=False)
 

@@ -164,6 +164,8 @@ def _why(report: Mapping[str, Any], examined: Sequence[Record]) -> tuple[str, ..
     if checks and not failed:
         failed = [f"all {len(checks)} closing checks passed"]
     reasons = [plain(reason) for record in examined if record.status != "valid" for reason in record.status_reasons]
+    said = [plain(c.get("sentence") or "") for c in checks if c.get("passed") is False]
+    reasons = [reason for reason in reasons if not any(one and one in reason for one in said)]
     return tuple(dict.fromkeys([*failed, *reasons]))
 
 

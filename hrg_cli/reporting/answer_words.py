@@ -164,8 +164,9 @@ def forecast(report: Mapping[str, Any]) -> str:
     before, after = (as_float(told.get(key)) for key in ("before", "after"))
     if math.isfinite(before) and math.isfinite(after) and told.get("unit"):
         unit = plain(str(told["unit"]).replace("deg_h", "°/h"))
+        factor, unit = (1e6, f"µ{unit}") if unit == "V" and before < 1e-2 else (1.0, unit)
         by = f", {short(ratio)} times smaller ({short(low)} … {short(high)})" if all(map(math.isfinite, (ratio, low, high))) else ""
-        return f"forecast of data left out: error {short(before)} → {short(after)} {unit}{by}"
+        return f"forecast of data left out: error {short(before * factor)} → {short(after * factor)} {unit}{by}"
     if isinstance(told.get("sentence"), str):
         return plain(told["sentence"])
     gain = child(report, "gain")
@@ -176,8 +177,13 @@ def forecast(report: Mapping[str, Any]) -> str:
 
 
 def failed_check(check: Mapping[str, Any]) -> str:
-    """A closing check that failed."""
-    return f"check failed: {in_words(plain(check.get('name')))} is {_value(check.get('value'))}, the limit is {_value(check.get('limit'))}"
+    """A closing check that failed: its own sentence where it has one, else its figure."""
+    name = in_words(plain(check.get("name")))
+    figures = f"{name} is {_value(check.get('value'))}, the limit is {_value(check.get('limit'))}"
+    said = plain(check.get("sentence") or "")
+    if not said:
+        return f"check failed: {figures}"
+    return f"check failed: {said}" if check.get("limit") == 1.0 and check.get("value") == 0.0 else f"check failed: {said} ({figures})"
 
 
 def _value(value: Any) -> str:

@@ -208,23 +208,16 @@ def _gain_tables(report: dict[str, Any]) -> list[Table]:
     if rows:
         found.append(Table(f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms", ("quantity", "before", "after"), rows))
     if forecast:
-        steps = [("base model", child(forecast, "before"))]
-        steps += [(f"+ {plain(step.get('name'))}", step) for step in entries(forecast, "steps")]
-        steps += [(f"{plain(e.get('name'))} instead of {plain(e.get('instead_of'))}", e) for e in entries(forecast, "alternatives")]
-        head = ("model", *(words for _, words in FORECAST), "errors smaller by")
-        rows = [(name, *(_missed(step, key) for key, _ in FORECAST), _ratio(step)) for name, step in steps]
-        found.append(Table("Forecast of the last part of every run from the first, rms errors (expected)", head, rows))
+        rows = [(name, *(cell(part.get(key)) for key, _ in FORECAST)) for name, part in forecast_parts(forecast)]
+        held = plain(forecast.get("held_out", "time"))
+        found.append(Table(f"Forecast of {held} left out, rms errors", ("model", *(words for _, words in FORECAST)), rows))
     return found
 
 
-def _missed(step: dict[str, Any], key: str) -> str:
-    """An error of the forecast and, in brackets, what its own uncertainty makes it."""
-    expected = child(step, "expected").get(key)
-    return cell(step.get(key)) + ("" if expected is None else f" ({cell(expected)})")
-
-
-def _ratio(step: Mapping[str, Any]) -> str:
-    return "–" if step.get("ratio") is None else f"{cell(step['ratio'])} ± {cell(step.get('std'))}"
+def forecast_parts(forecast: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """The forecast's errors by the wave's quantities, without and with the causes."""
+    parts = child(forecast, "parts") or forecast
+    return [(words, child(parts, when)) for words, when in (("without the causes", "before"), ("with the causes", "after"))]
 
 
 def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:

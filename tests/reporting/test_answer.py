@@ -83,7 +83,9 @@ def test_shares_of_the_causes(two_faults):
     report = json.loads(two_faults.report)
     assert {e["name"] for e in report["effects"]} == {"gain_mismatch", "nonlinear_damping"}
     sets = [tuple(s) for s in json.loads(two_faults.left_out)]
-    assert set(map(frozenset, sets)) == {frozenset(s) for s in (("gain_mismatch", "nonlinear_damping"), ("gain_mismatch",), ("nonlinear_damping",))}
+    assert set(map(frozenset, sets)) == {
+        frozenset(s) for s in (("gain_mismatch", "nonlinear_damping"), ("gain_mismatch",), ("nonlinear_damping",))
+    }
     both = max(range(len(sets)), key=lambda k: len(sets[k]))
     assert np.array_equal(two_faults.simulated_without[:, :, both], two_faults.simulated_before)
     chi2 = [np.sum((two_faults.measured - two_faults.simulated_without[:, :, k]) ** 2) for k in range(3)]
@@ -212,7 +214,9 @@ def test_rounded_by_sigma(value, std, text):
 def test_units_of_people():
     assert quantity("gain", 0.004, 1.5e-5, "1") == "0.4000(15) %" and quantity("gain", 4e-4, 1.5e-6, "1") == "400.0(15) ppm"
     assert quantity("rate_rad_s", 5 * DEGREE_PER_HOUR, 0.1 * DEGREE_PER_HOUR, "rad s-1") == "5.00(10) °/h"
-    assert quantity("frequency_split_rad_s", np.pi, 0.0, "rad s-1") == "1000 mHz" and quantity("x_axis_rad", np.pi / 2, None, "rad") == "90 °"
+    assert (
+        quantity("frequency_split_rad_s", np.pi, 0.0, "rad s-1") == "1000 mHz" and quantity("x_axis_rad", np.pi / 2, None, "rad") == "90 °"
+    )
     assert readable("rad s-1 K-1") == "rad/(s·K)" and readable("s-2") == "1/s²" and readable("1") == ""
 
 

@@ -126,10 +126,9 @@ def covariance_of(fit: Fit, noise_factor: float) -> Array:
     Σ = G C Gᵀ · (variance inflation), G the slopes of the parameters against the fitted coordinates; held ones have none.
     """
     _, slopes = physical(fit.point.p, fit.series.mode_number)
-    index = [fit.names.index(f"p{k}") if f"p{k}" in fit.names else -1 for k in range(7)]
-    there = [k for k in range(7) if index[k] >= 0]
-    coordinates = np.zeros((7, 7))
-    coordinates[np.ix_(there, there)] = fit.covariance[np.ix_([index[k] for k in there], [index[k] for k in there])]
+    coordinates = np.zeros((slopes.shape[1],) * 2)
+    there, columns = list(fit.layout.coordinates), range(len(fit.layout.coordinates))
+    coordinates[np.ix_(there, there)] = fit.covariance[np.ix_(columns, columns)]
     out = np.zeros((7, 7))
     out[1:, 1:] = slopes @ coordinates @ slopes.T * noise_factor
     return out
