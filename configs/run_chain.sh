@@ -10,4 +10,5 @@ hrg simulate configs/demonstration_forced.toml -o "$out/recordings/forced.h5" --
 hrg run "$out/recordings" -o "$out/results" --config configs/chain.toml
 hrg export "$out/results/calibration.h5" -o "$out/results/calibration.h" -q
 hrg report "$out/results/diagnosis.h5" --format png -o "$out/pictures" -q
+cp "$out/pictures/diagnosis-answer.png" "$out/answer.png"
 echo "the page to show: $out/results/report.html"

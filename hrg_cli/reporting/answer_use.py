@@ -18,7 +18,9 @@ Array = np.ndarray
 
 def equation(tables: bool, causes: Sequence[str]) -> str:
     """The equation that the result gives the numbers of."""
-    first = "m·dθ/dt = −K·Ω + D(T, θ), so Ω = (D − m·dθ/dt)/K" if tables else "m·dθ/dt = −K·Ω + D(θ), D(θ) = ν·δμ·sin 2m(θ − θ_μ)"
+    if tables:
+        return "m·dθ/dt = −K·Ω + D(T, θ), so Ω = (D − m·dθ/dt)/K"
+    first = "m·dθ/dt = −K·Ω + D(θ), D(θ) = ν·δμ·sin 2m(θ − θ_μ)"
     seen = [name for name in causes if matrix_of({name: {}}) is not None]
     return f"{first}; channels first: (C, S) = (1 + E)⁻¹ (C, S) measured" if seen else first
 
@@ -52,7 +54,10 @@ def _seen(effect: Any, values: Mapping[str, float], u: Array) -> Array | None:
 
 
 def snippet(report: Mapping[str, Any], calibration: Calibration | None, parameters: Sequence[Any]) -> str:
-    """C with the numbers: the channels put right, then the rate."""
+    """C with the numbers: the tables, which were made of the channels as they are; else the channels put right, then the rate."""
+    if calibration is not None:
+        include = '#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */'
+        return f"{include}\ndouble rate_rad_s = hrg_rate_rad_s(x, theta, dtheta_dt, 0.0);"
     lines = []
     found = {
         str(e.get("name")): {k: as_float(p.get("value")) for k, p in child(e, "parameters").items() if isinstance(p, dict)}
@@ -67,10 +72,6 @@ def snippet(report: Mapping[str, Any], calibration: Calibration | None, paramete
                 "/* channels as they would be without the read-out's fault */",
                 f"double c1 = {a[0, 0]:.9g} * c + {a[0, 1]:.9g} * s, s1 = {a[1, 0]:.9g} * c + {a[1, 1]:.9g} * s;",
             ]
-    if calibration is not None:
-        lines += ['#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */']
-        lines += ["double rate_rad_s = hrg_rate_rad_s(x, theta, dtheta_dt, 0.0);"]
-        return "\n".join(lines)
     known = {p.name: p.value for p in parameters}
     if {"damping_split_1_s", "damping_axis_rad", "scale_factor"} <= set(known):
         m = int(as_float(report.get("mode_number"))) if report.get("mode_number") else 2

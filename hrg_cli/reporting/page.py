@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -190,7 +191,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     written: list[Path] = []
     used: set[str] = set()
     for path in _unique(paths):
-        for plot in _plots(path, beside):
+        for plot in itertools.chain(_answer_plot(path), _plots(path, beside)):
             name = re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{plot.key}").lstrip(".")[:120]
             while name in used:
                 name += "_"
@@ -200,6 +201,17 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
                 png(plot, temporary)
             written.append(target)
     return written
+
+
+def _answer_plot(path: Path) -> Iterator[Plot]:
+    """The answer's figure of a diagnosis."""
+    if store.kind_of(path) is Diagnosis:
+        record = store.read(path, Diagnosis)
+        made = answer([record])
+        with style():
+            plot = before_and_after(record, made.departure, made.causes) if made is not None else None
+            if plot is not None:
+                yield plot
 
 
 def status_of(paths: Sequence[Path]) -> tuple[str, list[str]]:

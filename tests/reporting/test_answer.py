@@ -129,6 +129,8 @@ def test_the_snippet_undoes_the_readout(two_faults):
     size = json.loads(two_faults.report)["effects"][0]["parameters"]
     assert "double c1 = 0.99" in found.snippet and "rate_rad_s" in found.snippet and size
     assert snippet({}, None, ()) == ""
+    tables = answer([two_faults, by_hand.calibration()])
+    assert "c1" not in tables.snippet and "hrg_rate_rad_s" in tables.snippet, "the tables were made of the channels as they are"
 
 
 @pytest.mark.parametrize(

@@ -238,6 +238,17 @@ def test_png_figures(files, tmp_path):
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and p.parent == tmp_path / "figures" for p in written)
 
 
+def test_the_answer_comes_first(files):
+    """Sentence, the two words, one figure, causes, parameters and methods before anything else; figures of files only when asked."""
+    text = page.build_report(files)
+    order = [
+        text.index(mark)
+        for mark in ('class="sentence"', "gyro: fault found", "<svg", "<h3>Causes</h3>", "<h3>Parameters", "<h3>Methods", 'class="behind"')
+    ]
+    assert order == sorted(order) and text.count("<svg") == 2 and len(text) < len(page.build_report(files, full=True)) / 3
+    assert text.count("pickoff nonlinearity") >= 2 and "False" not in text and "0.00e+00" not in text
+
+
 def test_errors_are_sentences(tmp_path, files):
     (tmp_path / "text.h5").write_text("no")
     for paths, word in (([], "no file"), ([tmp_path / "none.h5"], "no such file"), ([files[0], tmp_path / "text.h5"], "not an HDF5 file")):
