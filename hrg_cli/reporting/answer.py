@@ -182,8 +182,8 @@ def requirement(row: Row) -> Requirement:
 
 def _parameters(diagnosis: Record | None, resonator: Record | None) -> tuple[tuple[Parameter, ...], str]:
     """Those beside the causes where there is a diagnosis, else the identified ones; and whose they are."""
-    if isinstance(diagnosis, Diagnosis):
-        report = json_object(diagnosis.report)
+    report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
+    if entries(report, "values"):
         rows = [(str(v.get("name")), v.get("value"), v.get("std"), str(v.get("units", ""))) for v in entries(report, "values")]
         of = "extended model" if entries(report, "effects") else "model"
     elif isinstance(resonator, Resonator):
