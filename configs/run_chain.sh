@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# The whole chain on the sample data and on simulated forced runs: `make run` calls it with the folder for the results.
+# The demonstration: a gyro with a hidden fault, free and forced, through the whole chain. `make run` calls it with the folder for the results.
 set -eu
 out=${1:?name the folder for the results}
 rm -rf "$out"
-mkdir -p "$out"
-hrg import sample_data/lab_log.csv -o "$out/lab.h5" --time 1 --c 2 --s 3 --temperature 4
-hrg run sample_data/free-*.h5 "$out/lab.h5" -o "$out/free" --config configs/chain.toml
-hrg simulate configs/forced_temperature.toml -o "$out/forced.h5" --seed 3 -q
-hrg run "$out"/forced-*.h5 -o "$out/forced" --config configs/chain.toml
-hrg export "$out/forced/calibration.h5" -o "$out/calibration.csv"
-hrg report "$out"/free/resonator.h5 "$out"/forced/calibration.h5 -o "$out/report.html"
-echo "results in $out; open $out/report.html"
+mkdir -p "$out/recordings"
+echo "simulating a gyro with a hidden fault (configs/demonstration_free.toml says which) ..."
+hrg simulate configs/demonstration_free.toml -o "$out/recordings/free.h5" --seed 3 -q
+hrg simulate configs/demonstration_forced.toml -o "$out/recordings/forced.h5" --seed 3 -q
+hrg run "$out/recordings" -o "$out/results" --config configs/chain.toml
+hrg export "$out/results/calibration.h5" -o "$out/results/calibration.h" -q
+hrg report "$out/results/diagnosis.h5" --format png -o "$out/pictures" -q
+cp "$out/pictures/diagnosis-answer.png" "$out/answer.png"
+echo "the page to show: $out/results/report.html"

@@ -16,13 +16,35 @@ As a library:
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what a type checker and an editor see; the names load on first use (PEP 562), a test holds both lists together
+    from . import store as store
+    from .errors import HrgError as HrgError
+    from .records import Calibration as Calibration
+    from .records import Compensated as Compensated
+    from .records import Diagnosis as Diagnosis
+    from .records import Periods as Periods
+    from .records import Recording as Recording
+    from .records import Resonator as Resonator
+    from .records import Wave as Wave
+    from .records import collect as collect
+    from .reporting.answer import answer as answer
+    from .stages.calibrate import calibrate as calibrate
+    from .stages.compensate import compensate as compensate
+    from .stages.demodulate import demodulate as demodulate
+    from .stages.diagnose import diagnose as diagnose
+    from .stages.estimate import estimate as estimate
+    from .stages.identify import identify as identify
+    from .stages.plan import plan as plan
+    from .stages.simulate import simulate as simulate
 
 __version__ = "0.1.0"
 
 _PUBLIC = {
     "store": ("hrg_cli.store", None),
     "HrgError": ("hrg_cli.errors", "HrgError"),
+    "answer": ("hrg_cli.reporting.answer", "answer"),
     **{
         name: ("hrg_cli.records", name)
         for name in ("Recording", "Periods", "Wave", "Resonator", "Calibration", "Compensated", "Diagnosis", "collect")

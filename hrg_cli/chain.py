@@ -1,20 +1,30 @@
-"""The whole chain on one gyro: demodulate and estimate each recording, identify and diagnose free runs, calibrate forced ones."""
+"""The chain of one gyro, the same for `hrg run` and `hrg batch`: each recording to its wave, then the waves to the gyro's results.
+
+    recordings ── import, demodulate, estimate ──▶ waves ──┬ identify (free) ──▶ resonator
+                                                           ├ diagnose (free, else forced) ──▶ diagnosis, extended model
+                                                           └ calibrate (forced) ──▶ calibration ── compensate ──▶ a file a forced run
+
+Every step is told as a `Step`; one that fails ends its own branch and no other. What was done before, unchanged, is not done again.
+"""
 
 from __future__ import annotations
 
-import shlex
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from . import pipeline, settings, store
-from .errors import DiskFullError, HrgError
-from .executors import local_processes
-from .records import Wave
+from . import memory, pipeline, store
+from .errors import DiskFullError, HrgError, UsageError
+from .extended import beside as extended_beside
+from .extended import write_extended
+from .records import Diagnosis, Record, Wave
 
-Say = Callable[[str], None]
+PER_RECORDING = ("demodulate", "estimate")
+RESULTS = ("identify", "diagnose", "calibrate", "compensate")
+"""Stages of a gyro's waves, in their order."""
+CommandLine = Callable[[str, Sequence[Path], Path], str]
 
 
 @dataclass(frozen=True)
@@ -27,171 +37,149 @@ class Step:
     status: str
     reasons: tuple[str, ...] = ()
     json: Mapping[str, Any] = field(default_factory=dict)
-
-
-def run_chain(
-    inputs: Sequence[Path],
-    folder: Path,
-    tables: Mapping[str, Mapping[str, Any]] | None = None,
-    *,
-    force: bool = False,
-    command_line: str = "",
-    say: Say = print,
-    jobs: int = 1,
-) -> list[Step]:
-    """Run every step that the inputs allow; a step that fails is recorded and those that need it are skipped.
-
-    inputs: recordings, or foreign logs (imported first); tables: settings a stage, e.g. {"demodulate": {"periods_per_window": 20}};
-    jobs: processes that share the recordings up to their waves (the same results for any number).
-    HrgError: two inputs would write the same file; an output exists (unless `force`).
-    """
-    tables = tables or {}
-    inputs = _without_second_files(inputs, tables.get("import", {}).get("s_file"))
-    stems = [path.name.removesuffix(".h5") if path.suffix == ".h5" else path.stem for path in inputs]
-    if len(set(stems)) < len(stems):
-        raise HrgError(
-            f"{inputs[0]}: two inputs are called {next(s for s in stems if stems.count(s) > 1)}; rename one, their outputs would collide"
-        )
-    steps: list[Step] = []
-    chain = _Chain(folder, tables, force, command_line or "hrg run", say, steps)
-    alone = replace(chain, steps=[], say=_silent)
-    waves: list[Path] = []
-    for wave, made in _shared([(alone, path, stem) for path, stem in zip(inputs, stems)], jobs):
-        waves += [] if wave is None else [wave]
-        for step in made:
-            chain.end(step)
-    modes = {wave: store.read(wave, Wave).mode for wave in waves}
-    free, forced = [w for w in waves if modes[w] == "free"], [w for w in waves if modes[w] == "forced"]
-    resonator = chain.stage("identify", free, folder / "resonator.h5") if free else None
-    if free:
-        chain.stage("diagnose", free, folder / "diagnosis.h5", needs=resonator)
-    if forced:
-        calibration = chain.stage("calibrate", forced, folder / "calibration.h5")
-        for wave in forced if calibration else []:
-            chain.stage(
-                "compensate", [wave], folder / wave.name.replace(".wave.h5", ".compensated.h5"), beside={"calibration": calibration}
-            )
-    return steps
-
-
-def _without_second_files(inputs: Sequence[Path], s_file: str | None) -> list[Path]:
-    """The inputs, without those that hold the channel S of another one."""
-    if s_file is None:
-        return list(inputs)
-    from .formats import partners
-
-    second = partners(inputs, lambda path: s_file)
-    return [path for path in inputs if path not in second]
-
-
-def _silent(text: str) -> None:
-    """Says nothing: steps made in another process are told by this one."""
-
-
-_Work = tuple["_Chain", Path, str]
-
-
-def _to_wave(work: _Work) -> tuple[Path | None, list[Step]]:
-    chain, path, stem = work
-    own = replace(chain, steps=[])
-    return own.to_wave(path, stem), own.steps
-
-
-def _shared(works: Sequence[_Work], jobs: int) -> Iterator[tuple[Path | None, list[Step]]]:
-    """Every recording's wave and steps, in the recordings' order. HrgError: a process was killed."""
-    if min(jobs, len(works)) < 2:
-        yield from map(_to_wave, works)
-        return
-    with local_processes(min(jobs, len(works))) as executor:
-        try:
-            yield from executor.map(_to_wave, works)
-        except BrokenExecutor as error:
-            raise HrgError("a process of --jobs was killed; it needs more memory than there is, use fewer --jobs") from error
+    checks: tuple[Mapping[str, Any], ...] = ()
+    """Figures held against limits: {name, passed, sentence}."""
 
 
 @dataclass(frozen=True)
-class _Chain:
+class Work:
+    """What both parts need: the gyro's folder, whole settings a stage, limits, what else decides whether work is the same as before."""
+
     folder: Path
-    tables: Mapping[str, Mapping[str, Any]]
-    force: bool
-    command_line: str
-    say: Say
-    steps: list[Step]
+    settings: Mapping[str, Mapping[str, Any]]
+    limits: Mapping[str, Any] = field(default_factory=dict)
+    same_if: Sequence[Any] = ()
+    replace: bool = True
+    """Replace outputs whatever they are; else only those that this chain made and nobody changed."""
+    command_line: CommandLine | str = "hrg run"
+    """The line of a step's history: the same for every step, or made for each."""
 
-    def line(self, name: str, inputs: Sequence[Path], output: Path) -> str:
-        """The line of `history`: the step as a command of its own, and the command that ran it."""
-        return f"hrg {name} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in: {self.command_line})"
 
-    def to_wave(self, path: Path, stem: str) -> Path | None:
-        """import (a foreign log), demodulate, estimate; None where one of them fails."""
-        if path.exists() and not store.is_hdf5(path):
-            path_or_none = self._import(path, self.folder / f"{stem}.h5")
-            if path_or_none is None:
-                return None
-            path = path_or_none
-        periods = self.stage("demodulate", [path], self.folder / f"{stem}.periods.h5")
-        return None if periods is None else self.stage("estimate", [periods], self.folder / f"{stem}.wave.h5")
+def recording_to_wave(work: Work, source: Path, name: str, logs: Sequence[Path] = (), identity: Sequence[Any] = ()) -> Iterator[Step]:
+    """import (of a laboratory's logs), demodulate, estimate: NAME.periods.h5 and NAME.wave.h5, the mode in the last step's JSON.
 
-    def _import(self, log: Path, output: Path) -> Path | None:
-        from .formats import import_log, second_file
+    logs: the files of a foreign log, first the one that is named; empty for an hrg recording. identity: gyro and lot, where they count.
+    """
+    note = work.folder / f"{name}.json"
+    outputs = [work.folder / f"{name}.{kind}.h5" for kind in ("periods", "wave")]
+    inputs = list(logs) or [source]
+    steps = [(stage, output) for stage, output in zip(PER_RECORDING, outputs)]
+    if logs:
+        outputs = [work.folder / f"{name}.recording.h5", *outputs]
+        steps.insert(0, ("import", outputs[0]))
+    made: list[Step] = []
+    first = steps[0]
+    try:
+        if not source.is_file():
+            raise HrgError(f"{source}: no such file; name a recording or a laboratory's log")
+        key = memory.key_of([*work.same_if, {s: work.settings[s] for s, _ in steps}, *identity], inputs)
+        done = memory.remembered(note, key)
+        if done is not None and done.get("steps"):
+            yield from _told(done["steps"])
+            return
+        read = inputs
+        for stage, output in steps:
+            first = (stage, output)
+            record = _imported(work, read, output, note) if stage == "import" else _staged(work, stage, read, output, note).record
+            told = {"mode": str(getattr(record, "mode", "free"))} if stage == "estimate" else {}
+            made.append(Step(stage, tuple(p.name for p in read), output.name, record.status, record.status_reasons, told))
+            yield made[-1]
+            read = [output]
+        memory.remember(note, key, {"steps": [dataclasses.asdict(step) for step in made]}, outputs)
+    except (DiskFullError, UsageError):
+        raise
+    except HrgError as error:
+        yield Step(first[0], tuple(p.name for p in inputs), first[1].name, "failed", (str(error),))
 
-        def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
-            values = settings.checked(import_log, self.tables.get("import", {}))
-            sources = [log] if values["s_file"] is None else [log, second_file(log, values["s_file"])]
-            record = pipeline.write_first(
-                output,
-                import_log(log, **values),
-                values,
-                "import",
-                sources,
-                force=self.force,
-                command_line=self.line("import", [log], output),
-            )
-            return record.status, record.status_reasons, {}
 
-        return self._step("import", [log], output, work)
+def waves_to_results(work: Work, free: Sequence[Path], forced: Sequence[Path], stages: Sequence[str] = RESULTS) -> Iterator[Step]:
+    """Identify free runs, diagnose free ones (forced where there are none) with the identified resonator beside them, calibrate and
+    compensate forced ones; each stage of `stages` for which there are waves."""
+    resonator: Path | None = None
+    calibration: Path | None = None
+    for stage in [s for s in RESULTS if s in stages]:
+        waves = {"identify": free, "diagnose": free or forced, "calibrate": forced, "compensate": forced}[stage]
+        if not waves:
+            continue
+        beside: dict[str, Path] = {"resonator": resonator} if resonator is not None and "resonator" in pipeline.STAGES[stage].beside else {}
+        if stage == "compensate":
+            if calibration is not None:
+                for wave in waves:
+                    output = work.folder / wave.name.replace(".wave.h5", ".compensated.h5")
+                    yield _result(work, stage, [wave], output, {"calibration": calibration})
+            continue
+        output = work.folder / f"{pipeline.STAGES[stage].gives}.h5"
+        step = _result(work, stage, waves, output, beside)
+        yield step
+        if step.status not in ("failed", "refused"):
+            resonator = output if stage == "identify" else resonator
+            calibration = output if stage == "calibrate" else calibration
 
-    def stage(
-        self,
-        name: str,
-        inputs: Sequence[Path],
-        output: Path,
-        *,
-        beside: Mapping[str, Path | None] | None = None,
-        needs: Path | bool | None = True,
-    ) -> Path | None:
-        """Run a stage as a step; its output, or None when it failed."""
-        if needs is None:
-            self.end(Step(name, tuple(p.name for p in inputs), output.name, "skipped", ("the step before it failed",)))
-            return None
 
-        def work() -> tuple[str, tuple[str, ...], Mapping[str, Any]]:
-            values = settings.checked(pipeline.STAGES[name].function(), self.tables.get(name, {}))
-            with_it = {key: path for key, path in (beside or {}).items() if path is not None}
-            outcome = pipeline.run_stage(
-                name, inputs, output, values, beside=with_it, force=self.force, command_line=self.line(name, inputs, output)
-            )
-            return outcome.record.status, outcome.record.status_reasons, outcome.json
+def mode_of(wave: Path) -> str:
+    """Free or forced."""
+    with store.open_record(wave, Wave) as record:
+        return str(record.mode)
 
-        return self._step(name, inputs, output, work)
 
-    def _step(
-        self, name: str, inputs: Sequence[Path], output: Path, work: Callable[[], tuple[str, tuple[str, ...], Mapping[str, Any]]]
-    ) -> Path | None:
-        read = tuple(p.name for p in inputs)
-        try:
-            status, reasons, json = work()
-        except DiskFullError:
-            raise
-        except HrgError as error:
-            self.end(Step(name, read, output.name, "failed", (str(error),)))
-            return None
-        self.end(Step(name, read, output.name, status, reasons, json))
-        return output
+def _result(work: Work, stage: str, inputs: Sequence[Path], output: Path, beside: Mapping[str, Path]) -> Step:
+    """One stage on waves, unless it was done before."""
+    note, read = output.with_suffix(".json"), tuple(p.name for p in inputs)
+    try:
+        key = memory.key_of([*work.same_if, stage, work.settings[stage], work.limits], [*inputs, *beside.values()])
+        done = memory.remembered(note, key)
+        if done is not None and done.get("steps"):
+            return next(_told(done["steps"]))
+        outcome = _staged(work, stage, inputs, output, note, beside)
+        outputs = [output]
+        if isinstance(outcome.record, Diagnosis):
+            force = work.replace or all(not p.exists() or memory.is_ours(note, p) for p in extended_beside(output))
+            outputs += write_extended(outcome.record, output, force)
+        told = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
+        record = outcome.record
+        step = Step(stage, read, output.name, record.status, record.status_reasons, told, tuple(_checked(record, work.limits)))
+        memory.remember(note, key, {"steps": [dataclasses.asdict(step)]}, outputs)
+        return step
+    except (DiskFullError, UsageError):
+        raise
+    except HrgError as error:
+        return Step(stage, read, output.name, "failed", (str(error),))
 
-    def end(self, step: Step) -> None:
-        """Keep a step and say how it ended."""
-        self.steps.append(step)
-        self.say(
-            f"{step.name} → {step.output}: {step.status}" + (f" ({step.reasons[0]})" if step.reasons and step.status != "valid" else "")
-        )
+
+def _told(steps: Sequence[Mapping[str, Any]]) -> Iterator[Step]:
+    """Steps as they were noted."""
+    for step in steps:
+        lists = {key: tuple(step[key]) for key in ("inputs", "reasons", "checks")}
+        yield Step(**{**step, **lists})
+
+
+def _line(work: Work, name: str, inputs: Sequence[Path], output: Path) -> str:
+    return work.command_line if isinstance(work.command_line, str) else work.command_line(name, inputs, output)
+
+
+def _may_replace(work: Work, note: Path, output: Path) -> bool:
+    return work.replace or (output.exists() and memory.is_ours(note, output))
+
+
+def _staged(
+    work: Work, stage: str, inputs: Sequence[Path], output: Path, note: Path, beside: Mapping[str, Path] | None = None
+) -> pipeline.Outcome:
+    force, line = _may_replace(work, note, output), _line(work, stage, inputs, output)
+    return pipeline.run_stage(stage, list(inputs), output, work.settings[stage], beside=beside, force=force, command_line=line)
+
+
+def _imported(work: Work, logs: Sequence[Path], output: Path, note: Path) -> Record:
+    from .formats import import_log
+
+    values = work.settings["import"]
+    force, line = _may_replace(work, note, output), _line(work, "import", logs, output)
+    return pipeline.write_first(output, import_log(logs[0], **values), values, "import", logs, force=force, command_line=line)
+
+
+def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The figures of a record against the limits of its kind, where there are some."""
+    if record.kind not in limits:
+        return []
+    from .limits import check
+
+    return [{"name": row.name, "passed": row.passed, "sentence": row.sentence()} for row in check(record, limits)]

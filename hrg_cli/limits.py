@@ -11,8 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from .errors import HrgError
-from .records import Calibration, Record, Resonator
+from .errors import HrgError, UsageError
+from .limit_values import limit_value, meant, unit_of
+from .records import KINDS, Calibration, Diagnosis, Record, Resonator
+
+STATUSES = {"valid": 0, "suspect": 1, "refused": 2}
+VERDICTS = ("adequate", "explained", "partly explained", "unexplained")
 
 
 @dataclass(frozen=True)
@@ -26,11 +30,23 @@ class Row:
     passed: bool
     words: tuple[str, str] | None = None
     """Of a figure that is no number: what was found and what was wanted."""
+    std: float | None = None
+    """Standard deviation of the value, where the file knows it."""
+    units: str = ""
+
+    @property
+    def margin_sigma(self) -> float | None:
+        """Distance of the value from the nearest limit in σ, negative outside; None where σ is not known."""
+        if self.value is None or not self.std:
+            return None
+        room = [self.value - self.minimum] if self.minimum is not None else []
+        room += [self.maximum - self.value] if self.maximum is not None else []
+        return min(room) / self.std if room else None
 
     def sentence(self) -> str:
         """Why the figure does or does not pass."""
         if self.words is not None:
-            return f"the file is {self.words[0]}, {self.words[1]} was wanted"
+            return f"the {'file' if self.name == 'status' else self.name} is {self.words[0]}, {self.words[1]} was wanted"
         if self.value is None:
             return f"{self.name} is not in the file"
         bounds = [f"at least {self.minimum:g}"] if self.minimum is not None else []
@@ -43,12 +59,17 @@ MOST_LIMITS = 10_000
 
 
 def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
-    """Rows of verdicts for `[limits]` tables: name = { minimum = …, maximum = … }, or a bare number, which is a maximum.
+    """Rows of verdicts for `[limits]` tables: name = { minimum = …, maximum = … }, or a bare limit, which is a maximum.
 
     Names are those of the kind's figures (`figures_of`), nested keys joined by points; limits stand in a table of the record's kind
-    ([calibration], [resonator], …) or at the top. `status = "valid"` (the default) wants a record that is not refused or suspect.
-    HrgError: a limit that is neither, no limit for this kind.
+    ([calibration], [resonator], …) or at the top, as numbers in SI or with a unit ("5 deg/h", "200 ppm"). `status = "valid"` (the default)
+    wants a record that is not refused or suspect; `verdict = "adequate"`, or a list of words, is for a diagnosis, as is `causes = 0`.
+    HrgError: no limit for this kind. UsageError: a limit that is neither, a name, table, unit or word that looks mistyped.
     """
+    figures = figures_of(record)
+    for name, value in limits.items():
+        if _is_group(value) and name not in (cls.kind for cls in KINDS) and (hint := meant(name, [cls.kind for cls in KINDS])):
+            raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
     own = limits.get(record.kind)
     table: Mapping[str, Any] = own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not _is_group(v)}
     if not table:
@@ -57,24 +78,40 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
         )
     if len(table) > MOST_LIMITS:
         raise HrgError(f"the limits hold {len(table)} entries for a {record.kind} file, {MOST_LIMITS} at most were expected")
-    figures = figures_of(record)
-    rows = []
-    wanted = table.get("status", "valid")
-    if wanted not in ("valid", "suspect", "any"):
-        raise HrgError(f'limit status = {wanted!r}: "valid", "suspect" or "any" was expected')
-    worst = {"valid": 0, "suspect": 1, "refused": 2}[record.status]
-    allowed = {"valid": 0, "suspect": 1, "any": 2}[wanted]
-    at_worst = {"valid": "valid", "suspect": "suspect at the worst", "any": "anything"}[wanted]
-    rows.append(Row("status", float(worst), None, float(allowed), worst <= allowed, (record.status, at_worst)))
+    rows = [_status_row(record, table.get("status", "valid"))]
     for name, limit in table.items():
         if name == "status":
             continue
+        if name == "verdict" and isinstance(record, Diagnosis):
+            rows.append(_verdict_row(record, limit))
+            continue
         minimum, maximum = _bounds(name, limit)
         value = figures.get(name)
+        if value is None and (hint := meant(name, [*figures, "verdict", "status"])):
+            raise UsageError(f"limit {name} is no figure of a {record.kind} file; {hint}")
         inside = value is not None and math.isfinite(value)
         inside = inside and (minimum is None or value >= minimum) and (maximum is None or value <= maximum)  # type: ignore[operator]
-        rows.append(Row(name, value, minimum, maximum, bool(inside)))
+        std = next((figures[k] for k in (f"{name}_std", f"{name.removesuffix('.value')}.std") if k in figures), None)
+        rows.append(Row(name, value, minimum, maximum, bool(inside), std=std, units=unit_of(name)))
     return rows
+
+
+def _status_row(record: Record, wanted: Any) -> Row:
+    if wanted not in ("valid", "suspect", "any"):
+        raise UsageError(f'limit status = {wanted!r}: "valid", "suspect" or "any" was expected')
+    worst, allowed = STATUSES[record.status], {"valid": 0, "suspect": 1, "any": 2}[wanted]
+    at_worst = {"valid": "valid", "suspect": "suspect at the worst", "any": "anything"}[wanted]
+    return Row("status", float(worst), None, float(allowed), worst <= allowed, (record.status, at_worst))
+
+
+def _verdict_row(record: Diagnosis, wanted: Any) -> Row:
+    words = [wanted] if isinstance(wanted, str) else list(wanted) if isinstance(wanted, list) else [wanted]
+    for word in words:
+        if word not in VERDICTS:
+            hint = meant(word, VERDICTS) if isinstance(word, str) else ""
+            raise UsageError(f"limit verdict = {word!r}: {hint or ', '.join(VERDICTS) + ' was expected'}")
+    place = float(VERDICTS.index(record.verdict)) if record.verdict in VERDICTS else None
+    return Row("verdict", place, None, None, record.verdict in words, (record.verdict, " or ".join(words)))
 
 
 def _is_group(value: Any) -> bool:
@@ -82,19 +119,15 @@ def _is_group(value: Any) -> bool:
 
 
 def _bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
-    if isinstance(limit, bool) or not isinstance(limit, int | float | Mapping):
-        raise HrgError(f"limit {name} = {limit!r}: a number (a maximum) or {{ minimum = …, maximum = … }} was expected")
-    if isinstance(limit, Mapping):
-        unknown = set(limit) - {"minimum", "maximum"}
-        if unknown or not limit:
-            raise HrgError(f"limit {name} has {', '.join(sorted(unknown)) or 'nothing'}; minimum and maximum are known")
-        values = tuple(limit.get(key) for key in ("minimum", "maximum"))
-        if any(v is not None and (isinstance(v, bool) or not isinstance(v, int | float) or not math.isfinite(v)) for v in values):
-            raise HrgError(f"limit {name}: minimum and maximum must be finite numbers")
-        return values  # type: ignore[return-value]
-    if not math.isfinite(limit):
-        raise HrgError(f"limit {name}: a finite number was expected")
-    return None, float(limit)
+    if not isinstance(limit, Mapping):
+        return None, limit_value(name, limit)
+    for key in limit:
+        if key not in ("minimum", "maximum"):
+            raise UsageError(f"limit {name} has {key}; {meant(key, ('minimum', 'maximum')) or 'minimum and maximum are known'}")
+    if not limit:
+        raise UsageError(f"limit {name} has nothing; minimum and maximum are known")
+    low, high = (limit_value(name, limit[key]) if key in limit else None for key in ("minimum", "maximum"))
+    return low, high
 
 
 def figures_of(record: Record) -> dict[str, float]:
@@ -119,8 +152,27 @@ def figures_of(record: Record) -> dict[str, float]:
     if isinstance(record, Resonator):
         for name, (value, std, _) in record.parameters().items():
             figures[name], figures[f"{name}_std"] = value, std
+    if isinstance(record, Diagnosis):
+        figures |= _causes(record)
     if hasattr(record, "flags"):
         figures["flagged_part"] = float(np.mean(np.asarray(record.flags) != 0)) if len(record) else 0.0
+    return figures
+
+
+def _causes(record: Diagnosis) -> dict[str, float]:
+    """How many causes were found, their sizes by name (effects.NAME.PARAMETER), and the values beside them (values.NAME), with _std."""
+    try:
+        report = dict(json.loads(record.report))
+    except (ValueError, TypeError):
+        report = {}
+    effects = report.get("effects") or []
+    figures = {"causes": float(len(effects))}
+    for value in report.get("values") or []:
+        figures[f"values.{value['name']}"], figures[f"values.{value['name']}_std"] = float(value["value"]), float(value["std"])
+    for effect in effects:
+        for name, parameter in (effect.get("parameters") or {}).items():
+            key = f"effects.{effect.get('name')}.{name}"
+            figures[key], figures[f"{key}_std"] = float(parameter["value"]), float(parameter["std"])
     return figures
 
 

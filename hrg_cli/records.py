@@ -12,11 +12,13 @@ import functools
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 
 from .errors import HrgError
+from .notebook import Shown, needed
 
 Array = np.ndarray
 R = TypeVar("R", bound="Record")
@@ -151,8 +153,8 @@ class Provenance:
     generated_by: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Record:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Record(Shown):
     """Common to all kinds: validity with its reasons, and provenance."""
 
     kind: ClassVar[str]
@@ -236,7 +238,7 @@ class Slice:
         return np.asarray(self._values[self._start + first : self._start + max(first, last)])
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Recording(Record):
     """Samples of the two channels; evenly sampled (`sample_rate_hz`, first sample at t = 0) or at `time_s`.
 
@@ -328,7 +330,7 @@ class Recording(Record):
         return c, s
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Windowed(Record):
     """What a row of every window carries, and the run it belongs to: common to `Periods` and `Wave`."""
 
@@ -390,7 +392,7 @@ class Windowed(Record):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Periods(Windowed):
     """Signals a window: the least-squares coefficients of both channels at the window's centre.
 
@@ -410,7 +412,7 @@ class Periods(Windowed):
     details: str = attribute("JSON: what import --envelope took of the log, and the noise it found", default="{}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Wave(Windowed):
     """The standing wave a window: main amplitude, quadrature, wave angle, phases, with standard deviations.
 
@@ -441,7 +443,7 @@ class Wave(Windowed):
         return (self.flags == 0) & (self.iterations >= 0) & np.isfinite(self.wave_angle_rad)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Resonator(Record):
     """Mechanical parameters with covariance, and how well each run agrees."""
 
@@ -500,8 +502,17 @@ class Resonator(Record):
         """Value of one parameter."""
         return self.parameters()[name][0]
 
+    def uncertain(self) -> dict[str, Any]:
+        """The parameters as correlated numbers of the package `uncertainties`: what is computed from them has its right σ.
 
-@dataclass(frozen=True, kw_only=True)
+        HrgError: the package is not installed.
+        """
+        package, values = needed("uncertainties", "uncertain()"), np.asarray(self.value, float)
+        numbers = package.correlated_values(values, np.asarray(self.covariance, float))
+        return dict(zip(map(str, self.name), numbers, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Calibration(Record):
     """Drift D(T, θ) and scale factor K(T, θ): m·dθ/dt = −K·Ω + D, as Fourier coefficients a temperature node and as tables.
 
@@ -547,13 +558,25 @@ class Calibration(Record):
         assert nodes is not None
         return nodes
 
+    def evaluate(self, node: Array | float, wave_angle_rad: Array | float) -> tuple[Array, Array]:
+        """(D in rad/s, K) at temperatures (or frequencies, by `axis`) and wave angles, broadcast against each other.
+
+        HrgError: a node outside the range the tables may be used in.
+        """
+        x, theta = np.broadcast_arrays(np.asarray(node, float), np.asarray(wave_angle_rad, float))
+        low, high = (v if np.isfinite(v) else edge for v, edge in ((self.node_min, -np.inf), (self.node_max, np.inf)))
+        if np.any((x < low) | (x > high)):
+            raise HrgError(f"the tables are for {low:g} to {high:g}, {float(x.min()):g} to {float(x.max()):g} was asked for")
+        drift, scale = import_module("hrg_cli.stages.calibration.table").values(self, x.ravel(), theta.ravel())
+        return drift.reshape(x.shape), scale.reshape(x.shape)
+
     correction: str = attribute(
         "sign and order of the correction", default="rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
     )
     details: str = attribute("JSON: rms figures, ladder, cross-validation, stability, model coefficients", default="{}", valid=JSON_OBJECT)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Compensated(Record):
     """Rate and angle of one run after the tables, with what was left before and after where the rate was known."""
 
@@ -572,7 +595,7 @@ class Compensated(Record):
     details: str = attribute("JSON: rms figures", default="{}", valid=JSON_OBJECT)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Diagnosis(Record):
     """What the simulation gets wrong: the verdict as JSON and the residual series before and after."""
 
@@ -587,9 +610,13 @@ class Diagnosis(Record):
     measured: Array = column("any", "measured series, columns named in `series`", ("row", "series"))
     simulated_before: Array = column("any", "the same of the base model", ("row", "series"))
     simulated_after: Array = column("any", "the same of the extended model", ("row", "series"))
+    simulated_without: Array | None = column(
+        "any", "the model fitted without some of the causes, columns named in `left_out`", ("row", "series", "left_out"), optional=True
+    )
     residual_before: Array = column("1", "whitened residual of the base model", ("row", "series"))
     residual_after: Array = column("1", "whitened residual of the extended model", ("row", "series"))
     series: str = attribute("JSON list: the columns' names", valid=JSON_LIST)
+    left_out: str = attribute("JSON list of lists: the causes left out of each column of simulated_without", default="[]", valid=JSON_LIST)
     run_ids: str = attribute("JSON list: the runs", default="[]", valid=JSON_LIST)
     gyro_id: str = attribute("the gyro", default="")
     verdict: str = attribute(

@@ -19,8 +19,8 @@ from conftest import ringing
 from forced_runs import Truth, programme
 
 from hrg_cli import store
-from hrg_cli.chain import run_chain
 from hrg_cli.cli import app
+from hrg_cli.gyro import run_gyro
 from hrg_cli.records import Recording
 from hrg_cli.stages.calibrate import calibrate
 
@@ -70,11 +70,11 @@ def test_run_makes_every_step_and_a_page(ran):
     for path in SAMPLE:
         assert by_output[f"{path.stem}.wave.h5"]["status"] == "valid"
     assert by_output["resonator.h5"]["name"] == "identify" and by_output["resonator.h5"]["status"] != "failed"
-    assert by_output["notes.h5"]["status"] == "failed" and "notes.csv" in by_output["notes.h5"]["reasons"][0]
-    assert not (folder / "out" / "notes.h5").exists()
+    assert by_output["notes.recording.h5"]["status"] == "failed" and "notes.csv" in by_output["notes.recording.h5"]["reasons"][0]
+    assert not (folder / "out" / "notes.recording.h5").exists()
     assert "<svg" in (folder / "out" / "report.html").read_text()
     assert "seed = 5" in store.read_any(folder / "out" / "resonator.h5").provenance.settings
-    assert set(report["steps"][0]) == {"name", "inputs", "output", "status", "reasons", "json"}
+    assert set(report["steps"][0]) == {"name", "inputs", "output", "status", "reasons", "json", "checks"}
 
 
 def test_run_shares_recordings_among_processes(tmp_path):
@@ -86,7 +86,7 @@ def test_run_shares_recordings_among_processes(tmp_path):
     made = {}
     for jobs in (1, 2):
         (tmp_path / f"out{jobs}").mkdir()
-        steps = run_chain(paths, tmp_path / f"out{jobs}", jobs=jobs, say=lambda text: None)
+        steps = run_gyro(paths, tmp_path / f"out{jobs}", jobs=jobs)
         made[jobs] = [(step.name, step.inputs, step.output, step.status, step.reasons) for step in steps]
     assert made[1] == made[2] and [step[3] for step in made[1][:5]] == ["valid", "valid", "failed", "valid", "valid"]
     assert rows(tmp_path / "out1") == rows(tmp_path / "out2") and len(rows(tmp_path / "out1")) == 2
@@ -274,7 +274,7 @@ def test_json_is_there_for_every_command(name, hrg):
     """--show-config --json prints the settings as one JSON object; commands without settings say so in their help."""
     text = " ".join(hrg(name, "--help").out.split())
     if "--show-config No effect here" in text:
-        assert name in ("effects", "info", "verify")
+        assert name in ("diff", "effects", "info", "verify")
         return
     needed = {
         "batch": [ROOT / "configs" / "lot.toml"],

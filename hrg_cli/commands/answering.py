@@ -1,4 +1,4 @@
-"""The bodies of the commands that only answer: `hrg check`, `hrg effects`, `hrg info`."""
+"""The bodies of the commands that only answer: `hrg effects`, `hrg info`."""
 
 from __future__ import annotations
 
@@ -7,43 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .. import settings, store
-from ..errors import UsageError
-from ..reporting import console, tables
+from .. import store
+from ..reporting import answer_text, console, tables
+from ..reporting.answer import answer
 from .frame import Common, existing
 
+RESULTS = ("diagnosis", "resonator", "calibration")
+"""Kinds that have an answer; of the others the figures are told."""
 Shown = tuple[dict[str, Any], Callable[[], None]]
 """A command's JSON, and what shows it to a person."""
-
-
-def check_file(file: Path | None, limits: Path | None, run: Common) -> Shown:
-    """Hold a file against limits: those of --limits, tables of --config over them, --set over both."""
-    from ..limits import check
-
-    started = time.monotonic()
-    files = [path for path in (limits, run.config) if path is not None]
-    if not files:
-        raise UsageError("no limits are named; add --limits limits.toml")
-    wanted: dict[str, Any] = {}
-    for path in files:
-        settings.merge(wanted, settings.load_toml(path))
-    for text in run.assignments:
-        settings.assign(wanted, *settings.parse_assignment(text))
-    if run.show_config:
-        run.leave_with_settings(wanted)
-    rows = check(store.read_any(existing([file] if file else [], "an hrg file")[0]), wanted)
-    passed = all(row.passed for row in rows)
-    report = {
-        "kind": "check",
-        "status": "valid" if passed else "refused",
-        "status_reasons": [row.sentence() for row in rows if not row.passed],
-        "elapsed_s": round(time.monotonic() - started, 3),
-        "passed": passed,
-        "rows": [vars(row) for row in rows],
-    }
-    told = [(r.words[0], None, r.words[1]) if r.words else (r.value, r.minimum, r.maximum) for r in rows]
-    lines = [(r.name, *figures, "yes" if r.passed else "NO") for r, figures in zip(rows, told)]
-    return run.kept(report), lambda: console.print_table("", ("figure", "value", "minimum", "maximum", "passed"), lines)
 
 
 def effects_page(name: str | None, run: Common) -> Shown:
@@ -72,6 +44,7 @@ def info_file(file: Path | None, run: Common) -> Shown:
     path = existing([file] if file else [], "an hrg file")[0]
     with store.open_record(path, store.kind_of(path)) as record:
         facts = tables.facts(record)
+    found = answer([store.read_any(path)], (), {record.kind: path.name}) if record.kind in RESULTS else None
     provenance = record.provenance
     report = {
         "kind": record.kind,
@@ -79,6 +52,7 @@ def info_file(file: Path | None, run: Common) -> Shown:
         "status_reasons": list(record.status_reasons),
         "elapsed_s": round(time.monotonic() - started, 3),
         "facts": facts,
+        "answer": found.json() if found else None,
         "history": list(provenance.history),
         "created": provenance.created,
         "generated_by": provenance.generated_by,
@@ -90,7 +64,10 @@ def info_file(file: Path | None, run: Common) -> Shown:
         console.say(f"{path}: {record.kind}, {record.status}, made by {made}")
         for reason in record.status_reasons:
             console.say(f"  {record.status}: {reason}")
-        console.print_table("", ("figure", "value"), list(facts.items()))
+        if found is not None:
+            answer_text.show(found)
+        else:
+            console.print_table("", ("figure", "value"), list(facts.items()))
         for line in provenance.history:
             console.say(line)
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, existing, no_settings, numbers
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, no_settings, numbers
 
 app = typer.Typer()
 
@@ -16,7 +15,7 @@ app = typer.Typer()
 @command(app, "export", "hrg export calibration.h5 -o table.h --fixed-point-bits 16", idle=NO_DRAWS | ONE_PROCESS)
 def export_(
     run: Common,
-    calibration: OneFile = None,
+    file: OneFile = None,
     fixed_point_bits: Annotated[
         int | None, typer.Option(help="C header: integers of so many bits; 0 (the default): floating point.", show_default=False)
     ] = None,
@@ -25,44 +24,62 @@ def export_(
         typer.Option(help="C header: interpolation error allowed, in standard deviations of the table (default 0.5).", show_default=False),
     ] = None,
 ) -> None:
-    """The tables for other programs: CSV, JSON or a C header, by the output's suffix, with the worst error stated."""
-    from .. import store
-    from ..exporting import export
-    from ..records import Calibration
+    """Any hrg file for other programs, by the output's suffix: CSV, JSON (.gz), Parquet, XLSX, MAT; a calibration as a C header."""
+    from .exporting import export_file
 
-    started = time.monotonic()
-    values = run.settings(export, fixed_point_bits=fixed_point_bits, precision=precision)
-    path = existing([calibration] if calibration else [], "a calibration file")[0]
-    output = run.need_output("table.csv, table.json or table.h")
-    record = store.read(path, Calibration)
-    made = export(record, output.suffix, **values)
-    with store.atomic_path(output, run.force) as temporary:
-        temporary.write_text(made.text, encoding="utf-8")
-    report = {"kind": "table", "status": record.status, "status_reasons": list(record.status_reasons), "output": str(output)}
-    run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3), **made.errors})
+    run.finish(export_file(file, run, fixed_point_bits=fixed_point_bits, precision=precision))
 
 
 @command(
     app,
     "check",
-    "hrg check calibration.h5 --limits configs/limits.toml",
+    "hrg check results/*.h5 --limits configs/limits.toml --junit check.xml",
     idle=NO_DRAWS | ONE_PROCESS | {"strict": "the limits say which status passes"},
     says={
         "output": "File to write the JSON report into.",
         "config": "TOML file with more limits, over those of --limits.",
-        "assignments": "Change one limit, e.g. resonator.scale_factor.maximum=0.6; may be repeated.",
+        "assignments": 'Change one limit, e.g. diagnosis.causes=0 or resonator.damping_split_1_s="5 deg/h"; may be repeated.',
         "show_config": "Print the limits as TOML and leave.",
     },
 )
 def check(
     run: Common,
-    file: OneFile = None,
+    files: Files = None,
     limits: Annotated[Path | None, typer.Option(help="TOML file with the limits.", show_default=False)] = None,
+    baseline: Annotated[
+        Path | None, typer.Option(help="Earlier result, or folder of results by the same names, to compare with in σ.", show_default=False)
+    ] = None,
+    limit_sigma: Annotated[
+        float | None, typer.Option(min=0.0, help="Difference from the baseline that passes, in σ (default 5).", show_default=False)
+    ] = None,
+    junit: Annotated[Path | None, typer.Option(help="File to write as JUnit XML.", show_default=False)] = None,
+    markdown: Annotated[Path | None, typer.Option(help="File to write as a Markdown summary.", show_default=False)] = None,
 ) -> None:
-    """Hold a file's figures against limits: exit status 0 within, 3 outside."""
-    from .answering import check_file
+    """Hold the figures of files against limits and an earlier result: exit status 0 within, 3 outside."""
+    from .checking import check_files
 
-    run.finish(*check_file(file, limits, run))
+    run.finish(*check_files(files or [], run, limits, baseline, limit_sigma, junit, markdown))
+
+
+@command(
+    app,
+    "diff",
+    "hrg diff old/resonator.h5 new/resonator.h5 --limit-sigma 5",
+    idle=NO_DRAWS | ONE_PROCESS | no_settings("there is nothing to set") | {"strict": "--limit-sigma says what passes"},
+    says={"output": "File to write the JSON report into."},
+)
+def diff(
+    run: Common,
+    old: Annotated[Path | None, typer.Argument(metavar="OLD", show_default=False)] = None,
+    new: Annotated[Path | None, typer.Argument(metavar="NEW", show_default=False)] = None,
+    limit_sigma: Annotated[
+        float | None, typer.Option(min=0.0, help="End with status 3 where a figure moved by more, in σ.", show_default=False)
+    ] = None,
+) -> None:
+    """What moved between two results of one kind, in σ of both."""
+    from .checking import diff_files
+
+    run.finish(*diff_files(old, new, run, limit_sigma))
 
 
 @command(
@@ -78,11 +95,13 @@ def report(
         str | None, typer.Option(help="html: one page; png: the figures alone, into the folder OUTPUT.", show_default=False)
     ] = None,
     truth: Annotated[bool | None, typer.Option("--truth", help="Show a simulation's truth beside the estimates.")] = None,
+    full: Annotated[bool | None, typer.Option("--full", help="Draw the figures of every file behind the answer.")] = None,
+    limits: Annotated[Path | None, typer.Option(help="TOML file with limits to show the results against.", show_default=False)] = None,
 ) -> None:
-    """One self-contained page (or the figures) about any set of hrg files."""
+    """One self-contained page (or the figures) about any set of hrg files: the answer first."""
     from .reporting import report_files
 
-    run.finish(report_files(files or [], run, format=format, truth=truth))
+    run.finish(report_files(files or [], run, limits, format=format, truth=truth, full=full))
 
 
 @command(
@@ -122,9 +141,9 @@ def verify(run: Common, files: Files = None) -> None:
 @command(
     app,
     "run",
-    "hrg run recording-*.h5 -o results/ --jobs 2",
+    "hrg run recordings/ -o results/ --jobs 2",
     says={
-        "output": "Folder of the results.",
+        "output": "Folder of the results; the same folder resumes.",
         "config": "TOML file with a table a stage.",
         "assignments": "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated.",
         "seed": "Seed of every stage that draws.",
@@ -136,11 +155,17 @@ def run_(
     recordings: Files = None,
     from_s: Annotated[float | None, typer.Option(help="Begin each recording at this time of its own.", show_default=False)] = None,
     to_s: Annotated[float | None, typer.Option(help="End each recording at this time of its own.", show_default=False)] = None,
+    limits: Annotated[Path | None, typer.Option(help="TOML file with limits the results must hold.", show_default=False)] = None,
+    full: Annotated[bool, typer.Option("--full", help="Draw the figures of every run and file on the page, too.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
 ) -> None:
-    """The whole chain on the recordings (or logs) of one gyro, into a folder, with a report page."""
-    from .running import run_files
+    """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and a page to show."""
+    from .running import run_files, tables_of
 
-    run.finish(run_files(recordings or [], run, {"from_s": from_s, "to_s": to_s}))
+    part = {"from_s": from_s, "to_s": to_s}
+    if run.show_config:
+        tables_of(run, part)
+    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part))
 
 
 @command(

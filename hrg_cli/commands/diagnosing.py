@@ -11,8 +11,11 @@ import numpy as np
 from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..errors import HrgError
+from ..extended import beside as beside_it
+from ..extended import write_extended
 from ..physics.resonator import PARAMETERS
 from ..records import Diagnosis, Resonator, Wave
+from ..reporting.answer import answer
 from ..stages.diagnose import diagnose
 from ..stages.simulate import courses_of, mechanics_of
 from ..stages.simulation_file import runs_of
@@ -22,12 +25,13 @@ from .frame import Common, command_line, existing
 def diagnose_files(
     waves: Sequence[Path], run: Common, model: Path | None, effects_from: Path | None, flags: dict[str, Any], progress: pipeline.Progress
 ) -> pipeline.Outcome:
-    """Diagnose wave files; writes the diagnosis and, beside it, the extended model as TOML."""
+    """Diagnose wave files; writes the diagnosis and, beside it, the extended model as TOML and its resonator."""
     values = run.settings(diagnose, **flags)
     waves = existing(waves, "wave files")
     output = run.need_output("diagnosis.h5")
-    extended = output.with_name(f"{output.name.removesuffix('.h5')}.extended.toml")
-    store.check_output(extended, run.force)
+    extended, resonator = beside_it(output)
+    for path in (extended, resonator):
+        store.check_output(path, run.force)
     beside: dict[str, Path] = {}
     further: dict[str, Any] = {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
     if model is not None and model.suffix == ".toml":
@@ -38,11 +42,14 @@ def diagnose_files(
         "diagnose", waves, output, values, beside=beside, further=further, force=run.force, command_line=command_line(), progress=progress
     )
     assert isinstance(outcome.record, Diagnosis)
-    if not outcome.record.extended_model:
-        return outcome
-    with pipeline.gone_if_it_fails(output), store.atomic_path(extended, run.force) as temporary:
-        temporary.write_text(outcome.record.extended_model, encoding="utf-8")
-    return pipeline.Outcome(outcome.record, {**outcome.json, "extended_model": str(extended)})
+    written = write_extended(outcome.record, output, run.force)
+    told = answer([outcome.record], (), {"diagnosis": output.name})
+    more = {
+        "extended_model": str(extended) if extended in written else None,
+        "extended_resonator": str(resonator) if resonator in written else None,
+        "answer": told.json() if told else None,
+    }
+    return pipeline.Outcome(outcome.record, outcome.json | more)
 
 
 def mean_temperature(waves: Sequence[Path]) -> float | None:

@@ -13,7 +13,7 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, get_args
 
@@ -51,6 +51,8 @@ class Common:
     strict: bool
     seed: int | None
     jobs: int
+    piped: bool = False
+    """The output is a temporary file whose name goes through a pipe."""
 
     def settings(self, function: Callable[..., Any], table: str = "", **flags: Any) -> dict[str, Any]:
         """The command's resolved settings; with --show-config they are printed and the command ends."""
@@ -110,7 +112,11 @@ class Common:
         from ..reporting import console
 
         with unread_is_no_failure():
-            if self.json:
+            if self.piped and self.output is not None:
+                from .pipes import handed_on
+
+                print(*handed_on(self.output), sep="\n")
+            elif self.json:
                 console.print_json(report)
             elif not self.quiet:
                 if show is not None:
@@ -148,7 +154,7 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
         Annotated[bool, typer.Option("--verbose", "-v", help="Say the time taken; show the traceback of an internal error.")],
         False,
     ),
-    "strict": (Annotated[bool, typer.Option("--strict", help="A suspect result, too, ends with status 3.")], False),
+    "strict": (Annotated[bool, typer.Option("--strict", envvar="HRG_STRICT", help="A suspect result, too, ends with status 3.")], False),
     "seed": (Annotated[int | None, typer.Option("--seed", help="Seed of whatever is drawn at random.", show_default=False)], None),
     "jobs": (Annotated[int, typer.Option("--jobs", min=1, help="Processes to use where work can be shared.")], 1),
 }
@@ -180,8 +186,7 @@ def command(
         def run(**arguments: Any) -> None:
             given = {key: arguments.pop(key) for key in _OPTIONS}
             given["assignments"] = tuple(given["assignments"] or ())
-            common = Common(**given)
-            guarded(functools.partial(_to_a_file, function, common, arguments), common.verbose)
+            guarded(functools.partial(_piped, name, function, Common(**given), arguments), given["verbose"])
 
         parameters = [
             *own,
@@ -199,16 +204,22 @@ def command(
     return register
 
 
-def _to_a_file(function: Callable[..., None], common: Common, arguments: Mapping[str, Any]) -> None:
-    """The command's body, unless -o names standard output, which no command writes results to."""
-    if common.output is not None and str(common.output) == "-":
-        raise UsageError("-o -: results are files; name one (--json prints the result's figures on standard output)")
+def _piped(name: str, function: Callable[..., None], common: Common, arguments: Mapping[str, Any]) -> None:
+    """The command with its pipes: `-` among the inputs, `-o -`; what an interrupted one leaves is said."""
+    from .pipes import DASH, piped_output, remove, taken
+
+    if common.output == DASH:
+        if common.json:
+            raise UsageError("-o - prints the name of a file, --json an object; choose one of them")
+        common = replace(common, output=piped_output(name), piped=True)
+    given, names = taken(name, arguments)
     try:
-        function(common, **arguments)
+        function(common, **given)
     except KeyboardInterrupt:
         if common.output is not None and common.output.is_dir():
             raise InterruptedRunError(f"interrupted; what was finished before stays in {common.output}, no file is half written") from None
         raise
+    remove(names)
 
 
 def _with_help(annotation: Any, text: str | None) -> Any:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from .. import store
+from .. import settings, store
+from ..limits import check
 from ..reporting.page import build_report, status_of, write_figures
 from .frame import Common, existing
 
@@ -18,27 +19,31 @@ def report(
     files: Sequence[Path],
     output: Path,
     force: bool = False,
+    limits: Mapping[str, Any] | None = None,
     *,
     format: Annotated[Literal["html", "png"], Field(description="one page, or the figures alone into a folder")] = "html",
     truth: Annotated[bool, Field(description="show a simulation's truth beside the estimates")] = False,
+    full: Annotated[bool, Field(description="draw the figures of every file behind the answer")] = False,
 ) -> list[Path]:
     """Write the page or the figures; the files written. HrgError: a file is damaged or not of hrg, the output exists."""
     if format == "png":
         return write_figures(files, output, truth=truth)
     store.check_output(output, force)
-    page = build_report(files, truth=truth)
+    records = [store.read_any(path) for path in files if store.kind_of(path).kind in (limits or {})]
+    rows = [row for record in records for row in check(record, limits or {})]
+    page = build_report(files, truth=truth, full=full, rows=rows)
     with store.atomic_path(output, force) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return [output]
 
 
-def report_files(files: Sequence[Path], run: Common, **flags: Any) -> dict[str, Any]:
+def report_files(files: Sequence[Path], run: Common, limits: Path | None = None, **flags: Any) -> dict[str, Any]:
     """Report on files; the command's JSON."""
     started = time.monotonic()
     values = run.settings(report, **flags)
     paths = existing(files, "the files to report on")
     output = run.need_output("report.html")
-    made = report(paths, output, run.force, **values)
+    made = report(paths, output, run.force, settings.load_toml(limits) if limits is not None else None, **values)
     worst, reasons = status_of(paths)
     return {
         "kind": "report",

@@ -1,25 +1,101 @@
-"""The body of `hrg run`: the chain on one gyro's recordings into a folder, and a page about it."""
+"""The body of `hrg run`: the chain on one gyro's recordings into a folder, the answer, and a page about it."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from .. import settings, store
-from ..chain import run_chain
+from ..chain import Step
 from ..errors import HrgError
+from ..gyro import gyro_of, inputs_of, planned, run_gyro
+from ..limits import Row, check
 from ..pipeline import STAGES
-from ..reporting import console
-from ..reporting.page import build_report
+from ..reporting import answer_text, console
+from ..reporting.answer import Answer, answer
 from .frame import Common, command_line, existing
 
+MARK = "run.json"
+Shown = tuple[dict[str, Any], Callable[[], None]]
 
-def run_files(recordings: Sequence[Path], run: Common, part: Mapping[str, float | None]) -> dict[str, Any]:
-    """Run the chain; the command's JSON. --config gives each stage's table, --set takes stage.key=value; `part`: where demodulate cuts."""
+
+def run_files(
+    recordings: Sequence[Path],
+    run: Common,
+    limits: Path | None = None,
+    full: bool = False,
+    dry_run: bool = False,
+    part: Mapping[str, float | None] | None = None,
+) -> Shown:
+    """Run the chain; the command's JSON and what shows it. --config gives each stage's table, --set takes stage.key=value.
+
+    part: where demodulate cuts. HrgError: every recording failed, mixed gyros, outputs in the way.
+    """
     started = time.monotonic()
+    tables = tables_of(run, part or {})
+    wanted = settings.load_toml(limits) if limits is not None else {}
+    paths = existing(recordings, "the recordings of one gyro, or their folder")
+    folder = run.need_output("results/")
+    if dry_run:
+        return _plan(paths, folder, tables, started)
+    inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
+    files, gyro = [one.path for one in inputs], gyro_of(inputs)
+    made_folder = not folder.is_dir()
+    if made_folder:
+        store.check_output(folder)
+        folder.mkdir()
+    page = folder / "report.html"
+    ours = (folder / MARK).exists()
+    store.check_output(page, run.force or ours)
+    with console.progress_bar(f"run {gyro}".strip(), run.quiet or run.json) as progress:
+
+        def told(step: Step, share: float) -> None:
+            progress(share)
+            if run.verbose and not run.quiet and not run.json:
+                console.message(f"{step.name} → {step.output}: {step.status}")
+
+        steps = run_gyro(paths, folder, tables, limits=wanted, force=run.force, command_line=command_line(), told=told, jobs=run.jobs)
+    failed = [step for step in steps if step.status == "failed"]
+    if failed and not any(step.name in ("identify", "diagnose", "calibrate") and step.status != "failed" for step in steps):
+        if made_folder and not any(folder.iterdir()):
+            folder.rmdir()
+        raise HrgError(failed[0].reasons[0])
+    made = [folder / step.output for step in steps if step.status != "failed"]
+    found, rows = _answer(made, wanted)
+    _write_page(page, [*(p for p in files if p.suffix == ".h5" and p.exists()), *made], rows, full, run.force or ours)
+    deciding = [step for step in steps if step.name != "identify"] if _explained(steps) else steps
+    missed = [row.sentence() for row in rows if not row.passed]
+    worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
+    report: dict[str, Any] = {
+        "kind": "run",
+        "status": worst,
+        "status_reasons": [*missed, *reasons_of(deciding)],
+        "output": str(folder),
+        "answer": found.json() if found else None,
+        "steps": [dataclasses.asdict(step) for step in steps],
+        "report": str(page) if made else None,
+    }
+    with store.atomic_path(folder / MARK, force=True) as temporary:
+        temporary.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    report["elapsed_s"] = round(time.monotonic() - started, 3)
+
+    def show() -> None:
+        if found is not None:
+            answer_text.show(found)
+        print(f"page: {page}")
+
+    return report, show
+
+
+_ORDER = ["valid", "suspect", "refused"]
+
+
+def tables_of(run: Common, part: Mapping[str, float | None]) -> dict[str, Any]:
+    """The settings a stage; with --show-config they are printed and the command ends."""
     tables: dict[str, Any] = settings.load_toml(run.config) if run.config else {}
     for text in run.assignments:
         settings.assign(tables, *settings.parse_assignment(text))
@@ -35,29 +111,42 @@ def run_files(recordings: Sequence[Path], run: Common, part: Mapping[str, float 
     if run.show_config:
         whole = {name: settings.checked(stage.function(), tables.get(name, {})) for name, stage in STAGES.items()}
         run.leave_with_settings(whole)
-    paths = existing(recordings, "the recordings of one gyro")
-    folder = run.need_output("results/")
-    if not folder.is_dir():
-        store.check_output(folder)
-        folder.mkdir()
-    say = (lambda text: None) if run.quiet or run.json else console.message
-    steps = run_chain(paths, folder, tables, force=run.force, command_line=command_line(), say=say, jobs=run.jobs)
-    made = [folder / step.output for step in steps if step.status not in ("failed", "skipped")]
-    page = folder / "report.html"
-    if made:
-        text = build_report([*(p for p in paths if p.suffix == ".h5"), *made])
-        with store.atomic_path(page, run.force) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    failed = [step for step in steps if step.status == "failed"]
-    if failed and not any(step.name in ("identify", "calibrate") and step.status != "failed" for step in steps):
-        raise HrgError(failed[0].reasons[0])
-    worst = "refused" if failed else max((s.status for s in steps if s.status != "skipped"), key=["valid", "suspect", "refused"].index)
-    return {
-        "kind": "run",
-        "status": worst,
-        "status_reasons": [f"{step.output}: {reason}" for step in steps for reason in step.reasons],
-        "output": str(folder),
-        "elapsed_s": round(time.monotonic() - started, 3),
-        "steps": [dataclasses.asdict(step) for step in steps],
-        "report": str(page) if made else None,
-    }
+    return tables
+
+
+def reasons_of(steps: Sequence[Step]) -> list[str]:
+    """Every reason once: what a result inherits from its inputs is told at the input, and the same reason of many files once for all."""
+    doubted = {step.output for step in steps if step.status in ("suspect", "refused")}
+    named: dict[str, list[str]] = {}
+    for step in steps:
+        for reason in step.reasons:
+            inherited = reason.split(" is ", 1)[0] in doubted or reason.endswith("more inputs are suspect or refused")
+            if not inherited:
+                named.setdefault(reason, []).append(step.output)
+    return [f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}" for reason, outputs in named.items()]
+
+
+def _explained(steps: Sequence[Step]) -> bool:
+    """Whether a diagnosis explains what the linear resonator leaves, so that the doubt about that resonator is settled."""
+    return any(step.name == "diagnose" and step.status == "valid" and step.json.get("verdict") == "explained" for step in steps)
+
+
+def _plan(paths: Sequence[Path], folder: Path, tables: dict[str, Any], started: float) -> Shown:
+    lines = [f"hrg {name} {' '.join(inputs)} -o {folder / output}" for name, inputs, output in planned(paths, tables)]
+    report = {"kind": "plan of a run", "status": "valid", "status_reasons": [], "output": None, "steps": lines}
+    return report | {"elapsed_s": round(time.monotonic() - started, 3)}, lambda: print("\n".join(lines))
+
+
+def _answer(made: Sequence[Path], limits: dict[str, Any]) -> tuple[Answer | None, list[Row]]:
+    results = [path for path in made if path.name in ("resonator.h5", "diagnosis.h5", "calibration.h5")]
+    records = [store.read_any(path) for path in results]
+    rows = [row for record in records if record.kind in limits for row in check(record, limits)]
+    return answer(records, rows, {record.kind: path.name for record, path in zip(records, results)}), rows
+
+
+def _write_page(page: Path, files: Sequence[Path], rows: Sequence[Row], full: bool, force: bool) -> None:
+    from ..reporting.page import build_report
+
+    text = build_report(files, rows=rows, full=full)
+    with store.atomic_path(page, force) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -8,20 +8,18 @@ already done is not done again, and anything that changed is.
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import json
 import os
 import shlex
 import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .. import __version__, pipeline, store
+from .. import chain
 from ..errors import DiskFullError, HrgError
-from ..records import Record
 
 _ONE_AT_A_TIME = threading.Lock()
 """The time stands in the environment, which all threads of a Dask worker share."""
@@ -65,52 +63,38 @@ def line(task: RecordingTask | GyroTask, stage: str, inputs: Sequence[Path], out
 def work_recording(task: RecordingTask) -> dict[str, Any]:
     """Import (a foreign log), demodulate, estimate: {gyro_id, name, wave, mode, status, reasons, error}."""
     folder = Path(task.folder)
-    wave = folder / f"{task.name}.wave.h5"
-    told = {"gyro_id": task.gyro_id, "name": task.name, "wave": str(wave)}
+    told = {"gyro_id": task.gyro_id, "name": task.name, "wave": str(folder / f"{task.name}.wave.h5")}
     with _stamped(task.epoch), _reporting(told) as result:
-        recording = Path(task.source)
-        if not recording.is_file():
-            raise HrgError(f"{recording}: vanished; the lot's file names it")
-        key = _key([task.epoch, task.settings, task.gyro_id, task.lot_id], _logs(task) if task.foreign else [recording])
-        done = _remembered(folder / f"{task.name}.json", key, folder)
-        if done is not None:
-            return told | done
+        if not Path(task.source).is_file():
+            raise HrgError(f"{task.source}: vanished; the lot's file names it")
         folder.mkdir(parents=True, exist_ok=True)
-        outputs = [folder / f"{task.name}.periods.h5", wave]
+        settings = {**task.settings}
         if task.foreign:
-            recording = folder / f"{task.name}.recording.h5"
-            _import(task, recording)
-            outputs.insert(0, recording)
-        reasons: list[str] = []
-        for stage, source, output in (("demodulate", recording, outputs[-2]), ("estimate", outputs[-2], wave)):
-            typed = line(task, stage, [source], output)
-            outcome = pipeline.run_stage(stage, [source], output, task.settings[stage], force=True, command_line=typed)
-            reasons += [reason for reason in outcome.record.status_reasons if reason not in reasons]
-        mode = str(getattr(outcome.record, "mode", "free"))
-        result |= {"mode": mode, "status": outcome.record.status, "reasons": reasons, "error": ""}
-        _remember(folder / f"{task.name}.json", key, {k: v for k, v in result.items() if k not in told}, outputs)
+            settings["import"] = {**settings["import"], "gyro_id": task.gyro_id, "lot_id": task.lot_id}
+        work = chain.Work(folder, settings, same_if=[task.epoch], command_line=partial(line, task))
+        logs = _logs(task) if task.foreign else []
+        steps = list(chain.recording_to_wave(work, Path(task.source), task.name, logs, [task.gyro_id, task.lot_id]))
+        if steps[-1].status == "failed":
+            raise HrgError(steps[-1].reasons[0])
+        reasons = list(dict.fromkeys(reason for step in steps for reason in step.reasons))
+        result |= {"mode": str(steps[-1].json["mode"]), "status": steps[-1].status, "reasons": reasons, "error": ""}
     return result
 
 
 def work_gyro(task: GyroTask) -> dict[str, Any]:
     """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage: JSON}, checks, error}."""
-    folder = Path(task.folder)
     results: dict[str, Any] = {}
     errors: list[str] = []
     checks: list[dict[str, Any]] = []
-    with _stamped(task.epoch):
-        for stage in task.stages:
-            inputs = {"identify": task.free, "calibrate": task.forced, "diagnose": task.free or task.forced}[stage]
-            if not inputs:
+    with _stamped(task.epoch), _reporting({}) as failed:
+        work = chain.Work(Path(task.folder), task.settings, task.limits, [task.epoch], command_line=partial(line, task))
+        for step in chain.waves_to_results(work, [Path(p) for p in task.free], [Path(p) for p in task.forced], task.stages):
+            if step.status == "failed":
+                errors.append(f"{step.name}: {step.reasons[0]}")
                 continue
-            takes = "identify" in results and "resonator" in pipeline.STAGES[stage].beside
-            beside = {"resonator": folder / "resonator.h5"} if takes else {}
-            done = _stage(task, stage, [Path(p) for p in inputs], beside)
-            if done.get("error"):
-                errors.append(f"{stage}: {done['error']}")
-                continue
-            results[stage] = done["json"]
-            checks += done["checks"]
+            results[step.name] = dict(step.json)
+            checks += [dict(check) for check in step.checks]
+    errors += [failed["error"]] if failed.get("error") else []
     return {
         "gyro_id": task.gyro_id,
         "results": results,
@@ -120,49 +104,12 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
     }
 
 
-def _stage(task: GyroTask, stage: str, inputs: list[Path], beside: Mapping[str, Path]) -> dict[str, Any]:
-    """One stage of a gyro, unless it was done before: {json, checks} or {error}."""
-    folder = Path(task.folder)
-    output = folder / f"{pipeline.STAGES[stage].gives}.h5"
-    note = output.with_suffix(".json")
-    with _reporting({}) as result:
-        content = [task.epoch, stage, task.settings[stage], task.limits]
-        key = _key(content, [*inputs, *beside.values()])
-        done = _remembered(note, key, folder)
-        if done is not None:
-            return done
-        typed = line(task, stage, [*inputs, *beside.values()], output)
-        outcome = pipeline.run_stage(stage, inputs, output, task.settings[stage], beside=beside, force=True, command_line=typed)
-        result["json"] = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
-        result["checks"] = _checked(outcome.record, task.limits)
-        _remember(note, key, result, [output])
-    return result
-
-
-def _import(task: RecordingTask, output: Path) -> None:
-    from ..formats import import_log
-
-    values = {**task.settings["import"], "gyro_id": task.gyro_id, "lot_id": task.lot_id}
-    logs = _logs(task)
-    pipeline.write_first(
-        output, import_log(logs[0], **values), values, "import", logs, force=True, command_line=line(task, "import", logs, output)
-    )
-
-
 def _logs(task: RecordingTask) -> list[Path]:
     """The log, and the file of its channel S where it has one of its own."""
     from ..formats import second_file
 
     source, s_file = Path(task.source), task.settings["import"]["s_file"]
     return [source] if s_file is None else [source, second_file(source, s_file)]
-
-
-def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
-    if record.kind not in limits:
-        return []
-    from ..limits import check
-
-    return [{"name": row.name, "passed": row.passed, "sentence": row.sentence()} for row in check(record, limits)]
 
 
 def _worst(results: Mapping[str, Any], errors: list[str]) -> str:
@@ -205,25 +152,3 @@ def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         result |= {"status": "failed", "error": str(error)}
     except Exception as error:
         result |= {"status": "failed", "error": f"internal error: {type(error).__name__}: {str(error)[:200]}"}
-
-
-def _key(content: Sequence[Any], inputs: Sequence[Path]) -> str:
-    """SHA-256 over version, settings, the time the files bear and the content of the inputs."""
-    text = json.dumps([__version__, content, [[p.name, store.sha256(p)] for p in inputs]], sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _remembered(note: Path, key: str, folder: Path) -> dict[str, Any] | None:
-    """What was noted for this key, if every output is still there, unchanged."""
-    try:
-        noted = json.loads(note.read_text(encoding="utf-8"))
-        whole = noted["key"] == key and all(store.sha256(folder / name) == digest for name, digest in noted["outputs"].items())
-        return dict(noted["result"]) if whole else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-
-
-def _remember(note: Path, key: str, result: Mapping[str, Any], outputs: list[Path]) -> None:
-    text = json.dumps({"key": key, "outputs": {p.name: store.sha256(p) for p in outputs}, "result": result}, indent=1)
-    with store.atomic_path(note, force=True) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")

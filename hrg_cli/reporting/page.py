@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,12 +21,17 @@ from markupsafe import Markup
 
 from .. import __version__, store
 from ..errors import HrgError
+from ..limits import Row
 from ..records import KINDS, Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
+from .answer import Answer, answer
 from .figures import calibration, diagnosis, recording, result, wave
+from .figures.answer import before_and_after
 from .figures.drawing import Plot, png, style, svg
-from .page_content import STEPS, Step, Table, cell, headline, steps, tables
+from .living import as_text, living_data
+from .methods import CITATIONS, methods
+from .page_content import STEPS, Step, Table, cell, steps, tables
 from .tables import facts
-from .text import plain
+from .text import number, plain
 
 FOLDER = Path(__file__).parent
 PAGE_BYTES = 2_600_000
@@ -35,6 +41,10 @@ DRAWN_OF_A_KIND = 4
 ROWS_HELD = 200_000
 """Rows of a series held in memory for its figures; of longer ones every k-th is taken."""
 RESULTS_FIRST = ("diagnosis", "calibration", "resonator", "compensated", "wave", "recording", "periods")
+
+
+SHADES = {"sound": "valid", "fault found": "refused", "bench fault": "suspect", "in doubt": "suspect", "not examined": "skipped"}
+"""Health of a gyro -> the page's colour for it."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +68,6 @@ class Entry:
     sha256: str
     facts: list[tuple[str, str]]
     tables: list[Table]
-    headline: list[tuple[str, str]]
     sources: list[tuple[str, str, str, str]] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     left_out: int = 0
@@ -83,13 +92,24 @@ class Beside:
     demodulated: frozenset[str]
 
 
-def build_report(paths: Sequence[Path], *, truth: bool = False) -> str:
-    """The page of these files as HTML.
+def build_report(paths: Sequence[Path], *, truth: bool = False, full: bool = False, rows: Sequence[Row] = ()) -> str:
+    """The page of these files as HTML: the answer of every gyro first; runs, files and history folded behind it.
 
-    truth: also show what a simulation knows (the truth of a recording, over the wave of the same run).
+    truth: also show what a simulation knows (the truth of a recording, over the wave of the same run); full: draw the figures of every
+    file, too (`truth` does); rows: figures held against limits.
     HrgError: no file, a file is missing, damaged or not an hrg file.
     """
-    entries = [_entry(path, index) for index, path in enumerate(_unique(paths))]
+    full = full or truth
+    entries = [_entry(path, index, full) for index, path in enumerate(_unique(paths))]
+    answers = _answers(_unique(paths), entries, rows)
+    if full:
+        _draw_all(_unique(paths), entries, truth)
+    _link_sources(entries)
+    return _render(entries, answers, truth, full)
+
+
+def _draw_all(paths: Sequence[Path], entries: list[Entry], truth: bool) -> None:
+    """The figures of every file, results first, as long as there is room."""
     beside = _beside(paths, entries, truth)
     order = sorted(range(len(entries)), key=lambda i: RESULTS_FIRST.index(entries[i].record.kind))
     drawn: dict[str, int] = {}
@@ -101,22 +121,68 @@ def build_report(paths: Sequence[Path], *, truth: bool = False) -> str:
         if drawn[kind] > DRAWN_OF_A_KIND:
             entry.left_out = -1
             continue
-        for plot in _plots(_unique(paths)[index], beside):
-            anchor = f"f{index}-{plot.key}"
-            picture = Picture(anchor, plain(plot.title), plain(plot.words), Markup(svg(plot, anchor)))
+        for plot in _plots(paths[index], beside):
+            picture = _picture(plot, f"f{index}-{plot.key}")
             if len(picture.svg) > room:
                 entry.left_out += 1
                 continue
             room -= len(picture.svg)
             entry.pictures.append(picture)
-    _link_sources(entries)
-    return _render(entries, truth)
+
+
+def _picture(plot: Plot, anchor: str) -> Picture:
+    return Picture(anchor, plain(plot.title), plain(plot.words), Markup(svg(plot, anchor)))
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The answer of one gyro on the page: its figures, the living one's data, the paragraph for a report."""
+
+    answer: Answer
+    anchor: str
+    pictures: list[Picture]
+    living: dict[str, Any] | None
+    methods: str
+
+
+def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -> list[Shown]:
+    """The answer of every gyro that has a result, in the files' order."""
+    gyros: dict[str, dict[str, Path]] = {}
+    counts: dict[str, dict[str, int]] = {}
+    for path, entry in zip(paths, entries):
+        gyro = str(getattr(entry.record, "gyro_id", ""))
+        counts.setdefault(gyro, {})[entry.record.kind] = counts.get(gyro, {}).get(entry.record.kind, 0) + 1
+        if entry.record.kind in ("diagnosis", "calibration", "resonator", "compensated") and not _is_extended(entry.record):
+            gyros.setdefault(gyro, {})[entry.record.kind] = path
+    found = []
+    for place, (gyro, files) in enumerate(gyros.items(), start=1):
+        records = {kind: store.read_any(path) for kind, path in files.items()}
+        made = answer(list(records.values()), rows, {kind: path.name for kind, path in files.items()})
+        if made is None:
+            continue
+        pictures, living = [], None
+        with style():
+            drawn: list[Plot | None] = []
+            if isinstance(told := records.get("diagnosis"), Diagnosis):
+                drawn.append(before_and_after(told, made.departure, made.causes))
+                data = living_data(told)
+                living = data
+            if isinstance(tables_of := records.get("calibration"), Calibration):
+                drawn += calibration.calibration_plots(tables_of, first_only=True)
+            pictures = [_picture(plot, f"answer-{place}-{plot.key}") for plot in drawn if plot is not None]
+        found.append(Shown(made, f"answer-{place}", pictures, living, methods(list(records.values()), counts[gyro])))
+    return found
+
+
+def _is_extended(record: Record) -> bool:
+    """A resonator made beside a diagnosis, which the diagnosis speaks for."""
+    return isinstance(record, Resonator) and record.method == "extended model"
 
 
 def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -> list[Path]:
     """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths written. HrgError: as `build_report`."""
     folder = Path(folder)
-    entries = [_entry(path, index) for index, path in enumerate(_unique(paths))]
+    entries = [_entry(path, index, False) for index, path in enumerate(_unique(paths))]
     beside = _beside(paths, entries, truth)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -125,7 +191,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     written: list[Path] = []
     used: set[str] = set()
     for path in _unique(paths):
-        for plot in _plots(path, beside):
+        for plot in itertools.chain(_answer_plot(path), _plots(path, beside)):
             name = re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{plot.key}").lstrip(".")[:120]
             while name in used:
                 name += "_"
@@ -135,6 +201,17 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
                 png(plot, temporary)
             written.append(target)
     return written
+
+
+def _answer_plot(path: Path) -> Iterator[Plot]:
+    """The answer's figure of a diagnosis."""
+    if store.kind_of(path) is Diagnosis:
+        record = store.read(path, Diagnosis)
+        made = answer([record])
+        with style():
+            plot = before_and_after(record, made.departure, made.causes) if made is not None else None
+            if plot is not None:
+                yield plot
 
 
 def status_of(paths: Sequence[Path]) -> tuple[str, list[str]]:
@@ -155,14 +232,14 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def _entry(path: Path, index: int) -> Entry:
+def _entry(path: Path, index: int, full: bool) -> Entry:
     with store.open_record(path, store.kind_of(path)) as record:
-        record = _thinned(record)
+        record = _thinned(record) if full or not isinstance(record, Periods | Wave) else record
         shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
         kept = record
-        found_tables, found_headline = tables(kept), headline(kept)
+        found_tables = tables(kept) if full else []
     bare = _bare(kept)
-    return Entry(plain(path.name), f"file-{index + 1}", bare, path.stat().st_size, store.sha256(path), shown, found_tables, found_headline)
+    return Entry(plain(path.name), f"file-{index + 1}", bare, path.stat().st_size, store.sha256(path), shown, found_tables)
 
 
 def _bare(record: Record) -> Record:
@@ -230,12 +307,12 @@ def _link_sources(entries: list[Entry]) -> None:
             entry.sources.append((plain(source.name), plain(source.kind), plain(source.sha256), said))
 
 
-def _render(entries: list[Entry], truth: bool) -> str:
+def _render(entries: list[Entry], answers: list[Shown], truth: bool, full: bool) -> str:
     environment = Environment(
         loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["size"] = _size
-    script = (FOLDER / "page.js").read_text(encoding="utf-8")
+    script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in ("page.js", "living.js"))
     order = ["valid", "suspect", "refused"]
     kinds = [cls.kind for cls in KINDS]
     groups = [(kind, [e for e in entries if e.record.kind == kind]) for kind in kinds]
@@ -244,6 +321,13 @@ def _render(entries: list[Entry], truth: bool) -> str:
     gyros = sorted({plain(getattr(e.record, "gyro_id", "")) for e in entries} - {""})
     return environment.get_template("page.html").render(
         entries=entries,
+        answers=answers,
+        citations=CITATIONS,
+        as_text=as_text,
+        shade=SHADES,
+        full=full,
+        reasons=_reasons(entries),
+        number=number,
         groups=[(kind, found) for kind, found in groups if found],
         step_of={kind: name for kind, _, name in STEPS},
         chain=chain,
@@ -257,6 +341,17 @@ def _render(entries: list[Entry], truth: bool) -> str:
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         plain=plain,
     )
+
+
+def _reasons(entries: list[Entry]) -> list[tuple[str, str, list[str]]]:
+    """Every reason once: (status, reason, the files that give it); what a result inherits from its inputs is told at the input."""
+    doubted = {entry.name for entry in entries if entry.record.status != "valid"}
+    found: dict[tuple[str, str], list[str]] = {}
+    for entry in entries:
+        for reason in map(plain, entry.record.status_reasons):
+            if reason.split(" is ", 1)[0] not in doubted:
+                found.setdefault((entry.record.status, reason), []).append(entry.name)
+    return [(status, reason, names) for (status, reason), names in found.items()]
 
 
 def _size(count: int) -> str:

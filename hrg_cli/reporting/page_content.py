@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status, Wave
+from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status
 from ..units import DEGREE_PER_HOUR
 from .diagnosis import gains
 from .json_text import calibration_rms, child, entries, figure_of_merit, json_list, json_object
@@ -208,23 +208,16 @@ def _gain_tables(report: dict[str, Any]) -> list[Table]:
     if rows:
         found.append(Table(f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms", ("quantity", "before", "after"), rows))
     if forecast:
-        steps = [("base model", child(forecast, "before"))]
-        steps += [(f"+ {plain(step.get('name'))}", step) for step in entries(forecast, "steps")]
-        steps += [(f"{plain(e.get('name'))} instead of {plain(e.get('instead_of'))}", e) for e in entries(forecast, "alternatives")]
-        head = ("model", *(words for _, words in FORECAST), "errors smaller by")
-        rows = [(name, *(_missed(step, key) for key, _ in FORECAST), _ratio(step)) for name, step in steps]
-        found.append(Table("Forecast of the last part of every run from the first, rms errors (expected)", head, rows))
+        rows = [(name, *(cell(part.get(key)) for key, _ in FORECAST)) for name, part in forecast_parts(forecast)]
+        held = plain(forecast.get("held_out", "time"))
+        found.append(Table(f"Forecast of {held} left out, rms errors", ("model", *(words for _, words in FORECAST)), rows))
     return found
 
 
-def _missed(step: dict[str, Any], key: str) -> str:
-    """An error of the forecast and, in brackets, what its own uncertainty makes it."""
-    expected = child(step, "expected").get(key)
-    return cell(step.get(key)) + ("" if expected is None else f" ({cell(expected)})")
-
-
-def _ratio(step: Mapping[str, Any]) -> str:
-    return "–" if step.get("ratio") is None else f"{cell(step['ratio'])} ± {cell(step.get('std'))}"
+def forecast_parts(forecast: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """The forecast's errors by the wave's quantities, without and with the causes."""
+    parts = child(forecast, "parts") or forecast
+    return [(words, child(parts, when)) for words, when in (("without the causes", "before"), ("with the causes", "after"))]
 
 
 def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
@@ -268,55 +261,3 @@ def _short(value: Any) -> str:
         return f"{len(value)} values, {_short(value[:3])} …"
     text = cell(float(value) if isinstance(value, int) and abs(value) > 10**12 else value)
     return text if len(text) <= 400 else text[:400] + "…"
-
-
-def headline(record: Record) -> list[tuple[str, str]]:
-    """The few figures of a result that stand on top of the page: (label, value)."""
-    if isinstance(record, Resonator):
-        parameters = record.parameters()
-        frequency = parameters.get("frequency_hz", (None,))[0]
-        named = {
-            "frequency_hz": "frequency",
-            "damping_rate_1_s": "damping",
-            "damping_split_1_s": "damping split",
-            "frequency_split_rad_s": "frequency split",
-            "scale_factor": "scale factor K",
-        }
-        found = []
-        for name, label in named.items():
-            if name in parameters:
-                value, std, units = parameters[name]
-                text = (
-                    for_people(name, value, std, frequency)
-                    if name not in ("frequency_hz", "scale_factor")
-                    else f"{number(value, 8)} ± {number(std, 2)} {units if units != '1' else ''}"
-                )
-                found.append((label, text.strip()))
-        return found
-    if isinstance(record, Calibration):
-        found = []
-        for rms, label, factor, unit in zip(
-            calibration_rms(record.details), ("drift left", "scale factor left"), (1 / DEGREE_PER_HOUR, 1.0), ("°/h", "ppm")
-        ):
-            before, after, held_out = (number(figure_of_merit(rms.get(key))[0] * factor) for key in ("before", "after", "held_out"))
-            if rms:
-                found.append((label, f"{before} → {after} {unit} (held out {held_out})"))
-        return found
-    if isinstance(record, Diagnosis):
-        report = json_object(record.report)
-        gain = child(report, "gain")
-        found = [("verdict", plain(record.verdict))]
-        causes = [str(e.get("name")) for e in entries(report, "effects")]
-        found.append(("causes found", plain(", ".join(causes)) or "none"))
-        if gain:
-            of = "gain of the forecast" if gain.get("of") == "forecast" else "held-out gain"
-            found.append((of, f"{number(gain.get('ratio'))} ± {number(gain.get('std'), 2)}"))
-        return found
-    if isinstance(record, Compensated) and record.residual_before_rad_s is not None and record.residual_after_rad_s is not None:
-        series = (record.residual_before_rad_s, record.residual_after_rad_s)
-        errors = [float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR for y in series]
-        return [("rate error, rms", f"{number(errors[0])} → {number(errors[1])} °/h")]
-    if isinstance(record, Wave) and len(record):
-        good = record.good()
-        return [("windows good", f"{int(good.sum())} of {len(good)}")]
-    return []

@@ -17,7 +17,7 @@ from .json_text import json_object
 def show(record: Record, report: Mapping[str, Any]) -> None:
     """Print the table of a record; `report` is the command's JSON."""
     if isinstance(record, Diagnosis):
-        return diagnosis.show(report)
+        return diagnosis.show(record, report)
     head, rows = table(record, report)
     if rows:
         print_table("", head, rows)

@@ -37,6 +37,7 @@ from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder
 from .diagnosis.report import report as report_of
 from .diagnosis.search import Search, Variant, gross, leaving_out, loosened, scored, select, variants
+from .diagnosis.shares import Shares, switched_off
 from .diagnosis.suspects import Suspicion, suspect_runs
 from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
@@ -138,7 +139,15 @@ def diagnose(
     failed = checks.failures(closing)
     if failed and report["remainder"] is None:
         report["remainder"] = {"description": "; ".join(failed), "covariate": None, "harmonic": None, "formula": None, "terms": []}
-    return _record(search, waves, verdict, report, model).judged(_doubts(search.final, verdict, failed))
+    report, shares = switched_off(report, search.base, search.final, noise_factor)
+    return _with_shares(_record(search, waves, verdict, report, model), shares).judged(_doubts(search.final, verdict, failed))
+
+
+def _with_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
+    """The record with the rows of the models without some of the causes, where there are causes."""
+    if not shares.left_out:
+        return record
+    return record.replace(simulated_without=shares.rows, left_out=json.dumps(shares.left_out))
 
 
 def _refused(

@@ -1,7 +1,11 @@
 """What a person reads after `hrg diagnose` and `hrg calibrate --ladder`: every figure of the JSON that decides something."""
 
-from hrg_cli.records import Calibration
-from hrg_cli.reporting import diagnosis, tables
+import json
+
+import numpy as np
+
+from hrg_cli.records import Calibration, Diagnosis
+from hrg_cli.reporting import tables
 
 REPORT = {
     "verdict": "partly explained",
@@ -28,21 +32,32 @@ REPORT = {
 }
 
 
+def diagnosis_of(report):
+    nothing = np.zeros((0, 4))
+    return Diagnosis(
+        run=np.zeros(0, "i4"), time_s=np.zeros(0), wave_angle_rad=np.zeros(0), main_amplitude=np.zeros(0), measured=nothing,
+        simulated_before=nothing, simulated_after=nothing, residual_before=nothing, residual_after=nothing, series="[]",
+        run_ids='["1", "2"]', verdict=report["verdict"], report=json.dumps(report),
+    )  # fmt: skip
+
+
 def test_a_diagnosis_shows_wrong_values_causes_gain_remainder_and_the_next_run(capsys):
-    diagnosis.show(REPORT)
+    tables.show(diagnosis_of(REPORT), REPORT)
     shown = capsys.readouterr().out
     lines = shown.splitlines()
-    assert lines[0] == "verdict: partly explained"
-    assert "scale_factor" in shown and "-400" in shown and "damping_rate_1_s" not in shown
-    assert any("1.25e-06 ± 4e-08 s K-1" in line and "thermal_lag" in line for line in lines)
-    assert any(line.startswith("drift error") and "400 ± 50" in line and "6 ± 1" in line for line in lines)
-    assert "remainder: damping × a step at t = 1.2 s" in lines
-    assert "next, for thermal_gradient or thermal_lag: ramps of two slopes" in lines
+    assert lines[0].startswith("The drift is 400 °/h off") and "6 °/h are left" in lines[0] and "damping × a step at t = 1.2 s" in lines[0]
+    assert lines[1] == "gyro: bench fault; fit: suspect; verdict: partly explained"
+    assert any("1.25(4)" in line and "thermal lag" in line for line in lines)
+    assert any(line.startswith("scale factor K") and "−400" in line for line in lines)
+    assert "next run, to tell thermal gradient or thermal lag: ramps of two slopes" in lines
+    assert all(len(line) < 240 for line in lines)
 
 
 def test_an_adequate_model_claims_no_gain(capsys):
-    diagnosis.show(REPORT | {"verdict": "adequate", "effects": [], "values": [], "remainder": None})
-    assert capsys.readouterr().out.splitlines() == ["verdict: adequate", "χ² a degree of freedom: 55 before, 1.5 after"]
+    report = REPORT | {"verdict": "adequate", "effects": [], "values": [], "remainder": None}
+    tables.show(diagnosis_of(report), report)
+    shown = capsys.readouterr().out
+    assert "gyro: sound; fit: valid; verdict: adequate" in shown and "no fault was found" in shown and "better" not in shown
 
 
 def test_the_ladder_shows_the_faults_of_loops_and_readout_that_it_could_measure(capsys):

@@ -94,11 +94,11 @@ def test_page_follows_both_modes(whole):
 
 def test_same_files_same_bytes(files):
     some = [files[2], files[4]]
-    assert page.build_report(some) == page.build_report(some)
+    assert page.build_report(some, full=True) == page.build_report(some, full=True)
 
 
 def test_truth_is_read_only_when_asked(files, whole):
-    hidden = page.build_report(files[:1])
+    hidden = page.build_report(files[:1], full=True)
     assert "Truth of the simulation" in whole and "Truth of the simulation" not in hidden
     assert "frequency_hz = 431.0" in whole and "frequency_hz = 431.0" not in hidden
 
@@ -106,7 +106,7 @@ def test_truth_is_read_only_when_asked(files, whole):
 def test_page_stays_small(files, whole, monkeypatch):
     assert len(whole.encode()) < 3_000_000
     monkeypatch.setattr(page, "PAGE_BYTES", 60_000)
-    small = page.build_report(files[2:4])
+    small = page.build_report(files[2:4], full=True)
     assert len(small.encode()) < 60_000 + 60_000 and "to keep the page small" in small
 
 
@@ -121,7 +121,7 @@ def test_hostile_text_stays_text(tmp_path):
         provenance=Provenance((attack.replace("\x00", ""),), attack.replace("\x00", ""), (), "now", attack.replace("\x00", "")),
     )
     store.write(path, record.replace(run_id=attack.replace("\x00", "")))
-    text = page.build_report([path])
+    text = page.build_report([path], full=True)
     elements = Elements(text)
     assert len(elements.all("script")) == 1 and not elements.all("img") and not elements.all("b")
     assert "\x1b" not in text and "\x00" not in text and "\u202e" not in text
@@ -137,7 +137,7 @@ def test_hostile_results_stay_text(tmp_path):
     )
     report = diagnosis.report.replace("pickoff_nonlinearity", "<script>alert(1)</script> $").replace("two amplitudes", "<img src=x>")
     store.write(tmp_path / "b.h5", diagnosis.replace(report=report, series='["<script>x</script>", "$_{"]'))
-    elements = Elements(page.build_report([tmp_path / "a.h5", tmp_path / "b.h5"]))
+    elements = Elements(page.build_report([tmp_path / "a.h5", tmp_path / "b.h5"], full=True))
     assert len(elements.all("script")) == 1 and not elements.all("img")
 
 
@@ -151,7 +151,7 @@ def test_hostile_results_stay_text(tmp_path):
 )
 def test_any_diagnosis_json_gives_a_page(tmp_path, report):
     store.write(tmp_path / "d.h5", by_hand.diagnosis().replace(report=report, series="[]"))
-    assert "Diagnosis" in page.build_report([tmp_path / "d.h5"])
+    assert "Diagnosis" in page.build_report([tmp_path / "d.h5"], full=True)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_any_diagnosis_json_gives_a_page(tmp_path, report):
 def test_any_details_json_gives_a_page(tmp_path, details):
     store.write(tmp_path / "c.h5", by_hand.calibration().replace(details=details))
     store.write(tmp_path / "r.h5", by_hand.resonator().replace(details=details))
-    assert "Calibration" in page.build_report([tmp_path / "c.h5", tmp_path / "r.h5"])
+    assert "Calibration" in page.build_report([tmp_path / "c.h5", tmp_path / "r.h5"], full=True)
 
 
 def test_short_flagged_and_empty_series(tmp_path):
@@ -186,7 +186,7 @@ def test_short_flagged_and_empty_series(tmp_path):
         "node": by_hand.calibration(1),
     }.items():
         store.write(tmp_path / f"{name}.h5", record)
-        assert name in page.build_report([tmp_path / f"{name}.h5"])
+        assert name in page.build_report([tmp_path / f"{name}.h5"], full=True)
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,7 @@ def test_short_flagged_and_empty_series(tmp_path):
 )
 def test_any_recording_gives_a_page(tmp_path, change):
     store.write(tmp_path / "r.h5", by_hand.recording().replace(**change))
-    assert "Recording" in page.build_report([tmp_path / "r.h5"])
+    assert "Recording" in page.build_report([tmp_path / "r.h5"], full=True)
 
 
 def test_of_many_files_the_first_are_drawn(tmp_path, monkeypatch):
@@ -212,7 +212,7 @@ def test_of_many_files_the_first_are_drawn(tmp_path, monkeypatch):
     paths = [tmp_path / f"wave-{k:02}.h5" for k in range(12)]
     for k, path in enumerate(paths):
         store.write(path, by_hand.wave(run=f"run-{k}", count=40))
-    text = page.build_report(paths)
+    text = page.build_report(paths, full=True)
     assert all(path.name in text for path in paths) and text.count("many files of this kind") == 11
 
 
@@ -223,7 +223,7 @@ def test_long_recording_is_read_in_looks(tmp_path, monkeypatch):
     monkeypatch.setattr(
         by_hand.Recording, "physical", lambda self, start=0, stop=None: read.append(stop - start) or original(self, start, stop)
     )
-    page.build_report([tmp_path / "r.h5"])
+    page.build_report([tmp_path / "r.h5"], full=True)
     assert max(read) <= 1 << 13 and sum(read) < 0.7 * 120 * by_hand.RATE_HZ
 
 
@@ -233,11 +233,22 @@ def test_png_figures(files, tmp_path):
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and p.parent == tmp_path / "figures" for p in written)
 
 
+def test_the_answer_comes_first(files):
+    """Sentence, the two words, one figure, causes, parameters and methods before anything else; figures of files only when asked."""
+    text = page.build_report(files)
+    order = [
+        text.index(mark)
+        for mark in ('class="sentence"', "gyro: fault found", "<svg", "<h3>Causes</h3>", "<h3>Parameters", "<h3>Methods", 'class="behind"')
+    ]
+    assert order == sorted(order) and text.count("<svg") == 2 and len(text) < len(page.build_report(files, full=True)) / 3
+    assert text.count("pickoff nonlinearity") >= 2 and "False" not in text and "0.00e+00" not in text
+
+
 def test_errors_are_sentences(tmp_path, files):
     (tmp_path / "text.h5").write_text("no")
     for paths, word in (([], "no file"), ([tmp_path / "none.h5"], "no such file"), ([files[0], tmp_path / "text.h5"], "not an HDF5 file")):
         with pytest.raises(HrgError, match=word):
-            page.build_report(paths)
+            page.build_report(paths, full=True)
 
 
 def test_steps_from_files_and_history():
@@ -269,7 +280,7 @@ def test_parameters_for_people():
 def test_a_changed_source_is_named(tmp_path, files):
     changed = tmp_path / "recording.h5"
     store.write(changed, by_hand.recording(seconds=1.0))
-    text = page.build_report([changed, files[1]])
+    text = page.build_report([changed, files[1]], full=True)
     assert "a file of this name on this page has other content" in text
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+import re
 import sys
 from pathlib import Path
 
@@ -15,6 +17,7 @@ import itertools
 import browser
 import records_by_hand
 
+from hrg_cli import store
 from hrg_cli.reporting.page import build_report
 
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(browser.programs() is None, reason="chromium and chromium-driver are not installed")]
@@ -32,6 +35,22 @@ def page(tmp_path_factory):
     path = folder / "report.html"
     path.write_text(build_report(records_by_hand.write_all(folder), truth=True), encoding="utf-8")
     return path
+
+
+@pytest.fixture(scope="module")
+def living(tmp_path_factory):
+    """A page whose diagnosis can be switched: without the first cause a bend of 4 mrad is left, without the second one of 1 mrad."""
+    folder = tmp_path_factory.mktemp("living")
+    record = records_by_hand.diagnosis()
+    t, theta = record.time_s, record.wave_angle_rad
+    across = np.stack([-np.sin(2 * theta), np.cos(2 * theta), 0 * t, 0 * t], 1) * record.main_amplitude[:, None]
+    bends = {"pickoff_nonlinearity": 4e-3, "gain_mismatch": 1e-3}
+    sets = [list(bends), *([name] for name in bends)]
+    rows = [record.simulated_after - sum(bends[n] for n in names) * np.sin(t / 5)[:, None] * across for names in sets]
+    record = record.replace(simulated_without=np.stack(rows, axis=-1), left_out=json.dumps(sets))
+    store.write(folder / "d.h5", record)
+    (folder / "page.html").write_text(build_report([folder / "d.h5"]), encoding="utf-8")
+    return folder / "page.html"
 
 
 @pytest.fixture(scope="module")
@@ -147,3 +166,41 @@ def test_headings_and_ids_are_in_order(window):
         .filter(e => !document.getElementById(e.getAttribute('aria-labelledby')))
         .map(e => e.getAttribute('aria-labelledby'))""")
     assert missing == []
+
+
+SAID = "return document.querySelector('.living .figures').textContent"
+SPREAD = """const d = [...document.querySelectorAll('.living .plots svg')][0].querySelector('.trace').getAttribute('d');
+    const y = [...d.matchAll(/ ([\\d.]+)/g)].map(m => +m[1]); return Math.max(...y) - Math.min(...y);"""
+
+
+def drift(window) -> float:
+    return float(re.search(r"drift error ([\d.]+)", window.run(SAID))[1])
+
+
+def test_the_living_figure_follows_its_switches(window, living):
+    """Each switch changes residual, drift and Allan curve; by keyboard too; nothing is loaded and nothing said on the console."""
+    window.open(living.as_uri())
+    assert window.run("return document.querySelectorAll('.living svg').length") == 2
+    with_all, flat = drift(window), window.run(SPREAD)
+    window.run("document.querySelectorAll('.living input')[0].click()")
+    without_first, bent = drift(window), window.run(SPREAD)
+    assert without_first > 3 * with_all and bent > 5 * flat
+    window.run("document.querySelectorAll('.living input')[1].focus()")
+    window.keys(" ")
+    assert window.run("return document.querySelector('.living').dataset.state") == "00" and drift(window) > without_first
+    window.run("document.querySelectorAll('.living input')[0].click()")
+    assert with_all < drift(window) < without_first
+    assert window.log() == [] and window.run("return performance.getEntriesByType('resource').length") == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [320, 768, 1280])
+def test_the_answer_fits_every_screen(window, living, scheme, width):
+    window.open(living.as_uri())
+    window.scheme(scheme)
+    window.size(width, 800)
+    assert window.run("return document.documentElement.scrollWidth") <= width
+    first = window.run("const b = document.querySelector('.sentence').getBoundingClientRect(); return [b.top, b.bottom]")
+    assert first[0] > 0 and first[1] < 800, "the answer is on the first screen"
+    window.scheme("light")
+    window.size(1200, 900)

@@ -24,11 +24,14 @@ from .drawing import (
 )
 
 
-def calibration_plots(record: Calibration) -> list[Plot]:
-    """Maps of D and K, their harmonics with σ, and the ladder."""
+def calibration_plots(record: Calibration, first_only: bool = False) -> list[Plot]:
+    """Maps of D and K, their harmonics with σ, and the ladder; or the map of D alone."""
     mean = float(np.nanmean(record.scale_factor_harmonics[:, 0])) or 1.0
+    drift = _map(record, record.drift_rad_s / DEGREE_PER_HOUR, record.drift_rad_s_std / DEGREE_PER_HOUR, "D", "drift D, °/h", "drift-map")
+    if first_only:
+        return [drift]
     found = [
-        _map(record, record.drift_rad_s / DEGREE_PER_HOUR, record.drift_rad_s_std / DEGREE_PER_HOUR, "D", "drift D, °/h", "drift-map"),
+        drift,
         _map(
             record,
             (record.scale_factor / mean - 1) * 1e6,

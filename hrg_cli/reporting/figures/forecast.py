@@ -1,4 +1,4 @@
-"""Picture of a diagnosis's forecast: errors over the part of the run that was predicted, and what every cause adds."""
+"""Picture of a diagnosis's forecast: errors over the part of the run that was predicted."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..json_text import as_float, child, entries
-from ..text import number
-from .drawing import INK, MUTED, SERIES, Plot, labels, legend, note, panels, time_unit
+from ..text import number, plain
+from .drawing import INK, SERIES, Plot, labels, legend, note, panels, time_unit
 
 QUANTITIES = (
     ("amplitude_percent", "error of the amplitude, %"),
@@ -18,7 +18,7 @@ QUANTITIES = (
 
 
 def forecast_plots(report: dict[str, Any]) -> list[Plot]:
-    """Measured less predicted against time for the linear and the extended model, and the wave's error as the causes are added."""
+    """Measured less predicted against time for the linear and the extended model, and the signals' error of both."""
     forecast = child(report, "forecast")
     courses = entries(forecast, "course")
     if not courses:
@@ -41,15 +41,11 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
         labels(ax, x=f"time, {unit}", y=label)
     legend(axes[0, 0])
     ax = axes[0, 3]
-    rows = [("linear", child(forecast, "before"))] + [(f"+ {s.get('name')}", s) for s in entries(forecast, "steps")]
-    rows += [(f"or {s.get('name')}", s) for s in entries(forecast, "alternatives")]
-    values = [as_float(row.get("wave_percent")) for _, row in rows]
-    taken = 1 + len(entries(forecast, "steps"))
-    ax.barh(range(len(rows)), values, color=[SERIES[0] if k < taken else MUTED for k in range(len(rows))], height=0.6)
-    ax.set_yticks(range(len(rows)), [name for name, _ in rows])
-    ax.invert_yaxis()
-    labels(ax, x="error of the wave, %")
-    note(ax, f"ratio {number(as_float(forecast.get('ratio')), 3)}")
+    values = [as_float(forecast.get(when)) for when in ("before", "after")]
+    ax.bar([0, 1], np.nan_to_num(values), color=[SERIES[1], SERIES[0]], width=0.55)
+    ax.set_xticks([0, 1], ["linear", "extended"])
+    labels(ax, y=f"error of the signals, {plain(forecast.get('unit', '1'))}")
+    note(ax, f"{number(as_float(forecast.get('ratio')), 3)} times smaller")
     return [Plot("forecast", "Forecast of what was not fitted", f"{forecast.get('sentence', '')}.", figure)]
 
 

@@ -1,0 +1,160 @@
+"""The bodies of `hrg check` and `hrg diff`: files held against limits and a baseline, two results against each other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .. import settings, store
+from ..comparing import Comparison, compare
+from ..errors import HrgError, UsageError
+from ..limits import Row, check
+from ..records import Record
+from ..reporting import check_pages, console
+from ..reporting.answer import answer
+from ..reporting.quantities import quantity
+from ..reporting.text import number
+from .frame import Common, existing
+
+Shown = tuple[dict[str, Any], Callable[[], None]]
+USUAL_SIGMA = 5.0
+"""Difference from a baseline, in σ, that passes where the command does not say another."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """One file: its record, its rows, and what of the baseline it misses (None: not compared)."""
+
+    path: Path
+    record: Record
+    rows: list[Row]
+    moved: list[str] | None
+
+    @property
+    def passed(self) -> bool:
+        """Every figure within its limits and near its baseline."""
+        return all(row.passed for row in self.rows) and not self.moved
+
+
+def check_files(
+    files: Sequence[Path],
+    run: Common,
+    limits: Path | None,
+    baseline: Path | None,
+    limit_sigma: float | None,
+    junit: Path | None,
+    markdown: Path | None,
+) -> Shown:
+    """Hold files against limits: those of --limits, tables of --config over them, --set over both; and against a baseline's results."""
+    started = time.monotonic()
+    wanted = _limits(run, limits)
+    if not wanted and baseline is None:
+        raise UsageError("no limits are named; add --limits limits.toml, or --baseline results/")
+    if run.show_config:
+        run.leave_with_settings(wanted)
+    for path in (junit, markdown):
+        if path is not None:
+            store.check_output(path, run.force)
+    paths = existing(files, "hrg files")
+    done = [_checked(path, wanted, baseline, USUAL_SIGMA if limit_sigma is None else limit_sigma, len(paths) > 1) for path in paths]
+    if not any(one.rows or one.moved is not None for one in done):
+        raise HrgError(
+            f"{paths[0]}: the limits hold nothing for a {done[0].record.kind} file, nor for any other; write [{done[0].record.kind}]"
+        )
+    records = [one.record for one in done]
+    found = answer(records, [row for one in done for row in one.rows], {one.record.kind: one.path.name for one in done})
+    for target, text in ((junit, check_pages.junit(done, found)), (markdown, check_pages.markdown(done, found))):
+        if target is not None:
+            with store.atomic_path(target, run.force) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+    passed = all(one.passed for one in done)
+    named = len(done) > 1
+    report = {
+        "kind": "check",
+        "status": "valid" if passed else "refused",
+        "status_reasons": [f"{one.path.name}: {reason}" if named else reason for one in done for reason in check_pages.missed(one)],
+        "elapsed_s": round(time.monotonic() - started, 3),
+        "passed": passed,
+        "answer": found.json() if found else None,
+        "files": [{"file": str(one.path), "kind": one.record.kind, "passed": one.passed, "moved": one.moved} for one in done],
+        "rows": [{"file": str(one.path), **vars(row), "margin_sigma": row.margin_sigma} for one in done for row in one.rows],
+    }
+    head = (*(("file",) if named else ()), "figure", "value", "limit", "margin, σ", "passed")
+    lines = [(*((one.path.name,) if named else ()), *check_pages.cells(row)) for one in done for row in one.rows]
+    return run.kept(report), lambda: console.print_table("", head, lines)
+
+
+def _limits(run: Common, limits: Path | None) -> dict[str, Any]:
+    wanted: dict[str, Any] = {}
+    for path in (p for p in (limits, run.config) if p is not None):
+        settings.merge(wanted, settings.load_toml(path))
+    for text in run.assignments:
+        settings.assign(wanted, *settings.parse_assignment(text))
+    return wanted
+
+
+def _checked(path: Path, wanted: dict[str, Any], baseline: Path | None, limit_sigma: float, one_of_many: bool) -> Checked:
+    record = store.read_any(path)
+    rows: list[Row] = []
+    if wanted and not (one_of_many and record.kind not in wanted and all(isinstance(v, dict) for v in wanted.values())):
+        try:
+            rows = check(record, wanted)
+        except UsageError:
+            raise
+        except HrgError as error:
+            raise HrgError(f"{path}: {error}") from error
+    return Checked(path, record, rows, None if baseline is None else _moved(path, record, baseline, limit_sigma))
+
+
+def _moved(path: Path, record: Record, baseline: Path, limit_sigma: float) -> list[str]:
+    other = baseline / path.name if baseline.is_dir() else baseline
+    if not other.exists():
+        return [f"{other.name} is not in the baseline {baseline}"]
+    return compare(store.read_any(other), record).beyond(limit_sigma)
+
+
+def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: float | None) -> Shown:
+    """Hold two results against each other; refused (exit 3) only where --limit-sigma is given and exceeded."""
+    started = time.monotonic()
+    paths = existing([p for p in (old, new) if p is not None], "two results, OLD and NEW")
+    if len(paths) != 2:
+        raise UsageError("one result is named; name two, OLD and NEW")
+    found = compare(store.read_any(paths[0]), store.read_any(paths[1]))
+    beyond = found.beyond(limit_sigma) if limit_sigma is not None else []
+    report = {
+        "kind": "diff",
+        "status": "refused" if beyond else "valid",
+        "status_reasons": beyond,
+        "elapsed_s": round(time.monotonic() - started, 3),
+        "largest_sigma": found.largest_sigma,
+        "differences": [vars(d) for d in found.differences],
+        "only_old": list(found.only_old),
+        "only_new": list(found.only_new),
+        "words": [{"name": n, "old": a, "new": b} for n, a, b in found.words],
+    }
+    return run.kept(report), lambda: _show(found)
+
+
+SHOWN = 30
+"""Figures that a person is shown; the JSON holds all."""
+
+
+def _show(found: Comparison) -> None:
+    for name, old, new in found.words:
+        print(f"{name}: {old} → {new}")
+    known = [d for d in found.differences if d.sigma is not None]
+    rows = [
+        (d.name, quantity(d.name, d.old, d.old_std, d.units), quantity(d.name, d.new, d.new_std, d.units), number(d.sigma, 3))
+        for d in known[:SHOWN]
+    ]
+    if rows:
+        console.print_table("", ("figure", "old", "new", "moved by, σ"), rows)
+    if not known:
+        print("no figure has a standard deviation in both")
+    for place, names in (("old", found.only_old), ("new", found.only_new)):
+        causes = sorted({n.split(".")[1] for n in names if n.startswith("effects.")})
+        for cause in causes:
+            print(f"cause {cause.replace('_', ' ')}: in the {place} result alone")

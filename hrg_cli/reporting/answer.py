@@ -1,0 +1,252 @@
+"""The answer: what the results of one gyro say, once, for terminal, page, JSON and JUnit alike.
+
+Two words that are easily mixed up are kept apart: the gyro's *health* ("sound", "fault found", "bench fault", "in doubt", "not examined")
+and the fit's *validity* ("valid", "suspect", "refused"). A gyro with a fault that was found and taken in has a valid fit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..limits import Row
+from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Wave
+from ..units import DEGREE_PER_HOUR
+from . import answer_use, answer_words
+from .answer_words import Cause, Departure
+from .json_text import calibration_rms, entries, figure_of_merit, json_list, json_object
+from .quantities import LABELS, parameter, quantity
+from .text import plain
+
+SURE = ("adequate", "explained")
+"""Verdicts under which the extended model describes the runs."""
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A figure against its limit: what was found, what was wanted, how many σ lie between, and whether it passes."""
+
+    name: str
+    value: str
+    limit: str
+    margin_sigma: float | None
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the (extended) model: in words for people, and as it stands in the file."""
+
+    name: str
+    label: str
+    text: str
+    value: float
+    std: float
+    units: str
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A value of the supplied model that the runs contradict."""
+
+    name: str
+    label: str
+    believed: str
+    measured: str
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """All of it; every sentence fits on two lines."""
+
+    gyro_id: str
+    sentence: str
+    health: str
+    validity: str
+    verdict: str | None
+    why: tuple[str, ...]
+    """Why the word was given, or not: failed checks, then reasons, each once."""
+    requirements: tuple[Requirement, ...]
+    departure: Departure | None
+    causes: tuple[Cause, ...]
+    parameters: tuple[Parameter, ...]
+    parameters_of: str
+    moved: tuple[Moved, ...]
+    forecast: str
+    suspect_runs: tuple[str, ...]
+    stability: tuple[str, ...]
+    next_runs: tuple[str, ...]
+    equation: str
+    snippet: str
+    commands: tuple[str, ...]
+
+    def json(self) -> dict[str, Any]:
+        """The JSON key `answer`."""
+        return dataclasses.asdict(self)
+
+
+def answer(records: Sequence[Record], rows: Sequence[Row] = (), names: Mapping[str, str] | None = None) -> Answer | None:
+    """The answer of one gyro's results; None where none of the records is a result.
+
+    rows: figures held against limits; names: kind -> name of its file, for the commands. The last record of a kind speaks for it.
+    """
+    of_kind = {record.kind: record for record in records}
+    diagnosis, resonator, calibration = of_kind.get("diagnosis"), of_kind.get("resonator"), of_kind.get("calibration")
+    assert not isinstance(diagnosis, Record) or isinstance(diagnosis, Diagnosis)
+    results = [r for r in (diagnosis, calibration, resonator, of_kind.get("compensated")) if r is not None]
+    if not results:
+        return None
+    report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
+    departure = answer_words.departure_of(diagnosis) if isinstance(diagnosis, Diagnosis) else None
+    causes = answer_words.causes_of(report, departure)
+    verdict = plain(diagnosis.verdict) if isinstance(diagnosis, Diagnosis) else None
+    tables = _of_tables(calibration) if isinstance(calibration, Calibration) else ""
+    examined = [r for r in results if r.kind != "resonator"] or results
+    if isinstance(diagnosis, Diagnosis):
+        runs = len(json_list(diagnosis.run_ids))
+        sentence = answer_words.sentence(plain(diagnosis.verdict), report, departure, causes, runs)
+    elif tables:
+        sentence, tables = tables, ""
+    else:
+        sentence = _of_resonator(results[-1])
+    parameters, of = _parameters(diagnosis, resonator)
+    moved = _moved(report)
+    if moved and not causes:
+        far = max(moved, key=lambda m: abs(m.sigma))
+        sentence += f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
+    named = dict(names or {})
+    return Answer(
+        gyro_id=plain(next((g for r in results if (g := getattr(r, "gyro_id", ""))), "")),
+        sentence=sentence + (f" {tables}" if tables else ""),
+        health=_health(verdict, causes),
+        validity=_validity(verdict, examined),
+        verdict=verdict,
+        why=_why(report, examined),
+        requirements=tuple(requirement(row) for row in rows),
+        departure=departure,
+        causes=causes,
+        parameters=parameters,
+        parameters_of=of,
+        moved=moved,
+        forecast=answer_words.forecast(report),
+        suspect_runs=tuple(answer_words.suspect_run(e) for e in entries(report, "suspect_runs")),
+        stability=answer_words.stability(report),
+        next_runs=answer_words.next_runs(report),
+        equation=answer_use.equation(calibration is not None, [c.name for c in causes]),
+        snippet=answer_use.snippet(report, calibration if isinstance(calibration, Calibration) else None, parameters),
+        commands=answer_use.commands(named, bool(report), calibration is not None),
+    )
+
+
+def _health(verdict: str | None, causes: Sequence[Cause]) -> str:
+    if verdict is None:
+        return "not examined"
+    if any(cause.family != "bench" for cause in causes):
+        return "fault found"
+    if causes:
+        return "bench fault"
+    return "sound" if verdict == "adequate" else "in doubt"
+
+
+def _validity(verdict: str | None, examined: Sequence[Record]) -> str:
+    """The worst status of the results that decide; a diagnosis that leaves something open is suspect."""
+    order = ("valid", "suspect", "refused")
+    worst = max((record.status for record in examined), key=order.index)
+    return "suspect" if worst == "valid" and verdict is not None and verdict not in SURE else worst
+
+
+def _why(report: Mapping[str, Any], examined: Sequence[Record]) -> tuple[str, ...]:
+    checks = entries(dict(report), "checks")
+    failed = [answer_words.failed_check(c) for c in checks if c.get("passed") is False]
+    if checks and not failed:
+        failed = [f"all {len(checks)} closing checks passed"]
+    reasons = [plain(reason) for record in examined if record.status != "valid" for reason in record.status_reasons]
+    said = [plain(c.get("sentence") or "") for c in checks if c.get("passed") is False]
+    reasons = [reason for reason in reasons if not any(one and one in reason for one in said)]
+    return tuple(dict.fromkeys([*failed, *reasons]))
+
+
+def requirement(row: Row) -> Requirement:
+    """A row of `hrg check` for people."""
+    if row.words is not None:
+        return Requirement(row.name, *row.words, None, row.passed)
+    units = row.units
+    bounds = [f"≥ {quantity(row.name, row.minimum, None, units)}"] if row.minimum is not None else []
+    bounds += [f"≤ {quantity(row.name, row.maximum, None, units)}"] if row.maximum is not None else []
+    value = "not in the file" if row.value is None else quantity(row.name, row.value, row.std, units)
+    return Requirement(row.name, value, " and ".join(bounds), row.margin_sigma, row.passed)
+
+
+def _parameters(diagnosis: Record | None, resonator: Record | None) -> tuple[tuple[Parameter, ...], str]:
+    """Those beside the causes where there is a diagnosis, else the identified ones; and whose they are."""
+    report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
+    if entries(report, "values"):
+        rows = [(str(v.get("name")), v.get("value"), v.get("std"), str(v.get("units", ""))) for v in entries(report, "values")]
+        of = "extended model" if entries(report, "effects") else "model"
+    elif isinstance(resonator, Resonator):
+        rows, of = [(name, *row) for name, row in resonator.parameters().items()], "resonator"
+    else:
+        return (), ""
+    found = [
+        Parameter(plain(name), LABELS.get(name, plain(name)), parameter(name, value, std, units), float(value), float(std), plain(units))
+        for name, value, std, units in rows
+        if isinstance(value, int | float) and isinstance(std, int | float)
+    ]
+    return tuple(found), of
+
+
+def _moved(report: Mapping[str, Any]) -> tuple[Moved, ...]:
+    found = []
+    for v in entries(dict(report), "values"):
+        numbers = [v.get(key) for key in ("value", "std", "believed", "sigma")]
+        if v.get("wrong") and all(isinstance(n, int | float) for n in numbers):
+            name, units = str(v.get("name")), str(v.get("units", ""))
+            value, std, believed, sigma = (float(n) for n in numbers)  # type: ignore[arg-type]
+            said = parameter(name, value, std, units)
+            found.append(Moved(plain(name), LABELS.get(name, plain(name)), parameter(name, believed, 0.0, units), said, sigma))
+    return tuple(found)
+
+
+def _of_tables(calibration: Calibration) -> str:
+    """What the tables gain, from the rms of the rate errors."""
+    said = _gains(*calibration_rms(calibration.details))
+    return f"The tables take {' and '.join(said)} on data held out." if said else "The tables are made."
+
+
+def _gains(drift: Mapping[str, Any], scale: Mapping[str, Any]) -> list[str]:
+    found = []
+    for rms, words, factor, unit in ((drift, "the drift", 1 / DEGREE_PER_HOUR, "°/h"), (scale, "the scale factor's error", 1.0, "ppm")):
+        before, after = (figure_of_merit(rms.get(key))[0] * factor for key in ("before", "held_out"))
+        if before == before and after == after:
+            found.append(f"{words} from {answer_words.short(before)} to {answer_words.short(after)} {unit}")
+    return found
+
+
+def _of_resonator(record: Record) -> str:
+    if isinstance(record, Resonator):
+        known = record.parameters()
+        said = [
+            f"{label} {parameter(name, *known[name])}"
+            for name, label in (("frequency_hz", "f ="), ("damping_rate_1_s", "τ ="), ("frequency_split_rad_s", "Δf ="))
+            if name in known
+        ]
+        return f"The resonator: {', '.join(said)}; whether the runs hold more than it says is for hrg diagnose."
+    if isinstance(record, Compensated):
+        return "The tables were applied to a run; the page shows the rate error that is left."
+    return ""
+
+
+def groups(records: Sequence[Record]) -> dict[str, list[Record]]:
+    """Records by gyro, in the order they came."""
+    found: dict[str, list[Record]] = {}
+    for record in records:
+        found.setdefault(str(getattr(record, "gyro_id", "")), []).append(record)
+    return found
+
+
+def is_result(record: Record) -> bool:
+    """Whether a record can speak in an answer."""
+    return not isinstance(record, Wave) and record.kind in ("diagnosis", "resonator", "calibration", "compensated")

@@ -1,0 +1,79 @@
+"""What a check says to machines and to a merge request: JUnit XML and a table in Markdown, with the answer's sentence on top."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+from xml.etree import ElementTree
+
+from ..limits import Row
+from ..records import Record
+from .answer import Answer, requirement
+from .text import number, plain
+
+
+class Judged(Protocol):
+    """A file held against limits and a baseline."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def record(self) -> Record: ...
+    @property
+    def rows(self) -> list[Row]: ...
+    @property
+    def moved(self) -> list[str] | None: ...
+
+
+def missed(one: Judged) -> list[str]:
+    """Why a file does not pass."""
+    return [row.sentence() for row in one.rows if not row.passed] + list(one.moved or [])
+
+
+def cells(row: Row) -> tuple[str, str, str, str, str]:
+    """Figure, value, limit, margin in σ, passed."""
+    shown = requirement(row)
+    return plain(shown.name), shown.value, shown.limit, number(shown.margin_sigma, 2), "yes" if shown.passed else "NO"
+
+
+def junit(files: Sequence[Judged], found: Answer | None) -> str:
+    """JUnit XML: a suite a file, a case a figure and one for the baseline; the sentence as the suite's output."""
+    root = ElementTree.Element("testsuites", name="hrg check")
+    for one in files:
+        cases = [(row.name, None if row.passed else row.sentence()) for row in one.rows]
+        if one.moved is not None:
+            cases.append(("baseline", "; ".join(one.moved) or None))
+        failures = sum(why is not None for _, why in cases)
+        suite = ElementTree.SubElement(root, "testsuite", name=str(one.path), tests=str(len(cases)), failures=str(failures), errors="0")
+        for name, why in cases:
+            case = ElementTree.SubElement(suite, "testcase", classname=f"{one.record.kind}.{one.path.stem}", name=plain(name))
+            if why is not None:
+                ElementTree.SubElement(case, "failure", message=plain(why)).text = plain(why)
+        if found is not None and one.record.kind in ("diagnosis", "resonator", "calibration"):
+            said = [found.sentence, f"gyro: {found.health}; fit: {found.validity}", *found.why]
+            ElementTree.SubElement(suite, "system-out").text = "\n".join(map(plain, said))
+    for key in ("tests", "failures"):
+        root.set(key, str(sum(int(suite.get(key, "0")) for suite in root)))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def markdown(files: Sequence[Judged], found: Answer | None) -> str:
+    """A summary for a merge request."""
+    passed = not any(missed(one) for one in files)
+    lines = [f"### hrg check: {'passed' if passed else 'FAILED'}", ""]
+    if found is not None:
+        lines += [_escaped(found.sentence), "", f"gyro: **{found.health}**; fit: **{found.validity}**", ""]
+    rows = [(one.path.name, *cells(row)) for one in files for row in one.rows]
+    if rows:
+        lines += ["| file | figure | value | limit | margin, σ | passed |", "|---|---|---|---|---|---|"]
+        lines += ["| " + " | ".join(_escaped(c) for c in row) + " |" for row in rows]
+    lines += [f"* {_escaped(one.path.name)}: {_escaped(reason)}" for one in files for reason in one.moved or []]
+    return "\n".join(lines) + "\n"
+
+
+def _escaped(text: str) -> str:
+    for mark in ("\\", "|", "<", "*", "_", "`"):
+        text = text.replace(mark, f"\\{mark}" if mark != "<" else "&lt;")
+    return plain(text)

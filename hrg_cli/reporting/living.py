@@ -1,0 +1,87 @@
+"""The living figure's data: what is left of every run with each set of causes taken in, computed beforehand and drawn by the page's script.
+
+Every set was fitted anew when the diagnosis was made (`simulated_without`), so that switching is exact; nothing is computed on the page.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from ..fitting.tables.allan import allan_deviation
+from ..records import Array, Diagnosis
+from ..stages.diagnosis.shares import difference, figures
+from ..units import DEGREE_PER_HOUR
+from .answer_words import in_words
+from .json_text import entries, json_list, json_object
+from .text import plain
+
+POINTS = 150
+"""Points of a run that are drawn."""
+RUNS = 8
+"""Runs that are drawn: the first ones; the figures are of all."""
+FEWEST = 9
+"""Rows of a run from which it has an Allan deviation."""
+
+
+def living_data(record: Diagnosis) -> dict[str, Any] | None:
+    """Causes, and for every set of causes taken in: the angle's residual a run, rms figures, Allan deviation; None without causes."""
+    sets = [tuple(map(str, names)) for names in json_list(record.left_out) if isinstance(names, list)]
+    if record.simulated_without is None or not sets or np.ndim(record.simulated_without) != 3 or not len(record):
+        return None
+    found = [str(e.get("name")) for e in entries(json_object(record.report), "effects")]
+    causes = [name for name in found if any(name in names for names in sets)]
+    run, time_s = np.asarray(record.run), np.asarray(record.time_s)
+    rows: dict[tuple[str, ...], Array] = {(): np.asarray(record.simulated_after)}
+    rows |= {names: np.asarray(record.simulated_without)[:, :, k] for k, names in enumerate(sets)}
+    shown = np.unique(run)[:RUNS]
+    states = {}
+    for names, simulated in rows.items():
+        left = difference(record.measured, simulated)
+        of = figures(left, run, time_s)
+        tau, deviation = _allan(left.angle, run, time_s)
+        states["".join("0" if name in names else "1" for name in causes)] = {
+            "runs": [_numbers(_thin(left.angle[run == k]) * 1e3) for k in shown],
+            "drift": of["drift_deg_h"],
+            "amplitude": of["amplitude_ppm"],
+            "tau": _numbers(tau),
+            "allan": _numbers(deviation),
+        }
+    run_ids = json_list(record.run_ids)
+    return {
+        "causes": [{"name": plain(name), "words": plain(in_words(name))} for name in causes],
+        "runs": [plain(run_ids[k]) if k < len(run_ids) else str(k) for k in shown],
+        "times": [_numbers(_thin(time_s[run == k] - time_s[run == k][0])) for k in shown],
+        "states": states,
+    }
+
+
+def as_text(data: dict[str, Any]) -> str:
+    """JSON for an attribute of the page, which escapes it."""
+    return json.dumps(data, ensure_ascii=False, allow_nan=False)
+
+
+def _thin(values: Array) -> Array:
+    return values[np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS)).round().astype(int))]
+
+
+def _numbers(values: Array) -> list[float | None]:
+    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in np.asarray(values, float)]
+
+
+def _allan(angle: Array, run: Array, time_s: Array) -> tuple[Array, Array]:
+    """Allan deviation of the drift error m·dθ/dt in °/h: variances of the runs averaged where their averaging times agree."""
+    pooled: dict[float, list[float]] = {}
+    for k in np.unique(run):
+        rows = np.flatnonzero((run == k) & np.isfinite(angle))
+        t, y = time_s[rows], np.unwrap(angle[rows], period=np.pi)
+        step = float(np.median(np.diff(t))) if len(t) > FEWEST else 0.0
+        if step <= 0 or np.diff(t).max() > 1.5 * step:  # a row is missing: no even series
+            continue
+        tau, deviation, _ = allan_deviation(np.diff(y) / step / DEGREE_PER_HOUR, step)
+        for at, value in zip(tau, deviation):
+            pooled.setdefault(float(f"{at:.3g}"), []).append(float(value) ** 2)
+    taus = sorted(pooled)
+    return np.array(taus), np.array([np.sqrt(np.mean(pooled[t])) for t in taus])

@@ -1,0 +1,52 @@
+"""A paragraph for a report: what was done to these data, with whose methods, in words that may be copied."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from .. import __version__
+from ..records import Calibration, Diagnosis, Record, Resonator
+from .json_text import entries, json_list, json_object
+
+CITATIONS = (
+    "D. D. Lynch, Vibratory gyro analysis by the method of averaging, 2nd St. Petersburg Int. Conf. on Gyroscopic Technology (1995)",
+    "K. V. Shishakov, Algorithmic enhancement of the accuracy of solid-state wave gyroscopes' signals (in Russian, 2022),"
+    " doi:10.22213/2410-9304-2022-4-34-47",
+    "JCGM 100:2008, Guide to the expression of uncertainty in measurement, 7.2.2",
+)
+
+
+def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
+    """The paragraph; only what these records were made by is in it."""
+    of = {record.kind: record for record in records}
+    runs = counts.get("wave") or counts.get("recording") or 0
+    said = []
+    if runs:
+        were = "recording was" if runs == 1 else "recordings were"
+        said.append(
+            f"{runs} {were} demodulated by least squares in windows at the oscillation frequency, and each window's envelopes resolved into"
+            " the standing wave's main amplitude, quadrature, angle and phase with their standard deviations."
+        )
+    if isinstance(of.get("resonator"), Resonator):
+        said.append(
+            "Damping and frequency split, their axes and the scale factor were fitted to all free runs together by maximum likelihood"
+            " on the averaged (slow) equations of motion [1]."
+        )
+    diagnosis = of.get("diagnosis")
+    if isinstance(diagnosis, Diagnosis):
+        report = json_object(diagnosis.report)
+        tested, found = len(entries(report, "tested")), len(entries(report, "effects"))
+        taken = len(json_list(diagnosis.run_ids))
+        said.append(
+            f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested} further effects;"
+            f" {found} {'was' if found == 1 else 'were'} taken in, each significant after correction for the number tried"
+            " and judged on data held out. A cause's share is the wave's difference between the fits with and without it,"
+            " everything else fitted anew."
+        )
+    if isinstance(of.get("calibration"), Calibration):
+        said.append(
+            "Drift and scale factor were tabulated as Fourier series of the wave angle over temperature from forced whole-angle runs;"
+            " residuals are stated for runs held out [2]."
+        )
+    said.append(f"Values are given with their standard deviation in the last digits [3]. Computed with hrg {__version__}.")
+    return " ".join(said)

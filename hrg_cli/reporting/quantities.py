@@ -1,0 +1,143 @@
+"""Numbers for people: rounded by their standard deviation, in the units of the trade (°/h, ppm, °, mHz).
+
+The concise notation of the GUM (7.2.2): 1003.7000003(10) Hz is 1003.700 000 3 Hz with a standard deviation of 0.000 001 0 Hz. The number of
+digits of σ follows the Particle Data Group: two where its leading digits are 10 … 35, else one; 95 … 99 count as 100.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from ..units import DEGREE, DEGREE_PER_HOUR
+from .text import number, ten
+
+TWO_DIGITS = 354
+"""Three leading digits of σ up to which two of them are kept; beyond, one, which for 950 and more rounds to 10."""
+
+
+def rounded(value: Any, std: Any) -> str:
+    """A value with its standard deviation in brackets, in units of the last digit shown; a value without a σ has six digits."""
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        return "–"
+    if not isinstance(std, int | float) or not math.isfinite(std) or std <= 0:
+        return number(float(value), 6)
+    last = _last_digit(std)
+    biggest = max(abs(value), std)
+    power = math.floor(math.log10(biggest))
+    if -5 < power < 7 and last <= 1:
+        return _concise(value, std, last).replace("-", "−")
+    shift = power
+    return f"{_concise(value / 10.0**shift, std / 10.0**shift, last - shift)}×{ten(shift)}".replace("-", "−")
+
+
+def _last_digit(std: float) -> int:
+    """Power of ten of the last digit that is shown."""
+    power = math.floor(math.log10(std))
+    leading = round(std / 10.0**power * 100)
+    return power - 1 if leading <= TWO_DIGITS else power
+
+
+def _concise(value: float, std: float, last: int) -> str:
+    bracket = round(std / 10.0**last)
+    if last >= 0:
+        return f"{round(value / 10**last) * 10**last:.0f}({bracket * 10**last})"
+    return f"{value:.{-last}f}({bracket})"
+
+
+def quantity(name: str, value: Any, std: Any, units: str) -> str:
+    """A value as people say it: unit and power chosen by what it is and how large it is, rounded by its σ."""
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        return "–"
+    factor, unit = unit_for(name, float(value), units)
+    shown = rounded(value * factor, None if std is None else std * abs(factor))
+    return f"{shown} {unit}".strip()
+
+
+def unit_for(name: str, value: float, units: str) -> tuple[float, str]:
+    """Factor and unit in which people say a quantity of this name, size and unit."""
+    size = abs(value)
+    if name == "frequency_split_rad_s":
+        return 1e3 / math.pi, "mHz"
+    if name == "pull_rad_s":
+        return 1e3 / (2 * math.pi), "mHz"
+    choose: Callable[[float], tuple[float, str]] | None = _BY_UNIT.get(units)
+    if units == "1" and name.startswith(("scale_factor", "power", "order")):
+        return 1.0, ""
+    if units == "rad" and name.endswith("axis_rad"):
+        return 1 / DEGREE, "°"
+    return choose(size) if choose is not None else (1.0, readable(units))
+
+
+def _plain_number(size: float) -> tuple[float, str]:
+    return (1e6, "ppm") if size < 1e-3 else (1e2, "%") if size < 1 else (1.0, "")
+
+
+def _angle(size: float) -> tuple[float, str]:
+    return (1e6, "µrad") if size < 1e-3 else (1e3, "mrad") if size < 0.02 else (1 / DEGREE, "°")
+
+
+def _rate(size: float) -> tuple[float, str]:
+    return (1 / DEGREE_PER_HOUR, "°/h") if size < 10 * DEGREE else (1 / DEGREE, "°/s")
+
+
+def _time(size: float) -> tuple[float, str]:
+    return (1e6, "µs") if size < 1e-3 else (1e3, "ms") if size < 0.1 else (1.0, "s")
+
+
+_BY_UNIT: dict[str, Callable[[float], tuple[float, str]]] = {
+    "1": _plain_number,
+    "rad": _angle,
+    "rad s-1": _rate,
+    "s": _time,
+    "": lambda size: (1.0, ""),
+    "deg/h": lambda size: (1.0, "°/h"),
+    "degC": lambda size: (1.0, "°C"),
+    "K-1": lambda size: (1e6, "ppm/K") if size < 1e-2 else (1e2, "%/K"),
+    "amplitude": lambda size: (1e6, "ppm of the unit amplitude"),
+    "Hz": lambda size: (1.0, "Hz") if size >= 0.1 or size == 0 else (1e3, "mHz") if size >= 1e-5 else (1e6, "µHz"),
+}
+
+
+def readable(units: str) -> str:
+    """A unit as it is printed: rad s-1 K-1 as rad/(s·K)."""
+    above, below = [], []
+    for part in units.split():
+        base = part.rstrip("-0123456789")
+        power = part[len(base) :]
+        if power.startswith("-"):
+            below.append(base if power == "-1" else f"{base}{_raised(power[1:])}")
+        else:
+            above.append(base if not power else f"{base}{_raised(power)}")
+    top = "·".join(above) or "1"
+    if not below:
+        return "" if units == "1" else top
+    return f"{top}/{below[0]}" if len(below) == 1 else f"{top}/({'·'.join(below)})"
+
+
+def _raised(digits: str) -> str:
+    return digits.translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+LABELS = {
+    "frequency_hz": "frequency f",
+    "damping_rate_1_s": "decay time τ",
+    "damping_split_1_s": "damping split ν·δμ",
+    "damping_axis_rad": "damping axis θ_μ",
+    "frequency_split_rad_s": "frequency split Δf",
+    "stiffness_axis_rad": "stiffness axis θ_ω",
+    "scale_factor": "scale factor K",
+}
+"""The resonator's parameters in words."""
+
+
+def parameter(name: str, value: float, std: float, units: str) -> str:
+    """A resonator's parameter for people: the damping as decay time, the damping split as the drift it makes."""
+    if name == "damping_rate_1_s" and value > 0:
+        return f"{rounded(1 / value, std / value**2)} s"
+    if name == "damping_split_1_s":
+        return f"{rounded(value / DEGREE_PER_HOUR, std / DEGREE_PER_HOUR)} °/h of drift"
+    if name == "frequency_hz":
+        return f"{rounded(value, std)} Hz"
+    return quantity(name, value, std, units)

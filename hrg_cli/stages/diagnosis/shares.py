@@ -1,0 +1,144 @@
+"""Diagnosis, the shares: what each cause leaves in the runs where it is not taken in and everything else is fitted anew.
+
+With u the extended model's envelopes and u₋ those of the fit without one cause, the cause's share is the difference of their waves: of
+m·θ (its slope over a quarter of a run is a drift), of ln a_A and of the phase (its slope is a frequency). What the base model can take
+over of a cause is therefore no part of its share, and the share does not depend on the order in which the causes were found.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from ...fitting.causes import extended_fit
+from ...fitting.causes.extended_fit import DivergedError, Fit, without
+from ...fitting.causes.wave_frame import real
+from ...fitting.envelopes.coordinates import physical
+from ...physics import ellipse
+from ...units import DEGREE_PER_HOUR
+
+Array = np.ndarray
+PIECES = 4
+"""Pieces of a run, over each of which a difference of the angle is taken as a drift (as in the held-out errors)."""
+ALL_SUBSETS = 3
+"""Causes up to which every combination is fitted."""
+PPM = 1e6
+ROUND = 0.7
+"""Quadrature over main amplitude from which a wave has no angle worth the name."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Of two motions, row by row: m·θ [rad], ln a_A, a_B/a_A and the phase [rad], each (k,)."""
+
+    angle: Array
+    amplitude: Array
+    quadrature: Array
+    phase: Array
+
+
+def difference(first: Array, second: Array) -> Difference:
+    """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2, NaN where the wave is nearly a circle.
+
+    Of a circle neither angle nor phase is defined: their noise grows as 1/(1 − r²), r = a_B/a_A.
+    """
+    a, b = (ellipse.wave(rows[:, :2] + 1j * rows[:, 2:], 1) for rows in (np.asarray(first), np.asarray(second)))
+    turns = np.round((a[2] - b[2]) / np.pi)
+    phase = a[3] - b[3] + np.pi * turns
+    with np.errstate(divide="ignore", invalid="ignore"):
+        amplitude, quadrature = np.log(a[0] / b[0]), a[1] / a[0] - b[1] / b[0]
+        flat = (np.abs(a[1]) < ROUND * a[0]) & (np.abs(b[1]) < ROUND * b[0])
+    angle = np.where(flat, a[2] - b[2] - np.pi * turns, np.nan)
+    return Difference(angle, amplitude, quadrature, np.where(flat, np.angle(np.exp(1j * phase)), np.nan))
+
+
+def figures(departure: Difference, run: Array, time_s: Array) -> dict[str, float | None]:
+    """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency in Hz; None where nothing shows it."""
+    drifts: list[float] = []
+    frequencies: list[float] = []
+    for k in np.unique(run):
+        for piece in np.array_split(np.flatnonzero(run == k), PIECES):
+            piece = piece[np.isfinite(departure.angle[piece])]
+            t = time_s[piece] - time_s[piece].mean() if len(piece) > 2 else np.zeros(0)
+            if t @ t > 0:
+                drifts.append(float(t @ np.unwrap(departure.angle[piece], period=np.pi) / (t @ t)))
+                frequencies.append(float(t @ np.unwrap(departure.phase[piece]) / (t @ t) / (2 * np.pi)))
+    return {
+        "drift_deg_h": _rms(drifts, 1 / DEGREE_PER_HOUR),
+        "angle_ppm": _rms(departure.angle, PPM),
+        "amplitude_ppm": _rms(departure.amplitude, PPM),
+        "frequency_hz": _rms(frequencies, 1.0),
+    }
+
+
+def _rms(values: Array | list[float], factor: float) -> float | None:
+    squares = np.square(np.asarray(values, float))
+    finite = squares[np.isfinite(squares)]
+    return float(np.sqrt(finite.mean())) * factor if len(finite) else None
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Sets of causes left out, the rows of the model fitted without each set (k, 4, sets), and the figures of every single cause."""
+
+    left_out: tuple[tuple[str, ...], ...]
+    rows: Array
+    figures: dict[str, dict[str, float | None]]
+
+
+def sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, … found."""
+    if len(names) <= ALL_SUBSETS:
+        return [one for count in range(1, len(names)) for one in combinations(names, count)] if len(names) > 1 else []
+    nested = [tuple(names[k:]) for k in range(len(names) - 1, 0, -1)]
+    return list(dict.fromkeys([*((name,) for name in names), *nested]))
+
+
+def shares(base: Fit, fit: Fit) -> Shares:
+    """Leave out sets of the extended model's causes and fit the rest; rows with weight, in the order of the diagnosis's rows.
+
+    base: the fit without any cause. A set without which the fit diverges is not told.
+    """
+    good = fit.series.weight > 0
+    run = np.broadcast_to(np.arange(len(fit.series.names))[:, None], good.shape)[good]
+    time_s, whole = fit.series.time_s[good], real(fit.prediction.seen[good])
+    names = [effect.name for effect, _ in fit.point.active]
+    rows = {tuple(names): real(base.prediction.seen[good])} if names else {}
+    for left_out in sets_left_out(names):
+        point = fit.point
+        for name in left_out:
+            point = without(point, name)
+        with contextlib.suppress(DivergedError):
+            refitted = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+            rows[left_out] = real(refitted.prediction.seen[good])
+    found = {name: figures(difference(whole, rows[(name,)]), run, time_s) for name in names if (name,) in rows}
+    return Shares(tuple(rows), np.stack(list(rows.values()), axis=-1) if rows else np.zeros((len(whole), 4, 0)), found)
+
+
+def covariance_of(fit: Fit, noise_factor: float) -> Array:
+    """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the causes; of the frequency its own variance.
+
+    Σ = G C Gᵀ · (variance inflation), G the slopes of the parameters against the fitted coordinates; held ones have none.
+    """
+    _, slopes = physical(fit.point.p, fit.series.mode_number)
+    coordinates = np.zeros((slopes.shape[1],) * 2)
+    there, columns = list(fit.layout.coordinates), range(len(fit.layout.coordinates))
+    coordinates[np.ix_(there, there)] = fit.covariance[np.ix_(columns, columns)]
+    out = np.zeros((7, 7))
+    out[1:, 1:] = slopes @ coordinates @ slopes.T * noise_factor
+    return out
+
+
+def switched_off(report: dict[str, Any], base: Fit, fit: Fit, noise_factor: float) -> tuple[dict[str, Any], Shares]:
+    """The report with each cause's `share` and the base parameters' `covariance` beside the causes;
+    the rows of the models without some of the causes."""
+    found = shares(base, fit)
+    effects = [{**e, "share": found.figures.get(str(e["name"]))} for e in report["effects"]]
+    covariance = covariance_of(fit, noise_factor)
+    covariance[0, 0] = next((v["std"] ** 2 for v in report["values"] if v["name"] == "frequency_hz"), 0.0)
+    return report | {"effects": effects, "covariance": covariance.tolist()}, found

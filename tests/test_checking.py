@@ -1,0 +1,162 @@
+"""`hrg check` and `hrg diff`: many files, words and units, typing errors, a baseline in σ, JUnit and Markdown."""
+
+import json
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / "reporting"))
+import records_by_hand as by_hand
+
+from hrg_cli import store
+from hrg_cli.comparing import compare, of_tables
+from hrg_cli.errors import UsageError
+from hrg_cli.limit_values import limit_value, meant, quantity_of
+from hrg_cli.units import DEGREE_PER_HOUR
+
+
+@pytest.fixture
+def results(tmp_path):
+    store.write(tmp_path / "diagnosis.h5", by_hand.diagnosis())
+    store.write(tmp_path / "resonator.h5", by_hand.resonator())
+    return tmp_path
+
+
+def limits(folder, text):
+    path = folder / "limits.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "written", "value"),
+    [
+        ("bias_rad_s", "5 deg/h", 5 * DEGREE_PER_HOUR),
+        ("drift_rms_rad_s.held_out", "0.01 °/h", 0.01 * DEGREE_PER_HOUR),
+        ("scale_factor_rms_ppm.held_out", "200 ppm", 200.0),
+        ("effects.gain_mismatch.gain", "200 ppm", 2e-4),
+        ("gain.drift_error_deg_h.after", "1 deg/h", 1.0),
+        ("damping_axis_rad", "2 deg", np.radians(2)),
+        ("frequency_hz", "3 mHz", 3e-3),
+        ("damping_split_1_s", "1 deg/h", DEGREE_PER_HOUR),
+        ("chi2_per_dof", 2, 2.0),
+    ],
+)
+def test_limits_with_units(name, written, value):
+    assert limit_value(name, written) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "written"), [("bias_rad_s", "5 deg"), ("bias_rad_s", "five"), ("frequency_hz", "5 ppm"), ("chi2", float("inf"))]
+)
+def test_units_of_something_else(name, written):
+    with pytest.raises(UsageError, match="limit"):
+        limit_value(name, written)
+
+
+def test_what_was_meant():
+    assert meant("adeqate", ("adequate", "explained")) == "did you mean adequate?" and meant("xyz", ("adequate",)) == ""
+    assert quantity_of("rows") == "a ratio" and quantity_of("values.frequency_split_rad_s") == "a rate"
+
+
+def test_many_files_verdict_and_causes(hrg, results):
+    given = limits(
+        results, '[diagnosis]\nverdict = ["adequate", "explained"]\ncauses = 2\n[resonator]\nstatus = "any"\nscale_factor = 0.6\n'
+    )
+    files = (results / "diagnosis.h5", results / "resonator.h5")
+    done = hrg("check", *files, "--limits", given, "--json")
+    assert done.status == 0 and {row["file"] for row in done.json["rows"]} == set(map(str, files)), done.err
+    assert done.json["answer"]["health"] == "fault found"
+    strict = hrg("check", *files, "--limits", given, "--set", "diagnosis.causes=0", "--set", 'diagnosis.verdict="adequate"')
+    assert strict.status == 3 and "the verdict is explained, adequate was wanted" in strict.err and "causes is 2" in strict.err
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("[diagnosis]\ncuases = 0\n", "did you mean causes?"),
+        ('[diagnosis]\nverdict = "adequat"\n', "did you mean adequate?"),
+        ("[diagnossis]\ncauses = 0\n", "did you mean diagnosis?"),
+        ("[diagnosis]\ncauses = { maximun = 0 }\n", "did you mean maximum?"),
+        ('[diagnosis]\nstatus = "god"\n', '"valid"'),
+        ('[diagnosis]\n"gain.drift_error_deg_h.after" = "5 deg"\n', "no unit of a rate"),
+    ],
+)
+def test_typing_errors_are_usage_errors(hrg, results, text, word):
+    done = hrg("check", results / "diagnosis.h5", "--limits", limits(results, text))
+    assert done.status == 2 and word in done.err, done.err
+
+
+def test_junit_and_markdown(hrg, results):
+    given = limits(results, "[diagnosis]\ncauses = 0\n")
+    out = ("--junit", results / "check.xml", "--markdown", results / "check.md")
+    assert hrg("check", results / "diagnosis.h5", "--limits", given, *out).status == 3
+    root = ElementTree.parse(results / "check.xml").getroot()
+    failed = {case.get("name") for case in root.iter("testcase") if case.find("failure") is not None}
+    assert failed == {"causes"} and root.get("failures") == "1" and "fault found" in root.find(".//system-out").text
+    text = (results / "check.md").read_text()
+    assert text.startswith("### hrg check: FAILED") and "| diagnosis.h5 | causes | 2 |" in text
+    assert hrg("check", results / "diagnosis.h5", "--limits", given, *out).status == 1, "existing outputs are refused"
+
+
+def moved(record, name, sigmas):
+    """The resonator with one value moved by so many σ of both."""
+    values = record.value.copy()
+    k = list(record.name).index(name)
+    values[k] += sigmas * np.sqrt(2) * record.std[k]
+    return record.replace(value=values)
+
+
+def test_diff_is_in_sigma_of_both(hrg, results):
+    old = by_hand.resonator()
+    store.write(results / "new.h5", moved(old, "damping_rate_1_s", 4.0))
+    done = hrg("diff", results / "resonator.h5", results / "new.h5", "--json")
+    assert done.status == 0 and done.json["largest_sigma"] == pytest.approx(4.0, rel=1e-6)
+    assert done.json["differences"][0]["name"] == "damping_rate_1_s"
+    assert hrg("diff", results / "resonator.h5", results / "new.h5", "--limit-sigma", 3).status == 3
+    assert hrg("diff", results / "resonator.h5", results / "new.h5", "--limit-sigma", 5).status == 0
+    wrong = hrg("diff", results / "resonator.h5", results / "diagnosis.h5")
+    assert wrong.status == 1 and "two of one kind" in wrong.err
+    assert hrg("diff", results / "resonator.h5").status == 2
+
+
+def test_axes_differ_modulo_their_period():
+    old = by_hand.resonator()
+    k = list(old.name).index("damping_axis_rad")
+    values = old.value.copy()
+    values[k] += np.pi / 2
+    found = {d.name: d for d in compare(old, old.replace(value=values)).differences}
+    assert found["damping_axis_rad"].difference == pytest.approx(0, abs=1e-12)
+
+
+def test_diff_of_diagnoses_and_tables():
+    old = by_hand.diagnosis()
+    report = json.loads(old.report)
+    new = old.replace(verdict="adequate", report=json.dumps(report | {"verdict": "adequate", "effects": report["effects"][:1]}))
+    said = compare(old, new).beyond(5.0)
+    assert "cause gain_mismatch is in the old result alone" in said and "verdict was explained, is adequate" in said
+    tables = by_hand.calibration()
+    shifted = tables.replace(drift_harmonics=tables.drift_harmonics + np.eye(1, tables.drift_harmonics.shape[1]) * 1e-4)
+    assert {d.name: d for d in of_tables(tables, shifted)}["table.drift_rad_s"].difference == pytest.approx(1e-4, rel=1e-6)
+
+
+def test_baseline(hrg, results, tmp_path):
+    earlier = tmp_path / "earlier"
+    earlier.mkdir()
+    store.write(earlier / "resonator.h5", moved(by_hand.resonator(), "scale_factor", 7.0))
+    given = limits(results, '[resonator]\nstatus = "any"\nscale_factor = 0.6\n')
+    done = hrg("check", results / "resonator.h5", "--limits", given, "--baseline", earlier)
+    assert done.status == 3 and "scale_factor moved by -7 σ" in done.err
+    assert hrg("check", results / "resonator.h5", "--limits", given, "--baseline", earlier, "--limit-sigma", 8).status == 0
+    assert hrg("check", results / "diagnosis.h5", "--baseline", earlier).status == 3, "what the baseline lacks does not pass"
+    assert hrg("check", results / "resonator.h5").status == 2
+
+
+def test_strict_from_the_environment(hrg, results, monkeypatch):
+    store.write(results / "rec.h5", by_hand.recording(seconds=1.0, truth=False).judged(["doubted"]))
+    assert hrg("demodulate", results / "rec.h5", "-o", results / "p1.h5").status == 0
+    monkeypatch.setenv("HRG_STRICT", "1")
+    assert hrg("demodulate", results / "rec.h5", "-o", results / "p2.h5").status == 3 or store.read_any(results / "p2.h5").status == "valid"
