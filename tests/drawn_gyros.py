@@ -67,7 +67,7 @@ class Drawn:
         speed = (self.split * np.cos(a - 2 * M * self.axis) * (1 + square) - 2 * ratio * first) / (1 - square)
         return 5000 + 0.4 * (np.asarray(temperature) - 20) + speed / (2 * np.pi)
 
-    def run(self, temperature, rate, number, duration=20.0, dt=0.025):
+    def run(self, temperature, rate, number, duration=15.0, dt=0.025):
         """A forced run: θ by Runge–Kutta, the quadrature a slow oscillation that keeps no step with the wave angle."""
         draw = np.random.default_rng([number, int(1e6 * self.noise * 1e3) % 2**31])
         count = int(duration / dt)

@@ -105,13 +105,15 @@ def not_seen(information: Array, model: Model) -> Array:
 def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
     """One check a cause that the variant may have left out, and one for all together."""
     u = b - A @ tried.solution.coefficients
+    # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own covariance is a mixture's, not a fit's
+    covariance = tried.solution.covariance if tried.foreign else solve(A, b, tried.model).covariance
     sign = 1.0 if tried.foreign else -1.0
     checks = []
     for name, columns, words in causes(layout):
-        chi2, rank = score(A, u, columns, tried.solution.covariance, sign)
+        chi2, rank = score(A, u, columns, covariance, sign)
         if rank:
             checks.append(goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
-    chi2, rank = score(A, u, np.eye(layout.size), tried.solution.covariance, sign)
+    chi2, rank = score(A, u, np.eye(layout.size), covariance, sign)
     sentence = (
         f"model {tried.model.name} leaves more than the noise: χ² = {chi2:.4g} of what the runs hold beside it, {rank} were expected; "
         f"try --model auto, or run with --ladder to see what each part buys"
