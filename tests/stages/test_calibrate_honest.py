@@ -7,6 +7,7 @@ import pytest
 from elliptic_runs import elliptic_run, resonator_of, tempered
 from forced_runs import Truth, forced_run, programme
 
+from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.physics.drift import drift
@@ -120,6 +121,13 @@ def test_auto_is_the_default_and_says_why():
     assert error < 0.01 * 8e-4
 
 
+@pytest.mark.parametrize("model", ["parametric", "quadrature", "phase"])
+def test_no_figure_is_nothing_plus_or_minus_nothing(model):
+    """The constant drift that (10) to (12) do not hold is 0 ± what the runs know it to."""
+    record = calibrate(elliptic_programme((20.0,), duration=10.0), model=model, scale_factor_harmonics=0, bootstrap=0)
+    assert (record.drift_harmonics_std > 0).all() and record.drift_harmonics[0, 0] == 0
+
+
 def test_auto_keeps_the_table_where_higher_harmonics_are_there():
     record = calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=15), bootstrap=0)
     assert record.model == "table" and record.status == "valid"
@@ -159,3 +167,19 @@ def test_an_instability_reaches_status_reasons_and_json():
     )
     rows = summary(record)["stability"]["harmonics"]
     assert next(row for row in rows if row["name"] == "drift 8θ")["p_value"] < 1e-20
+
+
+def test_resonator_files_over_temperature_by_command(hrg, tmp_path):
+    """`--resonator` repeated: the coefficients with their covariance are in the file and in the JSON; one file alone is refused."""
+    waves, resonators = [], []
+    for i, wave in enumerate(elliptic_programme((0.0, 40.0), duration=10.0)):
+        store.write(tmp_path / f"{i}.wave.h5", wave)
+        waves.append(tmp_path / f"{i}.wave.h5")
+    for T in (0.0, 40.0):
+        record = resonator_of(tempered(T), T, 2e-3, seed=int(T))
+        store.write(tmp_path / f"r{T:g}.h5", record.replace(name=record.name.astype(object), units=record.units.astype(object)))
+        resonators += ["--resonator", tmp_path / f"r{T:g}.h5"]
+    done = hrg("calibrate", *waves, "--model", "physical", *resonators, "-o", tmp_path / "cal.h5", "--json")
+    assert done.status == 0 and done.json["model"] == "physical" and len(done.json["resonator"]) == 2, done.json["status_reasons"]
+    alone = hrg("calibrate", *waves, "--model", "physical", *resonators[:2], "-o", tmp_path / "one.h5")
+    assert alone.status == 1 and "not extrapolated" in alone.err and not (tmp_path / "one.h5").exists()

@@ -83,9 +83,23 @@ def answers(fitted: Fitted, folds: Array, names: Sequence[str], wanted: Wanted, 
         stored.append(widest(layout, wanted, own) if name in WHOLE_DRIFT else own)
     checks = judged(fitted, folds, tries)
     return [
-        Answer(t.model.name, t, u, s, tuple(c), tuple(f), held_out(fitted, folds, t))
+        Answer(t.model.name, _with_doubt(fitted, t), u, s, tuple(c), tuple(f), held_out(fitted, folds, t))
         for t, u, s, (c, f) in zip(tries, used, stored, checks)
     ]
+
+
+def _with_doubt(fitted: Fitted, tried: Tried) -> Tried:
+    """The solution with the error to which a constant drift, where the model holds none, was seen to be absent: no 0 ± 0."""
+    layout = fitted.layout
+    constant = layout.part("drift", 0)
+    if tried.model.name in WHOLE_DRIFT:
+        return tried
+    A, b, _, _ = fitted.pieces.sum()
+    beside = Model("", np.concatenate([tried.model.matrix, constant], axis=1), tried.model.start)
+    places = np.flatnonzero(constant.any(axis=1))
+    covariance = tried.solution.covariance.copy()
+    covariance[np.ix_(places, places)] += solve(A, b, beside).covariance[np.ix_(places, places)]
+    return replace(tried, solution=replace(tried.solution, covariance=covariance))
 
 
 def widest(layout: Layout, wanted: Wanted, limits: tuple[int, int]) -> tuple[int, int]:
@@ -111,7 +125,12 @@ def again(fitted: Fitted, folds: Array, answer: Answer, model: Model, penalty: A
     tried = linear(fitted, folds, model, penalty)
     ((checks, failed),) = judged(fitted, folds, [tried])
     return replace(
-        answer, tried=tried, stored=answer.limits, checks=tuple(checks), failed=tuple(failed), held_out_chi2=held_out(fitted, folds, tried)
+        answer,
+        tried=_with_doubt(fitted, tried),
+        stored=answer.limits,
+        checks=tuple(checks),
+        failed=tuple(failed),
+        held_out_chi2=held_out(fitted, folds, tried),
     )
 
 
