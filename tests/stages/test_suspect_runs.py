@@ -103,10 +103,10 @@ def test_a_rate_log_in_degrees_in_all_runs_and_of_wrong_sign_in_all_runs():
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        (lambda t: 1.8 * t + 32, "thermometer in °F"),
-        (lambda t: t + 273.15, "thermometer in K"),
+        pytest.param(lambda t: 1.8 * t + 32, "thermometer in °F", marks=pytest.mark.slow),
+        pytest.param(lambda t: t + 273.15, "thermometer in K", marks=pytest.mark.slow),
         (lambda t: 0 * t + t[0], "thermometer stuck"),
-        (None, "thermometer missing"),
+        pytest.param(None, "thermometer missing", marks=pytest.mark.slow),
     ],
 )
 def test_a_wrong_thermometer_is_named_where_the_device_follows_the_temperature(change, what):
@@ -116,6 +116,7 @@ def test_a_wrong_thermometer_is_named_where_the_device_follows_the_temperature(c
     assert told(estimated(records)) == [("run2", what)]
 
 
+@pytest.mark.slow
 def test_a_thermometer_in_another_place_lags():
     records = recordings(table_of(1, THERMAL, cycle=True), 1)
     time, true = np.asarray(records[2].auxiliary_time_s), np.asarray(records[2].temperature_degc)

@@ -45,6 +45,8 @@ class Jump:
     rest_std: float
     shift_s: float
     shift_std_s: float
+    rate_rad_s: float
+    """Common turn a second about the jump, against the reference frequency."""
 
     @property
     def alike(self) -> bool:
@@ -123,7 +125,8 @@ def _between(time: Array, z: Array, noise: Array, first: int, last: int, rows: A
     if not float(np.abs(after - before).max()) > JUMP_SIGMA * std:
         return None
     size = float(np.sqrt(np.sum(np.abs(before) ** 2)))
-    slope = slope - before * (np.sum(slope * np.conj(before)).imag * 1j / size**2)  # without the oscillation, which the turn is
+    rate = float(np.sum(slope * np.conj(before)).imag) / size**2
+    slope = slope - 1j * rate * before  # without the oscillation, which the turn is
     turn, shift = float(np.angle(np.sum(after * np.conj(before)))), 0.0
     # the wall of neighbouring windows, fitted across the jump, spoils the two sides by a part of it
     doubt = float(np.hypot(std, SPOILT * np.sqrt(np.sum(np.abs(after - before) ** 2))))
@@ -134,7 +137,18 @@ def _between(time: Array, z: Array, noise: Array, first: int, last: int, rows: A
         shift = float(np.sum(rest * np.conj(moved)).real) / speed**2
         rest = rest - shift * moved
     linear = np.array([rest[0] + rest[1], (rest[0] - rest[1]) / 1j]) / np.sqrt(2)
-    return Jump(int(rows[first]), int(rows[last]), middle, turn, std / size, linear, doubt, shift, doubt / speed if speed > 0 else np.inf)
+    return Jump(
+        before=int(rows[first]),
+        after=int(rows[last]),
+        time_s=middle,
+        turn_rad=turn,
+        turn_std_rad=std / size,
+        rest=linear,
+        rest_std=doubt,
+        shift_s=shift,
+        shift_std_s=doubt / speed if speed > 0 else np.inf,
+        rate_rad_s=rate,
+    )
 
 
 def _running_median(values: Array) -> Array:

@@ -89,6 +89,14 @@ def amplitude_of(wave: Wave) -> float:
     return float(np.median(np.asarray(wave.main_amplitude, float)[good])) if good.any() else 0.0
 
 
+def frequency_of(wave: Wave) -> float:
+    """Median frequency of the good rows, from the phase."""
+    good = wave.good()
+    phase, t = np.asarray(wave.phase_rad, float)[good], np.asarray(wave.time_s, float)[good]
+    above = float(np.median(np.diff(phase) / np.diff(t))) / (2 * np.pi) if len(t) > 1 else 0.0
+    return wave.reference_frequency_hz + above
+
+
 def lines(waves: Sequence[Wave]) -> list[Line]:
     """Lines that a third of the runs at least show, strongest first."""
     pool = []

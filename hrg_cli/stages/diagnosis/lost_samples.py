@@ -27,7 +27,7 @@ MOST_PERIODS = 40
 
 @dataclass(frozen=True)
 class PhaseStep:
-    """A step of the phase of one run: last row before and first row after it, instant, size in (−π, π], its σ."""
+    """A step of the phase of one run: last row before and first row after it, instant, size in (−π, π], its σ, frequency about it."""
 
     run: int
     before: int
@@ -35,6 +35,7 @@ class PhaseStep:
     time_s: float
     step_rad: float
     std_rad: float
+    frequency_hz: float
     shift_s: float = 0.0
     shift_std_s: float = np.inf
     """Time by which the slow motion moved on, and its σ."""
@@ -42,11 +43,20 @@ class PhaseStep:
 
 def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
     """Where both channels of a run turn alike between two windows and do nothing else, at most a few a run."""
+    found = ((number, jump) for number, wave in enumerate(waves) for jump in jumps(wave) if jump.alike)
     return [
-        PhaseStep(number, jump.before, jump.after, jump.time_s, jump.turn_rad, jump.turn_std_rad, jump.shift_s, jump.shift_std_s)
-        for number, wave in enumerate(waves)
-        for jump in jumps(wave)
-        if jump.alike
+        PhaseStep(
+            run=number,
+            before=jump.before,
+            after=jump.after,
+            time_s=jump.time_s,
+            step_rad=jump.turn_rad,
+            std_rad=jump.turn_std_rad,
+            frequency_hz=waves[number].reference_frequency_hz + jump.rate_rad_s / (2 * np.pi),
+            shift_s=jump.shift_s,
+            shift_std_s=jump.shift_std_s,
+        )
+        for number, jump in found
     ]
 
 
@@ -81,7 +91,10 @@ def together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[Pha
     for step in steps:
         for group in groups:
             first = group[0]
-            same_size = abs(np.angle(np.exp(1j * (first.step_rad - step.step_rad)))) < 8 * np.hypot(first.std_rad, step.std_rad)
+            # runs of another frequency turn by another angle in the same time
+            own = 2 * np.pi * abs(first.frequency_hz - step.frequency_hz)
+            slack = 8 * float(np.hypot(first.std_rad, step.std_rad)) + 2 * own * max(abs(first.shift_s), abs(step.shift_s))
+            same_size = abs(np.angle(np.exp(1j * (first.step_rad - step.step_rad)))) < slack
             if abs(first.time_s - step.time_s) < waves[step.run].window_s and same_size and first.run != step.run:
                 group.append(step)
                 break
@@ -99,8 +112,10 @@ def lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float)
     missing, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
     step_s = _even_step(waves[first.run])
     if step_s is not None and std / omega < KNOWN_STEP * step_s:
-        shown = min(group, key=lambda s: s.shift_std_s)
-        whole = _whole(mean / omega, std / omega, step_s, 1 / frequency_hz, (shown.shift_s, shown.shift_std_s))
+        best, shown = min(group, key=lambda s: s.std_rad), min(group, key=lambda s: s.shift_std_s)
+        period_s = 1 / best.frequency_hz
+        turns = best.step_rad / (2 * np.pi), best.std_rad / (2 * np.pi)
+        whole = _whole(turns[0] * period_s, turns[1] * period_s, step_s, period_s, (shown.shift_s, shown.shift_std_s))
         if whole is None:
             return None
         missing, samples = whole * step_s, whole

@@ -16,7 +16,7 @@ import numpy as np
 from ...fitting.samples.windows import BEND, CURVED
 from ...records import Wave
 from .harmonics import below_the_codes, nonlinear
-from .lines import WIDTH_CELLS, Line, cell_hz, harmonic_of, lines, sampling_hz, spurs
+from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
 from .lost_samples import PhaseStep, lost, phase_steps, split_at, together
 from .offered import UNMEASURED, entry, sound
 from .tones import MOST_TONES, Tone
@@ -40,7 +40,7 @@ def causes(
         elif not any(_folded(other, tone, waves) for other in far):
             strange.append(tone)
     everywhere = [*(line for line, _ in near), *far]
-    wander = float(np.std([_frequency(w) for w in waves]))
+    wander = float(np.std([frequency_of(w) for w in waves]))
     codes = spurs(everywhere, frequency_hz, wander, sampling, cell) if direct else []
     codes += [line for line in far if line not in codes and below_the_codes(line, waves)] if direct else []
     harmonics = {multiple: line for line, multiple in near}
@@ -73,13 +73,6 @@ def causes(
 def _as_line(tone: Tone) -> Line:
     size = np.sqrt(np.mean(np.abs(tone.vector) ** 2, axis=0))
     return Line(tone.frequency_hz, size, tone.gain / 2, len(tone.vector), np.ones((1, 2)))
-
-
-def _frequency(wave: Wave) -> float:
-    good = wave.good()
-    phase, t = np.asarray(wave.phase_rad, float)[good], np.asarray(wave.time_s, float)[good]
-    above = float(np.median(np.diff(phase) / np.diff(t))) / (2 * np.pi) if len(t) > 1 else 0.0
-    return wave.reference_frequency_hz + above
 
 
 def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import Fit
 from ....fitting.envelopes.base_fit import nominal_scale_factor
 from ....records import Wave
+from ..lines import frequency_of
 from ..thresholds import GROSS
 from .suspicion import Suspicion
 
@@ -82,10 +83,10 @@ def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
     """Kelvin beside °C, where the frequencies say that the runs were as warm."""
     logged = {k: float(np.nanmean(np.asarray(w.temperature_degc, float))) for k, w in enumerate(waves) if _logs_temperature(w)}
     others = {k: level for k, level in logged.items() if level <= KELVIN_DEGC}
-    hz = float(np.median([_frequency(waves[k]) for k in others])) if others else 0.0
+    hz = float(np.median([frequency_of(waves[k]) for k in others])) if others else 0.0
     out = []
     for k, level in logged.items():
-        own = _frequency(waves[k])
+        own = frequency_of(waves[k])
         if level <= KELVIN_DEGC or (others and abs(own / hz - 1) > SETTLED):
             continue
         evidence = f"{level:.4g} is logged"
@@ -98,9 +99,3 @@ def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
 
 def _logs_temperature(wave: Wave) -> bool:
     return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
-
-
-def _frequency(wave: Wave) -> float:
-    good = wave.good()
-    t, phase = np.asarray(wave.time_s, float)[good], np.asarray(wave.phase_rad, float)[good]
-    return float(wave.reference_frequency_hz + np.median(np.diff(phase) / np.diff(t)) / (2 * np.pi))
