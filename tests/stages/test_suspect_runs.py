@@ -6,7 +6,7 @@ from wrong_runs import KINDS, estimated, knocked, recordings, table_of, wrong
 
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
-from hrg_cli.stages.diagnosis.data import freedom_of, held, prepare
+from hrg_cli.stages.diagnosis.data import freedom_of, prepare
 from hrg_cli.stages.diagnosis.rate_steps import settled
 from hrg_cli.stages.diagnosis.search import variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
@@ -19,8 +19,7 @@ THERMAL = {"thermal_frequency": {"relative_1_k": 2e-5}, "thermal_damping": {"rel
 def fitted(pieces):
     """The base model's fit, the second order's scale held."""
     series, point, _ = prepare(pieces, None, 120)
-    freedom = freedom_of(series, point, None)
-    return settled(extended_fit.fit(series, held(point, freedom), freedom))
+    return settled(extended_fit.fit(series, point, freedom_of(series, point, None)))
 
 
 def suspicions(waves):
