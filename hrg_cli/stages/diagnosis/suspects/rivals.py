@@ -52,13 +52,13 @@ def warmed(fitted: Callable[[Sequence[Wave]], Fit], candidates: Sequence[Variant
         point = plain.point
         for variant in thermal:
             point = extended_fit.with_effect(point, variant.effect, variant.values)
-        return extended_fit.fit(plain.series, point, plain.freedom)
+        return extended_fit.fit(plain.series, point, plain.freedom, QUICK_STEPS)
 
     with contextlib.suppress(extended_fit.DivergedError):
         series = base.series
         point = base.point
         for variant in thermal:
             point = extended_fit.with_effect(point, variant.effect, variant.values)
-        if extended_fit.fit(series, point, base.freedom).chi2 < MATTERS * base.chi2:
+        if extended_fit.fit(series, point, base.freedom, QUICK_STEPS).chi2 < MATTERS * base.chi2:
             return fit
     return None
