@@ -12,7 +12,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -24,8 +24,10 @@ from ..errors import HrgError
 from ..fitting.causes import extended, extended_fit
 from ..fitting.causes.extended import Point, Series
 from ..fitting.causes.extended_fit import Freedom
+from ..fitting.envelopes.base_fit import nominal_scale_factor
 from ..fitting.envelopes.coordinates import COUNT, from_mechanics
 from ..physics.plant import Environment, Readout, Samples
+from ..physics.resonator import exponential
 from ..records import Recording, Resonator, Wave, collect
 from .demodulate import demodulate
 from .diagnosis.data import freedom_of, prepare
@@ -37,6 +39,8 @@ ROWS = 1500
 """Rows of the slow model along the run."""
 FEWEST = 8
 """Windows without which there is no envelope."""
+KNOWN = 0.05
+"""Relative standard deviation up to which a run shows the scale factor."""
 NOTHING = 1e-12
 """Part of the signal below which an effect did nothing."""
 Hidden = tuple[Effect, dict[str, float]]
@@ -64,6 +68,9 @@ def inject(
         raise HrgError(
             f"{name}: its read-out is {recording.readout}, samples of a direct read-out were expected; demodulate the carrier first"
         )
+    warm = [e.name for e, _ in hidden if e.follows_temperature or "temperature cycle" in e.shown_by]
+    if warm and recording.temperature_degc is None:
+        raise HrgError(f"{name}: has no temperature log, {', '.join(warm)} need{'s' * (len(warm) == 1)} one; add it at the import")
     wave = collect(estimate(collect(demodulate(recording, periods_per_window=periods_per_window))))
     moving = [(effect, p) for effect, p in hidden if _moves(effect)]
     change = _change(wave, moving, resonator) if moving else None
@@ -101,39 +108,68 @@ def _moves(effect: Effect) -> bool:
 
 
 def _change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator | None) -> ChangeAt:
-    """T of the motion with the effects, through the rows of the slow model; broken where the motion jumps."""
+    """T of the motion with the effects, through the rows of the slow model; what jumps, jumps from the wave as it was measured."""
+    series, point = _model(wave, resonator)
+    smooth = tuple((effect, p) for effect, p in moving if effect.slow_jump is None)
+    changes = []
+    if smooth:
+        t = series.time_s[0]
+        changes.append(_ratio(t, _motion(series, replace(point, active=smooth)), _motion(series, point)))
+    state = extended.state_of(series, point)
+    jumps = [effect.slow_jump(p, state) for effect, p in moving if effect.slow_jump is not None]
+    measured = _oscillation(wave).spline
+    for instant, jump in sorted(((float(at), np.reshape(change, 2)) for at, change in jumps), key=lambda one: one[0]):
+        if series.time_s[0, 0] < instant < series.time_s[0, -2]:
+            before = _product(changes, np.array([instant]))[0] @ measured(np.array([instant]))[0]
+            changes.append(_after(series, replace(point, active=smooth), instant, before, before + jump))
+    return partial(_product, changes)
+
+
+def _product(changes: Sequence[ChangeAt], times: Array) -> Array:
+    """One change after another, (n, 2, 2)."""
+    out = np.broadcast_to(np.eye(2, dtype=complex), (len(times), 2, 2))
+    for change in changes:
+        out = change(times) @ out
+    return out
+
+
+def _motion(series: Series, point: Point) -> Array:
+    """Envelopes (n, 2) of the one run as the model has them. HrgError: they have no end."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        seen = extended.predict(series, point).seen[0]
+    if not np.all(np.isfinite(seen)):
+        raise HrgError(f"{', '.join(e.name for e, _ in point.active)}: the motion has no end with these values; give smaller ones")
+    return seen
+
+
+def _ratio(t: Array, changed: Array, plain: Array) -> ChangeAt:
+    """T of the envelopes `changed` = T `plain` (n, 2) at times t, smooth in between."""
     from scipy.interpolate import CubicSpline
 
-    series, point = _model(wave, resonator)
-    active = tuple((effect, p) for effect, p in moving)
-    # the rows of a model to be written into samples are instants
-    series = replace(series, rows_are_means=False)
-    with np.errstate(over="ignore", invalid="ignore"):
-        plain = extended.predict(series, point).seen[0]
-        changed = extended.predict(series, replace(point, active=active)).seen[0]
-    t = series.time_s[0]
-    if not np.all(np.isfinite(changed)):
-        raise HrgError(f"{', '.join(e.name for e, _ in moving)}: the motion has no end with these values; give smaller ones")
-    T = _whole(changed) @ np.linalg.inv(_whole(plain))
-    state = extended.state_of(series, point)
-    jumps = sorted(float(effect.slow_jump(p, state)[0]) for effect, p in moving if effect.slow_jump is not None)
-    edges = [-np.inf, *(at for at in jumps if t[0] < at < t[-1]), np.inf]
-    pieces = [(t >= a) & (t < b) for a, b in pairwise(edges)]
-    splines = [CubicSpline(t[own], T[own]) if np.count_nonzero(own) > 3 else None for own in pieces]
+    spline: ChangeAt = CubicSpline(t, _whole(changed) @ np.linalg.inv(_whole(plain)))
+    return spline
+
+
+def _after(series: Series, point: Point, instant: float, plain: Array, changed: Array) -> ChangeAt:
+    """T from an instant on, at which the envelopes `plain` (2,) become `changed`; the identity before."""
+    first = int(np.searchsorted(series.time_s[0], instant))
+    rest = series.later(first)
+    L = extended.generators(series, point)[0, first] + 1j * series.turn_rad_s[0] * np.eye(2)
+    carry = exponential(L, rest.time_s[0, 0] - instant)
+    ends = [np.concatenate([[u], _motion(rest, replace(point, start=(carry @ u)[None]))]) for u in (changed, plain)]
+    late = _ratio(np.concatenate([[instant], rest.time_s[0]]), *ends)
 
     def at(times: Array) -> Array:
-        out = np.broadcast_to(np.eye(2, dtype=complex), (len(times), 2, 2)).copy()
-        for (a, b), spline in zip(pairwise(edges), splines, strict=True):
-            here = (times >= a) & (times < b)
-            if spline is not None and here.any():
-                out[here] = spline(times[here])
-        return out
+        return np.where((times >= instant)[:, None, None], late(times), np.eye(2))
 
     return at
 
 
 def _model(wave: Wave, resonator: Resonator | None) -> tuple[Series, Point]:
-    """The run's rows and the slow model's start in them; the resonator is given, or fitted to this run."""
+    """The run's rows and the slow model's start in them; the resonator is given, or fitted to this run.
+
+    A run that does not show the scale factor (no rate, or a constant one) has the nominal one.
+    """
     scale = None
     if resonator is not None:
         if resonator.mode_number != wave.mode_number:
@@ -145,7 +181,11 @@ def _model(wave: Wave, resonator: Resonator | None) -> tuple[Series, Point]:
         p = from_mechanics(mechanics_of(resonator))
         point, free = replace(point, p=p), Freedom(p, np.zeros(COUNT))
     try:
-        return series, extended_fit.fit(series, point, free).point
+        fit = extended_fit.fit(series, point, free)
+        if resonator is None and not fit.coordinate_std("scale_factor") < KNOWN * abs(fit.coordinate("scale_factor")):
+            nominal = nominal_scale_factor(wave.mode_number)
+            fit = extended_fit.fit(series, point, free.holding("scale_factor", nominal))
+        return series, fit.point
     except extended_fit.DivergedError as error:
         raise HrgError(
             f"the slow model finds no fit to this run ({error}); give a --resonator that was identified from better ones"

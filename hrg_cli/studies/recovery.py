@@ -20,7 +20,7 @@ from ..effects import EFFECTS, find
 from ..effects.effect import REFERENCE_TEMPERATURE, RUN, Effect
 from ..errors import HrgError, UsageError
 from ..executors import local_processes, run_tasks
-from ..fitting.causes import extended_fit
+from ..fitting.causes import extended_fit, scales
 from ..fitting.causes.extended_fit import Fit
 from ..records import Recording, Wave, collect
 from ..stages.demodulate import demodulate
@@ -221,15 +221,15 @@ def _values(
 
 def beside_model(fit: Fit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which one run needs: SᵀS − SᵀJ Cov JᵀS."""
-    shared = fit.design.T @ columns
+    shared = fit.design.along(columns)
     return columns.T @ columns - shared.T @ fit.covariance @ shared
 
 
 def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: Fit) -> None:
     """HrgError: the size is beyond what such a cause can have."""
-    amplitude = extended_fit.amplitude_of(fit.series)
+    amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
     for p in effect.fitted():
-        typical = p.typical * amplitude**p.amplitude_power
+        typical = scales.typical(p, amplitude, frequency)
         if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:
             found = f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the typical {typical:.2g}"
             raise HrgError(f"{effect.name}: {size:g} σ would be {found}")

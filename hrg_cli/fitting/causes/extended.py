@@ -62,8 +62,6 @@ class Series:
     has_temperature: bool = True
     number: Array | None = None
     """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
-    rows_are_means: bool = True
-    """A row is the mean of its length, else the instant in its middle."""
     free_phase: bool = False
     """Every row's phase is its own: what turns both channels together is neither fitted nor judged."""
     unsettled: Basis | None = None
@@ -80,6 +78,10 @@ class Series:
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
         names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
         return replace(self, names=names, turn_rad_s=turn, number=self.numbers[index], unsettled=None, **cut)
+
+    def later(self, first: int) -> Series:
+        """The runs from one row on."""
+        return replace(self, unsettled=None, **{f: getattr(self, f)[:, first:] for f in _ARRAYS})
 
     @property
     def numbers(self) -> Array:
@@ -296,7 +298,7 @@ def jump(series: Series, point: Point, effect: Effect, values: Mapping[str, floa
     assert effect.slow_jump is not None
     instant, change = effect.slow_jump(values, state_of(series, point))
     t, h = series.time_s, series.step_s
-    width = np.maximum(np.gradient(t, axis=1) * series.rows_are_means, np.finfo(float).tiny)
+    width = np.maximum(np.gradient(t, axis=1), np.finfo(float).tiny)
     share = np.diff(np.clip((t - instant) / width + 0.5, 0, 1), axis=1) * (h > 0)
     L = generators(series, point)[:, 1:] + 1j * series.turn_rad_s[:, None, None, None] * np.eye(2)
     near = np.where(share != 0, t[:, 1:] - instant, 0.0)
