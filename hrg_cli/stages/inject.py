@@ -48,6 +48,10 @@ ChangeAt = Callable[[Array], Array]
 """Times (n,) -> T (n, 2, 2)."""
 
 
+class UnchangedError(HrgError):
+    """The effects do nothing in this recording."""
+
+
 def inject(
     recording: Recording,
     resonator: Resonator | None = None,
@@ -273,7 +277,7 @@ class _Injection:
                 yield last
             last = self._block(t + shift, raw, keep, first == 0)
         if last is None or not (altered or removed):
-            raise HrgError(
+            raise UnchangedError(
                 f"{self.name}: the effects do nothing in it (a free run has no drive, a constant temperature no ramp); see `hrg effects`"
             )
         yield last.judged([f"{clipped} samples lay beyond the range of {source.c.dtype} and were clipped to it"] if clipped else [])

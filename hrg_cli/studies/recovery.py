@@ -28,7 +28,7 @@ from ..stages.diagnose import diagnose, summary
 from ..stages.diagnosis.data import freedom_of, prepare
 from ..stages.diagnosis.rate_steps import settled
 from ..stages.estimate import estimate
-from ..stages.inject import inject
+from ..stages.inject import UnchangedError, inject
 from .hidden import ALL_ROWS, direction_of, setting_in
 from .power import coverage, share
 
@@ -104,8 +104,12 @@ def recovered(
         for size in sizes[:1] if effect.whole_samples else sizes:
             true = values_at(size)
             _thinkable(effect, true, size, fit)
-            changed = [_wave(_with(recording, number, effect, true), periods_per_window) for number, recording in enumerate(recordings)]
-            report = _diagnosed(changed, scale_factor)
+            changed = [_with(recording, number, effect, true) for number, recording in enumerate(recordings)]
+            if all(one is recording for one, recording in zip(changed, recordings, strict=True)):
+                raise HrgError(f"{name}: does nothing in these recordings")
+            pairs = zip(changed, recordings, waves, strict=True)
+            seen = [wave if one is recording else _wave(one, periods_per_window) for one, recording, wave in pairs]
+            report = _diagnosed(seen, scale_factor)
             rows.append({"effect": name, "draw": draw, "size": size, "true": true, **judged(report, background, effect, true)})
     except HrgError as error:
         rows.append({"effect": name, "draw": draw, "size": None, "not_shown": str(error)})
@@ -236,12 +240,15 @@ def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: Fit) 
 
 
 def _with(recording: Recording, number: int, effect: Effect, values: dict[str, float]) -> Recording:
-    """A recording with the effect in it; what happens in one run happens in its own alone."""
+    """A recording with the effect in it; the same one where it does nothing, as what happens in one run does to the others."""
     if effect.of_one_run:
         if values[RUN] != number:
             return recording
         values = {name: value for name, value in values.items() if name != RUN}
-    return collect(inject(recording, effects={effect.name: values}))
+    try:
+        return collect(inject(recording, effects={effect.name: values}))
+    except UnchangedError:
+        return recording
 
 
 def _wave(recording: Recording, periods_per_window: float) -> Wave:

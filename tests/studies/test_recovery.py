@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hrg_cli import store
+from hrg_cli.effects import find
 from hrg_cli.errors import HrgError
 from hrg_cli.records import collect
 from hrg_cli.stages.simulate import run_ids, simulate
@@ -28,15 +29,9 @@ def recordings():
     return [collect(simulate(made, run=run)) for run in run_ids(made)]
 
 
-@pytest.fixture(scope="module")
-def study(recordings):
-    told = []
-    result = recovery_study(recordings, (), told.append, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
-    return result, told
-
-
-def test_what_is_hidden_is_found_with_its_size_beside_the_background(study):
-    result, _ = study
+@pytest.mark.slow
+def test_what_is_hidden_is_found_with_its_size_beside_the_background(recordings):
+    result = recovery_study(recordings, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
     assert result["background"]["named"] == ["cubic_stiffness"]
     for name in ("damping_drift", "momentum_kick"):
         at = result["effects"][name]["by_size"]
@@ -44,32 +39,71 @@ def test_what_is_hidden_is_found_with_its_size_beside_the_background(study):
         assert result["effects"][name]["found_over_true"] == pytest.approx(1, abs=0.15)
     assert result["effects"]["damping_drift"]["by_size"]["12"]["first"][0] == 1 and result["all"]["by_size"]["12"]["false"][0] == 0
     assert "cannot show it" in result["effects"]["drive_rotation"]["not_shown"]
+    (row,) = (row for row in result["rows"] if row["effect"] == "damping_drift" and row["size"] == 40)
+    (parameter,) = row["error_over_std"]
+    size = row["error_over_std"][parameter] / (row["found_over_true"][parameter] - 1)
+    assert abs(size) == pytest.approx(40, rel=0.1), "a size in σ is the size found over its own σ"
 
 
-def test_a_size_is_what_it_is_in_sigma(study):
-    """The size found over its own σ is the size hidden, within the noise of one."""
-    result, _ = study
-    for row in result["rows"]:
-        if row["size"] == 40 and len(row["error_over_std"]) == 1:
-            (parameter,) = row["error_over_std"]
-            over_std = row["error_over_std"][parameter] / (row["found_over_true"][parameter] - 1)
-            assert abs(over_std) == pytest.approx(40, rel=0.1)
-
-
-def test_an_interrupted_study_goes_on_where_it_was(study, recordings, monkeypatch):
-    result, told = study
-    assert [len({row["effect"] for row in rows}) for rows in told] == [1, 2, 3]
+@pytest.fixture
+def quick(monkeypatch):
+    """The study without its diagnoses: what is asked for, and rows as an ideal diagnosis would give them."""
     asked = []
-    monkeypatch.setattr(recovery, "recovered", lambda task: asked.append(task[3]) or [])
+    nothing = {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}}
+
+    def recovered(task):
+        name, draw, sizes = task[3:6]
+        asked.append(name)
+        if name == "drive_rotation":
+            return [{"effect": name, "draw": draw, "size": None, "not_shown": "no drive"}]
+        return [
+            {"effect": name, "draw": draw, "size": s, "true": {}, "first": True, "among": True, "false": [], "verdict": "explained",
+             "found_over_true": {"a": 1.1}, "error_over_std": {"a": 0.1 * s}}
+            for s in sizes
+        ]  # fmt: skip
+
+    monkeypatch.setattr(recovery, "_diagnosed", lambda waves, scale_factor: nothing)
+    monkeypatch.setattr(recovery, "recovered", recovered)
+    return asked
+
+
+def test_an_interrupted_study_goes_on_where_it_was(quick, recordings):
+    told = []
+    result = recovery_study(recordings, (), told.append, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
+    assert quick == EFFECTS and [len({row["effect"] for row in rows}) for rows in told] == [1, 2, 3]
     again = recovery_study(recordings, told[1], effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
-    assert asked == EFFECTS[2:] and again["effects"]["damping_drift"] == result["effects"]["damping_drift"]
+    assert quick == [*EFFECTS, EFFECTS[2]] and again == result
 
 
-def test_table_and_figure(study):
-    heads, rows = table(study[0])
+def test_table_and_figure(quick, recordings):
+    study = recovery_study(recordings, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
+    heads, rows = table(study)
     assert len(rows) == len(EFFECTS) + 1 and all(len(row) == len(heads) for row in rows)
-    drawing = figure(study[0])
+    of = {row[0]: row for row in rows}
+    assert of["damping_drift"][1:4] == ("1.00", "1.00", "0.00") and of["drive_rotation"][-1] == "no drive"
+    drawing = figure(study)
     assert [axes.get_title() for axes in drawing.axes] == ["named first", "a false name beside", "size found over true"]
+
+
+def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
+    """Every effect that these runs show changes them by its size, and twice the size by twice as much."""
+    waves = [recovery._wave(recording, 40.0) for recording in recordings]
+    cause = {
+        "name": "cubic_stiffness",
+        "parameters": {"pull_rad_s": {"value": 0.3, "std": 1e-4, "units": ""}},
+        "indistinguishable_from": [],
+    }
+    background = {"verdict": "explained", "effects": [cause], "after": {"chi2_per_dof": 1.0}}
+    monkeypatch.setattr(recovery, "_diagnosed", lambda waves, scale_factor: background)
+    fit = recovery._fit(waves, None, background)
+    for name in ("momentum_kick", "saturation"):
+        one, two = recovery.recovered((recordings, waves, background, name, 0, (10.0, 20.0), 40.0, None, 0))
+        assert one["size"] == 10 and not one["first"] and one["false"] == []
+        if name != "saturation":
+            assert all(two["true"][p.name] == pytest.approx(2 * one["true"][p.name]) for p in find(name).fitted())
+    (row,) = recovery.recovered((recordings, waves, background, "drive_rotation", 0, (10.0,), 40.0, None, 0))
+    assert "cannot show it" in row["not_shown"]
+    assert fit.chi2 / fit.dof < 1.2
 
 
 def entry(name, value=1.0, std=0.1, others=()):
@@ -77,8 +111,6 @@ def entry(name, value=1.0, std=0.1, others=()):
 
 
 def test_names_of_the_background_are_neither_false_nor_first():
-    from hrg_cli.effects import find
-
     effect, true = find("gain_mismatch"), {"gain": 2.0}
 
     def judge(named, before=()):
@@ -106,6 +138,7 @@ def test_the_study_says_what_is_missing(recordings):
         recovery_study(recordings, effects=["gain_mismach"])
 
 
+@pytest.mark.slow
 def test_the_command_writes_table_figure_and_figures(tmp_path, recordings):
     paths = []
     for recording in recordings:
