@@ -43,4 +43,5 @@ EFFECT = Effect(
     next_experiment="ring-downs at five wave angles or more and at two amplitudes",
     plant=plant,
     slow=slow,
+    part_of=("cubic_stiffness", "inertial_nonlinearity"),
 )

@@ -114,6 +114,7 @@ class Effect:
     shown_by: what a programme of runs must hold for it to show.
     needs: what the runs at hand must hold; without it a fit could give the effect any size.
     beside: the effect that must stand beside it for it to do anything, as a thermometer's lag needs something that follows temperature.
+    part_of: effects of which it is a part: one of them must stand first.
     whole_samples: its size comes in samples only, so that it has no small one.
     starts: values from which it is tried beside these runs: instants at which a parameter that is not fitted is held, levels of one
         that sets in.
@@ -140,6 +141,7 @@ class Effect:
     shown_by: tuple[Condition, ...] = ()
     needs: tuple[Need, ...] = ()
     beside: str = ""
+    part_of: tuple[str, ...] = ()
     whole_samples: bool = False
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 

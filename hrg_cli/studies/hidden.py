@@ -81,7 +81,7 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
         lost = {"lost_s": 1 / SAMPLE_RATE_HZ, "time_s": float(random.uniform(0.2, 0.8)) * DURATION_S}
         # one sample at "size 1", whatever that is in σ
         return Hiding(effect, table, neutral, lost, fit, K)
-    if name == "mains_tone":
+    if effect.seen_in == "waveform":
         away = float(random.choice([-1, 1]) * random.uniform(5, 50))
         neutral["frequency_hz"] = table["device"]["frequency_hz"] + away
         vector = dict(zip(("c_cos", "c_sin", "s_cos", "s_sin"), map(float, random.standard_normal(4)), strict=True))

@@ -26,8 +26,6 @@ ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
 LEAST_KELVIN = 1e-6
 """Range of temperature below which it is constant but for rounding."""
-ONLY_BESIDE = {"anisotropic_cubic_stiffness": ("cubic_stiffness", "inertial_nonlinearity")}
-"""Effects that are a part of another, which must stand first."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +106,7 @@ def _there(series: Series) -> set[str]:
 def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
-    open_ones = [v for v in candidates if v.effect.name not in active and _may_stand(v.effect.name, active)]
+    open_ones = [v for v in candidates if v.effect.name not in active and _may_stand(v.effect, active)]
     columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
     found = evidence.scores([variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis)
@@ -121,9 +119,9 @@ def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant
     return sorted(best.values(), key=lambda pair: -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf)
 
 
-def _may_stand(name: str, active: set[str]) -> bool:
+def _may_stand(effect: Effect, active: set[str]) -> bool:
     """Whether what the effect is a part of stands already."""
-    return name not in ONLY_BESIDE or bool(active & set(ONLY_BESIDE[name]))
+    return not effect.part_of or bool(active & set(effect.part_of))
 
 
 def _thinkable(score: Score, variant: Variant, fit: Fit) -> bool:
