@@ -100,7 +100,7 @@ def measured(effects, run=None, seed=5):
     return waves(table, seed, "gain_mismatch")
 
 
-@pytest.mark.parametrize("name", FOUND)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == "gain_temperature" else pytest.mark.slow) for name in FOUND])
 def test_a_new_effect_is_named_with_its_size(name):
     report = summary(diagnose(measured({name: FOUND[name]})))
     found = next(e for e in report["effects"] if e["name"] == name)

@@ -16,6 +16,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...errors import HrgError
 from ...fitting.causes import evidence
+from ...fitting.causes.extended import state_of
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.wave_frame import real
@@ -33,6 +34,8 @@ NEAR = 1.02
 """Misfit over that of the fit up to which a file is left as it is."""
 PERIODS = 2.0
 """Periods a window of the simulated samples, short beside everything that moves."""
+NEXT_ROWS = 2.0
+"""Rows' lengths on either side of a jump in which measured rows hold a mean of both sides, simulated ones do not."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,7 @@ def hold(text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Eff
     change = np.zeros((len(series.names), OWN))
     for k in range(len(series.names)):
         t, slow, turn = simulated[order.index(origin[k])]
-        inside = (series.weight[k] > 0) & (series.time_s[k] >= t[0]) & (series.time_s[k] <= t[-1])
+        inside = (series.weight[k] > 0) & (series.time_s[k] >= t[0]) & (series.time_s[k] <= t[-1]) & ~_jumping(fit, k)
         if not inside.any():
             continue
         at = series.time_s[k][inside]
@@ -122,6 +125,17 @@ def _envelopes(recording: Any, fit: Fit) -> tuple[Array, Array, float]:
     shift = 2 * np.pi * (float(wave.reference_frequency_hz) - fit.series.reference_frequency_hz)
     own = float((phase[-1] - phase[0]) / (t[-1] - t[0]))
     return t, u * np.exp(-1j * own * t)[:, None], own + shift
+
+
+def _jumping(fit: Fit, k: int) -> Array:
+    """Rows of a run (n,) next to an instant at which the motion jumps, where windows see both sides."""
+    t, state = fit.series.time_s[k], state_of(fit.series, fit.point)
+    near = np.zeros(len(t), bool)
+    for effect, values in fit.point.active:
+        if effect.slow_jump is not None:
+            instant, _ = effect.slow_jump(values, state)
+            near |= np.abs(t - instant) < NEXT_ROWS * float(np.median(np.diff(t[fit.series.weight[k] > 0])))
+    return near
 
 
 def _at(at: Array, t: Array, u: Array) -> Array:
