@@ -160,13 +160,13 @@ def test_pages_name_what_a_physicist_looks_for():
 
 
 def test_airy_precession_of_the_inertial_nonlinearity():
-    """PHYSICS §7: a spherical pendulum precesses by 3/8·ω·a_A·a_B/ℓ² and slows by ω(a_A² + a_B²)/16ℓ² (a_B small)."""
+    """PHYSICS §7: a spherical pendulum precesses by 3/8·ω·a_A·a_B/ℓ² and slows by ω(a_A² + a_B²)/16ℓ² (a_A, a_B small)."""
     from hrg_cli.effects import find
     from hrg_cli.physics.plant import SlowState
     from hrg_cli.physics.resonator import Mechanics
 
     effect, mechanics = find("inertial_nonlinearity"), Mechanics(1 / 9, 0.0, scale_factor=1.0, mode_number=1)
-    a, b, curvature = 1.0, 1e-3, 1 / 400
+    a, b, curvature = 1.0, 1e-3, 1e-7
     u = ellipse.envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.0), 1)
     zero = np.zeros(())
     du = effect.slow({"inverse_length_squared": curvature}, u, SlowState(mechanics, *[zero] * 6, u, zero, zero, mechanics.omega_rad_s))
