@@ -143,7 +143,7 @@ def test_run_tells_a_reason_once():
     from hrg_cli.commands.running import reasons_of
 
     steps = [Step("estimate", (f"{k}.periods.h5",), f"{k}.wave.h5", "suspect", ("windows too long",)) for k in range(12)]
-    inherited = tuple(f"{k}.wave.h5 is suspect: windows too long" for k in range(6)) + ("6 more inputs are suspect or refused",)
+    inherited = (*(f"{k}.wave.h5 is suspect: windows too long" for k in range(6)), "6 more inputs are suspect or refused")
     steps.append(Step("identify", (), "resonator.h5", "suspect", (*inherited, "its own doubt")))
     assert reasons_of(steps) == ["0.wave.h5 and 11 more: windows too long", "resonator.h5: its own doubt"]
 

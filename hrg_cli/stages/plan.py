@@ -121,8 +121,9 @@ def plan(
         PlannedRun(n, tables[n], _reason(n, names, had, offered, askable if separate else (), layout, mechanics)) for n in names
     )
     reasons = tuple(refused) if questions and len(refused) >= len(questions) else ()
+    impossible = tuple(dict.fromkeys([*refused, *_never(known)]))
     return Plan(
-        planned, before, after, separations, tuple(dict.fromkeys([*refused, *_never(known)])), {**common, "run": [dict(tables[n]) for n in names]},
+        planned, before, after, separations, impossible, {**common, "run": [dict(tables[n]) for n in names]},
         "suspect" if reasons else "valid", reasons,
     )  # fmt: skip
 

@@ -154,7 +154,10 @@ def test_what_later_versions_write_is_said():
     """Failed checks, forecast, suspect runs and stability, in words; a file without them says nothing of them."""
     record = by_hand.diagnosis()
     more = {
-        "checks": [{"name": "white_residual", "value": 3.2, "limit": 1.5, "passed": False}, {"name": "x", "value": 1, "limit": 2, "passed": True}],
+        "checks": [
+            {"name": "white_residual", "value": 3.2, "limit": 1.5, "passed": False},
+            {"name": "x", "value": 1, "limit": 2, "passed": True},
+        ],
         "forecast": {"before": 12.0, "after": 3.0, "ratio": 4.0, "low": 3.0, "high": 5.0, "unit": "deg_h"},
         "suspect_runs": [{"run_id": "r7", "what": "its amplitude steps", "evidence": "12 sigma"}],
         "stability": [{"change": "windows of twice the length", "effects": ["gain_mismatch"]}],

@@ -66,7 +66,8 @@ def simulation_file(
     if tone:
         effects["mains_tone"] = tone[0]
     for e in effects_named:
-        if e.get("view") == "waveform" and e["name"] in ("pickoff_nonlinearity", "saturation"):
+        # a cubic whose sign the spectrum does not tell is a size, and no model
+        if e.get("view") == "waveform" and e["name"] in ("pickoff_nonlinearity", "saturation") and "sign" not in e:
             effects[e["name"]] = {k: v["value"] for k, v in e["parameters"].items()}
     if effects:
         table["effects"] = effects
@@ -81,7 +82,7 @@ def simulation_file(
         turned = [effect.name for effect, _ in fit.point.active if effect.coherent and effect.name in effects and _turned(fit, own[0], run)]
         own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
         own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
-        if wave.run_id in lost:
+        if lost.get(wave.run_id, {}).get("lost_s", 0.0) > 0:  # repeated samples have no effect in the engine
             own_effects["dropped_samples"] = lost[wave.run_id]
         if own_effects:
             run["effects"] = own_effects
