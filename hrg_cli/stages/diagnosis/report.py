@@ -82,32 +82,31 @@ def _figures(fit: Fit) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Sized:
-    """The fit whose numbers are told: beside the open terms where there are any, its variances times `factor`.
+    """The fit whose numbers are told, its variances times `factor`, and the fit beside the open terms where there are any.
 
-    What the catalogue does not hold pulls at every number: it is fitted along as well as it can be described, by how much a number
-    moves thereby counts as an error of its own, and what is still left over widens the noise.
+    What the catalogue does not hold pulls at every number: what it leaves over widens the noise, and by how much a number moves once it is
+    described as well as it can be counts as an error of its own.
     """
 
     fit: Fit
-    alone: Fit
+    beside: Fit
     factor: float
 
     @classmethod
     def of(cls, final: Fit, remainder: Remainder | None, noise_factor: float) -> Sized:
         """From the final fit of the catalogue's causes and what is left over."""
-        fit = final if remainder is None else remainder.fit
-        return cls(fit, final, max(noise_factor, fit.chi2 / fit.dof, 1.0))
+        return cls(final, final if remainder is None else remainder.fit, max(noise_factor, final.chi2 / final.dof, 1.0))
 
-    def std(self, std: float, value: float, alone: float) -> float:
-        """Standard deviation of a number with σ `std` in the fit, which stands at `alone` without the open terms."""
-        return float(np.hypot(np.sqrt(self.factor) * std, value - alone))
+    def std(self, std: float, value: float, beside: float) -> float:
+        """Standard deviation of a number with σ `std` in the fit, which stands at `beside` with the open terms."""
+        return float(np.hypot(np.sqrt(self.factor) * std, value - beside))
 
 
 def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes them wrong."""
     fit, noise_factor = sized.fit, sized.factor
     numbers, slopes = physical(fit.point.p, fit.series.mode_number)
-    others = physical(sized.alone.point.p, fit.series.mode_number)[0]
+    others = physical(sized.beside.point.p, fit.series.mode_number)[0]
     covariance = np.zeros((COUNT, COUNT))
     there, columns = list(fit.layout.coordinates), range(len(fit.layout.coordinates))
     covariance[np.ix_(there, there)] = fit.covariance[np.ix_(columns, columns)]
@@ -138,7 +137,7 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
 
 def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, Any]:
     effect, fit = one.variant.effect, sized.fit
-    active, alone = fit.values(effect.name), sized.alone.values(effect.name)
+    active, beside = fit.values(effect.name), sized.beside.values(effect.name)
     score = _beside_the_others(one, fit, sized.factor)
     sentences = [effect.next_experiment] + [by_name[r].effect.next_experiment for r in one.rivals if r in by_name]
     return {
@@ -149,7 +148,7 @@ def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, 
         "parameters": {
             p.name: {
                 "value": float(active[p.name]),
-                "std": sized.std(fit.parameter_std(effect.name, p.name), active[p.name], alone[p.name]),
+                "std": sized.std(fit.parameter_std(effect.name, p.name), active[p.name], beside[p.name]),
                 "units": p.units,
             }
             for p in effect.fitted()

@@ -7,7 +7,7 @@ causes of the catalogue by χ² + parameters·ln N at the noise of the best of t
 
 from __future__ import annotations
 
-from .search import suspect_runs, wrong_rates
+from .search import suspect_runs
 from .suspicion import Suspicion
 
-__all__ = ["Suspicion", "suspect_runs", "wrong_rates"]
+__all__ = ["Suspicion", "suspect_runs"]

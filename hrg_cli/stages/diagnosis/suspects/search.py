@@ -16,7 +16,7 @@ from ....records import Array, Wave
 from ..search import Variant
 from ..thresholds import GROSS
 from .logs import usual_scale_factor, wrong_logs
-from .readings import DAMPING, KNOCK, Maker, Reading, held, of_a_knock, of_the_rate, own_damping, readings
+from .readings import DAMPING, KNOCK, Maker, Reading, held, of_a_knock, own_damping, readings
 from .rivals import catalogued, warmed
 from .suspicion import Suspicion
 from .thermometers import of_the_thermometer
@@ -89,14 +89,6 @@ def suspect_runs(
     if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof):
         return wrong_logs(waves, base)
     return [*wrong_logs(waves, found.fit), *found.suspicions]
-
-
-def wrong_rates(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> tuple[tuple[Suspicion, ...], float]:
-    """The runs whose rate log alone is wrong, none where something else is, and χ² a degree of freedom with the logs undone."""
-    found = _wrong_runs(waves, fitted, base, of_the_rate)
-    if found is None or not all(one.what.startswith("rate log") for one in found.suspicions):
-        return (), base.chi2 / base.dof
-    return found.suspicions, found.chi2_per_dof
 
 
 @dataclass(frozen=True)
