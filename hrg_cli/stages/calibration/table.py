@@ -119,7 +119,8 @@ def measured_part(calibration: Calibration) -> dict[str, Any] | None:
     part = json.loads(calibration.details).get("measured")
     if not part:
         return None
-    key = {"quadrature": "coefficients", "phase": "mean_frequency_hz"}.get(part.get("kind") if isinstance(part, dict) else None)
+    kind = str(part.get("kind")) if isinstance(part, dict) else ""
+    key = {"quadrature": "coefficients", "phase": "mean_frequency_hz"}.get(kind)
     if key is not None:
         try:
             numbers = np.array(part.get(key), float)

@@ -73,7 +73,7 @@ def folds_of(series: Series) -> list[Fold]:
     runs = len(series.names)
     if runs >= FEWEST_RUNS:
         halves = [np.arange(runs) % 2 == k for k in (0, 1)]
-        return [Fold(series.runs(np.flatnonzero(~half)), good & half[:, None], True) for half in halves]
+        return [Fold(series.runs(np.flatnonzero(~half).tolist()), good & half[:, None], True) for half in halves]
     first, last = series.time_s[:, 0], np.max(series.time_s, axis=1, where=good, initial=-np.inf)
     keep = good & (series.time_s <= (first + TRAIN * (last - first))[:, None])
     if keep.sum(axis=1).min() < FEWEST_ROWS or (good & ~keep).sum() < BLOCKS:
@@ -140,7 +140,7 @@ def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
     if fold.whole_runs:
         # a run's start and frequency are its own: they are fitted on it, everything shared is held
         kept = np.flatnonzero(fold.test.any(axis=1))
-        series = series.runs(kept)
+        series = series.runs(kept.tolist())
         still = tuple((replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v) for e, v in fit.point.active)
         point = replace(fit.point, start=base.point.start[kept], offset_rad_s=base.point.offset_rad_s[kept], active=still)
         own = extended_fit.fit(series, point, Freedom(fit.point.p, np.zeros(len(fit.point.p)), passive=False))

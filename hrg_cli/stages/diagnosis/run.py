@@ -72,7 +72,7 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
     rate = along(series.rate_rad_s)
     if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
         rate = np.interp(times, np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known])
-    columns = {name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD}
+    columns: dict[str, Any] = {name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD}
     back = replace(
         series,
         time_s=times,
