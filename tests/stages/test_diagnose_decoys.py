@@ -61,6 +61,7 @@ def test_an_offset_is_no_feed_through():
     named(programme(32, {"coherent_offset": OFFSET}, forced=True), "coherent_offset")
 
 
+@pytest.mark.slow
 def test_a_drive_gain_mismatch_is_not_a_damping_split():
     table = programme(33, {"drive_gain_mismatch": {"gain": 0.01}}, forced=True)
     true_values(table, named(table, "drive_gain_mismatch"), "damping_split_1_s", "damping_axis_rad")
@@ -86,6 +87,7 @@ def test_a_cubic_spring_beside_a_quadrature_is_not_a_frequency_split():
     true_values(table, named(table, "cubic_stiffness"), "frequency_split_rad_s", "stiffness_axis_rad")
 
 
+@pytest.mark.slow
 def test_a_gap_nonlinearity_is_no_quartic_spring():
     named(programme(36, {"pickoff_nonlinearity": {"cubic": 2e-3}}), "pickoff_nonlinearity")
 

@@ -29,7 +29,7 @@ def misfit(table):
     return out, np.array(found)
 
 
-@pytest.mark.parametrize("effect", ("thermal_hysteresis", "thermal_frequency"))
+@pytest.mark.parametrize("effect", (pytest.param("thermal_hysteresis", marks=pytest.mark.slow), "thermal_frequency"))
 def test_a_cycle_of_temperature_is_given_back(effect):
     values = {"relative": 1e-7} if effect == "thermal_hysteresis" else {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}
     out, found = misfit(programme(8, {effect: values}, cycle=True, runs=4))
@@ -37,6 +37,7 @@ def test_a_cycle_of_temperature_is_given_back(effect):
     assert found.max() < 5  # the turning points are known to a row
 
 
+@pytest.mark.slow
 def test_a_rate_in_steps_is_given_back():
     rate = {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}
     _, found = misfit(programme(14, runs=3, rate=rate))

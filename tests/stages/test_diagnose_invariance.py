@@ -56,16 +56,17 @@ def test_the_cause_is_found(found):
     assert abs(value - PULL) < 4 * std
 
 
-@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("factor", [1e-3, pytest.param(1e3, marks=pytest.mark.slow)])
 def test_the_unit_of_time_does_not_matter(runs, found, factor):
     same(found, named(in_units(runs, time=factor)), factor)
 
 
-@pytest.mark.parametrize("factor", [1e-6, 1e6])
+@pytest.mark.parametrize("factor", [pytest.param(1e-6, marks=pytest.mark.slow), 1e6])
 def test_the_unit_of_amplitude_does_not_matter(runs, found, factor):
     same(found, named(in_units(runs, amplitude=factor)), factor**-2)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_runs_does_not_matter(runs, found):
     same(found, named(runs[::-1]))
 

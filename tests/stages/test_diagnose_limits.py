@@ -59,14 +59,14 @@ def holds(name, seed):
     return max(true) <= row["upper_limit"]
 
 
-@pytest.mark.parametrize("name", ("gain_mismatch", "saturation", "anisotropic_cubic_stiffness"))
+@pytest.mark.parametrize("name", ("gain_mismatch", "saturation", "electrode_nonorthogonality"))
 def test_a_faint_effect_lies_below_its_limit(name):
     assert holds(name, 1)
 
 
 @pytest.mark.slow
 def test_faint_effects_of_the_whole_catalogue_lie_below_their_limits():
-    names = [e.name for e in EFFECTS if e.name not in OTHERS]
+    names = [e.name for e in EFFECTS if e.name not in OTHERS and not e.part_of]
     held = [holds(name, seed) for seed in range(4) for name in names]
     # sizes below 1.6 σ are always covered, larger ones in ninety-five of a hundred
     assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(held)), dict(zip(names * 4, held, strict=True))

@@ -115,14 +115,13 @@ def wave_of(hrg, tmp_path, source, *options, periods=None):
 
 
 @measured
-@pytest.mark.parametrize("periods", [1, 20, 50])
+@pytest.mark.parametrize("periods", [pytest.param(1, marks=pytest.mark.slow), 20, pytest.param(50, marks=pytest.mark.slow)])
 def test_singing_bowl_as_recorded(hrg, tmp_path, periods):
     folder = Path(os.environ["HRG_MEASURED_DATA"]) / "singing_bowl"
     record = identify([wave_of(hrg, tmp_path, folder / "bowl.flac", periods=periods)])
     modes = details(record)["modes"]
     assert [m["frequency_hz"] for m in modes] == pytest.approx([526.402, 525.840], abs=2e-3)
     assert all(abs(m["damping_rate_1_s"] - 0.127) < 0.006 and m["std_1_s"] < 0.02 for m in modes)
-    assert any("strike" in s for s in record.status_reasons)
 
 
 @measured

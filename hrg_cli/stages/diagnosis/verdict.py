@@ -67,7 +67,8 @@ def concluded(
 ) -> tuple[Search, Remainder | None]:
     """The search and what is left over; catalogued causes that open terms outdo are dropped and not blamed.
 
-    Every beginning of the list of causes is held, with open terms beside it, against the whole list.
+    Every beginning of the list of causes is held, with open terms beside it, against the whole list; where the list leaves nothing over,
+    one open term alone is, which is all that could be a smaller claim than a list that explains everything.
     """
     if not search.found:
         return search, remainder
@@ -76,7 +77,7 @@ def concluded(
     best: tuple[float, Search, Remainder] | None = None
     start = search.base
     for count, following in enumerate(search.found):
-        described = describe(start, noise_factor, OPEN_TERMS, SIGNIFICANT)
+        described = describe(start, noise_factor, OPEN_TERMS if remainder is not None else 1, SIGNIFICANT)
         ranked = search.first if count == 0 else tuple(s for s, _ in scored(start, candidates))
         try:
             beyond = loosened(adopted(start, following.score, following.variant))
@@ -97,7 +98,7 @@ def concluded(
                 best = value, replace(search, final=start, found=search.found[:count], last=ranked), described
             if mimic and near:  # an open term does better than the next cause: the list ends here
                 break
-        if beyond is None:
+        if beyond is None or remainder is None:
             break
         start = beyond
     if best is not None:
