@@ -1,6 +1,7 @@
 """Between the runs: a frequency that differs from run to run is named where a cause follows it, and only said where none does."""
 
 import numpy as np
+import pytest
 from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.stages.diagnose import diagnose, summary
