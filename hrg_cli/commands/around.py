@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, no_settings, numbers
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, Rehearsals, command, no_settings, numbers
 
 app = typer.Typer()
 
@@ -140,6 +140,31 @@ def verify(run: Common, files: Files = None) -> None:
 
 @command(
     app,
+    "rehearse",
+    "hrg rehearse resonator.h5 --times 30 --jobs 2 -o rehearsal.svg",
+    says={"output": "File for the report (.json), its picture (.svg) or both (.html).", "jobs": "Processes that share the rehearsals."},
+)
+def rehearse(
+    run: Common,
+    files: Files = None,
+    times: Annotated[int | None, typer.Option(help="Rehearsals (default 30).", show_default=False)] = None,
+    keep_file: Annotated[bool, typer.Option("--keep-file", help="Tell the verdict without writing it into FILE.")] = False,
+) -> None:
+    """Whether a result's errors hold: its programme again and again on a simulated twin, through raw samples and the same stages.
+
+    FILE: a resonator or calibration file, whose waves are found in its folder by their SHA-256 or named beside it. The verdict is written
+    into the file's status.
+    """
+    from ..reporting import console
+    from .rehearsing import rehearse_files
+
+    with console.progress_bar("rehearse", run.quiet or run.json) as progress:
+        report, show = rehearse_files(files or [], run, {"times": times}, keep_file, progress)
+    run.finish(report, show)
+
+
+@command(
+    app,
     "run",
     "hrg run recordings/ -o results/ --jobs 2",
     says={
@@ -158,6 +183,7 @@ def run_(
     limits: Annotated[Path | None, typer.Option(help="TOML file with limits the results must hold.", show_default=False)] = None,
     full: Annotated[bool, typer.Option("--full", help="Draw the figures of every run and file on the page, too.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
+    rehearse: Rehearsals = None,
 ) -> None:
     """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and a page to show."""
     from .running import run_files, tables_of
@@ -165,7 +191,7 @@ def run_(
     part = {"from_s": from_s, "to_s": to_s}
     if run.show_config:
         tables_of(run, part)
-    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part))
+    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part, rehearse))
 
 
 @command(
