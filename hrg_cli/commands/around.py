@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, Rehearsals, command, no_settings, numbers
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, no_settings, numbers
 
 app = typer.Typer()
 
@@ -183,7 +183,6 @@ def run_(
     limits: Annotated[Path | None, typer.Option(help="TOML file with limits the results must hold.", show_default=False)] = None,
     full: Annotated[bool, typer.Option("--full", help="Draw the figures of every run and file on the page, too.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
-    rehearse: Rehearsals = None,
 ) -> None:
     """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and a page to show."""
     from .running import run_files, tables_of
@@ -191,7 +190,7 @@ def run_(
     part = {"from_s": from_s, "to_s": to_s}
     if run.show_config:
         tables_of(run, part)
-    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part, rehearse))
+    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part))
 
 
 @command(
