@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -37,6 +37,8 @@ FEWEST = 2
 """Rehearsals that must succeed for anything to be said."""
 FAILING = 0.1
 """Part of the rehearsals that may fail."""
+MATCHED = (0.2, 5.0)
+"""Factors by which the noise of the twin's samples is changed at most to match the measured windows'."""
 STREAMS = 1_000_003
 """Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
 PREFIX = "rehearsal: "
@@ -152,6 +154,7 @@ def rehearse(
     """
     twin = twin_of(truth, inputs, own_settings, samples_a_period)
     _affordable(twin, times, most_samples, most_samples_a_run)
+    twin = matched(twin, inputs, seed)
     works = [(twin, seed * STREAMS + k) for k in range(times)]
     done = share(works) if share is not None else [once(work) for work in works]
     return told(twin, [Rehearsed(reason="its process was killed") if one is None else one for one in done])
@@ -170,6 +173,20 @@ def _affordable(twin: Twin, times: int, most: float, most_a_run: float) -> None:
         raise HrgError(
             f"{times} rehearsals of {twin.samples:.3g} pairs of samples are more than {most:.3g}; {advice}, or raise --set most_samples"
         )
+
+
+def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
+    """The twin, its samples' noise scaled so that its windows state the noise that the measured ones do.
+
+    How a window's noise follows from a sample's depends on what else its fit holds; one trial of each run tells.
+    """
+    runs = []
+    for number, (run, measured) in enumerate(zip(twin.config["run"], inputs, strict=True)):
+        noise = run["readout"]["noise"]
+        found, wanted = (float(np.nanmedian(w.signal_std)) for w in (_wave(twin, number, seed * STREAMS), measured.wave))
+        ratio = wanted / found if noise > 0 and found > 0 and wanted > 0 else 1.0
+        runs.append({**run, "readout": {**run["readout"], "noise": noise * float(np.clip(ratio, *MATCHED))}})
+    return replace(twin, config={**twin.config, "run": runs})
 
 
 def once(work: Work) -> Rehearsed:
