@@ -260,7 +260,7 @@ def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
     failed = [one for one in done if not one.figures]
     if len(good) < FEWEST:
         raise HrgError(f"{len(failed)} of {len(done)} rehearsals failed; the first: {failed[0].reason}")
-    names = [name for name in good[0].figures if sum(name in one.figures for one in good) >= FEWEST]
+    names = [name for name in good[0].figures if _moves([one.figures[name].value for one in good if name in one.figures])]
     t = {name: np.array([one.figures[name].t() for one in good if name in one.figures]) for name in names}
     figures = [figure(name, values, len(names)) for name, values in t.items()]
     reasons = [sentence for sentence in (f.sentence() for f in figures) if sentence]
@@ -273,6 +273,11 @@ def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
     statuses = {status: sum(one.status == status for one in good) for status in ("valid", "suspect", "refused")}
     what = "the file's parameters" if isinstance(twin.truth, Resonator) else "the file's tables"
     return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what)
+
+
+def _moves(values: Sequence[float]) -> bool:
+    """Whether a figure was estimated at all: what a model holds comes out the same every time."""
+    return len(values) >= FEWEST and float(np.ptp(values)) > 0
 
 
 def figure(name: str, t: Array, figures: int = 1) -> Figure:

@@ -11,6 +11,7 @@ from hrg_cli.fitting.envelopes import rows
 from hrg_cli.fitting.envelopes.envelope_runs import averaged
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator, collect
+from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
@@ -171,18 +172,25 @@ def test_at_once(folder, hrg):
 
 
 @pytest.mark.slow
-def test_the_chain_rehearses_what_it_made(folder, hrg):
-    done = hrg(
-        "run",
-        folder / "r-up.h5",
-        folder / "r-down.h5",
-        "-o",
-        folder / "all",
-        "--rehearse",
-        "2",
-        "--json",
-        "--set",
-        "demodulate.periods_per_window=2",
-    )
-    steps = {step["name"]: step for step in json.loads(done.out)["steps"]}
-    assert steps["rehearse"]["json"]["times"] == 2 and steps["rehearse"]["output"] == "resonator.h5"
+def test_tables_are_rehearsed_with_themselves_for_truth():
+    """The twin's own effect turns the wave as the file's tables say; the coefficients come back within their errors."""
+    device = {"frequency_hz": 500.0, "time_constant_s": 5.0, "damping_split": 0.02, "damping_axis_rad": 0.5, "scale_factor": 0.55}
+    control = {"mode": "forced", "amplitude": 1.0, "quadrature_loop": "finite", "quadrature_gain_1_s": 20.0}
+    rates = {"down": -3.0, "up": 3.0}
+    config = {
+        "device": device,
+        "control": control,
+        "readout": {"noise": 1e-3},
+        "recording": {"sample_rate_hz": 2000.0, "duration_s": 8.0},
+        "run": [{"run_id": name, "environment": {"rate_rad_s": rate}} for name, rate in rates.items()],
+    }
+    windows = {"periods_per_window": 5.0}
+    made = [
+        Measured(collect(estimate(collect(demodulate(collect(simulate(config, run=name, seed=3)), **windows)))), 2000.0, None, windows)
+        for name in rates
+    ]
+    asked = {"harmonics": 1, "scale_factor_harmonics": 1, "bootstrap": 0, "model": "table"}
+    result = calibrate([m.wave for m in made], **asked)
+    told = rehearse(result, made, settings.checked(calibrate, asked), times=4)
+    assert told.status == "valid" and len(told.figures) == 6, told.reasons
+    assert 0.5 < np.sqrt(np.mean([f.error_over_std_rms**2 for f in told.figures])) < 1.6
