@@ -140,6 +140,31 @@ def verify(run: Common, files: Files = None) -> None:
 
 @command(
     app,
+    "rehearse",
+    "hrg rehearse resonator.h5 --times 30 --jobs 2 -o rehearsal.svg",
+    says={"output": "File for the report (.json), its picture (.svg) or both (.html).", "jobs": "Processes that share the rehearsals."},
+)
+def rehearse(
+    run: Common,
+    files: Files = None,
+    times: Annotated[int | None, typer.Option(help="Rehearsals (default 30).", show_default=False)] = None,
+    keep_file: Annotated[bool, typer.Option("--keep-file", help="Tell the verdict without writing it into FILE.")] = False,
+) -> None:
+    """Whether a result's errors hold: its programme again and again on a simulated twin, through raw samples and the same stages.
+
+    FILE: a resonator or calibration file, whose waves are found in its folder by their SHA-256 or named beside it. The verdict is written
+    into the file's status.
+    """
+    from ..reporting import console
+    from .rehearsing import rehearse_files
+
+    with console.progress_bar("rehearse", run.quiet or run.json) as progress:
+        report, show = rehearse_files(files or [], run, {"times": times}, keep_file, progress)
+    run.finish(report, show)
+
+
+@command(
+    app,
     "run",
     "hrg run recordings/ -o results/ --jobs 2",
     says={

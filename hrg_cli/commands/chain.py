@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import UsageError
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, existing, numbers, run_stage_on_files
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, Rehearsals, command, existing, numbers, run_stage_on_files
 
 app = typer.Typer()
+OF_REHEARSAL = {"jobs": "Processes that share the rehearsals of --rehearse; the rest is done by one."}
 
 
 @command(app, "import", "hrg import log.csv -o recording.h5 --c 2 --s 3 --time 1 --mode free", idle=NO_DRAWS | ONE_PROCESS)
@@ -187,7 +188,7 @@ def estimate(
     run_stage_on_files(run, "estimate", [periods] if periods else [], solver=solver, start=start, carrier_phase_rad=carrier_phase_rad)
 
 
-@command(app, "identify", "hrg identify wave-*.h5 -o resonator.h5 --method all", idle=ONE_PROCESS)
+@command(app, "identify", "hrg identify wave-*.h5 -o resonator.h5 --method all", says=OF_REHEARSAL)
 def identify(
     run: Common,
     waves: Files = None,
@@ -228,6 +229,7 @@ def identify(
     axis_azimuth_deg: Annotated[
         float | None, typer.Option(help="Direction of that tilt, from north (default 0).", show_default=False)
     ] = None,
+    rehearse: Rehearsals = None,
 ) -> None:
     """Resonator parameters from free run-downs: damping and frequency split, their axes, scale factor."""
     run_stage_on_files(
@@ -249,6 +251,7 @@ def identify(
         latitude_deg=latitude_deg,
         axis_tilt_deg=axis_tilt_deg,
         axis_azimuth_deg=axis_azimuth_deg,
+        rehearse=rehearse,
     )
 
 
@@ -295,7 +298,7 @@ def rate(
     )
 
 
-@command(app, "calibrate", "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder", idle=ONE_PROCESS)
+@command(app, "calibrate", "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder", says=OF_REHEARSAL)
 def calibrate(
     run: Common,
     waves: Files = None,
@@ -331,6 +334,7 @@ def calibrate(
         str | None, typer.Option(help="Of a table of dwells: the rate in rad/s; none: the gyro at rest.", show_default=False)
     ] = None,
     temperature_column: Annotated[str | None, typer.Option(help="Of a table of dwells: the temperature.", show_default=False)] = None,
+    rehearse: Rehearsals = None,
 ) -> None:
     """Drift D(T, angle) and scale-factor K(T, angle) tables from forced runs over temperature and rate.
 
@@ -357,10 +361,12 @@ def calibrate(
         strange = [name for name, value in of_waves.items() if value is not None and name != "interpolation"]
         if strange or resonator:
             raise UsageError(f"--{(strange or ['resonator'])[0].replace('_', '-')} is for wave files; a table of dwells has no wave angle")
+        if rehearse is not None:
+            raise UsageError("--rehearse is for wave files; a table of dwells has no runs to rehearse")
         outcome = calibrate_table(waves or [], run, {**of_table, "interpolation": interpolation})
         run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
         return
-    run_stage_on_files(run, "calibrate", waves or [], beside={"resonator": resonator or None}, **of_waves)
+    run_stage_on_files(run, "calibrate", waves or [], beside={"resonator": resonator or None}, rehearse=rehearse, **of_waves)
 
 
 @command(app, "compensate", "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5", idle=NO_DRAWS | ONE_PROCESS)

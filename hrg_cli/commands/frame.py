@@ -34,6 +34,10 @@ PROMISING = frozenset((*SAME_CONTENT[".h5"], *SAME_CONTENT[".html"], *OTHER_CONT
 
 Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE...", show_default=False)]
 OneFile = Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)]
+Rehearsals = Annotated[
+    int | None,
+    typer.Option("--rehearse", min=2, help="Rehearse the result so many times on a simulated twin at once.", show_default=False),
+]
 
 
 @dataclass(frozen=True)
@@ -346,9 +350,15 @@ def numbers(text: str, flag: str) -> list[float]:
 
 
 def run_stage_on_files(
-    run: Common, name: str, inputs: list[Path], *, beside: Mapping[str, Path | list[Path] | None] | None = None, **flags: Any
+    run: Common,
+    name: str,
+    inputs: list[Path],
+    *,
+    beside: Mapping[str, Path | list[Path] | None] | None = None,
+    rehearse: int | None = None,
+    **flags: Any,
 ) -> None:
-    """The body of every command that is one stage on files."""
+    """The body of every command that is one stage on files; its result is rehearsed so many times where that is asked for."""
     from ..pipeline import STAGES, run_stage
     from ..reporting import console, tables
 
@@ -367,4 +377,15 @@ def run_stage_on_files(
             command_line=command_line(),
             progress=progress,
         )
-    run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+    if rehearse is None:
+        run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+        return
+    from . import rehearsing
+
+    whole = rehearsing.and_rehearse(outcome, output, inputs, rehearse, run)
+
+    def show() -> None:
+        tables.show(whole.record, whole.json)
+        rehearsing.show(whole.json["rehearsal"])
+
+    run.finish(whole.json, show)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,18 +14,13 @@ from ...fitting.causes.layout import FREQUENCY
 from ...fitting.causes.wave_frame import imaginary
 from ...physics import ellipse
 from ...records import Wave
+from ..run_tables import loops, points, rate_course, sample_noise
 
 Array = np.ndarray
-COURSE = 1e-6
-"""Part of its range by which a course of straight lines may miss the log."""
-LOOP = 0.5
-"""Part of a logged command's power that a loop must explain to be taken for one."""
 BACKWARD = 16
 """Steps from the first row back to the run's start."""
 HELD = ("weight", "temperature_rate_degc_s", "branch", "main_drive", "quadrature_drive", "forced", "held_amplitude", "held_slope")
 """Columns that stay what they are at the first row."""
-FEWEST, ROUNDS = 20, 8
-"""Windows from which a loop is looked for, and rounds of the fit of its level."""
 
 
 def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate_hz: float, change: Array) -> dict[str, Any]:
@@ -40,11 +34,11 @@ def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate
     run: dict[str, Any] = {
         "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},
         "environment": _environment(fit, own, wave, length),
-        "readout": {"noise": _sample_noise(piece, sample_rate_hz), "units": wave.units},
+        "readout": {"noise": sample_noise(piece, sample_rate_hz), "units": wave.units},
         "recording": {"duration_s": length},
     }
     if wave.mode == "forced":
-        run["control"] = {"mode": "forced"} | _loops(_moving(fit, own, wave), max(float(fit.point.p[0]), 0.0))
+        run["control"] = {"mode": "forced"} | loops(_moving(fit, own, wave), max(float(fit.point.p[0]), 0.0))
     return run
 
 
@@ -90,24 +84,10 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
     return motion_of(back, point)[0, -1]
 
 
-def _sample_noise(wave: Wave, sample_rate_hz: float) -> float:
-    """Noise of one sample that gives the windows' noise at this sampling rate."""
-    std = np.asarray(wave.signal_std, float)
-    std = std[np.isfinite(std) & (std > 0)]
-    return float(np.median(std) * np.sqrt(max(2.0, sample_rate_hz * wave.window_s) / 2)) if len(std) else 0.0
-
-
 def _environment(fit: Fit, own: Sequence[int], wave: Wave, length_s: float) -> dict[str, Any]:
     """Rate and temperature, constant or along straight lines; the temperature is the resonator's where the thermometer lags."""
     series = fit.series
-    out: dict[str, Any] = {}
-    if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
-        rate = np.asarray(wave.rate_rad_s, float)[known]
-        if np.ptp(rate) <= 1e-6 * max(1e-9, float(np.abs(rate).max())):
-            out["rate_rad_s"] = float(rate.mean())
-        else:
-            times, values = _points(np.asarray(wave.time_s, float)[known], rate)
-            out["rate"] = {"kind": "points", "time_s": times, "rate_rad_s": values}
+    out = rate_course(wave.time_s, wave.rate_rad_s)
     if series.has_temperature:
         good = [series.weight[k] > 0 for k in own]
         t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])
@@ -120,67 +100,6 @@ def _environment(fit: Fit, own: Sequence[int], wave: Wave, length_s: float) -> d
         else:
             ends = np.array([0.0, length_s])
             outside = warm[[0, -1]] + steep[[0, -1]] * (ends - t[[0, -1]])
-            times, values = _points(np.concatenate([ends[:1], t, ends[1:]]), np.concatenate([outside[:1], warm, outside[1:]]))
+            times, values = points(np.concatenate([ends[:1], t, ends[1:]]), np.concatenate([outside[:1], warm, outside[1:]]))
             out["temperature"] = {"kind": "points", "time_s": times, "temperature_degc": values}
     return out
-
-
-def _points(t: Array, values: Array) -> tuple[list[float], list[float]]:
-    """Corners of straight lines that follow the values to `COURSE` of their range: the point furthest off is added until none is."""
-    t, place = np.unique(t, return_index=True)
-    values = values[place]
-    kept, tolerance = [0, len(t) - 1], COURSE * float(np.ptp(values))
-    while len(kept) < len(t):
-        off = np.abs(values - np.interp(t, t[kept], values[kept]))
-        parts = [slice(a + 1, b) for a, b in pairwise(kept) if b > a + 1]
-        further = [p.start + int(np.argmax(off[p])) for p in parts]
-        further = [k for k in further if off[k] > tolerance]
-        if not further:
-            break
-        kept = sorted({*kept, *further})
-    return [float(v) for v in t[kept]], [float(v) for v in values[kept]]
-
-
-def _loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
-    """Set amplitude and gains of the amplitude and the quadrature loop, as far as the logged commands show them.
-
-    a_ΦA = ν a₀ + k_A (a₀ − a_A) + k_I ∫(a₀ − a_A) dt and a_ΦB = −k_q a_B − k_i ∫a_B dt.
-    """
-    level = float(np.median(wave.main_amplitude[wave.good()]))
-    out: dict[str, Any] = {"amplitude": level}
-    law = _law(wave, wave.drive_main, wave.main_amplitude, level, damping_rate_1_s)
-    if law is not None:
-        out |= {"amplitude": law[0], "amplitude_gain_1_s": law[1], "amplitude_integral_1_s2": law[2]}
-    law = _law(wave, wave.drive_quadrature, wave.quadrature_amplitude, 0.0, None)
-    if law is not None:
-        out |= {"quadrature_loop": "finite", "quadrature_gain_1_s": law[1], "quadrature_integral_1_s2": law[2]}
-    return out
-
-
-def _law(wave: Wave, command: Array | None, values: Array, level: float, forward_1_s: float | None) -> tuple[float, float, float] | None:
-    """(level, gain, integral gain) of command = forward·level + gain·e + integral·∫e dt, e = level − values; None: the log shows another.
-
-    The level is fitted where the command is fed forward, and held elsewhere.
-    """
-    if command is None:
-        return None
-    good = wave.good() & np.isfinite(command) & np.isfinite(values)
-    if np.count_nonzero(good) < FEWEST or np.ptp(command[good]) == 0:
-        return None
-    t, right, x = (np.asarray(column, float)[good] for column in (wave.time_s, command, values))
-    fitted = forward_1_s is not None
-    forward = forward_1_s or 0.0
-    for terms in (2, 1):
-        gains, now = np.zeros(2), level
-        for _ in range(ROUNDS):
-            e = now - x
-            total = e[0] * t[0] + np.concatenate([[0.0], np.cumsum(np.diff(t) * (e[1:] + e[:-1]) / 2)])
-            columns = [e, total][:terms] + ([forward + gains[0] + gains[1] * t] if fitted else [])
-            design = np.column_stack(columns)
-            found = np.linalg.lstsq(design, right - forward * now, rcond=None)[0]
-            gains = np.append(found[:terms], 0.0)[:2]
-            now += float(found[-1]) if fitted else 0.0
-        if gains[0] > 0 and gains[1] >= 0:
-            left, whole = right - forward * now - design @ np.append(found[:terms], 0.0)[: design.shape[1]], right - right.mean() * fitted
-            return (now, float(gains[0]), float(gains[1])) if left @ left < (1 - LOOP) * (whole @ whole) else None
-    return None

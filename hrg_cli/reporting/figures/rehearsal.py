@@ -1,0 +1,41 @@
+"""Picture of a rehearsal: every figure's bias and the rms of its errors in units of its standard deviation, with the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .drawing import GRID, INK, SERIES, Plot, labels, legend, panels
+
+
+def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
+    """Bias and rms (left) and coverage (right), one row a figure."""
+    figures = report["figures"]
+    place = np.arange(len(figures))
+    figure, axes = panels(1, 2, height=max(2.0, 0.28 * len(figures) + 0.8), width=9.0, sharey=True)
+    left, right = axes[0]
+    bias, rms = (np.array([f[key] for f in figures]) for key in ("bias_over_std", "error_over_std_rms"))
+    left.axvspan(-1, 1, color=GRID, alpha=0.5, lw=0)
+    left.axvline(0, color=INK, lw=0.5)
+    left.axvline(1, color=INK, lw=0.5, ls=":")
+    left.plot(bias, place, "o", color=SERIES[0], label="bias")
+    left.plot(rms, place, "s", color=SERIES[1], label="rms")
+    reach = float(np.nanmax(np.abs([bias, rms]), initial=1.5)) * 1.1
+    left.set_xscale("symlog", linthresh=3) if reach > 30 else left.set_xlim(-reach, reach)
+    left.set_yticks(place, [f["name"] for f in figures])
+    left.invert_yaxis()
+    labels(left, x="error, standard deviations")
+    legend(left, above=True)
+    for key, expected, colour in (("coverage_68", 68.3, SERIES[2]), ("coverage_95", 95.0, SERIES[3])):
+        right.axvline(expected, color=colour, lw=0.7, ls="--")
+        right.plot([100 * f[key] for f in figures], place, "o", color=colour, label=f"{expected:.0f} %")
+    right.set_xlim(0, 102)
+    labels(right, x="true value within the interval, %")
+    legend(right, above=True)
+    words = (
+        f"{report['times']} rehearsals on a simulated twin: errors of {rms.min():.2f} to {rms.max():.2f} standard deviations, "
+        f"bias of {bias.min():.2f} to {bias.max():.2f}; {report['status']}."
+    )
+    return Plot("rehearsal", "Rehearsal", words, figure)

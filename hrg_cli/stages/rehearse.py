@@ -1,0 +1,309 @@
+"""rehearse: the programme behind a result, measured again on its simulated twin: are its errors the errors it makes?
+
+The twin has the result's own values for truth and the measured runs' starts, lengths, sampling, windows, logs and noise; it goes through
+raw samples and the same stages with the same settings. What comes out is held against what was put in: t = (estimate − truth)/σ.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from .. import settings as checking
+from ..errors import HrgError
+from ..fitting.tables.fourier import coefficients_at
+from ..records import Calibration, Record, Resonator, Wave, collect
+from .demodulate import demodulate
+from .estimate import estimate
+from .simulate import simulate
+from .twin import TABLES, Measured, Twin, tables_effect, twin_of
+
+Array = np.ndarray
+LARGEST_RATIO = 1.3
+"""Factor by which a σ may miss the error it stands for."""
+LARGEST_BIAS = 1.0
+"""Bias in standard deviations that a result may have."""
+CHANCE = 0.01
+"""Probability with which one of all the figures of a right result is blamed."""
+WITHIN_68, WITHIN_95 = 1.0, 1.959964
+"""Standard deviations within which a Gaussian error lies in 68.3 and 95 % of the cases."""
+FEWEST = 2
+"""Rehearsals that must succeed for anything to be said."""
+FAILING = 0.1
+"""Part of the rehearsals that may fail."""
+MATCHED = (0.2, 5.0)
+"""Factors by which the noise of the twin's samples is changed at most to match the measured windows'."""
+STREAMS = 1_000_003
+"""Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
+PREFIX = "rehearsal: "
+"""Beginning of every sentence that a rehearsal leaves in a file's status."""
+
+Work = tuple[Twin, int]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What one rehearsal found of one figure, and what was put in."""
+
+    value: float
+    std: float
+    truth: float
+    period: float = 0.0
+
+    def t(self) -> float:
+        """(estimate − truth)/σ, an angle modulo its period."""
+        error = self.value - self.truth
+        if self.period:
+            error = float(np.mod(error + self.period / 2, self.period) - self.period / 2)
+        return error / self.std
+
+
+@dataclass(frozen=True)
+class Rehearsed:
+    """One rehearsal: its figures, its status, or the sentence why it failed."""
+
+    figures: Mapping[str, Estimate] = field(default_factory=dict)
+    status: str = "failed"
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """How one figure's errors compare with its σ over all rehearsals, and the limits that both were held against."""
+
+    name: str
+    bias_over_std: float
+    error_over_std_rms: float
+    coverage_68: float
+    coverage_95: float
+    count: int
+    bias_limit: float
+    rms_limit: float
+    rms_least: float
+
+    def sentence(self) -> str:
+        """What is wrong with the figure's error, or nothing."""
+        if not abs(self.bias_over_std) <= self.bias_limit:
+            return (
+                f"{PREFIX}{self.name} comes out {self.bias_over_std:+.2g} of its own standard deviations from the truth of a simulated "
+                f"twin on average ({self.count} times), at most {LARGEST_BIAS:g} was expected"
+            )
+        if not self.error_over_std_rms <= self.rms_limit:
+            return (
+                f"{PREFIX}the errors of {self.name} on a simulated twin are {self.error_over_std_rms:.3g} times its standard deviation "
+                f"({self.count} times), at most {LARGEST_RATIO:g} was expected"
+            )
+        if not self.error_over_std_rms >= self.rms_least:
+            return (
+                f"{PREFIX}the errors of {self.name} on a simulated twin are only {self.error_over_std_rms:.3g} of its standard deviation "
+                f"({self.count} times), at least {1 / LARGEST_RATIO:.2f} was expected"
+            )
+        return ""
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """All rehearsals of a result: the figures, the sentences that make it suspect, and how many failed."""
+
+    times: int
+    figures: Sequence[Figure]
+    reasons: tuple[str, ...]
+    failed: int
+    statuses: Mapping[str, int]
+    truth: str
+
+    @property
+    def status(self) -> str:
+        """Whether the result's errors hold."""
+        return "suspect" if self.reasons else "valid"
+
+    def table(self) -> dict[str, Any]:
+        """The rehearsal as the JSON has it."""
+        return {
+            "times": self.times,
+            "figures": [asdict(figure) for figure in self.figures],
+            "failed": self.failed,
+            "statuses": dict(self.statuses),
+            "truth": self.truth,
+        }
+
+
+def rehearse(
+    truth: Record,
+    inputs: Sequence[Measured],
+    own_settings: Mapping[str, Any],
+    share: Callable[[Sequence[Work]], Sequence[Rehearsed | None]] | None = None,
+    *,
+    times: Annotated[int, Field(ge=2, le=100_000, description="rehearsals")] = 30,
+    samples_a_period: Annotated[
+        float | None, Field(gt=2.2, description="samples a period of the simulated recordings; none: as the measured ones, or 8")
+    ] = None,
+    most_samples: Annotated[float, Field(gt=0, description="pairs of samples that all rehearsals together may simulate")] = 2e9,
+    most_samples_a_run: Annotated[float, Field(gt=0, description="pairs of samples that one run may hold in memory")] = 1e8,
+    seed: Annotated[int, Field(ge=0, description="seed of the noise")] = 0,
+) -> Rehearsal:
+    """Rehearse a result `times` times; `share` does the work (in other processes, for instance), one after the other by default.
+
+    own_settings: those of the stage that gave the result. HrgError: no twin can be made, too much work, too few rehearsals succeeded.
+    """
+    twin = twin_of(truth, inputs, own_settings, samples_a_period)
+    _affordable(twin, times, most_samples, most_samples_a_run)
+    twin = matched(twin, inputs, seed)
+    works = [(twin, seed * STREAMS + k) for k in range(times)]
+    done = share(works) if share is not None else [once(work) for work in works]
+    return told(twin, [Rehearsed(reason="its process was killed") if one is None else one for one in done])
+
+
+def _affordable(twin: Twin, times: int, most: float, most_a_run: float) -> None:
+    """HrgError: more samples than the limits, and what would fit."""
+    if twin.longest > most_a_run:
+        raise HrgError(
+            f"its longest run has {twin.longest:.3g} pairs of samples, {most_a_run:.3g} fit into memory; "
+            "sample the twin more coarsely with --set samples_a_period=4, or raise most_samples_a_run"
+        )
+    if times * twin.samples > most:
+        fit = int(most // twin.samples)
+        advice = f"give --times {fit}" if fit >= FEWEST else "sample the twin more coarsely with --set samples_a_period=4"
+        raise HrgError(
+            f"{times} rehearsals of {twin.samples:.3g} pairs of samples are more than {most:.3g}; {advice}, or raise --set most_samples"
+        )
+
+
+def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
+    """The twin, its samples' noise scaled so that its windows state the noise that the measured ones do.
+
+    How a window's noise follows from a sample's depends on what else its fit holds; one trial of each run tells.
+    """
+    runs = []
+    for number, (run, measured) in enumerate(zip(twin.config["run"], inputs, strict=True)):
+        noise = run["readout"]["noise"]
+        found, wanted = (float(np.nanmedian(w.signal_std)) for w in (_wave(twin, number, seed * STREAMS), measured.wave))
+        ratio = wanted / found if noise > 0 and found > 0 and wanted > 0 else 1.0
+        runs.append({**run, "readout": {**run["readout"], "noise": noise * float(np.clip(ratio, *MATCHED))}})
+    return replace(twin, config={**twin.config, "run": runs})
+
+
+def once(work: Work) -> Rehearsed:
+    """One rehearsal: the twin's runs through raw samples, demodulate, estimate and the result's own stage."""
+    twin, seed = work
+    try:
+        waves = [_wave(twin, number, seed) for number in range(len(twin.runs))]
+        stage = getattr(import_module(f"hrg_cli.stages.{twin.stage}"), twin.stage)
+        record = stage(waves, **checking.checked(stage, twin.settings))
+    except HrgError as error:
+        return Rehearsed(reason=str(error))
+    return Rehearsed(_figures(record, twin.truth), record.status, record.status_reasons[0] if record.status_reasons else "")
+
+
+def _wave(twin: Twin, number: int, seed: int) -> Wave:
+    """A run of the twin as the chain sees it."""
+    run, extra, model, config = twin.runs[number], (), "fast", dict(twin.config)
+    if isinstance(twin.truth, Calibration):
+        extra, model = (tables_effect(twin.truth, twin.config["device"]["scale_factor"]),), "slow"
+        config["effects"] = {TABLES: {}}
+    recording = collect(simulate(config, extra, model=model, run=run.name, seed=seed))
+    periods = collect(demodulate(recording, **checking.checked(demodulate, run.demodulate)))
+    wave = collect(estimate(periods, **checking.checked(estimate, run.estimate)))
+    return wave.replace(**run.carried, **dict.fromkeys(run.missing))
+
+
+def _figures(record: Record, truth: Record) -> dict[str, Estimate]:
+    """Every figure of a rehearsal's result that has an error, beside the truth."""
+    if isinstance(record, Resonator) and isinstance(truth, Resonator):
+        return _parameters(record, truth)
+    assert isinstance(record, Calibration) and isinstance(truth, Calibration)
+    return _coefficients(record, truth)
+
+
+def _parameters(record: Resonator, truth: Resonator) -> dict[str, Estimate]:
+    true, period = truth.parameters(), np.pi / truth.mode_number
+    found = {
+        name: Estimate(value, std, true[name][0], period if name.endswith("axis_rad") else 0.0)
+        for name, (value, std, _) in record.parameters().items()
+        if name in true and np.isfinite(std) and std > 0
+    }
+    rate, true_rate = (json.loads(r.details).get("rate_rad_s") for r in (record, truth))
+    if rate and true_rate and rate["std"] > 0:
+        found["rate_rad_s"] = Estimate(rate["value"], rate["std"], true_rate["value"])
+    return found
+
+
+def _coefficients(record: Calibration, truth: Calibration) -> dict[str, Estimate]:
+    """Fourier coefficients of both tables at the rehearsal's nodes; the truth's tables are read there."""
+    found = {}
+    for kind in ("drift_harmonics", "scale_factor_harmonics"):
+        values, std = np.asarray(getattr(record, kind)), np.asarray(getattr(record, f"{kind}_std"))
+        true = coefficients_at(
+            np.asarray(record.node, float), np.asarray(truth.node, float), np.asarray(getattr(truth, kind)), truth.interpolation
+        )
+        for node, x in enumerate(record.node):
+            for k in range(min(values.shape[1], true.shape[1])):
+                if np.isfinite(std[node, k]) and std[node, k] > 0:
+                    name = f"{kind.removesuffix('_harmonics')} {_harmonic(k)} at {x:.4g} °C"
+                    found[name] = Estimate(float(values[node, k]), float(std[node, k]), float(true[node, k]))
+    return found
+
+
+def _harmonic(k: int) -> str:
+    return "constant" if k == 0 else f"{'cos' if k % 2 else 'sin'} {(k + 1) // 2}·2mθ"
+
+
+def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
+    """The rehearsals' statistics and verdict. HrgError: fewer than `FEWEST` of them gave a result."""
+    good = [one for one in done if one.figures]
+    failed = [one for one in done if not one.figures]
+    if len(good) < FEWEST:
+        raise HrgError(f"{len(failed)} of {len(done)} rehearsals failed; the first: {failed[0].reason}")
+    names = [name for name in good[0].figures if _moves([one.figures[name].value for one in good if name in one.figures])]
+    t = {name: np.array([one.figures[name].t() for one in good if name in one.figures]) for name in names}
+    figures = [figure(name, values, len(names)) for name, values in t.items()]
+    reasons = [sentence for sentence in (f.sentence() for f in figures) if sentence]
+    if len(failed) > FAILING * len(done):
+        reasons.append(f"{PREFIX}{len(failed)} of {len(done)} simulated twins gave no result; the first: {failed[0].reason}")
+    refused = sum(one.status == "refused" for one in good)
+    if refused > FAILING * len(done):
+        first = next(one.reason for one in good if one.status == "refused")
+        reasons.append(f"{PREFIX}{refused} of {len(done)} results of simulated twins were refused; the first: {first}")
+    statuses = {status: sum(one.status == status for one in good) for status in ("valid", "suspect", "refused")}
+    what = "the file's parameters" if isinstance(twin.truth, Resonator) else "the file's tables"
+    return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what)
+
+
+def _moves(values: Sequence[float]) -> bool:
+    """Whether a figure was estimated at all: what a model holds comes out the same every time."""
+    return len(values) >= FEWEST and float(np.ptp(values)) > 0
+
+
+def figure(name: str, t: Array, figures: int = 1) -> Figure:
+    """Statistics of the errors t (n,) in σ, and limits that chance exceeds in one of `figures` right figures with `CHANCE` only.
+
+    Σt² of n Gaussian errors is χ² of n, their mean has the standard deviation 1/√n.
+    """
+    from scipy.special import chdtri, ndtri
+
+    n, tail = len(t), CHANCE / 3 / figures  # too far to one side, too wide, too narrow
+    return Figure(
+        name,
+        float(np.mean(t)),
+        float(np.sqrt(np.mean(t**2))),
+        float(np.mean(np.abs(t) < WITHIN_68)),
+        float(np.mean(np.abs(t) < WITHIN_95)),
+        n,
+        max(LARGEST_BIAS, float(-ndtri(tail / 2) / np.sqrt(n))),
+        max(LARGEST_RATIO, float(np.sqrt(chdtri(n, tail) / n))),
+        min(1 / LARGEST_RATIO, float(np.sqrt(chdtri(n, 1 - tail) / n))),
+    )
+
+
+def with_verdict(record: Record, rehearsal: Rehearsal) -> Record:
+    """The record with the rehearsal's verdict in its status and its figures in its details; an earlier rehearsal's are replaced."""
+    others = tuple(reason for reason in record.status_reasons if not reason.startswith(PREFIX))
+    status = "valid" if record.status == "suspect" and record.status_reasons and not others else record.status
+    details = json.dumps(json.loads(record.details) | {"rehearsal": rehearsal.table()}, ensure_ascii=False)  # type: ignore[attr-defined]
+    return record.replace(status=status, status_reasons=others, details=details).judged(rehearsal.reasons)
