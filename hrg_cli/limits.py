@@ -66,7 +66,6 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     wants a record that is not refused or suspect; `verdict = "adequate"`, or a list of words, is for a diagnosis, as is `causes = 0`.
     HrgError: no limit for this kind. UsageError: a limit that is neither, a name, table, unit or word that looks mistyped.
     """
-    figures = figures_of(record)
     for name, value in limits.items():
         if _is_group(value) and name not in (cls.kind for cls in KINDS) and (hint := meant(name, [cls.kind for cls in KINDS])):
             raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
@@ -78,6 +77,7 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
         )
     if len(table) > MOST_LIMITS:
         raise HrgError(f"the limits hold {len(table)} entries for a {record.kind} file, {MOST_LIMITS} at most were expected")
+    figures = figures_of(record)
     rows = [_status_row(record, table.get("status", "valid"))]
     for name, limit in table.items():
         if name == "status":

@@ -66,8 +66,7 @@ def info_file(file: Path | None, run: Common) -> Shown:
             console.say(f"  {record.status}: {reason}")
         if found is not None:
             answer_text.show(found)
-        else:
-            console.print_table("", ("figure", "value"), list(facts.items()))
+        console.print_table("", ("figure", "value"), list(facts.items()))
         for line in provenance.history:
             console.say(line)
 

@@ -12,7 +12,8 @@ from hrg_cli.stages.diagnosis.search import variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
 
 SAMPLED = tuple(KINDS)
-IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
+IN_THE_WAVEFORM = ("dropped_samples", "mains_tone", "momentum_kick")
+"""Left out of the catalogue here: what the waveform names, and the knock, which would explain a knocked run."""
 THERMAL = {"thermal_frequency": {"relative_1_k": 2e-5}, "thermal_damping": {"relative_1_k": 0.02}}
 
 
