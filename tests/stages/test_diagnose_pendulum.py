@@ -85,6 +85,7 @@ def found_in(out):
     return {e["name"]: e["parameters"] for e in out["effects"]}
 
 
+@pytest.mark.slow
 def test_a_pendulum_seen_by_a_walking_clock_is_never_called_explained():
     """The loss follows the amplitude, not its square, and the clock walks: named in part, and what is not white is said."""
     out = diagnosed(simulated(1, 2e-8))
