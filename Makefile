@@ -21,7 +21,7 @@ $(READY): pyproject.toml
 	$(BIN)/python -m pip install --quiet -e '.[dev]'
 	@touch $@
 
-run: $(READY)  ## Run the whole chain on the sample data; results in build/run
+run: $(READY)  ## Demonstrate: a gyro with a hidden fault, free and forced, through the whole chain; results in build/run
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/run_chain.sh build/run
 
 test: $(READY)  ## Run the tests (quick samples of the long studies included)
