@@ -7,6 +7,7 @@ import ast
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 from ..records import KINDS
@@ -55,8 +56,10 @@ def effects() -> str:
 def constants(path: Path) -> Iterator[tuple[str, str, str]]:
     """Name, value as it is written and meaning of every documented constant of a module, in its order."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
-    for statement, following in zip(body, body[1:], strict=False):
-        documented = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant) and isinstance(following.value.value, str)
+    for statement, following in pairwise(body):
+        documented = (
+            isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant) and isinstance(following.value.value, str)
+        )
         if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name) and documented:
             yield statement.targets[0].id, ast.unparse(statement.value), " ".join(following.value.value.split())  # type: ignore[attr-defined]
 
