@@ -71,7 +71,9 @@ def thresholds() -> str:
 
     rows = ["| name | value | meaning |", "|---|---|---|"]
     for module in (diagnosis, checks):
-        rows += [f"| `{name}` | {value} | {meaning.replace('|', '&#124;')} |" for name, value, meaning in constants(Path(module.__file__))]
+        rows += [
+            f"| `{name}` | {value} | {meaning.replace('|', '&#124;')} |" for name, value, meaning in constants(Path(str(module.__file__)))
+        ]
     return "\n".join(rows)
 
 
