@@ -10,7 +10,7 @@ READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help run test test-browser study faults mutants bench lint sample-data build clean
+.PHONY: help run test test-browser study faults mutants bench lint sample-data docs build clean
 
 help:  ## Print this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 22
@@ -21,7 +21,7 @@ $(READY): pyproject.toml
 	$(BIN)/python -m pip install --quiet -e '.[dev]'
 	@touch $@
 
-run: $(READY)  ## Run the whole chain on the sample data; results in build/run
+run: $(READY)  ## Demonstrate: a gyro with a hidden fault, free and forced, through the whole chain; results in build/run
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/run_chain.sh build/run
 
 test: $(READY)  ## Run the tests (quick samples of the long studies included)
@@ -50,6 +50,11 @@ lint: $(READY)  ## ruff and mypy
 
 sample-data: $(READY)  ## Make sample_data/ again from configs/
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/make_sample_data.sh
+
+docs: $(READY)  ## Build the documentation as a site into build/site; warnings are errors
+	$(BIN)/python -m pip install --quiet -e '.[docs]'
+	$(BIN)/python -m hrg_cli.reporting.handbook README.md docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 build: $(READY)  ## Build wheel and sdist into dist/
 	$(BIN)/python -m pip install --quiet build

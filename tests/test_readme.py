@@ -1,10 +1,15 @@
-"""The README tells no lie: its generated parts are fresh, its commands run."""
+"""The documentation tells no lie: its generated parts are fresh, its commands run and print what is shown, its links lead somewhere.
+
+`python tests/test_readme.py` writes the printed outputs and the generated parts anew.
+"""
 
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -14,32 +19,100 @@ from hrg_cli import Calibration, Recording, store
 from hrg_cli.reporting import handbook
 
 ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"<!-- commands run by a test -->\n```sh\n(.*?)```", README, re.S)
+README = ROOT / "README.md"
+PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
+SAID = re.compile(
+    r"<!-- commands run by a test -->\n```sh\n(?P<commands>.*?)```(?:\n\n<!-- output of these commands -->\n```text\n(?P<output>.*?)```)?",
+    re.S,
+)
+RUN = [(page, found) for page in PAGES for found in SAID.finditer(page.read_text(encoding="utf-8"))]
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+LONGEST_README = 150
 
 
-def test_generated_parts_are_fresh():
-    assert handbook.renewed(README) == README, "run `python -m hrg_cli.reporting.handbook README.md`"
-    for part in handbook.PARTS:
-        assert f"<!-- generated: {part} -->" in README
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
-def test_commands_run(block, tmp_path):
-    for name in ("configs", "sample_data"):
-        shutil.copytree(ROOT / name, tmp_path / name)
-    hrg = tmp_path / "bin" / "hrg"
+def run(commands: str, folder: Path) -> str:
+    """Standard output of the commands in a folder that looks like a clone's root."""
+    for part in ("configs", "sample_data"):
+        shutil.copytree(ROOT / part, folder / part)
+    hrg = folder / "bin" / "hrg"
     hrg.parent.mkdir()
     hrg.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hrg_cli.cli "$@"\n')
     hrg.chmod(0o755)
     environment = os.environ | {"PATH": f"{hrg.parent}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(["bash", "-euxc", block], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(["bash", "-euxc", commands], cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
+def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
+    """Words with a # for each number, and the numbers; errors in brackets, as in 3.181(6), are left out."""
+    text = re.sub(r"\(\d+\)", "", text)
+    return NUMBER.sub("#", text).split(), [float(found) for found in NUMBER.findall(text)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_generated_parts_are_fresh(page):
+    text = page.read_text(encoding="utf-8")
+    assert handbook.renewed(text) == text, "run `python -m hrg_cli.reporting.handbook README.md docs`"
+
+
+def test_every_generated_part_stands_somewhere():
+    written = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    for part in handbook.PARTS:
+        assert f"<!-- generated: {part} -->" in written
+
+
+@pytest.mark.parametrize(("page", "said"), RUN, ids=[f"{name(page)}-{k}" for k, (page, _) in enumerate(RUN)])
+def test_commands_run_and_print_what_is_shown(page, said, tmp_path):
+    """The words are the same; the numbers within 5 % or a few of their last digits, as another processor rounds otherwise."""
+    printed = run(said["commands"], tmp_path)
+    if said["output"] is None:
+        return
+    words, numbers = words_and_numbers(printed)
+    shown_words, shown_numbers = words_and_numbers(said["output"])
+    assert words == shown_words, "run `python tests/test_readme.py`"
+    np.testing.assert_allclose(numbers, shown_numbers, rtol=0.05, atol=1e-9)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        if not target.startswith(("http://", "https://", "mailto:")):
+            assert (page.parent / target).exists(), f"{name(page)} links to {target}, which is not there"
+
+
+def test_flow_chart_is_fresh():
+    made = runpy.run_path(str(ROOT / "docs" / "explanation" / "verdict_flow.py"))["chart"]()
+    assert (ROOT / "docs" / "explanation" / "verdict.svg").read_text(encoding="utf-8") == made
+
+
+def test_readme_is_short():
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= LONGEST_README
+
+
+def test_every_page_is_in_the_site():
+    listed = set(re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
+    assert {str(page.relative_to(ROOT / "docs")) for page in PAGES if page != README} == listed
+
+
+def test_citations_of_physics_resolve():
+    """Every label that the code cites as PHYSICS … stands in docs/explanation/physics.md."""
+    page = (ROOT / "docs" / "explanation" / "physics.md").read_text(encoding="utf-8")
+    for path in sorted((ROOT / "hrg_cli").rglob("*.py")):
+        for cited in re.findall(r"PHYSICS ((?:§\s?\d|[MRCE]\d+\w?)(?:(?:, | and | to )[MRCE]\d+\w?\b)*)", path.read_text(encoding="utf-8")):
+            for label in re.findall(r"§\s?\d|[MRCE]\d+p?b?", cited):
+                label = label.replace(" ", "")
+                found = f"## {label} " in page if label.startswith("§") else f"**{label}**" in page
+                assert found, f"{path.relative_to(ROOT)} cites {label}"
 
 
 def test_library_example_runs(tmp_path, monkeypatch):
     """Four short forced runs on a turning table; the tables of the README's five lines hold the K that was put in."""
-    (code,) = re.findall(r"As a library:\n\n```python\n(.*?)```", README, re.S)
+    (code,) = re.findall(r"## As a library\n\n```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
     (tmp_path / "runs").mkdir()
     t, scale_factor = np.arange(0, 40, 1 / 1500), 0.55
     for k, rate in enumerate((-0.5, -0.3, 0.3, 0.5)):
@@ -53,3 +126,19 @@ def test_library_example_runs(tmp_path, monkeypatch):
     exec(compile(code, "README.md", "exec"), {})
     table = store.read(tmp_path / "calibration.h5", Calibration)
     assert np.abs(table.scale_factor - scale_factor).max() < 1e-3 and np.abs(table.drift_rad_s).max() < 1e-3
+
+
+def renew() -> None:
+    """Write the outputs that the commands print now, and the generated parts."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for found in reversed(list(SAID.finditer(text))):
+            if found["output"] is not None:
+                with tempfile.TemporaryDirectory() as folder:
+                    printed = "\n".join(line.rstrip() for line in run(found["commands"], Path(folder)).splitlines()) + "\n"
+                text = text[: found.start("output")] + printed + text[found.end("output") :]
+        page.write_text(handbook.renewed(text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    renew()

@@ -1,10 +1,13 @@
-"""The generated parts of README.md, so that its tables cannot lie: `python -m hrg_cli.reporting.handbook README.md` renews them."""
+"""The generated parts of the documentation, so that its tables cannot lie: `python -m hrg_cli.reporting.handbook README.md docs`
+renews them in the files named and in every page of a folder named."""
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 from ..records import KINDS
@@ -50,11 +53,40 @@ def effects() -> str:
     return "\n".join(rows)
 
 
-PARTS: dict[str, Callable[[], str]] = {"commands": commands, "file format": file_format, "effects": effects}
+def constants(path: Path) -> Iterator[tuple[str, str, str]]:
+    """Name, value as it is written and meaning of every documented constant of a module, in its order."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    for statement, following in pairwise(body):
+        documented = (
+            isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant) and isinstance(following.value.value, str)
+        )
+        if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name) and documented:
+            yield statement.targets[0].id, ast.unparse(statement.value), " ".join(following.value.value.split())  # type: ignore[attr-defined]
+
+
+def thresholds() -> str:
+    """Every constant that decides a verdict: those of the diagnosis, then those of the checks that all stages share."""
+    from ..fitting import checks
+    from ..stages.diagnosis import thresholds as diagnosis
+
+    rows = ["| name | value | meaning |", "|---|---|---|"]
+    for module in (diagnosis, checks):
+        rows += [
+            f"| `{name}` | {value} | {meaning.replace('|', '&#124;')} |" for name, value, meaning in constants(Path(str(module.__file__)))
+        ]
+    return "\n".join(rows)
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "commands": commands,
+    "file format": file_format,
+    "effects": effects,
+    "thresholds": thresholds,
+}
 
 
 def renewed(text: str) -> str:
-    """README text with every generated part made again."""
+    """A page's text with every generated part made again."""
     for name, make in PARTS.items():
         begin, end = f"<!-- generated: {name} -->", "<!-- end of generated part -->"
         found = re.search(re.escape(begin) + r".*?" + re.escape(end), text, re.S)
@@ -63,6 +95,13 @@ def renewed(text: str) -> str:
     return text
 
 
+def pages(places: Iterable[Path]) -> list[Path]:
+    """The files named, and every Markdown page below the folders named."""
+    return [page for place in places for page in (sorted(place.rglob("*.md")) if place.is_dir() else [place])]
+
+
 if __name__ == "__main__":
-    path = Path(sys.argv[1])
-    path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in pages(map(Path, sys.argv[1:])):
+        text = page.read_text(encoding="utf-8")
+        if renewed(text) != text:
+            page.write_text(renewed(text), encoding="utf-8")
