@@ -10,12 +10,13 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from .. import settings as checking
+from ..effects.effect import Effect
 from ..errors import HrgError
 from ..fitting.tables.fourier import coefficients_at
 from ..records import Calibration, Record, Resonator, Wave, collect
@@ -203,7 +204,9 @@ def once(work: Work) -> Rehearsed:
 
 def _wave(twin: Twin, number: int, seed: int) -> Wave:
     """A run of the twin as the chain sees it."""
-    run, extra, model, config = twin.runs[number], (), "fast", dict(twin.config)
+    run, config = twin.runs[number], dict(twin.config)
+    extra: tuple[Effect, ...] = ()
+    model: Literal["fast", "slow"] = "fast"
     if isinstance(twin.truth, Calibration):
         extra, model = (tables_effect(twin.truth, twin.config["device"]["scale_factor"]),), "slow"
         config["effects"] = {TABLES: {}}

@@ -234,7 +234,8 @@ def _carrier(carrier_hz: float | None) -> dict[str, Any]:
 def _start(wave: Wave, row: int, device: Mechanics, rate_rad_s: float) -> dict[str, float]:
     """The wave of a row, integrated back by half a window with the device's own generator."""
     columns = (wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad)
-    u = ellipse.envelopes(*(np.asarray(column[row], float) for column in columns), wave.mode_number)
+    main, quadrature, wave_angle, wave_phase = (np.asarray(column[row], float) for column in columns)
+    u = ellipse.envelopes(main, quadrature, wave_angle, wave_phase, wave.mode_number)
     back = exponential(generator(device, rate_rad_s, wave.reference_frequency_hz), -wave.window_s / 2) @ u
     a_A, a_B, angle, phase = (float(value) for value in ellipse.wave(back, wave.mode_number))
     return {"amplitude": a_A, "quadrature": float(np.clip(a_B, -a_A, a_A)), "wave_angle_rad": angle, "phase_rad": phase}
@@ -262,7 +263,7 @@ def tables_effect(truth: Calibration, device_scale_factor: float) -> Effect:
     drift, scale = np.asarray(truth.drift_harmonics, float), np.asarray(truth.scale_factor_harmonics, float)
 
     def slow(_: Values, u: Array, state: SlowState) -> Array:
-        _, e_A, _, _ = frame(u, state.phase_rad)
+        e_A = frame(u, state.phase_rad)[1]
         angle = np.arctan2(e_A[..., 1], e_A[..., 0]).ravel() / mode
         warm = np.broadcast_to(state.temperature_degc, u.shape[:-1]).ravel()
         D, K = (evaluate(warm, angle, nodes, table, mode, truth.interpolation) for table in (drift, scale))

@@ -33,7 +33,7 @@ def before_and_after(record: Diagnosis, departure: Departure | None, causes: tup
             words = "_nolegend_"
     ax.axhline(0, color=INK, lw=0.6)
     quantity = "amplitude, ppm" if amplitude else "wave angle m·θ, mrad"
-    labels(ax, x=f"time, {unit}", y=f"{quantity}: measured − model", title="What the model leaves")
+    labels(ax, x=f"time, {unit}", y=quantity, title="Measured less modelled")
     if causes:
         ax.legend(loc="best")
     shown = _shares(axes[0, 1], departure, causes)
