@@ -180,8 +180,9 @@ def started(fit: Fit) -> Fit:
     if not gross(fit) or fit.freedom.loose is None:
         return loosened(fit)
     with contextlib.suppress(extended_fit.DivergedError):
-        free = extended_fit.fit(fit.series, fit.point, fit.freedom.loose)
-        return fit if gross(free) else free
+        loose = fit.freedom.loose
+        free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose))
+        return fit if gross(free) else loosened(free)
     return fit
 
 

