@@ -66,6 +66,14 @@ class Design:
             out[columns] = values.T @ S[rows]
         return out
 
+    def whole(self) -> Array:
+        """J (N, k) as one matrix, where its size does not matter."""
+        out = np.zeros(self.shape)
+        out[:, self.places] = self.shared
+        for rows, columns, values in self.own:
+            out[rows, columns] = values
+        return out
+
     def sizes(self) -> Array:
         """Lengths of the columns, (k,)."""
         out = np.zeros(self.shape[1])

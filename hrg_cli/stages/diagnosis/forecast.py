@@ -150,13 +150,9 @@ def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
         layout, covariance = fit.layout, fit.covariance
     with np.errstate(all="ignore"):
         design = design_of(propagation(prediction), layout)
-    whole = np.zeros(design.shape)
-    whole[:, design.places] = design.shared
-    for rows, columns, values in design.own:
-        whole[rows, columns] = values
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
-    learned = (whole @ _root(covariance)).reshape(len(run), 4, -1) / weight[:, None, None]
+    learned = (design.whole() @ _root(covariance)).reshape(len(run), 4, -1) / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]
     misfit = max(1.0, fit.chi2 / fit.dof)  # a model that misses its own training by more than the noise is trusted that much less
     parts = _parts(measured, said)

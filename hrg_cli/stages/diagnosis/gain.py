@@ -57,12 +57,8 @@ def predicted(fit: Fit, kind: str, folds: list[Array]) -> Array:
     if kind == "runs":
         own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
         return evidence.predicted(fit.residual, fit.design.shared, own, folds, prior[:, fit.design.places])
-    whole = np.zeros(fit.design.shape)
-    whole[:, fit.design.places] = fit.design.shared
-    for rows, columns, values in fit.design.own:
-        whole[rows, columns] = values
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
-    return evidence.predicted(fit.residual, whole, own, folds, prior)
+    return evidence.predicted(fit.residual, fit.design.whole(), own, folds, prior)
 
 
 def _own(fit: Fit, rows: Array) -> Array:
