@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import Series, predict
+from ...fitting.causes.extended import Point, Series, predict
 from ...fitting.causes.extended_fit import Fit, Freedom, design_of
 from ...fitting.causes.sensitivities import propagation
 from ...fitting.causes.wave_frame import real
@@ -41,6 +41,11 @@ class Fold:
     train: Series
     test: Array
     whole_runs: bool
+
+    def taught(self, point: Point) -> Point:
+        """A point of all runs for those that teach, found by number: pieces of one run have its name in common."""
+        kept = self.train.numbers
+        return replace(point, start=point.start[kept], offset_rad_s=point.offset_rad_s[kept])
 
 
 @dataclass(frozen=True)
@@ -127,11 +132,7 @@ def forecast(
 
 def trained(base: Fit, fold: Fold) -> Fit:
     """The base model fitted to a fold's training data alone."""
-    point = base.point
-    if fold.whole_runs:
-        kept = [base.series.names.index(name) for name in fold.train.names]
-        point = replace(point, start=point.start[kept], offset_rad_s=point.offset_rad_s[kept])
-    return extended_fit.fit(fold.train, replace(point, active=()), base.freedom)
+    return extended_fit.fit(fold.train, replace(fold.taught(base.point), active=()), base.freedom)
 
 
 def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
@@ -167,11 +168,7 @@ def predicts_worse(final: Fit, name: str, base: Fit, folds: Sequence[Fold]) -> b
     with_it = without_it = 0.0
     for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
-            point = final.point
-            if fold.whole_runs:
-                kept = [base.series.names.index(n) for n in fold.train.names]
-                point = replace(point, start=point.start[kept], offset_rad_s=point.offset_rad_s[kept])
-            taught = extended_fit.fit(fold.train, point, final.freedom)
+            taught = extended_fit.fit(fold.train, fold.taught(final.point), final.freedom)
             ratio = [taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300) for p in final.layout.parameters(name)]
             if not ratio or max(ratio) > UNTAUGHT * (np.sqrt(2) if fold.whole_runs else 1.0):
                 continue
