@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..limits import Row
-from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Wave
+from ..records import Calibration, Compensated, Diagnosis, Record, Resonator
 from ..units import DEGREE_PER_HOUR
 from . import answer_use, answer_words
 from .answer_words import Cause, Departure
@@ -245,8 +245,3 @@ def groups(records: Sequence[Record]) -> dict[str, list[Record]]:
     for record in records:
         found.setdefault(str(getattr(record, "gyro_id", "")), []).append(record)
     return found
-
-
-def is_result(record: Record) -> bool:
-    """Whether a record can speak in an answer."""
-    return not isinstance(record, Wave) and record.kind in ("diagnosis", "resonator", "calibration", "compensated")

@@ -68,8 +68,8 @@ def diagnose(
 
     searched = [e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"]
 
-    def fitted(pieces: Sequence[Wave], rows: int = blocks) -> Fit:
-        series, point, _ = prepare(pieces, scale_factor, rows)
+    def fitted(pieces: Sequence[Wave], coarser: int = 1) -> Fit:
+        series, point, _ = prepare(pieces, scale_factor, blocks, coarser)
         series = replace(series, free_phase=free_phase)
         freedom = freedom_of(series, point, scale_factor)
         return settled(started(extended_fit.fit(series, point, freedom)))
@@ -115,7 +115,7 @@ def diagnose(
     )
     closing = closing_checks(search, remainder, form, level or 1.0, written, shown)
     ahead = forecast(search, candidates, noise_factor, most_effects, waves[0].units) if search.found else None
-    stability = _stability(search, candidates, noise_factor, most_effects, ahead, lambda: fitted(pieces, blocks // 2))
+    stability = _stability(search, candidates, noise_factor, most_effects, ahead, lambda: fitted(pieces, coarser=2))
     verdict = word(bool(search.found or shown), not all(check.passed for check in closing))
     gain = held_out(untouched, search.final, own, origin)
     report = report_of(verdict, search, remainder, gain, noise_factor, resonator, candidates, untouched)
@@ -140,7 +140,7 @@ def diagnose(
     if failed and report["remainder"] is None:
         report["remainder"] = {"description": "; ".join(failed), "covariate": None, "harmonic": None, "formula": None, "terms": []}
     report, shares = switched_off(report, search.base, search.final, noise_factor)
-    return _with_shares(_record(search, waves, verdict, report, model), shares).judged(_doubts(search.final, verdict, failed))
+    return _with_shares(_record(search, waves, verdict, report, model), shares).judged(_doubts(verdict, failed))
 
 
 def _with_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
@@ -220,7 +220,7 @@ def _stability(
     return out
 
 
-def _doubts(fit: Fit, verdict: str, failed: Sequence[str]) -> list[str]:
+def _doubts(verdict: str, failed: Sequence[str]) -> list[str]:
     """What makes the diagnosis suspect: a word that could not be given."""
     if verdict in ("adequate", "explained"):
         return []

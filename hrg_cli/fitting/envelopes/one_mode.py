@@ -60,11 +60,6 @@ class OneMode:
         """Degrees of freedom of both."""
         return self.decay.dof + self.frequency.dof
 
-    @property
-    def follows_amplitude(self) -> bool:
-        """Whether decay or frequency moves with the amplitude."""
-        return len(self.decay.names) + len(self.frequency.names) > 2
-
 
 def integral(values: Array, time_s: Array) -> Array:
     """∫ from the first row along the last axis, trapezium rule with its end correction."""

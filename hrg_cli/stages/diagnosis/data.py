@@ -37,8 +37,13 @@ QUIET = 1e-3
 """Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
 
-def prepare(waves: Sequence[Wave], scale_factor: float | None, blocks: int) -> tuple[Series, Point, list[EnvelopeRun]]:
-    """Runs side by side and where to start. HrgError: no run, mixed mode numbers, runs without enough good windows."""
+def prepare(
+    waves: Sequence[Wave], scale_factor: float | None, blocks: int, coarser: int = 1
+) -> tuple[Series, Point, list[EnvelopeRun]]:
+    """Runs side by side and where to start, the rows `coarser` times as long as they would be.
+
+    HrgError: no run, mixed mode numbers, runs without enough good windows.
+    """
     if not waves:
         raise HrgError("there is no run; give at least one wave file")
     modes = sorted({w.mode_number for w in waves})
@@ -50,6 +55,8 @@ def prepare(waves: Sequence[Wave], scale_factor: float | None, blocks: int) -> t
     fastest = np.array([abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]) + abs(p[5]) * _fastest_turn(r) for r in runs])
     span = np.array([r.duration_s for r in runs])
     rows = int(np.clip(np.max(fastest * span / STEP_ANGLE), max(FEWEST, blocks), MOST))
+    if coarser > 1:
+        rows = min(rows, max(len(run) for run in runs)) // coarser
     thin = [
         envelope_runs.averaged(r, rows, propagator.carry(p if w.mode != "forced" else _undamped(p), o))
         for r, o, w in zip(runs, offsets, waves, strict=True)

@@ -15,6 +15,7 @@ from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.sensitivities import Wanted
 from .gain import predicts_better
+from .open_terms import LEAST_KELVIN
 from .thresholds import CLEARLY, GROSS, MOST_TYPICAL, SIGNIFICANT, SMALL_IN_MOTION, SMALL_IN_READOUT, TOGETHER, WORTH
 
 Array = np.ndarray
@@ -24,8 +25,6 @@ QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
-LEAST_KELVIN = 1e-6
-"""Range of temperature below which it is constant but for rounding."""
 
 
 @dataclass(frozen=True)

@@ -41,5 +41,3 @@ WRITTEN_FORCED = 1.5
 """The same where runs are driven: a loop in the file acts on the simulated wave, while the fit has the log of what the loop did."""
 SCALE_FACTORS = (0.05, 3.0)
 """Range of K, in parts of the nominal one, that the mode shape of a shell, a ring or a pendulum allows."""
-FORECAST_WORSE = 1.0
-"""Ratio of held-out errors below which the causes predict worse than the plain model."""
