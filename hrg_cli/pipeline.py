@@ -157,16 +157,20 @@ def write_first(
         return store.write(output, stream, force, finish=lambda last: _with_provenance(last, [], hashed.done(), text, command_line))
 
 
-def report(record: Record, output: Path | None, started: float, extra: Mapping[str, Any]) -> dict[str, Any]:
-    """The JSON object of a command: the common keys, then the stage's own."""
+def common_keys(kind: str, status: str, reasons: Iterable[str], output: Path | None, started: float) -> dict[str, Any]:
+    """The keys that the JSON of every command has; `started`: `time.monotonic()` at its beginning."""
     return {
-        "kind": record.kind,
-        "status": record.status,
-        "status_reasons": list(record.status_reasons),
+        "kind": kind,
+        "status": status,
+        "status_reasons": list(reasons),
         "output": None if output is None else str(output),
         "elapsed_s": round(time.monotonic() - started, 3),
-        **extra,
     }
+
+
+def report(record: Record, output: Path | None, started: float, extra: Mapping[str, Any]) -> dict[str, Any]:
+    """The JSON object of a command: the common keys, then the stage's own."""
+    return common_keys(record.kind, record.status, record.status_reasons, output, started) | dict(extra)
 
 
 DOUBTS_NAMED = 6

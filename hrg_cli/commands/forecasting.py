@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import store
+from .. import pipeline, store
 from ..errors import UsageError
 from ..records import Resonator
 from ..reporting import console
@@ -33,11 +33,7 @@ def forecast_file(file: Path | None, run: Common, flags: dict[str, Any]) -> tupl
         raise UsageError(f"{run.output}: a forecast is written as {', '.join(SUFFIXES)}; choose one of these suffixes")
     made = forecast(store.read(path, Resonator), **values)
     report = {
-        "kind": "forecast",
-        "status": made.status,
-        "status_reasons": list(made.status_reasons),
-        "output": None if run.output is None else str(run.output),
-        "elapsed_s": round(time.monotonic() - started, 3),
+        **pipeline.common_keys("forecast", made.status, made.status_reasons, run.output, started),
         **summary(made),
     }
     if run.output is not None:

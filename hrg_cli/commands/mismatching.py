@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import store
+from .. import pipeline, store
 from ..errors import UsageError
 from ..records import Wave
 from ..reporting import console
@@ -33,11 +33,7 @@ def mismatch_file(file: Path | None, run: Common, flags: dict[str, Any]) -> tupl
     with store.atomic_path(output, run.force) as temporary:
         temporary.write_text(_csv(made.columns) if output.suffix == ".csv" else _json(made.columns), encoding="utf-8")
     report = {
-        "kind": "mismatch",
-        "status": wave.status,
-        "status_reasons": list(wave.status_reasons),
-        "output": str(output),
-        "elapsed_s": round(time.monotonic() - started, 3),
+        **pipeline.common_keys("mismatch", wave.status, wave.status_reasons, output, started),
         "rows": len(made.columns["time_s"]),
         "delay_s": made.delay_s,
         "noise_density": made.noise_density,

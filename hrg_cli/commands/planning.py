@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import settings, store
+from .. import pipeline, settings, store
 from ..errors import HrgError, UsageError
 from ..records import Diagnosis, Resonator, Wave
 from ..stages.plan import plan, summary
@@ -29,10 +29,6 @@ def plan_files(files: Sequence[Path], menu: Path | None, run: Common, flags: dic
         with store.atomic_path(run.output, run.force) as temporary:
             temporary.write_text(settings.to_toml(made.file), encoding="utf-8")
     return {
-        "kind": "plan",
-        "status": made.status,
-        "status_reasons": list(made.status_reasons),
-        "output": None if run.output is None else str(run.output),
-        "elapsed_s": round(time.monotonic() - started, 3),
+        **pipeline.common_keys("plan", made.status, made.status_reasons, run.output, started),
         **summary(made),
     }

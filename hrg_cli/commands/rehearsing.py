@@ -42,11 +42,7 @@ def rehearse_files(
         raise UsageError(f"one resonator or calibration file is rehearsed at a time, {found} was given; the rest of FILE are its inputs")
     told = rehearsed(results[0], given, values, run.jobs, progress, None if keep_file else command_line())
     report = {
-        "kind": "rehearsal",
-        "status": told.status,
-        "status_reasons": list(told.reasons),
-        "output": None if run.output is None else str(run.output),
-        "elapsed_s": round(time.monotonic() - started, 3),
+        **pipeline.common_keys("rehearsal", told.status, told.reasons, run.output, started),
         "file": str(results[0]),
         "written": not keep_file,
         **told.table(),

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from .. import settings, store
+from .. import pipeline, settings, store
 from ..limits import check
 from ..reporting.page import build_report, status_of, write_figures
 from .frame import Common, existing
@@ -46,11 +46,7 @@ def report_files(files: Sequence[Path], run: Common, limits: Path | None = None,
     made = report(paths, output, run.force, settings.load_toml(limits) if limits is not None else None, **values)
     worst, reasons = status_of(paths)
     return {
-        "kind": "report",
-        "status": "valid",
-        "status_reasons": [],
-        "output": str(output),
-        "elapsed_s": round(time.monotonic() - started, 3),
+        **pipeline.common_keys("report", "valid", (), output, started),
         "files": [str(path) for path in made],
         "reported": {"status": worst, "status_reasons": reasons},
     }

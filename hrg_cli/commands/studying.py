@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from .. import settings, store
+from .. import pipeline, settings, store
 from ..errors import UsageError
 from ..records import Recording
 from ..reporting import console
@@ -54,11 +54,7 @@ def run_study(name: str | None, run: Common, recordings: Sequence[Path] = (), **
     else:
         result = study(**values)
     report: dict[str, Any] = {
-        "kind": "study",
-        "status": "valid",
-        "status_reasons": [],
-        "output": None if folder is None else str(folder),
-        "elapsed_s": round(time.monotonic() - started, 3),
+        **pipeline.common_keys("study", "valid", (), folder, started),
         "name": name,
         "settings": values,
         "result": result,
