@@ -139,7 +139,7 @@ def diagnose(
     failed = checks.failures(closing)
     if failed and report["remainder"] is None:
         report["remainder"] = {"description": "; ".join(failed), "covariate": None, "harmonic": None, "formula": None, "terms": []}
-    report, shares = switched_off(report, search.base, search.final, noise_factor)
+    report, shares = switched_off(report, search.base, search.final)
     return _with_shares(_record(search, waves, verdict, report, model), shares).judged(_doubts(verdict, failed))
 
 

@@ -142,6 +142,20 @@ class Fit:
         column = self.layout.coordinate(name)
         return 0.0 if column is None else self.std_at(column)
 
+    def coordinate_covariance(self) -> Array:
+        """Covariance (7, 7) of the coordinates, 0 for those that are held."""
+        out = np.zeros((COUNT, COUNT))
+        there, columns = list(self.layout.coordinates), range(len(self.layout.coordinates))
+        out[np.ix_(there, there)] = self.covariance[np.ix_(columns, columns)]
+        return out
+
+    def away(self, effect: Effect) -> tuple[Array, float]:
+        """How far an active effect's fitted parameters (k,) stand from neutral, and that as χ²: aᵀ C⁻¹ a (Wald)."""
+        columns, now = self.layout.effect(effect.name), self.values(effect.name)
+        neutral = {p.name: p.neutral for p in effect.parameters}
+        off = np.array([now[name] - neutral[name] for name in self.layout.parameters(effect.name)])
+        return off, float(off @ np.linalg.pinv(self.covariance[columns, columns]) @ off)
+
     def parameter_std(self, effect: str, name: str) -> float:
         """Standard deviation of an effect's parameter, 0 where it is not fitted."""
         return self.std_at(self.layout.parameter(effect, name)) if name in self.layout.parameters(effect) else 0.0

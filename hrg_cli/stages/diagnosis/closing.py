@@ -118,14 +118,11 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
     fit = search.final
     for one in search.found:
         name = one.variant.effect.name
-        columns = fit.layout.effect(name)
-        now = fit.values(name)
-        neutral = np.array([p.neutral for p in one.variant.effect.fitted()])
-        away = np.array([now[p] for p in fit.layout.parameters(name)]) - neutral
-        wald = float(away @ np.linalg.pinv(fit.covariance[columns, columns]) @ away)
+        _, wald = fit.away(one.variant.effect)
         sigma = float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
         yield checks.at_least(f"{name}_stands_off_zero", sigma, OWN_SIGMA, f"{name} is no more than {sigma:.2g} of its σ off zero")
-        yield checks.holds(f"{name}_is_small", is_small(one.variant.effect, now, fit), f"{name} came out larger than such a cause can be")
+        small = is_small(one.variant.effect, fit.values(name), fit)
+        yield checks.holds(f"{name}_is_small", small, f"{name} came out larger than such a cause can be")
     for entry in waveform:
         parameters = entry["parameters"]
         assert isinstance(parameters, dict)

@@ -14,7 +14,7 @@ from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.layout import FREQUENCY
-from ...fitting.envelopes.coordinates import COUNT, physical
+from ...fitting.envelopes.coordinates import physical
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .gain import Gain, figures
@@ -107,9 +107,7 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     fit, noise_factor = sized.fit, sized.factor
     numbers, slopes = physical(fit.point.p, fit.series.mode_number)
     others = physical(sized.beside.point.p, fit.series.mode_number)[0]
-    covariance = np.zeros((COUNT, COUNT))
-    there, columns = list(fit.layout.coordinates), range(len(fit.layout.coordinates))
-    covariance[np.ix_(there, there)] = fit.covariance[np.ix_(columns, columns)]
+    covariance = fit.coordinate_covariance()
     stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * noise_factor)
     moved = numbers - others
     period = np.pi / fit.series.mode_number
@@ -163,13 +161,10 @@ def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, 
 def _beside_the_others(one: Found, fit: Fit, noise_factor: float) -> tuple[float, float]:
     """z and p of an effect in the final fit, from its parameters' joint significance."""
     effect = one.variant.effect
-    index, now = fit.layout.effect(effect.name), fit.values(effect.name)
-    values = np.array([now[name] for name in fit.layout.parameters(effect.name)])
-    neutral = np.array([p.neutral for p in effect.fitted()])
-    covariance = fit.covariance[index, index] * noise_factor
-    wald = float((values - neutral) @ np.linalg.pinv(covariance) @ (values - neutral))
-    z, p = evidence.significance(min(wald, one.delta_bic + len(values) * float(np.log(len(fit.residual)))), max(1, one.score.rank))
-    sign = np.sign(values[0] - neutral[0]) if len(values) == 1 else 1.0
+    off, wald = fit.away(effect)
+    bound = one.delta_bic + len(off) * float(np.log(len(fit.residual)))
+    z, p = evidence.significance(min(wald / noise_factor, bound), max(1, one.score.rank))
+    sign = np.sign(off[0]) if len(off) == 1 else 1.0
     return float(z * (sign or 1.0)), p
 
 

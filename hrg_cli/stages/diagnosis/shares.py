@@ -120,25 +120,22 @@ def shares(base: Fit, fit: Fit) -> Shares:
     return Shares(tuple(rows), np.stack(list(rows.values()), axis=-1) if rows else np.zeros((len(whole), 4, 0)), found)
 
 
-def covariance_of(fit: Fit, noise_factor: float) -> Array:
-    """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the causes; of the frequency its own variance.
-
-    Σ = G C Gᵀ · (variance inflation), G the slopes of the parameters against the fitted coordinates; held ones have none.
-    """
+def covariance_of(fit: Fit, std: Array) -> Array:
+    """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the causes: the fit's correlations, Σ = G C Gᵀ
+    with G the slopes of the parameters against the fitted coordinates, and the standard deviations (7,) that the report states."""
     _, slopes = physical(fit.point.p, fit.series.mode_number)
-    coordinates = np.zeros((slopes.shape[1],) * 2)
-    there, columns = list(fit.layout.coordinates), range(len(fit.layout.coordinates))
-    coordinates[np.ix_(there, there)] = fit.covariance[np.ix_(columns, columns)]
     out = np.zeros((7, 7))
-    out[1:, 1:] = slopes @ coordinates @ slopes.T * noise_factor
-    return out
+    out[0, 0] = 1.0
+    out[1:, 1:] = slopes @ fit.coordinate_covariance() @ slopes.T
+    own = np.sqrt(np.maximum(np.diag(out), 0.0))
+    scale = np.divide(std, own, out=np.zeros(7), where=own > 0)
+    return out * np.outer(scale, scale)
 
 
-def switched_off(report: dict[str, Any], base: Fit, fit: Fit, noise_factor: float) -> tuple[dict[str, Any], Shares]:
+def switched_off(report: dict[str, Any], base: Fit, fit: Fit) -> tuple[dict[str, Any], Shares]:
     """The report with each cause's `share` and the base parameters' `covariance` beside the causes;
     the rows of the models without some of the causes."""
     found = shares(base, fit)
     effects = [{**e, "share": found.figures.get(str(e["name"]))} for e in report["effects"]]
-    covariance = covariance_of(fit, noise_factor)
-    covariance[0, 0] = next((v["std"] ** 2 for v in report["values"] if v["name"] == "frequency_hz"), 0.0)
+    covariance = covariance_of(fit, np.array([v["std"] for v in report["values"]]))
     return report | {"effects": effects, "covariance": covariance.tolist()}, found
