@@ -1,4 +1,5 @@
-"""calibrate ten gyros × five temperatures × three rates, its growth with the length of the runs, and its peak memory.
+"""calibrate ten gyros × five temperatures × three rates, its growth with the length of the runs,
+and its peak memory.
 
 python benchmarks/bench_calibrate.py [windows a run]
 """
@@ -21,9 +22,11 @@ WINDOW_S, NOISE = 0.01, 1e-5
 
 
 def write_run(path: Path, gyro: int, degc: float, rate: float, windows: int) -> None:
-    """A forced run, written block by block: the wave turns by the rate, with an exactly integrable drift of angle 4θ.
+    """A forced run, written block by block: the wave turns by the rate, with an exactly integrable
+    drift of angle 4θ.
 
-    m·dθ/dt = −KΩ + D sin 4θ integrates to tan 2θ of an elementary function; its series to first order in D/KΩ serves here.
+    m·dθ/dt = −KΩ + D sin 4θ integrates to tan 2θ of an elementary function; its series to first
+    order in D/KΩ serves here.
     """
     draw = np.random.default_rng([gyro, int(degc + 100), int(100 * rate + 100)])
     K, D = 0.55 * (1 + 1e-5 * degc), 2e-4 * (1 + 0.004 * degc) * (1 + 0.1 * gyro)
@@ -34,7 +37,11 @@ def write_run(path: Path, gyro: int, degc: float, rate: float, windows: int) -> 
             t = np.arange(first, min(first + (1 << 16), windows)) * WINDOW_S
             n = len(t)
             even = start - K * rate * t / 2
-            angle = even + D / (4 * K * rate) * (np.cos(4 * even) - np.cos(4 * start)) + NOISE * draw.standard_normal(n)
+            angle = (
+                even
+                + D / (4 * K * rate) * (np.cos(4 * even) - np.cos(4 * start))
+                + NOISE * draw.standard_normal(n)
+            )
             one, zero, noise = np.ones(n), np.zeros(n), np.full(n, NOISE)
             yield Wave(
                 time_s=t, main_amplitude=one, quadrature_amplitude=zero, wave_angle_rad=angle, phase_rad=zero, carrier_phase_rad=zero,
@@ -61,7 +68,10 @@ def calibrate_gyro(folder: Path, gyro: int, windows: int) -> tuple[float, dict[s
     for path in paths:
         path.unlink()
     out = summary(record)
-    return taken, {"before": out["drift_rms_rad_s"]["before"], "held out": out["drift_rms_rad_s"]["held_out"]}
+    return taken, {
+        "before": out["drift_rms_rad_s"]["before"],
+        "held out": out["drift_rms_rad_s"]["held_out"],
+    }
 
 
 def memory_mb() -> float:
@@ -77,10 +87,16 @@ def main() -> None:
         total = sum(taken for taken, _ in rows)
         gain = np.mean([figures["before"] / figures["held out"] for _, figures in rows])
         runs = len(TEMPERATURES) * len(RATES)
-        print(f"ten gyros x {runs} runs of {windows} windows: {total:.1f} s, held-out drift falls {gain:.1f} times")
+        print(
+            f"ten gyros x {runs} runs of {windows} windows: {total:.1f} s, held-out drift falls"
+            f" {gain:.1f} times"
+        )
         for factor in (1, 4, 16):
             taken, _ = calibrate_gyro(folder, 0, factor * windows)
-            print(f"  {factor * windows:>9} windows a run: {taken:.2f} s a gyro, peak memory so far {memory_mb():.0f} MB")
+            print(
+                f"  {factor * windows:>9} windows a run: {taken:.2f} s a gyro, peak memory so far"
+                f" {memory_mb():.0f} MB"
+            )
 
 
 if __name__ == "__main__":

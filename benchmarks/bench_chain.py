@@ -1,9 +1,11 @@
-"""The whole chain on recordings of 1, 4 and 16 million samples: processor time of each stage and peak memory.
+"""The whole chain on recordings of 1, 4 and 16 million samples: processor time of each stage and
+peak memory.
 
 python benchmarks/bench_chain.py [millions of samples ...]
 
-Each length runs in a fresh process: once over a short recording, so that imports are done, then over the long one, from file to
-file as the commands do. The last line is the same chain as three commands, starts of Python and imports included.
+Each length runs in a fresh process: once over a short recording, so that imports are done, then
+over the long one, from file to file as the commands do. The last line is the same chain as three
+commands, starts of Python and imports included.
 """
 
 import json
@@ -38,7 +40,10 @@ def stages(run: Path) -> dict[str, tuple[float, float]]:
         values = settings.checked(stage.function(), GIVEN[name])
         before = time.process_time()
         pipeline.run_stage(name, [source], output, values, force=True, command_line=f"hrg {name}")
-        found[name] = (time.process_time() - before, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+        found[name] = (
+            time.process_time() - before,
+            resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        )
         source = output
     return found
 
@@ -59,7 +64,11 @@ def main(millions: list[float]) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         store.write(folder / "short.h5", run_down(SHORT))
-        print("| samples | " + " | ".join(f"{s}, s" for s in STAGES) + " | whole, s | peak MB | as three commands, s |")
+        print(
+            "| samples | "
+            + " | ".join(f"{s}, s" for s in STAGES)
+            + " | whole, s | peak MB | as three commands, s |"
+        )
         print("|---|" + "---|" * 6)
         totals: list[float] = []
         for size in millions:
@@ -68,14 +77,21 @@ def main(millions: list[float]) -> None:
             found = json.loads(measured(__file__, "--inside", folder / "short.h5", run)[3])
             cells = " | ".join(f"{found[s][0]:.2f}" for s in STAGES)
             total = sum(found[s][0] for s in STAGES)
-            print(f"| {size:g} million | {cells} | {total:.2f} | {found['identify'][1]:.0f} | {commands(run):.1f} |", flush=True)
+            print(
+                f"| {size:g} million | {cells} | {total:.2f} | {found['identify'][1]:.0f} |"
+                f" {commands(run):.1f} |",
+                flush=True,
+            )
             totals.append(total)
             run.unlink()
     print("\nSeconds of the processor, which other programs on the machine hardly change.")
     if len(millions) > 2:
         slope, start = np.polyfit(millions, totals, 1)
         apart = np.max(np.abs(np.polyval((slope, start), millions) - totals))
-        print(f"Growth: {start:.2f} s + {slope:.3f} s a million samples, every length within {apart:.2f} s of that line.")
+        print(
+            f"Growth: {start:.2f} s + {slope:.3f} s a million samples, every length within"
+            f" {apart:.2f} s of that line."
+        )
 
 
 if __name__ == "__main__":

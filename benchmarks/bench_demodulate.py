@@ -1,4 +1,5 @@
-"""demodulate against merely reading the same uncompressed file with h5py: as a function, and as whole processes in pairs; growth, memory.
+"""demodulate against merely reading the same uncompressed file with h5py: as a function, and as
+whole processes in pairs; growth, memory.
 
 python benchmarks/bench_demodulate.py [millions of samples]
 """
@@ -24,7 +25,8 @@ BLOCK = 1 << 20
 
 
 def write_recording(path: Path, samples: int) -> None:
-    """Two int16 channels of a slow ring-down with two counts of noise, written block by block, uncompressed."""
+    """Two int16 channels of a slow ring-down with two counts of noise, written block by block,
+    uncompressed."""
     rng = np.random.default_rng(1)
 
     def blocks():  # type: ignore[no-untyped-def]
@@ -88,10 +90,21 @@ def processor_seconds(command: list[str]) -> float:
 
 
 def as_processes(path: Path) -> None:
-    """Print how much processor time `hrg demodulate` takes against a script that only reads, pair by pair."""
+    """Print how much processor time `hrg demodulate` takes against a script that only reads, pair
+    by pair."""
     output = str(path.with_suffix(".periods.h5"))
     for periods in (1, 50):
-        command = [sys.executable, "-m", "hrg_cli.cli", "demodulate", str(path), "-o", output, "--force", "-q"]
+        command = [
+            sys.executable,
+            "-m",
+            "hrg_cli.cli",
+            "demodulate",
+            str(path),
+            "-o",
+            output,
+            "--force",
+            "-q",
+        ]
         pairs = [
             (
                 processor_seconds([sys.executable, "-c", READ.format(path=str(path))]),
@@ -117,7 +130,10 @@ def main(millions: float) -> None:
             print(f"{size / 1e6:g} million samples x 2 int16: reading {reading:.3f} s")
             for periods in (1.0, 50.0):
                 taken = best(partial(run, path, periods), 2)
-                print(f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} x reading, {taken / size * 1e9:.1f} ns a pair")
+                print(
+                    f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} x"
+                    f" reading, {taken / size * 1e9:.1f} ns a pair"
+                )
             as_processes(path)
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"peak memory {after:.0f} MB (before demodulating {before:.0f} MB)")

@@ -1,4 +1,5 @@
-"""diagnose eight runs × 500 windows × the whole catalogue, as a ratio to the base fit's own time; the same with two hidden effects.
+"""diagnose eight runs × 500 windows × the whole catalogue, as a ratio to the base fit's own time;
+the same with two hidden effects.
 
 python benchmarks/bench_diagnose.py
 """
@@ -22,15 +23,23 @@ GAIN, BIAS_RAD_S, ROUNDS = 2e-3, 0.01, 7
 
 
 def run(number: int, hidden: bool = False) -> Wave:
-    """A ring-down of the linear slow model at its own angle, amplitude and rate; `hidden`: a gain mismatch, and a biased rate."""
+    """A ring-down of the linear slow model at its own angle, amplitude and rate; `hidden`: a gain
+    mismatch, and a biased rate."""
     random = np.random.default_rng(number)
     t = (np.arange(WINDOWS) + 0.5) * WINDOW_S
     rate = (0.0, 0.0, 2.0, -2.0)[number % 4]
-    start = ellipse.envelopes(np.array((1.0, 0.5)[number // 4]), np.array(0.05), np.array(0.2 * number), np.array(random.uniform(0, 6)))
+    start = ellipse.envelopes(
+        np.array((1.0, 0.5)[number // 4]),
+        np.array(0.05),
+        np.array(0.2 * number),
+        np.array(random.uniform(0, 6)),
+    )
     u = exponential(generator(DEVICE, rate + BIAS_RAD_S * hidden), t) @ start
     if hidden:
         u = u * np.array([1 + GAIN / 2, 1 - GAIN / 2])
-    u = u + NOISE * (random.standard_normal((WINDOWS, 2)) + 1j * random.standard_normal((WINDOWS, 2)))
+    u = u + NOISE * (
+        random.standard_normal((WINDOWS, 2)) + 1j * random.standard_normal((WINDOWS, 2))
+    )
     a_A, a_B, angle, phase = ellipse.wave(u)
     angle, phase = ellipse.unwrap(angle, phase)
     std, zero = np.full(WINDOWS, NOISE), np.zeros(WINDOWS)
@@ -45,13 +54,18 @@ def run(number: int, hidden: bool = False) -> Wave:
 
 
 def timed(waves: list[Wave]) -> tuple[float, float, dict]:
-    """(base fit, diagnose) in processor time, the medians of rounds in which they take turns, and what diagnose says.
+    """(base fit, diagnose) in processor time, the medians of rounds in which they take turns, and
+    what diagnose says.
 
-    Whatever else the machine does slows both alike; the best of a few rounds would favour the shorter one.
+    Whatever else the machine does slows both alike; the best of a few rounds would favour the
+    shorter one.
     """
     base, whole, out = [], [], summary(diagnose(waves))
     for _ in range(ROUNDS):
-        for work, times in ((lambda: base_fit([envelope_runs.from_wave(w) for w in waves]), base), (lambda: diagnose(waves), whole)):
+        for work, times in (
+            (lambda: base_fit([envelope_runs.from_wave(w) for w in waves]), base),
+            (lambda: diagnose(waves), whole),
+        ):
             started = time.process_time()
             work()
             times.append(time.process_time() - started)
@@ -62,10 +76,14 @@ def main() -> None:
     """The ratio of a clean gyro's programme, and of one with two effects to be found."""
     for hidden in (False, True):
         base, whole, out = timed([run(k, hidden) for k in range(RUNS)])
-        visible, found = sum(t["visible"] for t in out["tested"]), [e["name"] for e in out["effects"]]
+        visible, found = (
+            sum(t["visible"] for t in out["tested"]),
+            [e["name"] for e in out["effects"]],
+        )
         print(
-            f"base fit {base:.3f} s; diagnose {whole:.3f} s, {len(out['tested'])} effects ({visible} visible), "
-            f"verdict {out['verdict']}{': ' + ', '.join(found) if found else ''}"
+            f"base fit {base:.3f} s; diagnose {whole:.3f} s, {len(out['tested'])} effects"
+            f" ({visible} visible), verdict"
+            f" {out['verdict']}{': ' + ', '.join(found) if found else ''}"
         )
         print(f"ratio {whole / base:.2f}" + ("" if hidden else " (at most 10)"))
 

@@ -1,4 +1,5 @@
-"""estimate against scipy.optimize.least_squares a period, the closed form's time a period, and the growth with length.
+"""estimate against scipy.optimize.least_squares a period, the closed form's time a period, and the
+growth with length.
 
 python benchmarks/bench_estimate.py
 """
@@ -19,9 +20,12 @@ SIGMA = 1e-4
 
 
 def carrier_periods(rows: int) -> tuple[Periods, np.ndarray]:
-    """Eight signals a window of a turning, decaying wave with noise, and its true x = (A, B, θ, φ, ψ)."""
+    """Eight signals a window of a turning, decaying wave with noise, and its true x = (A, B, θ, φ,
+    ψ)."""
     t = np.arange(rows) * 1e-3
-    x = np.stack([np.exp(-t / 1e3), 0.05 * np.cos(t), 0.3 + 2 * t, 0.5 * t, 0.4 + 0.01 * np.sin(t)], axis=-1)
+    x = np.stack(
+        [np.exp(-t / 1e3), 0.05 * np.cos(t), 0.3 + 2 * t, 0.5 * t, 0.4 + 0.01 * np.sin(t)], axis=-1
+    )
     z = signals(x) + SIGMA * np.random.default_rng(1).standard_normal((rows, 8))
     record = Periods(
         time_s=t,
@@ -68,18 +72,28 @@ def main() -> None:
     print(f"scipy.optimize.least_squares (lm, start previous): {scipy_us:.0f} us a period")
     record, _ = carrier_periods(1_000_000)
     closed_us = best(lambda: closed_form(record.signals), 3) / len(record) * 1e6
-    print(f"closed form alone: {closed_us:.2f} us a period-vector (aim: under 1), {scipy_us / closed_us:.0f} times faster")
+    print(
+        f"closed form alone: {closed_us:.2f} us a period-vector (aim: under 1),"
+        f" {scipy_us / closed_us:.0f} times faster"
+    )
     part = record.rows(0, 300_000)
     for solver in ("closed-form", "gauss-newton", "levenberg-marquardt"):
         taken = best(lambda solver=solver: run(part, solver=solver), 2) / len(part) * 1e6
         print(
-            f"estimate, {solver}, with deviations and continuity: {taken:.2f} us a period, {scipy_us / taken:.0f} times faster (aim: 500), "
-            f"{taken / closed_us:.1f} times the closed form alone"
+            f"estimate, {solver}, with deviations and continuity: {taken:.2f} us a period,"
+            f" {scipy_us / taken:.0f} times faster (aim: 500), {taken / closed_us:.1f} times the"
+            " closed form alone"
         )
     for rows in (30_000, 100_000, 300_000, 1_000_000):
         part = record.rows(0, rows)
-        print(f"growth: {rows:8d} periods {best(lambda part=part: run(part), 2) / rows * 1e6:.2f} us a period")
-    print(f"peak memory with a million periods in memory: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+        print(
+            f"growth: {rows:8d} periods {best(lambda part=part: run(part), 2) / rows * 1e6:.2f} us"
+            " a period"
+        )
+    print(
+        "peak memory with a million periods in memory:"
+        f" {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
+    )
 
 
 if __name__ == "__main__":

@@ -17,7 +17,9 @@ def seconds(*arguments: str) -> float:
 
 def main() -> None:
     """Print median times and the median ratio."""
-    pairs = [(seconds("-m", "hrg_cli.cli", "--help"), seconds("-c", "pass")) for _ in range(PAIRS)][1:]
+    pairs = [(seconds("-m", "hrg_cli.cli", "--help"), seconds("-c", "pass")) for _ in range(PAIRS)][
+        1:
+    ]
     ratio = statistics.median(a / b for a, b in pairs)
     ours, bare = (1e3 * statistics.median(x) for x in zip(*pairs))
     print(f"hrg --help: {ours:.0f} ms, python -c pass: {bare:.0f} ms, ratio {ratio:.1f}")

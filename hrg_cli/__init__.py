@@ -1,12 +1,16 @@
-"""hrg: calibration of solid-state wave (hemispherical resonator) gyroscopes, from recorded samples to correction tables.
+"""hrg: calibration of solid-state wave (hemispherical resonator) gyroscopes, from recorded samples
+to correction tables.
 
 Conventions, the same in memory, files, settings and flags:
 
-* SI units, angles in radians; a name that carries a unit ends in it (`time_s`, `rate_rad_s`, `temperature_degc`).
+* SI units, angles in radians; a name that carries a unit ends in it (`time_s`, `rate_rad_s`,
+  `temperature_degc`).
 * The channels C and S see the displacement W = C cos mθ + S sin mθ, m = mode_number.
-* Envelopes with e^{+jωt}: C = Re[C0 e^{jωt}], C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ).
+* Envelopes with e^{+jωt}: C = Re[C0 e^{jωt}], C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 =
+  e^{jφ}(a_A sin mθ − j a_B cos mθ).
 * Output equation: m·dθ/dt = −K·Ω + D(T, θ).
-* ν = 1/τ; δω = (ω_p − ω_q)/2; axes θ_μ (damping) and θ_ω (stiffness) are physical angles in [0, π/m).
+* ν = 1/τ; δω = (ω_p − ω_q)/2; axes θ_μ (damping) and θ_ω (stiffness) are physical angles in [0,
+  π/m).
 
 As a library:
 
@@ -47,11 +51,29 @@ _PUBLIC = {
     "answer": ("hrg_cli.reporting.answer", "answer"),
     **{
         name: ("hrg_cli.records", name)
-        for name in ("Recording", "Periods", "Wave", "Resonator", "Calibration", "Compensated", "Diagnosis", "collect")
+        for name in (
+            "Recording",
+            "Periods",
+            "Wave",
+            "Resonator",
+            "Calibration",
+            "Compensated",
+            "Diagnosis",
+            "collect",
+        )
     },
     **{
         name: (f"hrg_cli.stages.{name}", name)
-        for name in ("simulate", "demodulate", "estimate", "identify", "calibrate", "compensate", "diagnose", "plan")
+        for name in (
+            "simulate",
+            "demodulate",
+            "estimate",
+            "identify",
+            "calibrate",
+            "compensate",
+            "diagnose",
+            "plan",
+        )
     },
 }
 

@@ -1,10 +1,14 @@
-"""The chain of one gyro, the same for `hrg run` and `hrg batch`: each recording to its wave, then the waves to the gyro's results.
+"""The chain of one gyro, the same for `hrg run` and `hrg batch`: each recording to its wave, then
+the waves to the gyro's results.
 
     recordings ── import, demodulate, estimate ──▶ waves ──┬ identify (free) ──▶ resonator
-                                                           ├ diagnose (free, else forced) ──▶ diagnosis, extended model
-                                                           └ calibrate (forced) ──▶ calibration ── compensate ──▶ a file a forced run
+                                                           ├ diagnose (free, else forced) ──▶
+                                                           diagnosis, extended model └ calibrate
+                                                           (forced) ──▶ calibration ── compensate
+                                                           ──▶ a file a forced run
 
-Every step is told as a `Step`; one that fails ends its own branch and no other. What was done before, unchanged, is not done again.
+Every step is told as a `Step`; one that fails ends its own branch and no other. What was done
+before, unchanged, is not done again.
 """
 
 from __future__ import annotations
@@ -29,7 +33,8 @@ CommandLine = Callable[[str, Sequence[Path], Path], str]
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the chain: what it read and wrote, and how it ended ("valid", "suspect", "refused", "failed", "skipped")."""
+    """One step of the chain: what it read and wrote, and how it ended ("valid", "suspect",
+    "refused", "failed", "skipped")."""
 
     name: str
     inputs: tuple[str, ...]
@@ -43,22 +48,28 @@ class Step:
 
 @dataclass(frozen=True)
 class Work:
-    """What both parts need: the gyro's folder, whole settings a stage, limits, what else decides whether work is the same as before."""
+    """What both parts need: the gyro's folder, whole settings a stage, limits, what else decides
+    whether work is the same as before."""
 
     folder: Path
     settings: Mapping[str, Mapping[str, Any]]
     limits: Mapping[str, Any] = field(default_factory=dict)
     same_if: Sequence[Any] = ()
     replace: bool = True
-    """Replace outputs whatever they are; else only those that this chain made and nobody changed."""
+    """Replace outputs whatever they are; else only those that this chain made and nobody
+    changed."""
     command_line: CommandLine | str = "hrg run"
     """The line of a step's history: the same for every step, or made for each."""
 
 
-def recording_to_wave(work: Work, source: Path, name: str, logs: Sequence[Path] = (), identity: Sequence[Any] = ()) -> Iterator[Step]:
-    """import (of a laboratory's logs), demodulate, estimate: NAME.periods.h5 and NAME.wave.h5, the mode in the last step's JSON.
+def recording_to_wave(
+    work: Work, source: Path, name: str, logs: Sequence[Path] = (), identity: Sequence[Any] = ()
+) -> Iterator[Step]:
+    """import (of a laboratory's logs), demodulate, estimate: NAME.periods.h5 and NAME.wave.h5, the
+    mode in the last step's JSON.
 
-    logs: the files of a foreign log, first the one that is named; empty for an hrg recording. identity: gyro and lot, where they count.
+    logs: the files of a foreign log, first the one that is named; empty for an hrg recording.
+    identity: gyro and lot, where they count.
     """
     note = work.folder / f"{name}.json"
     outputs = [work.folder / f"{name}.{kind}.h5" for kind in ("periods", "wave")]
@@ -72,7 +83,9 @@ def recording_to_wave(work: Work, source: Path, name: str, logs: Sequence[Path] 
     try:
         if not source.is_file():
             raise HrgError(f"{source}: no such file; name a recording or a laboratory's log")
-        key = memory.key_of([*work.same_if, {s: work.settings[s] for s, _ in steps}, *identity], inputs)
+        key = memory.key_of(
+            [*work.same_if, {s: work.settings[s] for s, _ in steps}, *identity], inputs
+        )
         done = memory.remembered(note, key)
         if done is not None and done.get("steps"):
             yield from _told(done["steps"])
@@ -80,9 +93,22 @@ def recording_to_wave(work: Work, source: Path, name: str, logs: Sequence[Path] 
         read = inputs
         for stage, output in steps:
             first = (stage, output)
-            record = _imported(work, read, output, note) if stage == "import" else _staged(work, stage, read, output, note).record
+            record = (
+                _imported(work, read, output, note)
+                if stage == "import"
+                else _staged(work, stage, read, output, note).record
+            )
             told = {"mode": str(getattr(record, "mode", "free"))} if stage == "estimate" else {}
-            made.append(Step(stage, tuple(p.name for p in read), output.name, record.status, record.status_reasons, told))
+            made.append(
+                Step(
+                    stage,
+                    tuple(p.name for p in read),
+                    output.name,
+                    record.status,
+                    record.status_reasons,
+                    told,
+                )
+            )
             yield made[-1]
             read = [output]
         memory.remember(note, key, {"steps": [dataclasses.asdict(step) for step in made]}, outputs)
@@ -92,16 +118,28 @@ def recording_to_wave(work: Work, source: Path, name: str, logs: Sequence[Path] 
         yield Step(first[0], tuple(p.name for p in inputs), first[1].name, "failed", (str(error),))
 
 
-def waves_to_results(work: Work, free: Sequence[Path], forced: Sequence[Path], stages: Sequence[str] = RESULTS) -> Iterator[Step]:
-    """Identify free runs, diagnose free ones (forced where there are none) with the identified resonator beside them, calibrate and
-    compensate forced ones; each stage of `stages` for which there are waves."""
+def waves_to_results(
+    work: Work, free: Sequence[Path], forced: Sequence[Path], stages: Sequence[str] = RESULTS
+) -> Iterator[Step]:
+    """Identify free runs, diagnose free ones (forced where there are none) with the identified
+    resonator beside them, calibrate and compensate forced ones; each stage of `stages` for which
+    there are waves."""
     resonator: Path | None = None
     calibration: Path | None = None
     for stage in [s for s in RESULTS if s in stages]:
-        waves = {"identify": free, "diagnose": free or forced, "calibrate": forced, "compensate": forced}[stage]
+        waves = {
+            "identify": free,
+            "diagnose": free or forced,
+            "calibrate": forced,
+            "compensate": forced,
+        }[stage]
         if not waves:
             continue
-        beside: dict[str, Path] = {"resonator": resonator} if resonator is not None and "resonator" in pipeline.STAGES[stage].beside else {}
+        beside: dict[str, Path] = (
+            {"resonator": resonator}
+            if resonator is not None and "resonator" in pipeline.STAGES[stage].beside
+            else {}
+        )
         if stage == "compensate":
             if calibration is not None:
                 for wave in waves:
@@ -122,22 +160,36 @@ def mode_of(wave: Path) -> str:
         return str(record.mode)
 
 
-def _result(work: Work, stage: str, inputs: Sequence[Path], output: Path, beside: Mapping[str, Path]) -> Step:
+def _result(
+    work: Work, stage: str, inputs: Sequence[Path], output: Path, beside: Mapping[str, Path]
+) -> Step:
     """One stage on waves, unless it was done before."""
     note, read = output.with_suffix(".json"), tuple(p.name for p in inputs)
     try:
-        key = memory.key_of([*work.same_if, stage, work.settings[stage], work.limits], [*inputs, *beside.values()])
+        key = memory.key_of(
+            [*work.same_if, stage, work.settings[stage], work.limits], [*inputs, *beside.values()]
+        )
         done = memory.remembered(note, key)
         if done is not None and done.get("steps"):
             return next(_told(done["steps"]))
         outcome = _staged(work, stage, inputs, output, note, beside)
         outputs = [output]
         if isinstance(outcome.record, Diagnosis):
-            force = work.replace or all(not p.exists() or memory.is_ours(note, p) for p in extended_beside(output))
+            force = work.replace or all(
+                not p.exists() or memory.is_ours(note, p) for p in extended_beside(output)
+            )
             outputs += write_extended(outcome.record, output, force)
         told = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
         record = outcome.record
-        step = Step(stage, read, output.name, record.status, record.status_reasons, told, tuple(_checked(record, work.limits)))
+        step = Step(
+            stage,
+            read,
+            output.name,
+            record.status,
+            record.status_reasons,
+            told,
+            tuple(_checked(record, work.limits)),
+        )
         memory.remember(note, key, {"steps": [dataclasses.asdict(step)]}, outputs)
         return step
     except (DiskFullError, UsageError):
@@ -154,7 +206,11 @@ def _told(steps: Sequence[Mapping[str, Any]]) -> Iterator[Step]:
 
 
 def _line(work: Work, name: str, inputs: Sequence[Path], output: Path) -> str:
-    return work.command_line if isinstance(work.command_line, str) else work.command_line(name, inputs, output)
+    return (
+        work.command_line
+        if isinstance(work.command_line, str)
+        else work.command_line(name, inputs, output)
+    )
 
 
 def _may_replace(work: Work, note: Path, output: Path) -> bool:
@@ -162,10 +218,23 @@ def _may_replace(work: Work, note: Path, output: Path) -> bool:
 
 
 def _staged(
-    work: Work, stage: str, inputs: Sequence[Path], output: Path, note: Path, beside: Mapping[str, Path] | None = None
+    work: Work,
+    stage: str,
+    inputs: Sequence[Path],
+    output: Path,
+    note: Path,
+    beside: Mapping[str, Path] | None = None,
 ) -> pipeline.Outcome:
     force, line = _may_replace(work, note, output), _line(work, stage, inputs, output)
-    return pipeline.run_stage(stage, list(inputs), output, work.settings[stage], beside=beside, force=force, command_line=line)
+    return pipeline.run_stage(
+        stage,
+        list(inputs),
+        output,
+        work.settings[stage],
+        beside=beside,
+        force=force,
+        command_line=line,
+    )
 
 
 def _imported(work: Work, logs: Sequence[Path], output: Path, note: Path) -> Record:
@@ -173,7 +242,15 @@ def _imported(work: Work, logs: Sequence[Path], output: Path, note: Path) -> Rec
 
     values = work.settings["import"]
     force, line = _may_replace(work, note, output), _line(work, "import", logs, output)
-    return pipeline.write_first(output, import_log(logs[0], **values), values, "import", logs, force=force, command_line=line)
+    return pipeline.write_first(
+        output,
+        import_log(logs[0], **values),
+        values,
+        "import",
+        logs,
+        force=force,
+        command_line=line,
+    )
 
 
 def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -182,4 +259,7 @@ def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
         return []
     from .limits import check
 
-    return [{"name": row.name, "passed": row.passed, "sentence": row.sentence()} for row in check(record, limits)]
+    return [
+        {"name": row.name, "passed": row.passed, "sentence": row.sentence()}
+        for row in check(record, limits)
+    ]

@@ -1,4 +1,5 @@
-"""The command line: the commands of the chain, then those around it. Heavy imports happen inside commands."""
+"""The command line: the commands of the chain, then those around it. Heavy imports happen inside
+commands."""
 
 from __future__ import annotations
 
@@ -10,12 +11,18 @@ from .commands import around, chain, updating
 
 app = typer.Typer(
     name="hrg",
-    help="Calibration of solid-state wave (hemispherical resonator) gyroscopes: from recorded samples to correction tables.",
+    help=(
+        "Calibration of solid-state wave (hemispherical resonator) gyroscopes: from recorded"
+        " samples to correction tables."
+    ),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="The chain: simulate or import, demodulate, estimate, then identify, calibrate or diagnose, compensate, report.",
+    epilog=(
+        "The chain: simulate or import, demodulate, estimate, then identify, calibrate or diagnose,"
+        " compensate, report."
+    ),
 )
 
 app.add_typer(chain.app)
@@ -33,7 +40,12 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _root(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")] = False,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print the version and leave."
+        ),
+    ] = False,
 ) -> None:
     pass
 

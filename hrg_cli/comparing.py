@@ -1,4 +1,5 @@
-"""Two results of one kind held against each other: every figure's difference in its own unit and in σ of both."""
+"""Two results of one kind held against each other: every figure's difference in its own unit and in
+σ of both."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from .stages.calibration.table import values
 
 @dataclass(frozen=True)
 class Difference:
-    """A figure of both results; `sigma` is (new − old)/√(σ_old² + σ_new²), None where no σ is known."""
+    """A figure of both results; `sigma` is (new − old)/√(σ_old² + σ_new²), None where no σ is
+    known."""
 
     name: str
     old: float
@@ -31,7 +33,8 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The differences, largest in σ first; figures that only one of them has; words that differ (verdict, status)."""
+    """The differences, largest in σ first; figures that only one of them has; words that differ
+    (verdict, status)."""
 
     differences: tuple[Difference, ...]
     only_old: tuple[str, ...]
@@ -47,7 +50,9 @@ class Comparison:
     def beyond(self, limit_sigma: float) -> list[str]:
         """Sentences: what differs by more, what is in one alone (causes), which words changed."""
         far = [d for d in self.differences if d.sigma is not None and abs(d.sigma) > limit_sigma]
-        said = [f"{d.name} moved by {d.sigma:+.3g} σ, at most {limit_sigma:g} was wanted" for d in far]
+        said = [
+            f"{d.name} moved by {d.sigma:+.3g} σ, at most {limit_sigma:g} was wanted" for d in far
+        ]
         for place, names in (("old", self.only_old), ("new", self.only_new)):
             causes = sorted({n.split(".")[1] for n in names if n.startswith("effects.")})
             said += [f"cause {cause} is in the {place} result alone" for cause in causes]
@@ -55,15 +60,31 @@ class Comparison:
 
 
 def compare(old: Record, new: Record) -> Comparison:
-    """Hold two results of one kind against each other. HrgError: two kinds, two gyros' mode numbers."""
+    """Hold two results of one kind against each other. HrgError: two kinds, two gyros' mode
+    numbers."""
     if old.kind != new.kind:
-        raise HrgError(f"the old file is a {old.kind}, the new one a {new.kind}; two of one kind were expected")
+        raise HrgError(
+            f"the old file is a {old.kind}, the new one a {new.kind}; two of one kind were expected"
+        )
     mode = getattr(old, "mode_number", 2)
     if mode != getattr(new, "mode_number", mode):
-        raise HrgError(f"the old file is of mode number {mode}, the new one of {getattr(new, 'mode_number', mode)}; compare like with like")
+        raise HrgError(
+            f"the old file is of mode number {mode}, the new one of"
+            f" {getattr(new, 'mode_number', mode)}; compare like with like"
+        )
     first, second = figures_of(old), figures_of(new)
-    names = [n for n in first if n in second and _is_named(n, first) and math.isfinite(first[n]) and math.isfinite(second[n])]
-    found = [_difference(n, first[n], _std(n, first), second[n], _std(n, second), int(mode)) for n in names]
+    names = [
+        n
+        for n in first
+        if n in second
+        and _is_named(n, first)
+        and math.isfinite(first[n])
+        and math.isfinite(second[n])
+    ]
+    found = [
+        _difference(n, first[n], _std(n, first), second[n], _std(n, second), int(mode))
+        for n in names
+    ]
     if isinstance(old, Calibration) and isinstance(new, Calibration):
         found += of_tables(old, new)
     words: list[tuple[str, str, str]] = [("status", old.status, new.status)]
@@ -77,24 +98,35 @@ def compare(old: Record, new: Record) -> Comparison:
     )
 
 
-def _difference(name: str, old: float, old_std: float | None, new: float, new_std: float | None, mode: int) -> Difference:
+def _difference(
+    name: str, old: float, old_std: float | None, new: float, new_std: float | None, mode: int
+) -> Difference:
     change = new - old
     if name.endswith(("axis_rad", "axis_rad.value")):
         period = math.pi / mode
         change = (change + period / 2) % period - period / 2
-    both = math.hypot(old_std or 0.0, new_std or 0.0) if old_std is not None and new_std is not None else 0.0
-    return Difference(name, old, old_std, new, new_std, unit_of(name), change, change / both if both > 0 else None)
+    both = (
+        math.hypot(old_std or 0.0, new_std or 0.0)
+        if old_std is not None and new_std is not None
+        else 0.0
+    )
+    return Difference(
+        name, old, old_std, new, new_std, unit_of(name), change, change / both if both > 0 else None
+    )
 
 
 def _is_named(name: str, figures: dict[str, float]) -> bool:
-    """A figure that is told once, by a name that means the same in both: no σ, no place in a list, no second spelling."""
+    """A figure that is told once, by a name that means the same in both: no σ, no place in a list,
+    no second spelling."""
     parts = name.split(".")
     twice = name.startswith("parameters.") and len(parts) > 1 and parts[1] in figures
     return not (twice or any(part.isdigit() for part in parts) or _is_std(name, figures))
 
 
 def _is_std(name: str, figures: dict[str, float]) -> bool:
-    return name.endswith((".std", "_std")) and (name[:-4] in figures or f"{name[:-4]}.value" in figures or name.endswith(".std"))
+    return name.endswith((".std", "_std")) and (
+        name[:-4] in figures or f"{name[:-4]}.value" in figures or name.endswith(".std")
+    )
 
 
 def _std(name: str, figures: dict[str, float]) -> float | None:
@@ -103,25 +135,45 @@ def _std(name: str, figures: dict[str, float]) -> float | None:
 
 
 def of_tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
-    """Where the tables differ most in σ, on the old table's nodes that the new one reaches, of D and of K."""
+    """Where the tables differ most in σ, on the old table's nodes that the new one reaches, of D
+    and of K."""
     if old.axis != new.axis:
         return []
-    node, angle = np.meshgrid(np.asarray(old.node, float), np.asarray(old.wave_angle_rad, float), indexing="ij")
-    low, high = (float(x) if np.isfinite(x) else y for x, y in ((new.node_min, -np.inf), (new.node_max, np.inf)))
+    node, angle = np.meshgrid(
+        np.asarray(old.node, float), np.asarray(old.wave_angle_rad, float), indexing="ij"
+    )
+    low, high = (
+        float(x) if np.isfinite(x) else y
+        for x, y in ((new.node_min, -np.inf), (new.node_max, np.inf))
+    )
     reached = (node >= low) & (node <= high)
     if not reached.any():
         return []
     there = values(new, node[reached], angle[reached])
     # σ of the new table at the old one's nodes: that of its nearest node and angle
     near = np.abs(np.asarray(new.node, float)[None] - node[reached][:, None]).argmin(axis=1)
-    turn = np.abs(np.asarray(new.wave_angle_rad, float)[None] - angle[reached][:, None]).argmin(axis=1)
+    turn = np.abs(np.asarray(new.wave_angle_rad, float)[None] - angle[reached][:, None]).argmin(
+        axis=1
+    )
     found = []
     for k, name in enumerate(("drift_rad_s", "scale_factor")):
-        table, table_std = np.asarray(getattr(old, name))[reached], np.asarray(getattr(old, f"{name}_std"))[reached]
+        table, table_std = (
+            np.asarray(getattr(old, name))[reached],
+            np.asarray(getattr(old, f"{name}_std"))[reached],
+        )
         new_std = np.asarray(getattr(new, f"{name}_std"))[near, turn]
         sigma = (there[k] - table) / np.where((s := np.hypot(table_std, new_std)) > 0, s, np.nan)
         if np.isfinite(sigma).any():
             at = int(np.nanargmax(np.abs(sigma)))
             said = f"table.{name}"
-            found.append(_difference(said, float(table[at]), float(table_std[at]), float(there[k][at]), float(new_std[at]), 2))
+            found.append(
+                _difference(
+                    said,
+                    float(table[at]),
+                    float(table_std[at]),
+                    float(there[k][at]),
+                    float(new_std[at]),
+                    2,
+                )
+            )
     return found

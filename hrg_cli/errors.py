@@ -1,4 +1,5 @@
-"""Errors a person can act on: one sentence naming the file, what was found, what was expected and what to do."""
+"""Errors a person can act on: one sentence naming the file, what was found, what was expected and
+what to do."""
 
 
 class HrgError(Exception):
@@ -10,7 +11,8 @@ class UsageError(HrgError):
 
 
 class InterruptedRunError(HrgError):
-    """The work was interrupted; the message says how far it came and how to go on (exit status 130)."""
+    """The work was interrupted; the message says how far it came and how to go on (exit status
+    130)."""
 
 
 class DiskFullError(HrgError):

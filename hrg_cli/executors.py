@@ -1,7 +1,8 @@
-"""Work shared among processes through the interface of `concurrent.futures`: inline, local processes, or Dask distributed.
+"""Work shared among processes through the interface of `concurrent.futures`: inline, local
+processes, or Dask distributed.
 
-A task whose process was killed is done again: first with the others that were lost, then alone; a task that kills its process
-even alone is given up, the others are not touched by it.
+A task whose process was killed is done again: first with the others that were lost, then alone; a
+task that kills its process even alone is given up, the others are not touched by it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,15 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from typing import Any, TypeVar
 
 from .errors import HrgError
@@ -46,7 +55,8 @@ class InlineExecutor(Executor):
 
 
 def _end_with_parent() -> None:
-    """In a worker: the terminal's Ctrl-C is the parent's to answer, and the worker ends when the parent does, however it ended."""
+    """In a worker: the terminal's Ctrl-C is the parent's to answer, and the worker ends when the
+    parent does, however it ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
@@ -63,7 +73,8 @@ def _end_with_parent() -> None:
 def local_processes(jobs: int) -> Iterator[Executor]:
     """`jobs` processes of this machine with one thread each; this process itself for one.
 
-    They end with this process. Left by an exception (Ctrl-C, a full disk), what is pending is dropped and what runs is killed at once.
+    They end with this process. Left by an exception (Ctrl-C, a full disk), what is pending is
+    dropped and what runs is killed at once.
     """
     if jobs == 1:
         yield InlineExecutor()
@@ -71,7 +82,9 @@ def local_processes(jobs: int) -> Iterator[Executor]:
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
-        pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent)
+        pool = ProcessPoolExecutor(
+            jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent
+        )
         before_us = set(multiprocessing.active_children())
         try:
             yield pool
@@ -109,8 +122,8 @@ class DaskExecutor(Executor):
         self._alone_since = self._alone_since or time.monotonic()
         if time.monotonic() - self._alone_since >= WORKERS_S:
             raise HrgError(
-                f"{self._where}: the Dask scheduler has had no worker for {WORKERS_S:g} s; start one with `dask worker {self._where}`, "
-                "the same command then goes on"
+                f"{self._where}: the Dask scheduler has had no worker for {WORKERS_S:g} s; start"
+                f" one with `dask worker {self._where}`, the same command then goes on"
             )
 
     def drop(self) -> None:
@@ -120,21 +133,27 @@ class DaskExecutor(Executor):
 
 @contextlib.contextmanager
 def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
-    """The workers of a running scheduler (`address`), or `jobs` started here. HrgError: Dask missing, no scheduler there."""
+    """The workers of a running scheduler (`address`), or `jobs` started here. HrgError: Dask
+    missing, no scheduler there."""
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise HrgError("sharing work with Dask needs the library distributed; run pip install 'hrg-cli[lots]'") from error
+        raise HrgError(
+            "sharing work with Dask needs the library distributed; run pip install 'hrg-cli[lots]'"
+        ) from error
     cluster = None
     with _quiet_distributed(), contextlib.ExitStack() as closing:
         if address is None:
-            cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None)  # type: ignore[no-untyped-call]
+            cluster = LocalCluster(
+                n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None
+            )  # type: ignore[no-untyped-call]
             closing.callback(cluster.close)  # type: ignore[no-untyped-call]
         try:
             client = Client(address or cluster, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
         except (OSError, TimeoutError, ValueError) as error:
             raise HrgError(
-                f"{address}: no Dask scheduler answers there ({error}); start one with `dask scheduler`, or leave --scheduler out"
+                f"{address}: no Dask scheduler answers there ({error}); start one with `dask"
+                " scheduler`, or leave --scheduler out"
             ) from error
         closing.callback(client.close)  # type: ignore[no-untyped-call]
         executor = DaskExecutor(client, address or "the cluster started here")
@@ -148,11 +167,28 @@ def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def _quiet_distributed() -> Iterator[None]:
-    """Dask logs lost connections and closed loops with tracebacks, also at the end of a good run; here a result or a sentence counts."""
+    """Dask logs lost connections and closed loops with tracebacks, also at the end of a good run;
+    here a result or a sentence counts."""
     import logging
 
-    names = ("distributed", "distributed.nanny", "distributed.worker", "distributed.scheduler", "distributed.core", "distributed.client")
-    loggers = [logging.getLogger(name) for name in (*names, "distributed.comm", "distributed.utils", "tornado.application", "asyncio")]
+    names = (
+        "distributed",
+        "distributed.nanny",
+        "distributed.worker",
+        "distributed.scheduler",
+        "distributed.core",
+        "distributed.client",
+    )
+    loggers = [
+        logging.getLogger(name)
+        for name in (
+            *names,
+            "distributed.comm",
+            "distributed.utils",
+            "tornado.application",
+            "asyncio",
+        )
+    ]
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)
@@ -169,9 +205,11 @@ def run_tasks(
     open_executor: OpenExecutor,
     done: Callable[[int], None] = lambda count: None,
 ) -> list[Result | None]:
-    """work(task) of every task, in the tasks' order; None where its process was killed even when it ran alone.
+    """work(task) of every task, in the tasks' order; None where its process was killed even when it
+    ran alone.
 
-    An exception of `work` itself is raised: it is the work's duty to report its own failures as results.
+    An exception of `work` itself is raised: it is the work's duty to report its own failures as
+    results.
     """
     results: list[Result | None] = [None] * len(tasks)
     lost = list(range(len(tasks)))
@@ -202,7 +240,9 @@ class _Lost:
     """In place of a result: the process was killed."""
 
 
-def _round(executor: Executor, work: Callable[[Any], Any], tasks: Sequence[Any], indexes: Sequence[int]) -> Iterator[tuple[int, Any]]:
+def _round(
+    executor: Executor, work: Callable[[Any], Any], tasks: Sequence[Any], indexes: Sequence[int]
+) -> Iterator[tuple[int, Any]]:
     futures: dict[Future[Any], int] = {}
     for index in indexes:
         try:

@@ -1,4 +1,5 @@
-"""Calibration tables for other programs: CSV, JSON, and a C header in float or fixed point with its worst errors stated."""
+"""Calibration tables for other programs: CSV, JSON, and a C header in float or fixed point with its
+worst errors stated."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ LARGEST_ANGLES, LARGEST_NODES = 192, 33
 
 @dataclass(frozen=True)
 class Exported:
-    """The text of the export, and its worst errors against the series (drift in rad/s, scale factor dimensionless)."""
+    """The text of the export, and its worst errors against the series (drift in rad/s, scale factor
+    dimensionless)."""
 
     text: str
     errors: dict[str, float]
@@ -33,19 +35,31 @@ def export(
     calibration: Calibration,
     suffix: str,
     *,
-    fixed_point_bits: Annotated[int, Field(description="C header: integers of 16 or 32 bits; 0: floating point")] = 0,
+    fixed_point_bits: Annotated[
+        int, Field(description="C header: integers of 16 or 32 bits; 0: floating point")
+    ] = 0,
     precision: Annotated[
-        float, Field(gt=0, description="C header: interpolation error allowed, in standard deviations of the table")
+        float,
+        Field(
+            gt=0,
+            description=(
+                "C header: interpolation error allowed, in standard deviations of the table"
+            ),
+        ),
     ] = 0.5,
 ) -> Exported:
     """The tables as `suffix` ".csv", ".json" or ".h".
 
-    fixed_point_bits: 0 for float tables in the header, 16 or 32 for integers. precision: the header's grid is refined until its
-    worst interpolation error is below this part of the table's own standard deviation (or 1e-7 of its largest value).
-    HrgError: another suffix, a refused calibration, other bits.
+    fixed_point_bits: 0 for float tables in the header, 16 or 32 for integers. precision: the
+    header's grid is refined until its worst interpolation error is below this part of the table's
+    own standard deviation (or 1e-7 of its largest value). HrgError: another suffix, a refused
+    calibration, other bits.
     """
     if calibration.status == "refused":
-        raise HrgError(f"the calibration is refused ({'; '.join(calibration.status_reasons)}); complete its programme and calibrate again")
+        raise HrgError(
+            f"the calibration is refused ({'; '.join(calibration.status_reasons)}); complete its"
+            " programme and calibrate again"
+        )
     if suffix == ".csv":
         return Exported(_csv(calibration), {})
     if suffix == ".json":
@@ -66,7 +80,17 @@ def _csv(calibration: Calibration) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     further, cells = csv_measured(calibration)
-    writer.writerow([_axis(calibration), "wave_angle_rad", "drift_rad_s", "drift_rad_s_std", "scale_factor", "scale_factor_std", *further])
+    writer.writerow(
+        [
+            _axis(calibration),
+            "wave_angle_rad",
+            "drift_rad_s",
+            "drift_rad_s_std",
+            "scale_factor",
+            "scale_factor_std",
+            *further,
+        ]
+    )
     for j, node in enumerate(calibration.node):
         for i, angle in enumerate(calibration.wave_angle_rad):
             row = (
@@ -94,12 +118,21 @@ def _json(calibration: Calibration) -> str:
         "node_range": [_finite(calibration.node_min), _finite(calibration.node_max)],
         "rate_range_rad_s": [float(calibration.rate_min_rad_s), float(calibration.rate_max_rad_s)],
         _axis(calibration): np.asarray(calibration.node).tolist(),
-        "measured": None
-        if not details.get("measured")
-        else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]},
+        "measured": (
+            None
+            if not details.get("measured")
+            else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]}
+        ),
     }
-    for name in ("drift_harmonics", "drift_harmonics_std", "scale_factor_harmonics", "scale_factor_harmonics_std"):
-        tree[name] = [[_finite(v) for v in row] for row in np.asarray(getattr(calibration, name), float)]
+    for name in (
+        "drift_harmonics",
+        "drift_harmonics_std",
+        "scale_factor_harmonics",
+        "scale_factor_harmonics_std",
+    ):
+        tree[name] = [
+            [_finite(v) for v in row] for row in np.asarray(getattr(calibration, name), float)
+        ]
     return json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -124,14 +157,17 @@ def _header(calibration: Calibration, bits: int, precision: float) -> Exported:
             stored = offset + step * fixed_bilinear(raw, nodes, probe_x, probe_theta, period)
             parts.append((name, raw, offset, step))
         else:
-            stored = bilinear(table.astype(np.float32).astype(float), nodes, probe_x, probe_theta, period)
+            stored = bilinear(
+                table.astype(np.float32).astype(float), nodes, probe_x, probe_theta, period
+            )
             parts.append((name, table, 0.0, 1.0))
         errors[f"{name}_rounding"] = float(np.abs(stored - plain).max())
     return Exported(_c_text(calibration, nodes, angles, bits, parts, errors), errors)
 
 
 def _grid(calibration: Calibration, precision: float) -> tuple[Array, int]:
-    """Even nodes (J,) and the number of angles, refined until the interpolation error is small against the table's own σ."""
+    """Even nodes (J,) and the number of angles, refined until the interpolation error is small
+    against the table's own σ."""
     low = calibration.node_min if np.isfinite(calibration.node_min) else float(calibration.node[0])
     high = calibration.node_max if np.isfinite(calibration.node_max) else float(calibration.node[0])
     count = 2 if len(calibration.node) > 1 else 1
@@ -150,13 +186,22 @@ def _grid(calibration: Calibration, precision: float) -> tuple[Array, int]:
         x, theta = np.meshgrid(nodes, np.arange(angles) * period / angles, indexing="ij")
         px, pt = _probe(nodes, angles, period)
         worst = 0.0
-        for table, true, limit in zip(values(calibration, x.ravel(), theta.ravel()), values(calibration, px, pt), limits):
-            worst = max(worst, float(np.abs(bilinear(table.reshape(x.shape), nodes, px, pt, period) - true).max()) / limit)
+        for table, true, limit in zip(
+            values(calibration, x.ravel(), theta.ravel()), values(calibration, px, pt), limits
+        ):
+            worst = max(
+                worst,
+                float(np.abs(bilinear(table.reshape(x.shape), nodes, px, pt, period) - true).max())
+                / limit,
+            )
         return worst
 
     while error(count, angles) > 1:
         finer_nodes, finer_angles = 2 * count - 1 if count > 1 else 1, 2 * angles
-        can_nodes, can_angles = count > 1 and finer_nodes <= LARGEST_NODES, finer_angles <= LARGEST_ANGLES
+        can_nodes, can_angles = (
+            count > 1 and finer_nodes <= LARGEST_NODES,
+            finer_angles <= LARGEST_ANGLES,
+        )
         if not can_nodes and not can_angles:
             break
         by_nodes = error(finer_nodes, angles) if can_nodes else np.inf
@@ -170,14 +215,24 @@ def _grid(calibration: Calibration, precision: float) -> tuple[Array, int]:
 
 def _probe(nodes: Array, angles: int, period: float) -> tuple[Array, Array]:
     """Points between the grid's, four a cell in each direction."""
-    x = np.linspace(nodes[0], nodes[-1], max(1, 4 * (len(nodes) - 1)) + 1) if len(nodes) > 1 else nodes
+    x = (
+        np.linspace(nodes[0], nodes[-1], max(1, 4 * (len(nodes) - 1)) + 1)
+        if len(nodes) > 1
+        else nodes
+    )
     theta = (np.arange(4 * angles) + 0.5) * period / (4 * angles)
     grid = np.meshgrid(x, theta, indexing="ij")
     return grid[0].ravel(), grid[1].ravel()
 
 
-def _places(nodes: Array, angles: int, x: Array, theta: Array, period: float) -> tuple[Array, Array, Array, Array]:
-    u = np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0, len(nodes) - 1) if len(nodes) > 1 else np.zeros(np.shape(x))
+def _places(
+    nodes: Array, angles: int, x: Array, theta: Array, period: float
+) -> tuple[Array, Array, Array, Array]:
+    u = (
+        np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0, len(nodes) - 1)
+        if len(nodes) > 1
+        else np.zeros(np.shape(x))
+    )
     i = np.minimum(u.astype(int), max(len(nodes) - 2, 0))
     v = np.mod(theta / period, 1.0) * angles
     k = np.minimum(v.astype(int), angles - 1)
@@ -185,7 +240,8 @@ def _places(nodes: Array, angles: int, x: Array, theta: Array, period: float) ->
 
 
 def bilinear(table: Array, nodes: Array, x: Array, theta: Array, period: float) -> Array:
-    """Bilinear interpolation of table (J, A), periodic in the angle, clamped at the outer nodes: what the header does."""
+    """Bilinear interpolation of table (J, A), periodic in the angle, clamped at the outer nodes:
+    what the header does."""
     angles = table.shape[1]
     i, u, k, v = _places(nodes, angles, x, theta, period)
     up, right = np.minimum(i + 1, len(nodes) - 1), (k + 1) % angles
@@ -195,7 +251,8 @@ def bilinear(table: Array, nodes: Array, x: Array, theta: Array, period: float) 
 
 
 def quantise(table: Array, bits: int) -> tuple[Array, float, float]:
-    """(integers, offset, step): value = offset + step × integer, the whole range of signed `bits` used."""
+    """(integers, offset, step): value = offset + step × integer, the whole range of signed `bits`
+    used."""
     top = 2 ** (bits - 1) - 1
     offset = float((table.max() + table.min()) / 2)
     step = float(max((table.max() - table.min()) / 2, abs(offset) * 1e-12, 1e-300) / top)
@@ -203,7 +260,8 @@ def quantise(table: Array, bits: int) -> tuple[Array, float, float]:
 
 
 def fixed_bilinear(raw: Array, nodes: Array, x: Array, theta: Array, period: float) -> Array:
-    """The header's integer interpolation: positions with 15 fraction bits, products in 64 bits, results rounded to whole steps."""
+    """The header's integer interpolation: positions with 15 fraction bits, products in 64 bits,
+    results rounded to whole steps."""
     angles = raw.shape[1]
     i, u, k, v = _places(nodes, angles, x, theta, period)
     u15, v15 = (u * 32768).astype(np.int64), (v * 32768).astype(np.int64)
@@ -301,7 +359,12 @@ static inline int64_t hrg_lookup(const {type} table[HRG_NODES][HRG_ANGLES], doub
 
 
 def _c_text(
-    calibration: Calibration, nodes: Array, angles: int, bits: int, parts: list[tuple[str, Array, float, float]], errors: dict[str, float]
+    calibration: Calibration,
+    nodes: Array,
+    angles: int,
+    bits: int,
+    parts: list[tuple[str, Array, float, float]],
+    errors: dict[str, float],
 ) -> str:
     short = {"drift_rad_s": "drift", "scale_factor": "scale"}
     kind = f"int{bits}_t" if bits else "float"
@@ -313,12 +376,26 @@ def _c_text(
             lines = [", ".join(cells[n : n + 12]) for n in range(0, len(cells), 12)]
             rows.append("    {" + ",\n     ".join(lines) + "}")
         if bits:
-            tables.append(f"/* {name} = offset + step * integer */\n#define HRG_{short[name].upper()}_OFFSET {offset:.17g}\n")
+            tables.append(
+                f"/* {name} = offset + step * integer */\n#define HRG_{short[name].upper()}_OFFSET"
+                f" {offset:.17g}\n"
+            )
             tables.append(f"#define HRG_{short[name].upper()}_STEP {step:.17g}\n")
-        tables.append(f"static const {kind} hrg_{short[name]}_table[HRG_NODES][HRG_ANGLES] = {{\n" + ",\n".join(rows) + "\n};\n")
+        tables.append(
+            f"static const {kind} hrg_{short[name]}_table[HRG_NODES][HRG_ANGLES] = {{\n"
+            + ",\n".join(rows)
+            + "\n};\n"
+        )
         look = f"hrg_lookup(hrg_{short[name]}_table, x, theta)"
-        calls[name] = f"HRG_{short[name].upper()}_OFFSET + HRG_{short[name].upper()}_STEP * (double){look}" if bits else look
-    low, high = (v if np.isfinite(v) else n for v, n in ((calibration.node_min, -1e308), (calibration.node_max, 1e308)))
+        calls[name] = (
+            f"HRG_{short[name].upper()}_OFFSET + HRG_{short[name].upper()}_STEP * (double){look}"
+            if bits
+            else look
+        )
+    low, high = (
+        v if np.isfinite(v) else n
+        for v, n in ((calibration.node_min, -1e308), (calibration.node_max, 1e308))
+    )
     return _C.format(
         gyro=c_comment(calibration.gyro_id), model=c_comment(calibration.model), status=calibration.status,
         mode=int(calibration.mode_number), correction=c_comment(calibration.correction),

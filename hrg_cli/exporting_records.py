@@ -1,7 +1,9 @@
-"""Any kind of file for other programs: CSV, JSON, Parquet, Excel, MATLAB; `.gz` compresses the text formats.
+"""Any kind of file for other programs: CSV, JSON, Parquet, Excel, MATLAB; `.gz` compresses the text
+formats.
 
-One row of the table is one row of the record (a window, a parameter, a node and angle); columns carry their units in their names as in
-the file. Attributes and provenance go where the format has a place: JSON, a second sheet, further MATLAB variables, Parquet's metadata.
+One row of the table is one row of the record (a window, a parameter, a node and angle); columns
+carry their units in their names as in the file. Attributes and provenance go where the format has a
+place: JSON, a second sheet, further MATLAB variables, Parquet's metadata.
 """
 
 from __future__ import annotations
@@ -24,40 +26,57 @@ EXCEL_ROWS = 1_048_575
 
 
 def format_of(output: Path) -> tuple[str, bool]:
-    """(format, whether it is compressed) by the output's name. UsageError: an unknown one, a binary format with .gz."""
+    """(format, whether it is compressed) by the output's name. UsageError: an unknown one, a binary
+    format with .gz."""
     packed = output.suffix == ".gz"
     suffix = output.with_suffix("").suffix if packed else output.suffix
     if packed and suffix not in (".csv", ".json"):
-        raise UsageError(f"{output}: .gz goes with .csv and .json; the other formats are compressed by themselves")
+        raise UsageError(
+            f"{output}: .gz goes with .csv and .json; the other formats are compressed by"
+            " themselves"
+        )
     return suffix, packed
 
 
 def export_record(record: Record, output: Path) -> bytes:
-    """The record in the format of the output's name. UsageError: an unknown one. HrgError: a package missing, too many rows for a sheet."""
+    """The record in the format of the output's name. UsageError: an unknown one. HrgError: a
+    package missing, too many rows for a sheet."""
     suffix, packed = format_of(output)
     if suffix not in _WRITERS:
-        raise UsageError(f"{output}: cannot export as {suffix or 'a file without an ending'}; end its name in {', '.join(FORMATS)}")
+        raise UsageError(
+            f"{output}: cannot export as {suffix or 'a file without an ending'}; end its name in"
+            f" {', '.join(FORMATS)}"
+        )
     content = _WRITERS[suffix](record)
     return gzip.compress(content, mtime=0) if packed else content
 
 
 def columns_of(record: Record) -> dict[str, Array]:
-    """The table: equally long columns, one name a number; a column of several numbers a row becomes several."""
+    """The table: equally long columns, one name a number; a column of several numbers a row becomes
+    several."""
     if isinstance(record, Recording):
         c, s = record.physical(0, len(record))
         return {"time_s": record.times(0, len(record)), "c": c, "s": s}
     if isinstance(record, Calibration):
-        node, angle = np.meshgrid(np.asarray(record.node), np.asarray(record.wave_angle_rad), indexing="ij")
+        node, angle = np.meshgrid(
+            np.asarray(record.node), np.asarray(record.wave_angle_rad), indexing="ij"
+        )
         name = "temperature_degc" if record.axis == "temperature" else "frequency_hz"
         tables = ("drift_rad_s", "drift_rad_s_std", "scale_factor", "scale_factor_std")
-        return {name: node.ravel(), "wave_angle_rad": angle.ravel()} | {n: np.asarray(getattr(record, n)).ravel() for n in tables}
+        return {name: node.ravel(), "wave_angle_rad": angle.ravel()} | {
+            n: np.asarray(getattr(record, n)).ravel() for n in tables
+        }
     first = next((spec.dims[0] for spec in record.columns().values() if spec.dims), "row")
     found: dict[str, Array] = {}
     for name, spec in record.columns().items():
         value = getattr(record, name)
         if value is None or not spec.dims or spec.dims[0] != first:
             continue
-        flat = np.asarray(value).reshape(len(value), -1) if np.ndim(value) > 1 else np.asarray(value)[:, None]
+        flat = (
+            np.asarray(value).reshape(len(value), -1)
+            if np.ndim(value) > 1
+            else np.asarray(value)[:, None]
+        )
         names = [name] if flat.shape[1] == 1 else [f"{name}_{k + 1}" for k in range(flat.shape[1])]
         found |= dict(zip(names, flat.T))
     return found
@@ -65,13 +84,21 @@ def columns_of(record: Record) -> dict[str, Array]:
 
 def attributes_of(record: Record) -> dict[str, Any]:
     """What stands beside the table: kind, status, the group's attributes, where it comes from."""
-    plain: dict[str, Any] = {"kind": record.kind, "status": record.status, "status_reasons": list(record.status_reasons)}
+    plain: dict[str, Any] = {
+        "kind": record.kind,
+        "status": record.status,
+        "status_reasons": list(record.status_reasons),
+    }
     for name, spec in record.columns().items():
         value = getattr(record, name)
         if spec.dims is None and value is not None and spec.group != "/truth":
             plain[name] = value.item() if hasattr(value, "item") else value
     provenance = record.provenance
-    return plain | {"created": provenance.created, "generated_by": provenance.generated_by, "history": list(provenance.history)}
+    return plain | {
+        "created": provenance.created,
+        "generated_by": provenance.generated_by,
+        "history": list(provenance.history),
+    }
 
 
 def _csv(record: Record) -> bytes:
@@ -81,8 +108,12 @@ def _csv(record: Record) -> bytes:
 
 
 def _json(record: Record) -> bytes:
-    tree = attributes_of(record) | {"columns": {name: _listed(values) for name, values in columns_of(record).items()}}
-    return (json.dumps(_finite(tree), ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
+    tree = attributes_of(record) | {
+        "columns": {name: _listed(values) for name, values in columns_of(record).items()}
+    }
+    return (
+        json.dumps(_finite(tree), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    ).encode()
 
 
 def _parquet(record: Record) -> bytes:
@@ -100,7 +131,10 @@ def _xlsx(record: Record) -> bytes:
     columns = columns_of(record)
     rows = len(next(iter(columns.values()), ()))
     if rows > EXCEL_ROWS:
-        raise HrgError(f"the {record.kind} has {rows} rows, a sheet takes {EXCEL_ROWS}; export it as .parquet or .csv")
+        raise HrgError(
+            f"the {record.kind} has {rows} rows, a sheet takes {EXCEL_ROWS}; export it as .parquet"
+            " or .csv"
+        )
     book = openpyxl.Workbook(write_only=True)
     sheet = book.create_sheet(record.kind)
     sheet.append(list(columns))
@@ -124,15 +158,29 @@ def _mat(record: Record) -> bytes:
         if value is not None and spec.dims and spec.group != "/truth":
             array = np.asarray(value[:])
             variables[name] = array.astype(object) if array.dtype.kind in "OU" else array
-    about = {name: ("\n".join(map(str, v)) if isinstance(v, list) else v) for name, v in attributes_of(record).items()}
+    about = {
+        name: "\n".join(map(str, v)) if isinstance(v, list) else v
+        for name, v in attributes_of(record).items()
+    }
     if isinstance(record, Recording):
         variables |= {name: values for name, values in columns_of(record).items()}
     sink = io.BytesIO()
-    savemat(sink, {record.kind: variables, "about": about}, do_compression=True, long_field_names=True)  # type: ignore[arg-type]
+    savemat(
+        sink,  # type: ignore[arg-type]
+        {record.kind: variables, "about": about},
+        do_compression=True,
+        long_field_names=True,
+    )
     return sink.getvalue()
 
 
-_WRITERS: Mapping[str, Callable[[Record], bytes]] = {".csv": _csv, ".json": _json, ".parquet": _parquet, ".xlsx": _xlsx, ".mat": _mat}
+_WRITERS: Mapping[str, Callable[[Record], bytes]] = {
+    ".csv": _csv,
+    ".json": _json,
+    ".parquet": _parquet,
+    ".xlsx": _xlsx,
+    ".mat": _mat,
+}
 
 
 def _frame(record: Record) -> Any:
@@ -148,7 +196,9 @@ def _needed(package: str, extra: str) -> Any:
         return import_module(package)
     except ImportError as error:
         name = package.split(".")[0]
-        raise HrgError(f"this format needs {name}, which is not installed; run pip install 'hrg-cli[{extra}]'") from error
+        raise HrgError(
+            f"this format needs {name}, which is not installed; run pip install 'hrg-cli[{extra}]'"
+        ) from error
 
 
 def _listed(values: Array) -> list[Any]:
@@ -165,7 +215,8 @@ def _finite(value: Any) -> Any:
 
 
 def _safe(value: Any) -> Any:
-    """A cell: text that a sheet would take for a formula stays text; what is not finite stays empty."""
+    """A cell: text that a sheet would take for a formula stays text; what is not finite stays
+    empty."""
     if isinstance(value, float) and not np.isfinite(value):
         return None
     if isinstance(value, str):

@@ -1,4 +1,5 @@
-"""What a diagnosis leaves beside its file: the extended model as a simulation file, and its resonator as a file of its own."""
+"""What a diagnosis leaves beside its file: the extended model as a simulation file, and its
+resonator as a file of its own."""
 
 from __future__ import annotations
 
@@ -13,11 +14,14 @@ from .stages.diagnosis.extended_resonator import extended_resonator
 def beside(output: Path) -> tuple[Path, Path]:
     """NAME.extended.toml and NAME.extended_resonator.h5 of NAME.h5."""
     stem = output.name.removesuffix(".h5")
-    return output.with_name(f"{stem}.extended.toml"), output.with_name(f"{stem}.extended_resonator.h5")
+    return output.with_name(f"{stem}.extended.toml"), output.with_name(
+        f"{stem}.extended_resonator.h5"
+    )
 
 
 def write_extended(diagnosis: Diagnosis, output: Path, force: bool) -> list[Path]:
-    """Write what the diagnosis holds of its extended model; the files written. HrgError: one exists (unless `force`)."""
+    """Write what the diagnosis holds of its extended model; the files written. HrgError: one exists
+    (unless `force`)."""
     model, resonator = beside(output)
     written = []
     if diagnosis.extended_model:
@@ -26,7 +30,9 @@ def write_extended(diagnosis: Diagnosis, output: Path, force: bool) -> list[Path
         written.append(model)
     record = extended_resonator(diagnosis)
     if record is not None:
-        provenance = replace(diagnosis.provenance, sources=(Source(output.name, "diagnosis", store.sha256(output)),))
+        provenance = replace(
+            diagnosis.provenance, sources=(Source(output.name, "diagnosis", store.sha256(output)),)
+        )
         store.write(resonator, record.replace(provenance=provenance), force)
         written.append(resonator)
     return written

@@ -1,4 +1,5 @@
-"""`hrg run`: the recordings of one gyro into one folder by the chain; a folder of recordings is taken whole, mixed gyros are refused."""
+"""`hrg run`: the recordings of one gyro into one folder by the chain; a folder of recordings is
+taken whole, mixed gyros are refused."""
 
 from __future__ import annotations
 
@@ -45,9 +46,10 @@ def run_gyro(
 ) -> list[Step]:
     """Run every step that the inputs allow; one that fails is told, and what needs it is not tried.
 
-    paths: recordings, foreign logs (imported first), or folders of them; tables: settings a stage; limits: tables a kind of file;
-    jobs: processes that share the recordings up to their waves (the same results for any number).
-    HrgError: recordings of several gyros, two inputs of one name, an output that this chain did not make (unless `force`).
+    paths: recordings, foreign logs (imported first), or folders of them; tables: settings a stage;
+    limits: tables a kind of file; jobs: processes that share the recordings up to their waves (the
+    same results for any number). HrgError: recordings of several gyros, two inputs of one name, an
+    output that this chain did not make (unless `force`).
     """
     tables = tables or {}
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
@@ -57,7 +59,9 @@ def run_gyro(
     total = len(inputs) + len(RESULTS)
     steps: list[Step] = []
     waves: list[Path] = []
-    for done, (one, made) in enumerate(zip(inputs, _shared([(work, one) for one in inputs], jobs)), start=1):
+    for done, (one, made) in enumerate(
+        zip(inputs, _shared([(work, one) for one in inputs], jobs)), start=1
+    ):
         for step in made:
             steps.append(step)
             told(step, done / total)
@@ -71,8 +75,11 @@ def run_gyro(
     return steps
 
 
-def planned(paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, tuple[str, ...], str]]:
-    """What a run would do, without doing it: (stage, inputs, output) a line; the modes of recordings are read, logs count as free."""
+def planned(
+    paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]]
+) -> list[tuple[str, tuple[str, ...], str]]:
+    """What a run would do, without doing it: (stage, inputs, output) a line; the modes of
+    recordings are read, logs count as free."""
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
     gyro_of(inputs)
     lines: list[tuple[str, tuple[str, ...], str]] = []
@@ -80,29 +87,43 @@ def planned(paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]]) -> l
     for one in inputs:
         read = one.path.name
         if one.logs:
-            lines.append(("import", tuple(p.name for p in one.logs), read := f"{one.name}.recording.h5"))
+            lines.append(
+                ("import", tuple(p.name for p in one.logs), read := f"{one.name}.recording.h5")
+            )
         lines.append(("demodulate", (read,), f"{one.name}.periods.h5"))
         lines.append(("estimate", (f"{one.name}.periods.h5",), f"{one.name}.wave.h5"))
-        waves[str(tables.get("import", {}).get("mode", "free")) if one.logs else _head(one.path).mode].append(f"{one.name}.wave.h5")
+        waves[
+            str(tables.get("import", {}).get("mode", "free")) if one.logs else _head(one.path).mode
+        ].append(f"{one.name}.wave.h5")
     free, forced = tuple(waves["free"]), tuple(waves["forced"])
     lines += [("identify", free, "resonator.h5")] if free else []
     lines.append(("diagnose", free or forced, "diagnosis.h5"))
     if forced:
         lines.append(("calibrate", forced, "calibration.h5"))
-        lines += [("compensate", (wave,), wave.replace(".wave.h5", ".compensated.h5")) for wave in forced]
+        lines += [
+            ("compensate", (wave,), wave.replace(".wave.h5", ".compensated.h5")) for wave in forced
+        ]
     return lines
 
 
-def resolved(tables: Mapping[str, Mapping[str, Any]], stages: Sequence[str]) -> dict[str, dict[str, Any]]:
+def resolved(
+    tables: Mapping[str, Mapping[str, Any]], stages: Sequence[str]
+) -> dict[str, dict[str, Any]]:
     """The whole settings of these stages."""
     from .formats import import_log
 
-    functions = {name: import_log if name == "import" else STAGES[name].function() for name in stages}
-    return {name: settings.checked(function, tables.get(name, {})) for name, function in functions.items()}
+    functions = {
+        name: import_log if name == "import" else STAGES[name].function() for name in stages
+    }
+    return {
+        name: settings.checked(function, tables.get(name, {}))
+        for name, function in functions.items()
+    }
 
 
 def inputs_of(paths: Sequence[Path], s_file: str | None = None) -> list[Input]:
-    """The recordings and logs, folders opened, without those that hold the channel S of another one.
+    """The recordings and logs, folders opened, without those that hold the channel S of another
+    one.
 
     HrgError: nothing to run in a folder, two inputs whose outputs would have one name.
     """
@@ -112,32 +133,54 @@ def inputs_of(paths: Sequence[Path], s_file: str | None = None) -> list[Input]:
     second = partners(files, lambda path: s_file)
     found = []
     for path in (p for p in files if p not in second):
-        name = path.name.removesuffix(".h5") if path.suffix == ".h5" else path.name.split(".")[0] or path.stem
+        name = (
+            path.name.removesuffix(".h5")
+            if path.suffix == ".h5"
+            else path.name.split(".")[0] or path.stem
+        )
         foreign = path.exists() and not store.is_hdf5(path)
-        logs = () if not foreign else (path,) if s_file is None else (path, second_file(path, s_file))
+        logs = (
+            () if not foreign else (path,) if s_file is None else (path, second_file(path, s_file))
+        )
         found.append(Input(path, name, logs))
     names = [one.name for one in found]
     twice = next((one for one in found if names.count(one.name) > 1), None)
     if twice is not None:
-        raise HrgError(f"{twice.path}: two inputs are called {twice.name}; rename one, their outputs would collide")
+        raise HrgError(
+            f"{twice.path}: two inputs are called {twice.name}; rename one, their outputs would"
+            " collide"
+        )
     return found
 
 
 def _in_folder(folder: Path) -> list[Path]:
-    """The recordings and logs of a folder, run-2 before run-10; files that hrg made from them are left out."""
+    """The recordings and logs of a folder, run-2 before run-10; files that hrg made from them are
+    left out."""
     found = []
-    for path in sorted(folder.iterdir(), key=lambda p: [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", p.name)]):
+    for path in sorted(
+        folder.iterdir(),
+        key=lambda p: [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", p.name)],
+    ):
         if not path.is_file() or path.name.startswith("."):
             continue
         if store.is_hdf5(path):
             try:
-                found += [path] if store.kind_of(path) is Recording and not path.name.endswith(".recording.h5") else []
+                found += (
+                    [path]
+                    if store.kind_of(path) is Recording and not path.name.endswith(".recording.h5")
+                    else []
+                )
             except HrgError:
-                found.append(path)  # a laboratory's own HDF5, or a damaged recording, which its step names
+                found.append(
+                    path
+                )  # a laboratory's own HDF5, or a damaged recording, which its step names
         elif path.suffix.lower() in LOGS:
             found.append(path)
     if not found:
-        raise HrgError(f"{folder}: holds no recording and no laboratory's log; name a folder of recordings, or files")
+        raise HrgError(
+            f"{folder}: holds no recording and no laboratory's log; name a folder of recordings, or"
+            " files"
+        )
     return found
 
 
@@ -147,7 +190,8 @@ def _head(path: Path) -> Recording:
 
 
 def gyro_of(inputs: Sequence[Input]) -> str:
-    """The gyro of these recordings, empty where none names it. HrgError: several gyros. A file that cannot be read is left to its step."""
+    """The gyro of these recordings, empty where none names it. HrgError: several gyros. A file that
+    cannot be read is left to its step."""
     gyros: dict[str, Path] = {}
     for one in inputs:
         if one.logs:
@@ -160,7 +204,10 @@ def gyro_of(inputs: Sequence[Input]) -> str:
             gyros.setdefault(gyro, one.path)
     if len(gyros) > 1:
         (a, first), (b, second) = list(gyros.items())[:2]
-        raise HrgError(f"{second}: is of gyro {b}, but {first.name} is of gyro {a}; run takes one gyro, batch takes a lot of them")
+        raise HrgError(
+            f"{second}: is of gyro {b}, but {first.name} is of gyro {a}; run takes one gyro, batch"
+            " takes a lot of them"
+        )
     return next(iter(gyros), "")
 
 
@@ -171,7 +218,10 @@ class _Line:
     within: str
 
     def __call__(self, name: str, inputs: Sequence[Path], output: Path) -> str:
-        return f"hrg {name} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in: {self.within})"
+        return (
+            f"hrg {name} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in:"
+            f" {self.within})"
+        )
 
 
 def _to_wave(task: tuple[Work, Input]) -> list[Step]:
@@ -188,4 +238,7 @@ def _shared(tasks: Sequence[tuple[Work, Input]], jobs: int) -> Iterator[list[Ste
         try:
             yield from executor.map(_to_wave, tasks)
         except BrokenExecutor as error:
-            raise HrgError("a process of --jobs was killed; it needs more memory than there is, use fewer --jobs") from error
+            raise HrgError(
+                "a process of --jobs was killed; it needs more memory than there is, use fewer"
+                " --jobs"
+            ) from error

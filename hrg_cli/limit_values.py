@@ -50,7 +50,8 @@ UNITS = {
 
 
 def quantity_of(name: str) -> str:
-    """What a figure of this name is; a part of the name before the last point may carry the unit ("drift_rms_rad_s.held_out")."""
+    """What a figure of this name is; a part of the name before the last point may carry the unit
+    ("drift_rms_rad_s.held_out")."""
     for part in reversed(name.split(".")):
         stem = part.removesuffix("_std")
         for suffix, quantity in _SUFFIXES:
@@ -65,13 +66,17 @@ def unit_of(name: str) -> str:
 
 
 def limit_value(name: str, value: Any) -> float:
-    """The limit in the figure's own unit. UsageError: no number, not finite, a unit of something else."""
+    """The limit in the figure's own unit. UsageError: no number, not finite, a unit of something
+    else."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         number, unit = float(value), ""
     else:
         match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
         if match is None:
-            raise UsageError(f'limit {name} = {value!r}: a finite number, or one with a unit such as "5 deg/h", was expected')
+            raise UsageError(
+                f'limit {name} = {value!r}: a finite number, or one with a unit such as "5 deg/h",'
+                " was expected"
+            )
         number, unit = float(match[1]), match[2]
     if not math.isfinite(number):
         raise UsageError(f"limit {name} = {value!r}: a finite number was expected")
@@ -90,11 +95,16 @@ def _factor(name: str, unit: str) -> float:
         return known[unit] * scale
     every = {spelling for table in _QUANTITIES.values() for spelling in table if spelling}
     what = f"{unit} is no unit of {within}" if unit in every else f"{unit} is no unit"
-    raise UsageError(f"limit {name}: {what}; {meant(unit, known) or 'one of ' + ', '.join(k for k in known if k) + ' was expected'}")
+    raise UsageError(
+        f"limit {name}: {what};"
+        f" {meant(unit, known) or 'one of ' + ', '.join(k for k in known if k) + ' was expected'}"
+    )
 
 
 def meant(word: str, known: Iterable[str]) -> str:
     """ "did you mean …?" where one of the known words is close, else nothing."""
     names = [k for k in known if k]
-    close = difflib.get_close_matches(word, names, 1, 0.72) or difflib.get_close_matches(word.split(".")[-1], names, 1, 0.85)
+    close = difflib.get_close_matches(word, names, 1, 0.72) or difflib.get_close_matches(
+        word.split(".")[-1], names, 1, 0.85
+    )
     return f"did you mean {close[0]}?" if close else ""

@@ -21,7 +21,8 @@ VERDICTS = ("adequate", "explained", "partly explained", "unexplained")
 
 @dataclass(frozen=True)
 class Row:
-    """One figure against its limits; `value` None: the file does not hold it, which does not pass."""
+    """One figure against its limits; `value` None: the file does not hold it, which does not
+    pass."""
 
     name: str
     value: float | None
@@ -36,7 +37,8 @@ class Row:
 
     @property
     def margin_sigma(self) -> float | None:
-        """Distance of the value from the nearest limit in σ, negative outside; None where σ is not known."""
+        """Distance of the value from the nearest limit in σ, negative outside; None where σ is not
+        known."""
         if self.value is None or not self.std:
             return None
         room = [self.value - self.minimum] if self.minimum is not None else []
@@ -46,7 +48,10 @@ class Row:
     def sentence(self) -> str:
         """Why the figure does or does not pass."""
         if self.words is not None:
-            return f"the {'file' if self.name == 'status' else self.name} is {self.words[0]}, {self.words[1]} was wanted"
+            return (
+                f"the {'file' if self.name == 'status' else self.name} is {self.words[0]},"
+                f" {self.words[1]} was wanted"
+            )
         if self.value is None:
             return f"{self.name} is not in the file"
         bounds = [f"at least {self.minimum:g}"] if self.minimum is not None else []
@@ -59,24 +64,37 @@ MOST_LIMITS = 10_000
 
 
 def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
-    """Rows of verdicts for `[limits]` tables: name = { minimum = …, maximum = … }, or a bare limit, which is a maximum.
+    """Rows of verdicts for `[limits]` tables: name = { minimum = …, maximum = … }, or a bare limit,
+    which is a maximum.
 
-    Names are those of the kind's figures (`figures_of`), nested keys joined by points; limits stand in a table of the record's kind
-    ([calibration], [resonator], …) or at the top, as numbers in SI or with a unit ("5 deg/h", "200 ppm"). `status = "valid"` (the default)
-    wants a record that is not refused or suspect; `verdict = "adequate"`, or a list of words, is for a diagnosis, as is `causes = 0`.
-    HrgError: no limit for this kind. UsageError: a limit that is neither, a name, table, unit or word that looks mistyped.
+    Names are those of the kind's figures (`figures_of`), nested keys joined by points; limits stand
+    in a table of the record's kind ([calibration], [resonator], …) or at the top, as numbers in SI
+    or with a unit ("5 deg/h", "200 ppm"). `status = "valid"` (the default) wants a record that is
+    not refused or suspect; `verdict = "adequate"`, or a list of words, is for a diagnosis, as is
+    `causes = 0`. HrgError: no limit for this kind. UsageError: a limit that is neither, a name,
+    table, unit or word that looks mistyped.
     """
     for name, value in limits.items():
-        if _is_group(value) and name not in (cls.kind for cls in KINDS) and (hint := meant(name, [cls.kind for cls in KINDS])):
+        if (
+            _is_group(value)
+            and name not in (cls.kind for cls in KINDS)
+            and (hint := meant(name, [cls.kind for cls in KINDS]))
+        ):
             raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
     own = limits.get(record.kind)
-    table: Mapping[str, Any] = own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not _is_group(v)}
+    table: Mapping[str, Any] = (
+        own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not _is_group(v)}
+    )
     if not table:
         raise HrgError(
-            f"the limits hold nothing for a {record.kind} file; write a table [{record.kind}] with name = {{ minimum = …, maximum = … }}"
+            f"the limits hold nothing for a {record.kind} file; write a table [{record.kind}] with"
+            " name = { minimum = …, maximum = … }"
         )
     if len(table) > MOST_LIMITS:
-        raise HrgError(f"the limits hold {len(table)} entries for a {record.kind} file, {MOST_LIMITS} at most were expected")
+        raise HrgError(
+            f"the limits hold {len(table)} entries for a {record.kind} file, {MOST_LIMITS} at most"
+            " were expected"
+        )
     figures = figures_of(record)
     rows = [_status_row(record, table.get("status", "valid"))]
     for name, limit in table.items():
@@ -90,8 +108,19 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
         if value is None and (hint := meant(name, [*figures, "verdict", "status"])):
             raise UsageError(f"limit {name} is no figure of a {record.kind} file; {hint}")
         inside = value is not None and math.isfinite(value)
-        inside = inside and (minimum is None or value >= minimum) and (maximum is None or value <= maximum)  # type: ignore[operator]
-        std = next((figures[k] for k in (f"{name}_std", f"{name.removesuffix('.value')}.std") if k in figures), None)
+        inside = (
+            inside
+            and (minimum is None or value >= minimum)  # type: ignore[operator]
+            and (maximum is None or value <= maximum)  # type: ignore[operator]
+        )
+        std = next(
+            (
+                figures[k]
+                for k in (f"{name}_std", f"{name.removesuffix('.value')}.std")
+                if k in figures
+            ),
+            None,
+        )
         rows.append(Row(name, value, minimum, maximum, bool(inside), std=std, units=unit_of(name)))
     return rows
 
@@ -101,17 +130,29 @@ def _status_row(record: Record, wanted: Any) -> Row:
         raise UsageError(f'limit status = {wanted!r}: "valid", "suspect" or "any" was expected')
     worst, allowed = STATUSES[record.status], {"valid": 0, "suspect": 1, "any": 2}[wanted]
     at_worst = {"valid": "valid", "suspect": "suspect at the worst", "any": "anything"}[wanted]
-    return Row("status", float(worst), None, float(allowed), worst <= allowed, (record.status, at_worst))
+    return Row(
+        "status", float(worst), None, float(allowed), worst <= allowed, (record.status, at_worst)
+    )
 
 
 def _verdict_row(record: Diagnosis, wanted: Any) -> Row:
-    words = [wanted] if isinstance(wanted, str) else list(wanted) if isinstance(wanted, list) else [wanted]
+    words = (
+        [wanted]
+        if isinstance(wanted, str)
+        else list(wanted)
+        if isinstance(wanted, list)
+        else [wanted]
+    )
     for word in words:
         if word not in VERDICTS:
             hint = meant(word, VERDICTS) if isinstance(word, str) else ""
-            raise UsageError(f"limit verdict = {word!r}: {hint or ', '.join(VERDICTS) + ' was expected'}")
+            raise UsageError(
+                f"limit verdict = {word!r}: {hint or ', '.join(VERDICTS) + ' was expected'}"
+            )
     place = float(VERDICTS.index(record.verdict)) if record.verdict in VERDICTS else None
-    return Row("verdict", place, None, None, record.verdict in words, (record.verdict, " or ".join(words)))
+    return Row(
+        "verdict", place, None, None, record.verdict in words, (record.verdict, " or ".join(words))
+    )
 
 
 def _is_group(value: Any) -> bool:
@@ -123,10 +164,15 @@ def _bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
         return None, limit_value(name, limit)
     for key in limit:
         if key not in ("minimum", "maximum"):
-            raise UsageError(f"limit {name} has {key}; {meant(key, ('minimum', 'maximum')) or 'minimum and maximum are known'}")
+            raise UsageError(
+                f"limit {name} has {key};"
+                f" {meant(key, ('minimum', 'maximum')) or 'minimum and maximum are known'}"
+            )
     if not limit:
         raise UsageError(f"limit {name} has nothing; minimum and maximum are known")
-    low, high = (limit_value(name, limit[key]) if key in limit else None for key in ("minimum", "maximum"))
+    low, high = (
+        limit_value(name, limit[key]) if key in limit else None for key in ("minimum", "maximum")
+    )
     return low, high
 
 
@@ -146,21 +192,33 @@ def figures_of(record: Record) -> dict[str, float]:
 
             figures |= calibration_figures(record)
             _flatten("details", json.loads(record.details), figures)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:  # JSON of another shape than its command writes
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        IndexError,
+    ) as error:  # JSON of another shape than its command writes
         what = f"{type(error).__name__}: {str(error)[:80]}"
-        raise HrgError(f"the details of this {record.kind} are damaged ({what}); make the file again with `{record.made_by}`") from error
+        raise HrgError(
+            f"the details of this {record.kind} are damaged ({what}); make the file again with"
+            f" `{record.made_by}`"
+        ) from error
     if isinstance(record, Resonator):
         for name, (value, std, _) in record.parameters().items():
             figures[name], figures[f"{name}_std"] = value, std
     if isinstance(record, Diagnosis):
         figures |= _causes(record)
     if hasattr(record, "flags"):
-        figures["flagged_part"] = float(np.mean(np.asarray(record.flags) != 0)) if len(record) else 0.0
+        figures["flagged_part"] = (
+            float(np.mean(np.asarray(record.flags) != 0)) if len(record) else 0.0
+        )
     return figures
 
 
 def _causes(record: Diagnosis) -> dict[str, float]:
-    """How many causes were found, their sizes by name (effects.NAME.PARAMETER), and the values beside them (values.NAME), with _std."""
+    """How many causes were found, their sizes by name (effects.NAME.PARAMETER), and the values
+    beside them (values.NAME), with _std."""
     try:
         report = dict(json.loads(record.report))
     except (ValueError, TypeError):
@@ -168,7 +226,10 @@ def _causes(record: Diagnosis) -> dict[str, float]:
     effects = report.get("effects") or []
     figures = {"causes": float(len(effects))}
     for value in report.get("values") or []:
-        figures[f"values.{value['name']}"], figures[f"values.{value['name']}_std"] = float(value["value"]), float(value["std"])
+        figures[f"values.{value['name']}"], figures[f"values.{value['name']}_std"] = (
+            float(value["value"]),
+            float(value["std"]),
+        )
     for effect in effects:
         for name, parameter in (effect.get("parameters") or {}).items():
             key = f"effects.{effect.get('name')}.{name}"

@@ -1,6 +1,8 @@
-"""The measured part of a drift model, seed A (11) or (12), for the exports: columns of the CSV, formula of the JSON, a C function.
+"""The measured part of a drift model, seed A (11) or (12), for the exports: columns of the CSV,
+formula of the JSON, a C function.
 
-The formulas are those of `stages.calibration.table.measured_drift`, with the 1/(1 − r²) they were fitted with.
+The formulas are those of `stages.calibration.table.measured_drift`, with the 1/(1 − r²) they were
+fitted with.
 """
 
 from __future__ import annotations
@@ -16,12 +18,14 @@ FINE_NODES = 129
 """Even nodes on which the C function keeps its coefficients: between them it is linear."""
 MEASURED_FORMULA = {
     "quadrature": (
-        "add to the drift, r = a_B/a_A: r/(1 - r^2) (q_cos cos 2mA + q_sin sin 2mA) + 2r^2/(1 - r^2) (d_cos cos 2mA + d_sin sin 2mA); "
-        "q: coefficients, one pair a node; d: the drift's first harmonic"
+        "add to the drift, r = a_B/a_A: r/(1 - r^2) (q_cos cos 2mA + q_sin sin 2mA) + 2r^2/(1 -"
+        " r^2) (d_cos cos 2mA + d_sin sin 2mA); q: coefficients, one pair a node; d: the drift's"
+        " first harmonic"
     ),
     "phase": (
-        "add to the drift, r = a_B/a_A, f the oscillation frequency in Hz: -4 pi r/(1 + r^2) (f - mean_frequency_hz) "
-        "- 2r^2/(1 + r^2) (d_cos cos 2mA + d_sin sin 2mA); d: the drift's first harmonic"
+        "add to the drift, r = a_B/a_A, f the oscillation frequency in Hz: -4 pi r/(1 + r^2) (f -"
+        " mean_frequency_hz) - 2r^2/(1 + r^2) (d_cos cos 2mA + d_sin sin 2mA); d: the drift's first"
+        " harmonic"
     ),
 }
 
@@ -48,7 +52,8 @@ def _columns(part: Measured) -> tuple[list[str], Array]:
 
 
 def c_measured(calibration: Calibration, nodes: Array) -> str:
-    """The C function `hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)`, the same for every model; nodes: the header's."""
+    """The C function `hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)`, the same for every
+    model; nodes: the header's."""
     fine = np.linspace(nodes[0], nodes[-1], FINE_NODES) if len(nodes) > 1 else nodes
     part = measured_at(calibration, fine)
     if part is None:

@@ -1,6 +1,8 @@
-"""What was done is noted beside the outputs, with a key made of the inputs' content, the settings and the version.
+"""What was done is noted beside the outputs, with a key made of the inputs' content, the settings
+and the version.
 
-Work already done is not done again, and anything that changed is. A note also tells outputs that were made here from files that were not.
+Work already done is not done again, and anything that changed is. A note also tells outputs that
+were made here from files that were not.
 """
 
 from __future__ import annotations
@@ -16,14 +18,22 @@ from . import __version__, store
 
 def key_of(content: Sequence[Any], inputs: Sequence[Path]) -> str:
     """SHA-256 over the version, what the work depends on, and the content of the inputs."""
-    text = json.dumps([__version__, content, [[p.name, store.sha256(p)] for p in inputs]], sort_keys=True, default=str)
+    text = json.dumps(
+        [__version__, content, [[p.name, store.sha256(p)] for p in inputs]],
+        sort_keys=True,
+        default=str,
+    )
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def remembered(note: Path, key: str) -> dict[str, Any] | None:
     """What was noted for this key, if every output is still there, unchanged."""
     noted = _read(note)
-    return dict(noted["result"]) if noted is not None and noted["key"] == key and _unchanged(noted, note.parent) else None
+    return (
+        dict(noted["result"])
+        if noted is not None and noted["key"] == key and _unchanged(noted, note.parent)
+        else None
+    )
 
 
 def is_ours(note: Path, output: Path) -> bool:
@@ -34,7 +44,10 @@ def is_ours(note: Path, output: Path) -> bool:
 
 def remember(note: Path, key: str, result: Mapping[str, Any], outputs: Sequence[Path]) -> None:
     """Write the note: key, the outputs' hashes, the result."""
-    text = json.dumps({"key": key, "outputs": {p.name: store.sha256(p) for p in outputs}, "result": result}, indent=1)
+    text = json.dumps(
+        {"key": key, "outputs": {p.name: store.sha256(p) for p in outputs}, "result": result},
+        indent=1,
+    )
     with store.atomic_path(note, force=True) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
@@ -43,13 +56,19 @@ def _read(note: Path) -> dict[str, Any] | None:
     """A note of the right shape; anything else is none."""
     try:
         noted = json.loads(note.read_text(encoding="utf-8"))
-        return noted if {"key", "outputs", "result"} <= set(noted) and isinstance(noted["outputs"], dict) else None
+        return (
+            noted
+            if {"key", "outputs", "result"} <= set(noted) and isinstance(noted["outputs"], dict)
+            else None
+        )
     except (OSError, ValueError, TypeError):
         return None
 
 
 def _unchanged(noted: Mapping[str, Any], folder: Path) -> bool:
     try:
-        return isinstance(noted["result"], dict) and all(store.sha256(folder / name) == digest for name, digest in noted["outputs"].items())
+        return isinstance(noted["result"], dict) and all(
+            store.sha256(folder / name) == digest for name, digest in noted["outputs"].items()
+        )
     except OSError:
         return False

@@ -1,6 +1,8 @@
-"""What a record does in a notebook: a short name of itself, a table, an xarray dataset with coordinates, a first plot.
+"""What a record does in a notebook: a short name of itself, a table, an xarray dataset with
+coordinates, a first plot.
 
-Everything follows from the columns' declarations; xarray, matplotlib and uncertainties are loaded when asked for.
+Everything follows from the columns' declarations; xarray, matplotlib and uncertainties are loaded
+when asked for.
 """
 
 from __future__ import annotations
@@ -27,8 +29,17 @@ COORDINATES = {
     "angle": ("wave_angle_rad",),
     "run": ("run",),
 }
-"""Dimension -> the columns that say where along it a value stands; the first that is there indexes it."""
-PLOTTED = ("wave_angle_rad", "rate_estimate_rad_s", "signals", "c", "drift_rad_s", "value", "measured")
+"""Dimension -> the columns that say where along it a value stands; the first that is there indexes
+it."""
+PLOTTED = (
+    "wave_angle_rad",
+    "rate_estimate_rad_s",
+    "signals",
+    "c",
+    "drift_rad_s",
+    "value",
+    "measured",
+)
 """Columns whose first plot tells most, in that order."""
 
 
@@ -37,7 +48,10 @@ def needed(package: str, what: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        raise HrgError(f"{what} needs {package.split('.')[0]}, which is not installed; run pip install 'hrg-cli[notebook]'") from error
+        raise HrgError(
+            f"{what} needs {package.split('.')[0]}, which is not installed; run pip install"
+            " 'hrg-cli[notebook]'"
+        ) from error
 
 
 class Shown:
@@ -55,7 +69,8 @@ class Shown:
         return f"<table><caption><b>{html.escape(type(self).__name__)}</b></caption>{lines}{_parameter_rows(self)}</table>"
 
     def to_xarray(self) -> xarray.Dataset:
-        """The record as a dataset: a variable a column with its unit and meaning, time, angle, temperature and names as coordinates.
+        """The record as a dataset: a variable a column with its unit and meaning, time, angle,
+        temperature and names as coordinates.
 
         HrgError: xarray is not installed.
         """
@@ -68,20 +83,34 @@ class Shown:
             if spec.dims is None:
                 attributes[name] = value
             else:
-                variables[name] = (spec.dims, np.asarray(value[:]), {"units": spec.units or "", "long_name": spec.meaning})
+                variables[name] = (
+                    spec.dims,
+                    np.asarray(value[:]),
+                    {"units": spec.units or "", "long_name": spec.meaning},
+                )
         data = xr.Dataset(variables, attrs=attributes)
         for dimension in list(data.dims):
-            known = [n for n in COORDINATES.get(str(dimension), ()) if n in variables and len(variables[n][0]) == 1]
+            known = [
+                n
+                for n in COORDINATES.get(str(dimension), ())
+                if n in variables and len(variables[n][0]) == 1
+            ]
             own = [n for n in known if variables[n][0][0] == dimension]
             data = data.set_coords(own)
-            if own and own[0] in ("time_s", "name", "wave_angle_rad", "temperature_degc", "frequency_hz") and own[0] != dimension:
+            if (
+                own
+                and own[0]
+                in ("time_s", "name", "wave_angle_rad", "temperature_degc", "frequency_hz")
+                and own[0] != dimension
+            ):
                 index = data[own[0]]
                 if index.to_index().is_unique:
                     data = data.swap_dims({dimension: own[0]})
         return data
 
     def plot(self, ax: Axes | None = None, column: str | None = None) -> Axes:
-        """A first look at one column (the one that tells most) against time, angle or name, on `ax` or axes of its own.
+        """A first look at one column (the one that tells most) against time, angle or name, on `ax`
+        or axes of its own.
 
         HrgError: the record has no such column, or matplotlib is not installed.
         """
@@ -89,13 +118,27 @@ class Shown:
         there = [n for n, spec in columns.items() if spec.dims and getattr(self, n) is not None]
         name = column or next((n for n in PLOTTED if n in there), there[0] if there else "")
         if name not in there:
-            raise HrgError(f"{name or 'the record'}: is no column of this {self.kind}; it has {', '.join(there)}")  # type: ignore[attr-defined]
+            raise HrgError(
+                f"{name or 'the record'}: is no column of this {self.kind}; it has"  # type: ignore[attr-defined]
+                f" {', '.join(there)}"
+            )
         if ax is None:
             ax = needed("matplotlib.pyplot", "plot").subplots()[1]
         spec, y = columns[name], np.asarray(getattr(self, name)[:])
         across = spec.dims[1] if spec.dims[0] == "node" and len(spec.dims) > 1 else spec.dims[0]
-        along = next((n for n in COORDINATES.get(across, ()) if n in there and n != name and columns[n].dims == (across,)), None)
-        x = np.asarray(getattr(self, along)[:]) if along else np.arange(y.shape[spec.dims.index(across)])
+        along = next(
+            (
+                n
+                for n in COORDINATES.get(across, ())
+                if n in there and n != name and columns[n].dims == (across,)
+            ),
+            None,
+        )
+        x = (
+            np.asarray(getattr(self, along)[:])
+            if along
+            else np.arange(y.shape[spec.dims.index(across)])
+        )
         ax.plot(x, y.T if across != spec.dims[0] else y, "o" if x.dtype.kind == "O" else "-")
         ax.set_xlabel(along or "row")
         ax.set_ylabel(f"{name}, {spec.units}" if spec.units not in (None, "1", "any") else name)
@@ -115,8 +158,14 @@ def _facts(record: Any) -> dict[str, Any]:
 def _parameter_rows(record: Any) -> str:
     if not hasattr(record, "parameters"):
         return ""
-    return "".join(_line(name, f"{value:.10g} ± {std:.2g} {units}") for name, (value, std, units) in record.parameters().items())
+    return "".join(
+        _line(name, f"{value:.10g} ± {std:.2g} {units}")
+        for name, (value, std, units) in record.parameters().items()
+    )
 
 
 def _line(name: str, value: str) -> str:
-    return f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
+    return (
+        "<tr><th"
+        f" style='text-align:left'>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
+    )

@@ -1,8 +1,10 @@
-"""Which recorded samples a file goes back to: fingerprints of the channels' values, kept with every source along the chain.
+"""Which recorded samples a file goes back to: fingerprints of the channels' values, kept with every
+source along the chain.
 
-A recording's fingerprint is the SHA-256 of its length and of stretches of both channels spread over the whole of it, as physical values:
-the same for a copy under another name, compressed otherwise or stored again, and made without reading the file. A part cut out of it
-is known by its times, `fingerprint@from:to`.
+A recording's fingerprint is the SHA-256 of its length and of stretches of both channels spread over
+the whole of it, as physical values: the same for a copy under another name, compressed otherwise or
+stored again, and made without reading the file. A part cut out of it is known by its times,
+`fingerprint@from:to`.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ STRETCHES, STRETCH = 48, 1024
 
 
 def samples_of(path: Path, part: str = "") -> tuple[str, ...]:
-    """Fingerprints of the recorded samples behind a file; empty for a file that is not hrg's, or whose sources do not say.
+    """Fingerprints of the recorded samples behind a file; empty for a file that is not hrg's, or
+    whose sources do not say.
 
     part: what the command takes of a recording, as `part_of` says it.
     """
@@ -37,7 +40,11 @@ def samples_of(path: Path, part: str = "") -> tuple[str, ...]:
         return ()  # not hrg's, or damaged: whoever reads it says so
     known = {sample for source in provenance.sources for sample in source.samples}
     if not known and kind in ("periods", "wave"):
-        known = {source.sha256 for source in provenance.sources if source.kind in ("recording", "periods")}
+        known = {
+            source.sha256
+            for source in provenance.sources
+            if source.kind in ("recording", "periods")
+        }
     return tuple(sorted(known - {""}))
 
 
@@ -53,9 +60,14 @@ def fingerprint(recording: Recording) -> str:
 
 
 def part_of(settings: Mapping[str, Any]) -> str:
-    """The part of a recording that a command's settings take, "@from:to" in seconds; empty for all of it."""
+    """The part of a recording that a command's settings take, "@from:to" in seconds; empty for all
+    of it."""
     first, last = settings.get("from_s"), settings.get("to_s")
-    return "" if first is None and last is None else f"@{'' if first is None else float(first)}:{'' if last is None else float(last)}"
+    return (
+        ""
+        if first is None and last is None
+        else f"@{'' if first is None else float(first)}:{'' if last is None else float(last)}"
+    )
 
 
 def overlap(one: str, other: str) -> bool:

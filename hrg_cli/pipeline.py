@@ -1,4 +1,5 @@
-"""The chain as a literal table, and the one way a stage is run on files: read, call, judge, write, remember where it came from."""
+"""The chain as a literal table, and the one way a stage is run on files: read, call, judge, write,
+remember where it came from."""
 
 from __future__ import annotations
 
@@ -25,14 +26,16 @@ Progress = Callable[[float | None], None]
 
 @dataclass(frozen=True)
 class Stage:
-    """One step: where its function lives, what it reads and writes, whether it takes many records and whether it streams."""
+    """One step: where its function lives, what it reads and writes, whether it takes many records
+    and whether it streams."""
 
     name: str
     takes: str
     gives: str
     many: bool = False
     lazy: bool = False
-    """Of many records: rows are read when sliced, so that memory does not grow with the runs' length."""
+    """Of many records: rows are read when sliced, so that memory does not grow with the runs'
+    length."""
     beside: Mapping[str, str] = field(default_factory=dict)
     """Further records by argument name -> kind."""
     many_beside: tuple[str, ...] = ()
@@ -55,10 +58,23 @@ STAGES = {
         Stage("demodulate", "recording", "periods"),
         Stage("estimate", "periods", "wave"),
         Stage("identify", "wave", "resonator", many=True, lazy=True),
-        Stage("calibrate", "wave", "calibration", many=True, lazy=True, beside={"resonator": "resonator"}, many_beside=("resonator",)),
+        Stage(
+            "calibrate",
+            "wave",
+            "calibration",
+            many=True,
+            lazy=True,
+            beside={"resonator": "resonator"},
+            many_beside=("resonator",),
+        ),
         Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
         Stage("rate", "wave", "compensated", beside={"resonator": "resonator"}),
-        Stage("update", "calibration", "calibration", beside={"resonator": "resonator", "reference": "resonator"}),
+        Stage(
+            "update",
+            "calibration",
+            "calibration",
+            beside={"resonator": "resonator", "reference": "resonator"},
+        ),
         Stage("compensate", "wave", "compensated", beside={"calibration": "calibration"}),
     )
 }
@@ -89,26 +105,42 @@ def run_stage(
 ) -> Outcome:
     """Run one stage on files: records in, one record out, whole or not at all.
 
-    values: the stage's resolved settings; beside: files of further records, a list where the stage takes several; further: arguments
-    that are no file. HrgError: an input is of the wrong kind, damaged or changed while it was read, or holds samples that another
-    input holds; the output exists.
+    values: the stage's resolved settings; beside: files of further records, a list where the stage
+    takes several; further: arguments that are no file. HrgError: an input is of the wrong kind,
+    damaged or changed while it was read, or holds samples that another input holds; the output
+    exists.
     """
     stage = STAGES[name]
     started = time.monotonic()
     store.check_output(output, force)
-    paths_beside = {key: [given] if isinstance(given, Path) else list(given) for key, given in (beside or {}).items()}
+    paths_beside = {
+        key: [given] if isinstance(given, Path) else list(given)
+        for key, given in (beside or {}).items()
+    }
     all_beside = [path for paths in paths_beside.values() for path in paths]
     for path in (*inputs, *all_beside):
         if path.exists() and output.exists() and path.samefile(output):
             raise HrgError(f"{output}: is an input of this command too; choose another --output")
     with ExitStack() as open_files, Sources([*inputs, *all_beside], taken=values) as sources:
         kind = _KIND[stage.takes]
-        read = {key: [store.read(path, _KIND[stage.beside[key]]) for path in paths] for key, paths in paths_beside.items()}
+        read = {
+            key: [store.read(path, _KIND[stage.beside[key]]) for path in paths]
+            for key, paths in paths_beside.items()
+        }
         records_beside = [record for records in read.values() for record in records]
-        arguments = {**{key: r if key in stage.many_beside else r[0] for key, r in read.items()}, **(further or {}), **values}
+        arguments = {
+            **{key: r if key in stage.many_beside else r[0] for key, r in read.items()},
+            **(further or {}),
+            **values,
+        }
         if stage.many:
             records: list[Record] = [
-                open_files.enter_context(store.open_record(path, kind)) if stage.lazy else store.read(path, kind) for path in inputs
+                (
+                    open_files.enter_context(store.open_record(path, kind))
+                    if stage.lazy
+                    else store.read(path, kind)
+                )
+                for path in inputs
             ]
             with _naming(None):
                 result = stage.function()(records, **arguments)
@@ -123,11 +155,19 @@ def run_stage(
             parents = [record, *records_beside]
         text = settings.to_toml({name: values})
         written = store.write(
-            output, result, force, finish=lambda last: _with_provenance(last, parents, sources.done(), text, command_line or f"hrg {name}")
+            output,
+            result,
+            force,
+            finish=lambda last: _with_provenance(
+                last, parents, sources.done(), text, command_line or f"hrg {name}"
+            ),
         )
     if isinstance(result, Record):
         return Outcome(written, report(written, output, started, stage.summary(written)))
-    with gone_if_it_fails(output), store.open_record(output, type(written)) as whole:  # `written` is only the stream's last block
+    with (
+        gone_if_it_fails(output),
+        store.open_record(output, type(written)) as whole,
+    ):  # `written` is only the stream's last block
         return Outcome(written, report(written, output, started, stage.summary(whole)))
 
 
@@ -151,14 +191,23 @@ def write_first(
     force: bool,
     command_line: str,
 ) -> AnyRecord:
-    """Write the record of a command that starts a chain (import, simulate, calibrate on a foreign table)."""
+    """Write the record of a command that starts a chain (import, simulate, calibrate on a foreign
+    table)."""
     with Sources(sources) as hashed:
         text = settings.to_toml({table: values})
-        return store.write(output, stream, force, finish=lambda last: _with_provenance(last, [], hashed.done(), text, command_line))
+        return store.write(
+            output,
+            stream,
+            force,
+            finish=lambda last: _with_provenance(last, [], hashed.done(), text, command_line),
+        )
 
 
-def common_keys(kind: str, status: str, reasons: Iterable[str], output: Path | None, started: float) -> dict[str, Any]:
-    """The keys that the JSON of every command has; `started`: `time.monotonic()` at its beginning."""
+def common_keys(
+    kind: str, status: str, reasons: Iterable[str], output: Path | None, started: float
+) -> dict[str, Any]:
+    """The keys that the JSON of every command has; `started`: `time.monotonic()` at its
+    beginning."""
     return {
         "kind": kind,
         "status": status,
@@ -168,9 +217,13 @@ def common_keys(kind: str, status: str, reasons: Iterable[str], output: Path | N
     }
 
 
-def report(record: Record, output: Path | None, started: float, extra: Mapping[str, Any]) -> dict[str, Any]:
+def report(
+    record: Record, output: Path | None, started: float, extra: Mapping[str, Any]
+) -> dict[str, Any]:
     """The JSON object of a command: the common keys, then the stage's own."""
-    return common_keys(record.kind, record.status, record.status_reasons, output, started) | dict(extra)
+    return common_keys(record.kind, record.status, record.status_reasons, output, started) | dict(
+        extra
+    )
 
 
 DOUBTS_NAMED = 6
@@ -178,10 +231,16 @@ DOUBTS_NAMED = 6
 
 
 def _doubts(inputs: Sequence[Path], records: Sequence[Record]) -> list[str]:
-    """What is suspect or refused among the inputs: a result is not surer than what it was made of."""
-    doubted = [(path, record) for path, record in zip(inputs, records, strict=True) if record.status != "valid"]
+    """What is suspect or refused among the inputs: a result is not surer than what it was made
+    of."""
+    doubted = [
+        (path, record)
+        for path, record in zip(inputs, records, strict=True)
+        if record.status != "valid"
+    ]
     reasons = [
-        f"{path.name} is {record.status}: {record.status_reasons[-1] if record.status_reasons else 'no reason is given'}"
+        f"{path.name} is {record.status}:"
+        f" {record.status_reasons[-1] if record.status_reasons else 'no reason is given'}"
         for path, record in doubted[:DOUBTS_NAMED]
     ]
     if len(doubted) > DOUBTS_NAMED:
@@ -191,7 +250,8 @@ def _doubts(inputs: Sequence[Path], records: Sequence[Record]) -> list[str]:
 
 @contextmanager
 def _naming(path: Path | None) -> Iterator[None]:
-    """Put the file's name before a stage's sentence that lacks it (None: of several inputs the stage names the run itself)."""
+    """Put the file's name before a stage's sentence that lacks it (None: of several inputs the
+    stage names the run itself)."""
     try:
         yield
     except HrgError as error:
@@ -200,14 +260,22 @@ def _naming(path: Path | None) -> Iterator[None]:
         raise
     except np.linalg.LinAlgError as error:
         raise HrgError(
-            f"{path or 'the runs'}: the numbers give equations without a solution ({error}); look for values out of proportion"
+            f"{path or 'the runs'}: the numbers give equations without a solution ({error}); look"
+            " for values out of proportion"
         ) from error
 
 
-def _watched(stream: Iterable[Record], source: Record, path: Path, progress: Progress | None) -> Iterator[Record]:
-    """The stream, its errors naming the file, its progress reported by the samples of each block, or by the time of its last row."""
+def _watched(
+    stream: Iterable[Record], source: Record, path: Path, progress: Progress | None
+) -> Iterator[Record]:
+    """The stream, its errors naming the file, its progress reported by the samples of each block,
+    or by the time of its last row."""
     samples = len(source) if isinstance(source, Recording) else 0
-    end = float(source.times(samples - 1)[-1]) if isinstance(source, Recording) else float(source.time_s[-1])  # type: ignore[attr-defined]
+    end = (
+        float(source.times(samples - 1)[-1])
+        if isinstance(source, Recording)
+        else float(source.time_s[-1])  # type: ignore[attr-defined]
+    )
     done = 0
     with _naming(path):
         for block in stream:
@@ -221,7 +289,13 @@ def _watched(stream: Iterable[Record], source: Record, path: Path, progress: Pro
                 progress(min(1.0, float(block.time_s[-1]) / end) if end > 0 else None)  # type: ignore[attr-defined]
 
 
-def _with_provenance(record: AnyRecord, parents: Sequence[Record], sources: tuple[Source, ...], text: str, command_line: str) -> AnyRecord:
+def _with_provenance(
+    record: AnyRecord,
+    parents: Sequence[Record],
+    sources: tuple[Source, ...],
+    text: str,
+    command_line: str,
+) -> AnyRecord:
     history: dict[str, None] = {}
     for parent in parents:
         history.update(dict.fromkeys(parent.provenance.history))
@@ -232,9 +306,11 @@ def _with_provenance(record: AnyRecord, parents: Sequence[Record], sources: tupl
 
 
 class Sources:
-    """The inputs' names, kinds and SHA-256, hashed in the background while the stage reads them; a changed input is an error.
+    """The inputs' names, kinds and SHA-256, hashed in the background while the stage reads them; a
+    changed input is an error.
 
-    taken: the command's settings; a part cut out of a recording (from_s, to_s) is told from its other parts by them.
+    taken: the command's settings; a part cut out of a recording (from_s, to_s) is told from its
+    other parts by them.
     """
 
     def __init__(self, paths: Sequence[Path], taken: Mapping[str, Any] | None = None) -> None:
@@ -245,7 +321,9 @@ class Sources:
     def __enter__(self) -> Sources:
         for path in self._paths:
             if not path.exists():
-                raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
+                raise HrgError(
+                    f"{path}: no such file; name a file that `hrg` or your laboratory wrote"
+                )
         self._before = [self._stamp(p) for p in self._paths]
         self._hashes: list[Future[str]] = [self._pool.submit(store.sha256, p) for p in self._paths]
         self._samples = [samples_of(path, self._part) for path in self._paths]
@@ -256,7 +334,10 @@ class Sources:
                 key = f"{_kind_name(path)} {whole}"
                 for other, taken in first.get(key, []):
                     if other != path and overlap(part, taken):
-                        raise HrgError(f"{path}: is the same data as {other}, both go back to the same samples; {ONCE}")
+                        raise HrgError(
+                            f"{path}: is the same data as {other}, both go back to the same"
+                            f" samples; {ONCE}"
+                        )
                 first.setdefault(key, []).append((path, part))
         return self
 
@@ -273,14 +354,17 @@ class Sources:
         hashes = [future.result() for future in self._hashes]
         for path, before in zip(self._paths, self._before):
             if not path.exists() or self._stamp(path) != before:
-                raise HrgError(f"{path}: changed while it was read; run the command again when it is whole")
+                raise HrgError(
+                    f"{path}: changed while it was read; run the command again when it is whole"
+                )
         first: dict[str, Path] = {}
         for path, digest in zip(self._paths, hashes):
             if digest in first:
                 raise HrgError(f"{path}: is the same data as {first[digest]}; {ONCE}")
             first[digest] = path
         return tuple(
-            Source(path.name, _kind_name(path), digest, samples) for path, digest, samples in zip(self._paths, hashes, self._samples)
+            Source(path.name, _kind_name(path), digest, samples)
+            for path, digest, samples in zip(self._paths, hashes, self._samples)
         )
 
 

@@ -1,4 +1,5 @@
-"""Settings of a stage: defaults stand in its signature alone; a TOML file, `--set` and flags change them; all are checked.
+"""Settings of a stage: defaults stand in its signature alone; a TOML file, `--set` and flags change
+them; all are checked.
 
 A stage function declares each setting as a keyword with an annotated type, e.g.
 `periods_per_window: Annotated[float, Field(gt=0, description="...")] = 1.0`.
@@ -28,7 +29,9 @@ def model_of(stage: Callable[..., Any]) -> Any:
         for name, parameter in inspect.signature(stage).parameters.items()
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY
     }
-    config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
+    config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True
+    )
     return create_model(f"{stage.__name__} settings", __config__=config, **fields)
 
 
@@ -39,14 +42,22 @@ def load_toml(path: Path | str) -> dict[str, Any]:
         raise HrgError(f"{path}: no such file; name a TOML file")
     try:
         if path.stat().st_size > 16 << 20:
-            raise HrgError(f"{path}: has {path.stat().st_size} bytes, a settings file of at most 16 MB was expected")
+            raise HrgError(
+                f"{path}: has {path.stat().st_size} bytes, a settings file of at most 16 MB was"
+                " expected"
+            )
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
         _need_usual_numbers(tree, str(path))
         return tree
     except UnicodeDecodeError as error:
         raise HrgError(f"{path}: is not a text file, a TOML file was expected") from error
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError, or a number of thousands of digits
-        raise HrgError(f"{path}: is not TOML ({str(error)[:200] or 'nested too deeply'}); correct it") from error
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # TOMLDecodeError, or a number of thousands of digits
+        raise HrgError(
+            f"{path}: is not TOML ({str(error)[:200] or 'nested too deeply'}); correct it"
+        ) from error
     except OSError as error:
         raise HrgError(f"{path}: cannot be read ({error.strerror}); name a TOML file") from error
 
@@ -63,7 +74,11 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested tables as one table of dotted keys."""
     out: dict[str, Any] = {}
     for key, value in tree.items():
-        out |= flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+        out |= (
+            flat(value, f"{prefix}{key}.")
+            if isinstance(value, Mapping)
+            else {f"{prefix}{key}": value}
+        )
     return out
 
 
@@ -72,7 +87,8 @@ LARGEST_INTEGER = 2**63
 
 
 def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
-    """HrgError (as a sentence) where a whole number is beyond TOML's range, or a text holds a zero byte."""
+    """HrgError (as a sentence) where a whole number is beyond TOML's range, or a text holds a zero
+    byte."""
     if isinstance(tree, Mapping):
         for name, value in tree.items():
             _need_usual_numbers(value, where, f"{key}.{name}" if key else str(name))
@@ -80,7 +96,10 @@ def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
         for index, value in enumerate(tree):
             _need_usual_numbers(value, where, f"{key}.{index}")
     elif isinstance(tree, int) and not -LARGEST_INTEGER <= tree < LARGEST_INTEGER:
-        raise HrgError(f"{where}: {key[:80]} is a whole number of more than 64 bits; write a smaller one, or one with a decimal point")
+        raise HrgError(
+            f"{where}: {key[:80]} is a whole number of more than 64 bits; write a smaller one, or"
+            " one with a decimal point"
+        )
     elif isinstance(tree, str) and "\0" in tree:
         raise HrgError(f"{where}: {key[:80]} holds a zero byte; correct it")
 
@@ -94,8 +113,13 @@ def parse_assignment(text: str) -> tuple[str, Any]:
         parsed = tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return key.strip(), value.strip()
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or brackets as deep
-        raise UsageError(f"--set {text[:60]}…: {str(error)[:100] or 'is nested too deeply'}") from error
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # a number of thousands of digits, or brackets as deep
+        raise UsageError(
+            f"--set {text[:60]}…: {str(error)[:100] or 'is nested too deeply'}"
+        ) from error
     try:
         _need_usual_numbers(parsed, "--set", key.strip())
     except HrgError as error:
@@ -141,7 +165,8 @@ def resolve(
     flags: Mapping[str, Any] | None = None,
     table: str = "",
 ) -> dict[str, Any]:
-    """The stage's whole checked settings: signature < `table` of `config` (the stage's name) < --set < flags that were given (not None)."""
+    """The stage's whole checked settings: signature < `table` of `config` (the stage's name) <
+    --set < flags that were given (not None)."""
     name = table or stage.__name__
     from_file: dict[str, Any] = {}
     if config is not None:
@@ -159,13 +184,20 @@ def resolve(
     return checked(stage, from_file | given, usage=True)
 
 
-def checked(stage: Callable[..., Any], values: Mapping[str, Any], where: str = "settings", usage: bool = False) -> dict[str, Any]:
+def checked(
+    stage: Callable[..., Any],
+    values: Mapping[str, Any],
+    where: str = "settings",
+    usage: bool = False,
+) -> dict[str, Any]:
     """The stage's whole settings: its defaults with `values` over them."""
     model = validate(model_of(stage), values, where, usage=usage)
     return {key: getattr(model, key) for key in type(model).model_fields}
 
 
-def validate(model: Any, values: Mapping[str, Any], where: str, prefix: str = "", usage: bool = False) -> Any:
+def validate(
+    model: Any, values: Mapping[str, Any], where: str, prefix: str = "", usage: bool = False
+) -> Any:
     """An instance of a pydantic model, or one sentence that lists every wrong key."""
     from pydantic import ValidationError
 
@@ -177,13 +209,21 @@ def validate(model: Any, values: Mapping[str, Any], where: str, prefix: str = ""
             key = prefix + ".".join(str(p) for p in e["loc"])
             if e["type"] == "extra_forbidden":
                 close = _closest(str(e["loc"][-1]), model, e["loc"][:-1])
-                problems.append(f"unknown key {key}" + (f" (did you mean {close}?)" if close else ""))
+                problems.append(
+                    f"unknown key {key}" + (f" (did you mean {close}?)" if close else "")
+                )
             elif e["type"] == "missing":
                 problems.append(f"{key} is missing")
             else:
                 says = e["msg"].removeprefix("Value error, ")
                 found = "" if isinstance(e["input"], Mapping) else f" = {str(e['input'])[:60]!r}"
-                problems.append(": ".join(part for part in (key.removesuffix(".") + found, says[:1].lower() + says[1:]) if part))
+                problems.append(
+                    ": ".join(
+                        part
+                        for part in (key.removesuffix(".") + found, says[:1].lower() + says[1:])
+                        if part
+                    )
+                )
         kind = UsageError if usage else HrgError
         raise kind(f"{where}: {'; '.join(problems)}") from error
 

@@ -1,4 +1,5 @@
-"""Units: the spelling kept in files, the spellings accepted from laboratories, and the factors for a person's screen."""
+"""Units: the spelling kept in files, the spellings accepted from laboratories, and the factors for
+a person's screen."""
 
 import math
 
@@ -33,11 +34,13 @@ TRADE = {
     "rad_s": (DEGREE_PER_HOUR, "°/h"),
     "rad": (DEGREE / 3600, "″"),
 }
-"""Unit at the end of a figure's name -> its size in SI units in the trade's, and that unit's name, the longest end first."""
+"""Unit at the end of a figure's name -> its size in SI units in the trade's, and that unit's name,
+the longest end first."""
 
 
 def to_trade(name: str, value: float) -> tuple[str, float, str]:
-    """A figure in the trade's unit: (name in words, value, unit) of a name that ends in its SI unit."""
+    """A figure in the trade's unit: (name in words, value, unit) of a name that ends in its SI
+    unit."""
     for end, (size, unit) in TRADE.items():
         if name.endswith("_" + end):
             return name.removesuffix("_" + end).replace("_", " "), value / size, unit

@@ -1,6 +1,8 @@
-"""Files held against what was written: their own checksums, the sources they were made from, and what a lot noted of its outputs.
+"""Files held against what was written: their own checksums, the sources they were made from, and
+what a lot noted of its outputs.
 
-It tells that something was changed and what; by whom it cannot tell: whoever can write a file can write its checksums.
+It tells that something was changed and what; by whom it cannot tell: whoever can write a file can
+write its checksums.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ LARGEST_NOTE = 4 << 20
 
 @dataclass
 class Verdict:
-    """One file: what it is, how it stands (one of `RESULTS`), what was changed, and what else is worth knowing."""
+    """One file: what it is, how it stands (one of `RESULTS`), what was changed, and what else is
+    worth knowing."""
 
     name: str
     kind: str
@@ -38,14 +41,17 @@ class Verdict:
 
 
 def verify(paths: Sequence[Path]) -> list[Verdict]:
-    """Verdicts on files, on the hrg files of folders and on every source of theirs that lies in the same folders.
+    """Verdicts on files, on the hrg files of folders and on every source of theirs that lies in the
+    same folders.
 
     HrgError: a path that is not there, or nothing to verify.
     """
     given: list[Path] = []
     for path in paths:
         if not path.exists():
-            raise HrgError(f"{path}: no such file or folder; name files that hrg wrote, or their folder")
+            raise HrgError(
+                f"{path}: no such file or folder; name files that hrg wrote, or their folder"
+            )
         given += _files_of(path) if path.is_dir() else [path]
     if not given:
         raise HrgError(f"{paths[0]}: holds no hrg files; name a folder of a chain or of a lot")
@@ -59,16 +65,26 @@ def verify(paths: Sequence[Path]) -> list[Verdict]:
 
 
 def report(verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """The JSON: refused where anything was changed, suspect where a file keeps no checksums, else valid."""
+    """The JSON: refused where anything was changed, suspect where a file keeps no checksums, else
+    valid."""
     worst = max((verdict.result for verdict in verdicts), key=RESULTS.index)
     status = {"whole": "valid", "without checksums": "suspect"}.get(worst, "refused")
     reasons = [f"{v.name}: {sentence}" for v in verdicts for sentence in v.findings]
-    return {"kind": "verify", "status": status, "status_reasons": reasons, "files": [asdict(v) for v in verdicts]}
+    return {
+        "kind": "verify",
+        "status": status,
+        "status_reasons": reasons,
+        "files": [asdict(v) for v in verdicts],
+    }
 
 
 def _files_of(folder: Path) -> list[Path]:
     """The hrg files of a folder and those below it."""
-    return [path for path in sorted(folder.rglob("*.h5")) if path.is_file() and not path.name.startswith(".")]
+    return [
+        path
+        for path in sorted(folder.rglob("*.h5"))
+        if path.is_file() and not path.name.startswith(".")
+    ]
 
 
 class _Verification:
@@ -98,7 +114,11 @@ class _Verification:
             verdict.kind = store.kind_of(path).kind
             changed = store.changes(path)
             if changed is None:
-                verdict.worse("without checksums", "keeps no checksums (a laboratory's file, or an older hrg's); changes would not show")
+                verdict.worse(
+                    "without checksums",
+                    "keeps no checksums (a laboratory's file, or an older hrg's); changes would not"
+                    " show",
+                )
             for sentence in changed or []:
                 verdict.worse("changed", sentence)
             with store.open_record(path, store.kind_of(path)) as record:
@@ -108,22 +128,37 @@ class _Verification:
             return None
 
     def _sources(self, path: Path, record: Record, verdict: Verdict) -> list[Path]:
-        """Hold the file's sources against what lies in the folder now; the hrg files among those that are right."""
+        """Hold the file's sources against what lies in the folder now; the hrg files among those
+        that are right."""
         found: list[Path] = []
         for source in record.provenance.sources:
             named = path.parent / Path(source.name).name
-            match = next((p for p in [named, *self._in_folder(path.parent)] if p.is_file() and self._digest(p) == source.sha256), None)
+            match = next(
+                (
+                    p
+                    for p in [named, *self._in_folder(path.parent)]
+                    if p.is_file() and self._digest(p) == source.sha256
+                ),
+                None,
+            )
             if match is None and named.is_file():
-                verdict.worse("changed", f"was made from another {source.name} than lies here; that one was changed or made again")
+                verdict.worse(
+                    "changed",
+                    f"was made from another {source.name} than lies here; that one was changed or"
+                    " made again",
+                )
             elif match is None:
-                verdict.notes.append(f"its source {source.name} is not in the folder and was not followed")
+                verdict.notes.append(
+                    f"its source {source.name} is not in the folder and was not followed"
+                )
             elif store.is_hdf5(match) and _is_ours(match):
                 found.append(match)
         self._compare(record, found, verdict)
         return found
 
     def _compare(self, record: Record, sources: Iterable[Path], verdict: Verdict) -> None:
-        """Note where versions differ along the chain, or settings between the sources of one file."""
+        """Note where versions differ along the chain, or settings between the sources of one
+        file."""
         by_kind: dict[str, dict[str, list[str]]] = {}
         for source in sources:
             kind = store.kind_of(source)
@@ -131,33 +166,54 @@ class _Verification:
                 made = parent.provenance
             if made.generated_by != record.provenance.generated_by:
                 by = made.generated_by or "another program"
-                verdict.notes.append(f"made by {record.provenance.generated_by}, its source {source.name} by {by}")
+                verdict.notes.append(
+                    f"made by {record.provenance.generated_by}, its source {source.name} by {by}"
+                )
             by_kind.setdefault(kind.kind, {}).setdefault(made.settings, []).append(source.name)
         for kind_name, by_settings in by_kind.items():
             if len(by_settings) > 1:
-                groups = "; ".join(", ".join(names[:3]) + (" …" if len(names) > 3 else "") for names in by_settings.values())
+                groups = "; ".join(
+                    ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
+                    for names in by_settings.values()
+                )
                 keys = ", ".join(_different(list(by_settings))) or "their text"
-                verdict.notes.append(f"its {kind_name} files were made with different settings ({keys}): {groups}")
+                verdict.notes.append(
+                    f"its {kind_name} files were made with different settings ({keys}): {groups}"
+                )
 
     def note(self, path: Path) -> None:
         """A lot's note of what it made: every output it names must be there as it was noted."""
         try:
-            noted = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size < LARGEST_NOTE else None
-            outputs = dict(noted["outputs"]) if isinstance(noted, dict) and {"key", "outputs", "result"} <= set(noted) else None
+            noted = (
+                json.loads(path.read_text(encoding="utf-8"))
+                if path.stat().st_size < LARGEST_NOTE
+                else None
+            )
+            outputs = (
+                dict(noted["outputs"])
+                if isinstance(noted, dict) and {"key", "outputs", "result"} <= set(noted)
+                else None
+            )
         except (OSError, ValueError, TypeError, RecursionError):
             return
         for name, digest in (outputs or {}).items():
             output = path.parent / Path(str(name)).name
             if not output.is_file():
-                verdict = self.verdicts.setdefault(output.resolve(), Verdict(str(output), output.suffix.lstrip(".")))
+                verdict = self.verdicts.setdefault(
+                    output.resolve(), Verdict(str(output), output.suffix.lstrip("."))
+                )
                 verdict.worse("changed", f"was removed; {path.name} notes it")
             elif self._digest(output) != digest:
                 self.file(output)
-                self.verdicts[output.resolve()].worse("changed", f"is not what the lot wrote ({path.name} notes another SHA-256)")
+                self.verdicts[output.resolve()].worse(
+                    "changed", f"is not what the lot wrote ({path.name} notes another SHA-256)"
+                )
 
     def _in_folder(self, folder: Path) -> list[Path]:
         if folder not in self._beside:
-            self._beside[folder] = [p for p in sorted(folder.iterdir()) if p.is_file() and not p.name.startswith(".")]
+            self._beside[folder] = [
+                p for p in sorted(folder.iterdir()) if p.is_file() and not p.name.startswith(".")
+            ]
         return self._beside[folder]
 
     def _digest(self, path: Path) -> str:
@@ -166,7 +222,9 @@ class _Verification:
             try:
                 self._digests[place] = store.sha256(path)
             except OSError as error:
-                raise HrgError(f"{path}: cannot be read ({error.strerror}); ask for read access") from error
+                raise HrgError(
+                    f"{path}: cannot be read ({error.strerror}); ask for read access"
+                ) from error
         return self._digests[place]
 
 

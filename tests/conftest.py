@@ -1,4 +1,5 @@
-"""What several tests need: the command line in this process, small recordings, the measured data."""
+"""What several tests need: the command line in this process, small recordings, the measured
+data."""
 
 import json
 import os
@@ -16,8 +17,15 @@ from hypothesis import HealthCheck, settings
 from hrg_cli.records import Recording
 
 SEED = os.environ.get("HRG_TEST_SEED", "")
-"""Empty: every drawn example is the same each time; a number: another set of examples (`make faults` gives another each time)."""
-settings.register_profile("hrg", deadline=None, derandomize=not SEED, suppress_health_check=[HealthCheck.too_slow], print_blob=bool(SEED))
+"""Empty: every drawn example is the same each time; a number: another set of examples (`make
+faults` gives another each time)."""
+settings.register_profile(
+    "hrg",
+    deadline=None,
+    derandomize=not SEED,
+    suppress_health_check=[HealthCheck.too_slow],
+    print_blob=bool(SEED),
+)
 settings.load_profile("hrg")
 if SEED:
     hypothesis.core.global_force_seed = int(SEED)
@@ -30,8 +38,8 @@ EXPECTED_SKIPS = (
     r"chromium",
     r"a column that is its own scale",
 )
-"""Reasons that a test may be left out for. In CI (the environment variable CI) any other reason fails the run: a test that silently no
-longer runs tests nothing."""
+"""Reasons that a test may be left out for. In CI (the environment variable CI) any other reason
+fails the run: a test that silently no longer runs tests nothing."""
 _skipped: Counter = Counter()
 
 
@@ -42,7 +50,11 @@ def pytest_runtest_logreport(report):
 
 def unexpected_skips(reasons):
     """Reasons that are not among those expected."""
-    return sorted(reason for reason in reasons if not any(re.search(expected, reason) for expected in EXPECTED_SKIPS))
+    return sorted(
+        reason
+        for reason in reasons
+        if not any(re.search(expected, reason) for expected in EXPECTED_SKIPS)
+    )
 
 
 def pytest_sessionfinish(session, exitstatus):
@@ -99,7 +111,15 @@ def measured_data():
 
 
 def ringing(
-    frequency_hz=1000.0, sample_rate_hz=10000.0, seconds=0.4, decay_1_s=1.0, angle_rad=0.3, noise=1e-3, seed=0, full_scale=1.0, **fields
+    frequency_hz=1000.0,
+    sample_rate_hz=10000.0,
+    seconds=0.4,
+    decay_1_s=1.0,
+    angle_rad=0.3,
+    noise=1e-3,
+    seed=0,
+    full_scale=1.0,
+    **fields,
 ):
     """A recording of a decaying standing wave, 16 bit."""
     rng = np.random.default_rng(seed)
@@ -107,7 +127,9 @@ def ringing(
     wave = 0.8 * np.exp(-decay_1_s * t) * np.cos(2 * np.pi * frequency_hz * t + 0.4)
     lsb = full_scale / 32767
     c, s = (
-        np.round(np.clip((g * wave + noise * rng.standard_normal(len(t))) / lsb, -32767, 32767)).astype("i2")
+        np.round(
+            np.clip((g * wave + noise * rng.standard_normal(len(t))) / lsb, -32767, 32767)
+        ).astype("i2")
         for g in (np.cos(2 * angle_rad), np.sin(2 * angle_rad))
     )
     given = dict(

@@ -1,7 +1,8 @@
-"""Forced gyros drawn at random: what their drift holds, how firm their quadrature loop is, noise, temperatures, rates.
+"""Forced gyros drawn at random: what their drift holds, how firm their quadrature loop is, noise,
+temperatures, rates.
 
-m·dθ/dt = −K(T,θ)Ω + D(T,θ,r): tables with or without higher harmonics, the exact (8) of the ellipse where the loop lets a quadrature
-through. The truth is known at every (T, θ, r).
+m·dθ/dt = −K(T,θ)Ω + D(T,θ,r): tables with or without higher harmonics, the exact (8) of the ellipse
+where the loop lets a quadrature through. The truth is known at every (T, θ, r).
 """
 
 import numpy as np
@@ -30,7 +31,8 @@ class Drawn:
             self.drift[:, 0] = draw.normal(size=2) * (1e-4, 3e-5)
             self.scale[0, 1:] = draw.normal(size=4) * 3e-4
         elif self.kind == "faint":
-            # a harmonic between invisible and plain, in units of what a programme of this noise knows it to
+            # a harmonic between invisible and plain, in units of what a programme of this noise
+            # knows it to
             self.drift[0, 3:] = draw.normal(size=2) * self.noise * 10 ** draw.uniform(-2.5, 0)
             self.drift[1, 3:] = 0
         if "whole" not in self.kind and self.kind != "faint":
@@ -46,16 +48,23 @@ class Drawn:
     def tables(self, temperature, theta):
         """(D, K) of the tables at (T, θ), without a quadrature."""
         a = 2 * M * np.asarray(theta)
-        basis = np.stack([np.ones_like(a), np.cos(a), np.sin(a), np.cos(2 * a), np.sin(2 * a)], axis=-1)
-        return (self.at(self.drift, temperature) * basis).sum(-1), (self.at(self.scale, temperature) * basis).sum(-1)
+        basis = np.stack(
+            [np.ones_like(a), np.cos(a), np.sin(a), np.cos(2 * a), np.sin(2 * a)], axis=-1
+        )
+        return (self.at(self.drift, temperature) * basis).sum(-1), (
+            self.at(self.scale, temperature) * basis
+        ).sum(-1)
 
     def whole_drift(self, temperature, theta, ratio):
-        """D(T, θ, r): the damping's anisotropy in an ellipse, (1 + r²)/(1 − r²), and the frequency split's part."""
+        """D(T, θ, r): the damping's anisotropy in an ellipse, (1 + r²)/(1 − r²), and the frequency
+        split's part."""
         a = 2 * M * np.asarray(theta)
         d = self.at(self.drift, temperature)
         first = d[..., 1] * np.cos(a) + d[..., 2] * np.sin(a)
         square = np.asarray(ratio) ** 2
-        seen = 2 * square / (1 - square) * first - 2 * ratio * self.split * np.cos(a - 2 * M * self.axis) / (1 - square)
+        seen = 2 * square / (1 - square) * first - 2 * ratio * self.split * np.cos(
+            a - 2 * M * self.axis
+        ) / (1 - square)
         return self.tables(temperature, theta)[0] + seen
 
     def frequency(self, temperature, theta, ratio):
@@ -64,11 +73,14 @@ class Drawn:
         d = self.at(self.drift, temperature)
         first = d[..., 1] * np.cos(a) + d[..., 2] * np.sin(a)
         square = np.asarray(ratio) ** 2
-        speed = (self.split * np.cos(a - 2 * M * self.axis) * (1 + square) - 2 * ratio * first) / (1 - square)
+        speed = (self.split * np.cos(a - 2 * M * self.axis) * (1 + square) - 2 * ratio * first) / (
+            1 - square
+        )
         return 5000 + 0.4 * (np.asarray(temperature) - 20) + speed / (2 * np.pi)
 
     def run(self, temperature, rate, number, duration=15.0, dt=0.025):
-        """A forced run: θ by Runge–Kutta, the quadrature a slow oscillation that keeps no step with the wave angle."""
+        """A forced run: θ by Runge–Kutta, the quadrature a slow oscillation that keeps no step with
+        the wave angle."""
         draw = np.random.default_rng([number, int(1e6 * self.noise * 1e3) % 2**31])
         count = int(duration / dt)
         t = np.arange(count) * dt
@@ -98,4 +110,8 @@ class Drawn:
         return wave.replace(frequency_hz=self.frequency(T, theta, r))
 
     def programme(self):
-        return [self.run(T, R, 100 * i + j) for i, T in enumerate(self.temperatures) for j, R in enumerate(self.rates)]
+        return [
+            self.run(T, R, 100 * i + j)
+            for i, T in enumerate(self.temperatures)
+            for j, R in enumerate(self.rates)
+        ]

@@ -1,4 +1,5 @@
-"""Forced runs made from the output equation m·dθ/dt = −K(T,θ)Ω + D(T,θ) alone: fine integration, then white noise on the angle."""
+"""Forced runs made from the output equation m·dθ/dt = −K(T,θ)Ω + D(T,θ) alone: fine integration,
+then white noise on the angle."""
 
 import numpy as np
 
@@ -6,13 +7,20 @@ from hrg_cli.records import Wave
 
 
 class Truth:
-    """Drift and scale factor known everywhere: quadratic in temperature, harmonics 0, 1, 2 of 2mθ."""
+    """Drift and scale factor known everywhere: quadratic in temperature, harmonics 0, 1, 2 of
+    2mθ."""
 
     def __init__(self, seed=0, mode_number=2, drift=2e-4, scale_ripple=3e-4, curved=True):
         draw = np.random.default_rng(seed)
         self.m = mode_number
-        self.d = draw.normal(size=(3, 5)) * drift * np.array([1, 0.4, 0.15 if curved else 0])[:, None]
-        self.k = draw.normal(size=(3, 5)) * scale_ripple * np.array([1, 0.4, 0.15 if curved else 0])[:, None]
+        self.d = (
+            draw.normal(size=(3, 5)) * drift * np.array([1, 0.4, 0.15 if curved else 0])[:, None]
+        )
+        self.k = (
+            draw.normal(size=(3, 5))
+            * scale_ripple
+            * np.array([1, 0.4, 0.15 if curved else 0])[:, None]
+        )
         self.k[0, 0] = 0.55
 
     def basis(self, theta):
@@ -46,11 +54,16 @@ def forced_run(
     ratio=None,
     steps=1,
 ):
-    """temperature, rate: numbers or functions of time; ratio: a_B/a_A likewise (it does not act unless the truth uses it)."""
+    """temperature, rate: numbers or functions of time; ratio: a_B/a_A likewise (it does not act
+    unless the truth uses it)."""
     draw = np.random.default_rng(seed)
     t = np.arange(int(duration / dt)) * dt
     f = [
-        np.vectorize(v, otypes=[float]) if callable(v) else (lambda x, v=v: np.full_like(np.asarray(x, float), v))
+        (
+            np.vectorize(v, otypes=[float])
+            if callable(v)
+            else (lambda x, v=v: np.full_like(np.asarray(x, float), v))
+        )
         for v in (temperature, rate)
     ]
     theta = np.empty(len(t))
@@ -66,7 +79,14 @@ def forced_run(
         a = 2 * m * x
         c1, s1, c2, s2 = cos(a), sin(a), cos(2 * a), sin(2 * a)
         D, K = d[i], k[i]
-        return (D[0] + D[1] * c1 + D[2] * s1 + D[3] * c2 + D[4] * s2 - R[i] * (K[0] + K[1] * c1 + K[2] * s1 + K[3] * c2 + K[4] * s2)) / m
+        return (
+            D[0]
+            + D[1] * c1
+            + D[2] * s1
+            + D[3] * c2
+            + D[4] * s2
+            - R[i] * (K[0] + K[1] * c1 + K[2] * s1 + K[3] * c2 + K[4] * s2)
+        ) / m
 
     x = float(theta[0])
     for i in range(1, len(t)):
@@ -93,7 +113,20 @@ def forced_run(
     )
 
 
-def wave_of(t, theta, temperature, rate, noise, run_id, gyro_id="g1", mode_number=2, start_time="", ratio=None, mode="forced", **more):
+def wave_of(
+    t,
+    theta,
+    temperature,
+    rate,
+    noise,
+    run_id,
+    gyro_id="g1",
+    mode_number=2,
+    start_time="",
+    ratio=None,
+    mode="forced",
+    **more,
+):
     n = len(t)
     dt = t[1] - t[0]
     small, warm = np.full(n, noise), np.zeros(n) + (0 if temperature is None else temperature)
@@ -108,7 +141,9 @@ def wave_of(t, theta, temperature, rate, noise, run_id, gyro_id="g1", mode_numbe
     return Wave(**(fields | more))
 
 
-def programme(truth, temperatures=(-20, 5, 30, 55), rates=(-0.5, 0.02, 0.5), duration=40.0, seed=0, **more):
+def programme(
+    truth, temperatures=(-20, 5, 30, 55), rates=(-0.5, 0.02, 0.5), duration=40.0, seed=0, **more
+):
     return [
         forced_run(truth, T, R, duration, 1000 * seed + 10 * i + j, run_id=f"T{T:g} R{R:g}", **more)
         for i, T in enumerate(temperatures)

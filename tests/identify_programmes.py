@@ -1,4 +1,5 @@
-"""Programmes of run-downs drawn over the whole range of gyros, tables and laboratories, for what must hold of every answer."""
+"""Programmes of run-downs drawn over the whole range of gyros, tables and laboratories, for what
+must hold of every answer."""
 
 from dataclasses import dataclass
 
@@ -22,7 +23,8 @@ class Programme:
 
 
 def draw(seed: int) -> Programme:
-    """One programme: τ 1…1000 s, rates 0.01…100 °/s, ½ to 3 τ long, 300 to 12 000 windows, with and without Earth's rate."""
+    """One programme: τ 1…1000 s, rates 0.01…100 °/s, ½ to 3 τ long, 300 to 12 000 windows, with and
+    without Earth's rate."""
     rng = np.random.default_rng(seed)
 
     def over(low, high):
@@ -42,7 +44,9 @@ def draw(seed: int) -> Programme:
     seconds = tau * over(0.5, 3)
     rate = np.radians(over(0.01, 100))
     fastest = gyro.scale_factor * rate + gyro.frequency_split_rad_s + nu
-    windows = int(np.clip(over(300, MOST_WINDOWS), min(MOST_WINDOWS, seconds * fastest / 0.8), MOST_WINDOWS))
+    windows = int(
+        np.clip(over(300, MOST_WINDOWS), min(MOST_WINDOWS, seconds * fastest / 0.8), MOST_WINDOWS)
+    )
     earth = EARTH_RATE_RAD_S * np.sin(rng.uniform(0, np.pi / 2)) if rng.random() < 0.5 else 0.0
     told = bool(rng.random() < 0.8)
     std = over(1e-6, 1e-2)

@@ -20,13 +20,20 @@ NAMES = (
 
 
 def envelope(mechanics, theta, rate, times, ratio=0.02, phase=0.0, second_order=1.0, amplitude=1.0):
-    """Exact envelopes at times; `rate` a number or a function of time (then by fine midpoint steps)."""
+    """Exact envelopes at times; `rate` a number or a function of time (then by fine midpoint
+    steps)."""
     u0 = ellipse.envelopes(amplitude, ratio * amplitude, theta, phase, mechanics.mode_number)
     if not callable(rate):
-        return resonator.exponential(resonator.generator(mechanics, rate, second_order=second_order), times) @ u0
+        return (
+            resonator.exponential(
+                resonator.generator(mechanics, rate, second_order=second_order), times
+            )
+            @ u0
+        )
     fine = np.concatenate([[0.0], times])
     steps = resonator.exponential(
-        resonator.generator(mechanics, rate((fine[1:] + fine[:-1]) / 2), second_order=second_order), np.diff(fine)
+        resonator.generator(mechanics, rate((fine[1:] + fine[:-1]) / 2), second_order=second_order),
+        np.diff(fine),
     )
     out, u = np.empty((len(times), 2), complex), u0
     for k, step in enumerate(steps):
@@ -71,19 +78,26 @@ def as_wave(u, times, std, mechanics, rng, *, rate=None, run_id="run", flags=Non
     )
 
 
-def run_down(theta, rate=0.0, *, mechanics=GYRO, std=1e-4, seconds=4.0, window=2e-3, seed=0, **more):
+def run_down(
+    theta, rate=0.0, *, mechanics=GYRO, std=1e-4, seconds=4.0, window=2e-3, seed=0, **more
+):
     """One free run-down."""
     rng = np.random.default_rng(seed)
     times = (np.arange(int(seconds / window)) + 0.5) * window
     shape = {k: more.pop(k) for k in ("ratio", "second_order", "amplitude") if k in more}
     u = envelope(mechanics, theta, rate, times, phase=rng.uniform(-3, 3), **shape)
     rates = rate(times) if callable(rate) else np.full(len(times), float(rate))
-    return as_wave(u, times, std, mechanics, rng, rate=rates, run_id=more.pop("run_id", f"run {seed}"), **more)
+    return as_wave(
+        u, times, std, mechanics, rng, rate=rates, run_id=more.pop("run_id", f"run {seed}"), **more
+    )
 
 
 def programme(mechanics=GYRO, seed=0, runs=PROGRAMME, **more):
     """Several run-downs."""
-    return [run_down(theta, rate, mechanics=mechanics, seed=1000 * seed + i, **more) for i, (theta, rate) in enumerate(runs)]
+    return [
+        run_down(theta, rate, mechanics=mechanics, seed=1000 * seed + i, **more)
+        for i, (theta, rate) in enumerate(runs)
+    ]
 
 
 def errors(resonator_record, mechanics=GYRO, names=NAMES):

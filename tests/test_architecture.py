@@ -22,7 +22,16 @@ MAY_IMPORT = {
     "settings": {"errors"},
     "stages": {"units", "errors", "physics", "effects", "fitting", "records", "settings"},
     "formats": {"units", "errors", "records", "settings", "store"},
-    "studies": {"units", "errors", "physics", "effects", "fitting", "records", "stages", "executors"},
+    "studies": {
+        "units",
+        "errors",
+        "physics",
+        "effects",
+        "fitting",
+        "records",
+        "stages",
+        "executors",
+    },
 }
 NUMPY_ONLY = {"physics", "effects"}
 
@@ -34,7 +43,9 @@ def imported(path):
         if isinstance(node, ast.ImportFrom) and node.level:
             package = path.relative_to(PACKAGE).parts[:-1]
             base = package[: len(package) - node.level + 1]
-            for name in [node.module.split(".")[0]] if node.module else [a.name for a in node.names]:
+            for name in (
+                [node.module.split(".")[0]] if node.module else [a.name for a in node.names]
+            ):
                 inside.add((*base, name)[0])
         elif isinstance(node, ast.ImportFrom):
             outside.add((node.module or "").split(".")[0])
@@ -43,13 +54,17 @@ def imported(path):
     return inside, outside
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE))
+)
 def test_imports_run_one_way(path):
     room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
     if room not in MAY_IMPORT:
         return
     inside, outside = imported(path)
-    assert inside - {room} - {"__version__"} <= MAY_IMPORT[room], f"{room} may import {MAY_IMPORT[room]} only"
+    assert inside - {room} - {"__version__"} <= MAY_IMPORT[room], (
+        f"{room} may import {MAY_IMPORT[room]} only"
+    )
     if room in NUMPY_ONLY:
         assert outside - set(sys.stdlib_module_names) <= {"numpy", "numba"}
     assert "h5py" not in outside or room in ("store", "formats")
@@ -66,5 +81,7 @@ except SystemExit:
     pass
 print([m for m in ('numpy', 'h5py', 'pandas', 'pydantic', 'scipy') if m in sys.modules])
 """
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
     assert out.rstrip().endswith("[]"), out.splitlines()[-1]

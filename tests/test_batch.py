@@ -1,4 +1,5 @@
-"""Lots: the same bytes for any executor, nothing done twice, killed workers' work done again, failures kept to their gyro."""
+"""Lots: the same bytes for any executor, nothing done twice, killed workers' work done again,
+failures kept to their gyro."""
 
 import hashlib
 import json
@@ -43,7 +44,9 @@ def run_down(gyro: str, run: str, theta: float, split: float, seed: int) -> Reco
     t = np.arange(int(SECONDS * RATE)) / RATE
     u = exponential(generator(device), t) @ np.array([np.cos(2 * theta), np.sin(2 * theta)])
     x = (u * np.exp(2j * np.pi * FREQUENCY * t)[:, None]).real + 5e-4 * rng.standard_normal(u.shape)
-    return Recording(c=x[:, 0], s=x[:, 1], sample_rate_hz=RATE, mode="free", gyro_id=gyro, run_id=run)
+    return Recording(
+        c=x[:, 0], s=x[:, 1], sample_rate_hz=RATE, mode="free", gyro_id=gyro, run_id=run
+    )
 
 
 def split_of(gyro: int) -> float:
@@ -64,8 +67,7 @@ def lot(tmp_path_factory) -> Path:
             else:
                 store.write(folder / "data" / f"g{gyro}-{run}.h5", record)
     (folder / "data" / "damaged.h5").write_bytes((folder / "data" / "g1-0.h5").read_bytes()[:9000])
-    (folder / "lot.toml").write_text(
-        f"""
+    (folder / "lot.toml").write_text(f"""
 lot_id = "L7"
 created = "{CREATED}"
 recordings = ["data/g*.h5", "data/damaged.h5"]
@@ -84,8 +86,7 @@ start = "closed-form"
 [limits.resonator]
 status = "any"
 frequency_split_rad_s = {{ maximum = 0.375 }}
-"""
-    )
+""")
     return folder
 
 
@@ -98,7 +99,11 @@ def reference(lot, tmp_path_factory) -> tuple[Path, dict]:
 
 def content(folder: Path) -> dict[str, str]:
     """Digest of every file."""
-    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in sorted(folder.rglob("*"))
+        if p.is_file()
+    }
 
 
 def test_every_gyro_has_its_row(reference):
@@ -117,7 +122,10 @@ def test_every_gyro_has_its_row(reference):
     assert list(table["gyro_id"].fillna("")) == [row["gyro_id"] for row in report["rows"]]
     assert table.loc[1, "frequency_hz"] == report["rows"][1]["frequency_hz"]
     if (folder / "lot.parquet").exists():
-        pd.testing.assert_frame_equal(pd.read_parquet(folder / "lot.parquet")[["frequency_hz"]].astype(float), table[["frequency_hz"]])
+        pd.testing.assert_frame_equal(
+            pd.read_parquet(folder / "lot.parquet")[["frequency_hz"]].astype(float),
+            table[["frequency_hz"]],
+        )
     assert str(folder) not in (folder / "lot.csv").read_text()
 
 
@@ -126,7 +134,11 @@ def test_names_stay_inside_the_folder(reference):
     assert {p.name for p in folder.iterdir() if p.is_dir()} == {safe_name("../LAB 0"), "G1", "G2"}
     assert not list(folder.parent.glob("LAB*")) and not list(folder.rglob("*.tmp"))
     for name in ("..", "/etc/passwd", "", "a/b", "x" * 300, "\n"):
-        assert "/" not in safe_name(name) and safe_name(name) not in ("", ".", "..") and len(safe_name(name)) < 80
+        assert (
+            "/" not in safe_name(name)
+            and safe_name(name) not in ("", ".", "..")
+            and len(safe_name(name)) < 80
+        )
     assert safe_name("a/b") != safe_name("a:b")
 
 
@@ -145,9 +157,13 @@ def test_two_processes_make_the_same_bytes(reference, lot, tmp_path):
 def test_a_second_time_nothing_is_done_again(reference, lot, monkeypatch):
     folder, report = reference
     before = {p: p.stat().st_mtime_ns for p in folder.rglob("*.h5")}
-    monkeypatch.setattr("hrg_cli.pipeline.run_stage", lambda *a, **k: pytest.fail("a stage was run again"))
+    monkeypatch.setattr(
+        "hrg_cli.pipeline.run_stage", lambda *a, **k: pytest.fail("a stage was run again")
+    )
     again = run_lot(lot / "lot.toml", folder)
-    assert {k: v for k, v in again.items() if k != "elapsed_s"} == {k: v for k, v in report.items() if k != "elapsed_s"}
+    assert {k: v for k, v in again.items() if k != "elapsed_s"} == {
+        k: v for k, v in report.items() if k != "elapsed_s"
+    }
     assert before == {p: p.stat().st_mtime_ns for p in folder.rglob("*.h5")}
 
 
@@ -200,14 +216,32 @@ def cluster(tmp_path):
     """Address of a scheduler with two workers, and these."""
     pytest.importorskip("distributed")
     file = tmp_path / "scheduler.json"
-    processes = [started("dask_scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file))]
+    processes = [
+        started(
+            "dask_scheduler",
+            "--port",
+            "0",
+            "--host",
+            "127.0.0.1",
+            "--no-dashboard",
+            "--scheduler-file",
+            str(file),
+        )
+    ]
     try:
         deadline = time.monotonic() + 30
         while not file.exists() or not file.read_text():
             assert time.monotonic() < deadline, "the scheduler did not start"
             time.sleep(0.1)
         address = json.loads(file.read_text())["address"]
-        options = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path))
+        options = (
+            "--no-nanny",
+            "--nthreads",
+            "1",
+            "--no-dashboard",
+            "--local-directory",
+            str(tmp_path),
+        )
         processes += [started("dask_worker", address, *options) for _ in range(2)]
         yield address, processes[1:]
     finally:
@@ -236,7 +270,9 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_
 
 def interrupted(program: str, out: Path) -> None:
     """Run a program and kill it when the first wave is written."""
-    child = subprocess.Popen([sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+    child = subprocess.Popen(
+        [sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    )
     while not list(out.rglob("*.wave.h5")) and child.poll() is None:
         time.sleep(0.01)
     child.kill()
@@ -246,8 +282,8 @@ def interrupted(program: str, out: Path) -> None:
 def test_a_cluster_whose_client_is_killed_takes_the_lot_up_again(reference, lot, tmp_path, cluster):
     out = tmp_path / "out"
     program = (
-        "from hrg_cli.lots.batch import executor_for, run_lot; "
-        f"run_lot({str(lot / 'lot.toml')!r}, {str(out)!r}, open_executor=executor_for(2, scheduler={cluster[0]!r}))"
+        f"from hrg_cli.lots.batch import executor_for, run_lot; run_lot({str(lot / 'lot.toml')!r},"
+        f" {str(out)!r}, open_executor=executor_for(2, scheduler={cluster[0]!r}))"
     )
     interrupted(program, out)
     run_lot(lot / "lot.toml", out, open_executor=executor_for(2, scheduler=cluster[0]))
@@ -256,7 +292,10 @@ def test_a_cluster_whose_client_is_killed_takes_the_lot_up_again(reference, lot,
 
 def test_an_interrupted_lot_is_resumed(reference, lot, tmp_path):
     out = tmp_path / "out"
-    interrupted(f"from hrg_cli.lots.batch import run_lot; run_lot({str(lot / 'lot.toml')!r}, {str(out)!r})", out)
+    interrupted(
+        f"from hrg_cli.lots.batch import run_lot; run_lot({str(lot / 'lot.toml')!r}, {str(out)!r})",
+        out,
+    )
     run_lot(lot / "lot.toml", out)
     assert content(out) == content(reference[0])
 
@@ -265,21 +304,34 @@ def test_a_scheduler_that_is_not_there_is_named(lot, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("hrg_cli.executors.CONNECT_S", 1)
     with pytest.raises(HrgError, match="no Dask scheduler answers"):
-        run_lot(lot / "lot.toml", tmp_path / "out", open_executor=executor_for(scheduler="tcp://127.0.0.1:9"))
+        run_lot(
+            lot / "lot.toml",
+            tmp_path / "out",
+            open_executor=executor_for(scheduler="tcp://127.0.0.1:9"),
+        )
 
 
 def test_two_programs_do_not_work_on_one_lot(lot, tmp_path):
     from hrg_cli.lots.batch import _only_writer
 
     (tmp_path / "out").mkdir()
-    with _only_writer(tmp_path / "out"), pytest.raises(HrgError, match="another program works on this lot"):
+    with (
+        _only_writer(tmp_path / "out"),
+        pytest.raises(HrgError, match="another program works on this lot"),
+    ):
         run_lot(lot / "lot.toml", tmp_path / "out")
 
 
 WRONG = {
     "unknown key": ("recordings = 'data/*.h5'\nlimit = 3\n", "unknown key limit"),
-    "unknown setting": ("recordings = 'data/*.h5'\n[demodulate]\nperiod = 3\n", "unknown key demodulate.period"),
-    "wrong value": ("recordings = 'data/*.h5'\n[runs.x.demodulate]\nperiods_per_window = -1\n", "demodulate.periods_per_window"),
+    "unknown setting": (
+        "recordings = 'data/*.h5'\n[demodulate]\nperiod = 3\n",
+        "unknown key demodulate.period",
+    ),
+    "wrong value": (
+        "recordings = 'data/*.h5'\n[runs.x.demodulate]\nperiods_per_window = -1\n",
+        "demodulate.periods_per_window",
+    ),
     "nothing named": ("lot_id = 'x'\n", "names no recordings"),
     "no such file": ("recordings = 'nothing/*.h5'\n", "no file fits"),
     "unknown stage": ("recordings = 'data/*.h5'\nstages = ['guess']\n", "stages"),
@@ -307,10 +359,22 @@ def test_outliers_stand_out_of_the_lot():
     rng = np.random.default_rng(0)
     values = 5000 + rng.normal(0, 2.0, 20)
     values[7] += 40
-    identified = [{"status": "valid", "parameters": {"frequency_hz": {"value": v, "std": 0.1}}} for v in values.tolist()]
-    gyros = [{"gyro_id": f"{i}", "status": "valid", "results": {"identify": result}} for i, result in enumerate(identified)]
+    identified = [
+        {"status": "valid", "parameters": {"frequency_hz": {"value": v, "std": 0.1}}}
+        for v in values.tolist()
+    ]
+    gyros = [
+        {"gyro_id": f"{i}", "status": "valid", "results": {"identify": result}}
+        for i, result in enumerate(identified)
+    ]
     rows = judged_rows(LotSettings(recordings=["x"]), [], gyros)
     assert [row["gyro_id"] for row in rows if row["outliers"]] == ["7"]
     z = np.array([row["frequency_hz_z"] for row in rows])
-    np.testing.assert_allclose(z[7], (values[7] - np.median(values)) / np.hypot(1.4826 * np.median(abs(values - np.median(values))), 0.1))
-    assert not any(row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros[:4]))
+    np.testing.assert_allclose(
+        z[7],
+        (values[7] - np.median(values))
+        / np.hypot(1.4826 * np.median(abs(values - np.median(values))), 0.1),
+    )
+    assert not any(
+        row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros[:4])
+    )

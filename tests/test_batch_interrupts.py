@@ -1,4 +1,5 @@
-"""A lot that is interrupted: says how far it came, leaves no process and no half file behind, and goes on; a full disk is no verdict."""
+"""A lot that is interrupted: says how far it came, leaves no process and no half file behind, and
+goes on; a full disk is no verdict."""
 
 import contextlib
 import os
@@ -30,17 +31,36 @@ def lot(tmp_path_factory) -> Path:
     (folder / "data").mkdir()
     for gyro in range(6):
         for run, theta in enumerate((0.1, 0.6)):
-            store.write(folder / "data" / f"g{gyro}-{run}.h5", run_down(f"G{gyro}", f"{run}", theta, split_of(gyro), 10 * gyro + run))
-    (folder / "lot.toml").write_text('lot_id = "L"\nrecordings = "data/*.h5"\nstages = ["identify"]\n')
+            store.write(
+                folder / "data" / f"g{gyro}-{run}.h5",
+                run_down(f"G{gyro}", f"{run}", theta, split_of(gyro), 10 * gyro + run),
+            )
+    (folder / "lot.toml").write_text(
+        'lot_id = "L"\nrecordings = "data/*.h5"\nstages = ["identify"]\n'
+    )
     return folder
 
 
 def batch(lot: Path, out: Path, *options: str) -> subprocess.Popen[str]:
     """`hrg batch` as a terminal starts it: Ctrl-C reaches it and all its children."""
     return subprocess.Popen(
-        [sys.executable, "-m", "hrg_cli.cli", "batch", str(lot / "lot.toml"), "-o", str(out), *options],
+        [
+            sys.executable,
+            "-m",
+            "hrg_cli.cli",
+            "batch",
+            str(lot / "lot.toml"),
+            "-o",
+            str(out),
+            *options,
+        ],
         cwd=lot,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        env=os.environ
+        | {
+            "PYTHONPATH": str(ROOT),
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+        },
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -71,7 +91,12 @@ def test_an_interrupted_lot_says_how_far_it_came_and_goes_on(jobs, lot, tmp_path
     os.killpg(running.pid, signal.SIGINT)
     told, said = running.communicate(timeout=120)
     assert running.returncode == 130 and told == "" and time.monotonic() - started < SOON_S
-    assert len(said.splitlines()) == 1 and "interrupted" in said and "of 6 gyros" in said and "the same command goes on" in said, said
+    assert (
+        len(said.splitlines()) == 1
+        and "interrupted" in said
+        and "of 6 gyros" in said
+        and "the same command goes on" in said
+    ), said
     assert gone(children) and not list(out.rglob("*.tmp"))
     for path in out.rglob("*.h5"):
         store.read_any(path)
@@ -106,19 +131,33 @@ def test_a_full_disk_ends_the_lot_and_judges_no_gyro(jobs, lot, tmp_path, monkey
             raise DiskFullError("x.h5: the disk is full; free space")
 
         monkeypatch.setattr("hrg_cli.pipeline.run_stage", no_room)
-        with pytest.raises(DiskFullError, match=r"the disk is full.*0 of 6 gyros and 0 of 12 recordings done; the same command goes on"):
+        with pytest.raises(
+            DiskFullError,
+            match=(
+                r"the disk is full.*0 of 6 gyros and 0 of 12 recordings done; the same command"
+                r" goes on"
+            ),
+        ):
             run_lot(lot / "lot.toml", tmp_path / "out")
 
 
 def test_histories_tell_the_true_time_and_command(lot, tmp_path, monkeypatch):
-    """Results of one and two processes differ in the stamp alone; each step is told with its command, the lot's file and its settings."""
+    """Results of one and two processes differ in the stamp alone; each step is told with its
+    command, the lot's file and its settings."""
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
     before = store.created_now()
     changed = ("demodulate.periods_per_window=2.0", 'recordings="data/g1-*.h5"')
     for jobs in (1, 2):
-        run_lot(lot / "lot.toml", tmp_path / f"{jobs}", open_executor=executor_for(jobs), assignments=changed)
+        run_lot(
+            lot / "lot.toml",
+            tmp_path / f"{jobs}",
+            open_executor=executor_for(jobs),
+            assignments=changed,
+        )
     after = store.created_now()
-    one, two = (store.read(tmp_path / f"{jobs}" / "G1" / "resonator.h5", Resonator) for jobs in (1, 2))
+    one, two = (
+        store.read(tmp_path / f"{jobs}" / "G1" / "resonator.h5", Resonator) for jobs in (1, 2)
+    )
     for name, spec in Resonator.columns().items():
         found, other = getattr(one, name), getattr(two, name)
         assert (found == other).all() if spec.dims and found is not None else found == other, name
@@ -129,8 +168,14 @@ def test_histories_tell_the_true_time_and_command(lot, tmp_path, monkeypatch):
         assert all(before <= time <= after for time, *_ in steps)
         assert [words.split()[1] for *_, words in steps[:2]] == ["demodulate", "estimate"]
         digest = store.sha256(lot / "lot.toml")
-        assert all("hrg batch lot.toml --set demodulate.periods_per_window=2.0" in words and digest in words for *_, words in steps)
-        assert not any(str(tmp_path) in line or "--jobs" in line for line in record.provenance.history)
+        assert all(
+            "hrg batch lot.toml --set demodulate.periods_per_window=2.0" in words
+            and digest in words
+            for *_, words in steps
+        )
+        assert not any(
+            str(tmp_path) in line or "--jobs" in line for line in record.provenance.history
+        )
     assert (tmp_path / "1" / "lot.csv").read_bytes() == (tmp_path / "2" / "lot.csv").read_bytes()
 
 
@@ -138,10 +183,19 @@ def test_a_scheduler_without_workers_is_said(lot, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr("hrg_cli.executors.WORKERS_S", 1.0)
     monkeypatch.setattr("hrg_cli.executors.LOOK_S", 0.3)
-    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster, contextlib.ExitStack():
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
+        contextlib.ExitStack(),
+    ):
         started = time.monotonic()
-        with pytest.raises(HrgError, match=r"has had no worker for 1 s; start one with `dask worker"):
-            run_lot(lot / "lot.toml", tmp_path / "out", open_executor=executor_for(scheduler=cluster.scheduler_address))
+        with pytest.raises(
+            HrgError, match=r"has had no worker for 1 s; start one with `dask worker"
+        ):
+            run_lot(
+                lot / "lot.toml",
+                tmp_path / "out",
+                open_executor=executor_for(scheduler=cluster.scheduler_address),
+            )
         assert time.monotonic() - started < SOON_S
 
 

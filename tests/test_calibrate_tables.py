@@ -28,17 +28,32 @@ def written(folder, rate_title="rate_deg_s", factor=180 / np.pi):
     out = 1e5 * ((1 - 4e-4 * (degc - 30)) * omega + 1e-3 * (degc - 30)) + 5 * draw.normal(size=400)
     path = folder / "dwells.csv"
     rows = np.stack([omega * factor, out, degc], axis=1)
-    np.savetxt(path, rows, delimiter=",", header=f"{rate_title},counts,temp_C", comments="", fmt="%.9g")
+    np.savetxt(
+        path, rows, delimiter=",", header=f"{rate_title},counts,temp_C", comments="", fmt="%.9g"
+    )
     return path
 
 
 def test_a_table_gives_the_scale_factor_and_its_coefficient(tmp_path):
-    flags = ("--rate-column", "rate_deg_s", "--output-column", "counts", "--temperature-column", "temp_C")
+    flags = (
+        "--rate-column",
+        "rate_deg_s",
+        "--output-column",
+        "counts",
+        "--temperature-column",
+        "temp_C",
+    )
     report = calibrated(written(tmp_path), tmp_path / "cal.h5", *flags)
     assert report["scale_factor_coefficient_ppm_per_degc"] == pytest.approx(-400, abs=2)
-    assert report["drift_rms_rad_s"]["held_out"] == pytest.approx(5e-5, rel=0.2) and report["ladder"] == []
+    assert (
+        report["drift_rms_rad_s"]["held_out"] == pytest.approx(5e-5, rel=0.2)
+        and report["ladder"] == []
+    )
     limits = tmp_path / "limits.toml"
-    limits.write_text("[calibration]\nscale_factor_coefficient_ppm_per_degc = { minimum = -450, maximum = -350 }\n")
+    limits.write_text(
+        "[calibration]\nscale_factor_coefficient_ppm_per_degc = { minimum = -450, maximum ="
+        " -350 }\n"
+    )
     assert hrg("check", tmp_path / "cal.h5", "--limits", limits)[0] == 0
     assert "scale_factor_coefficient" in hrg("info", tmp_path / "cal.h5")[1]
     assert hrg("report", tmp_path / "cal.h5", "-o", tmp_path / "cal.html")[0] == 0
@@ -66,12 +81,34 @@ def measured(*parts):
 
 def test_fibre_optic_gyro_by_command(tmp_path):
     log = measured("fog_rate_temperature", "fog_rate_temp_773pts.csv")
-    flags = ("--rate-column", "rig_rate_rad_s", "--output-column", "gyro_raw_counts", "--temperature-column", "gyro_temp_C")
+    flags = (
+        "--rate-column",
+        "rig_rate_rad_s",
+        "--output-column",
+        "gyro_raw_counts",
+        "--temperature-column",
+        "gyro_temp_C",
+    )
     assert calibrated(log, tmp_path / "fog.h5", *flags)["drift_rms_rad_s"]["held_out"] < 4.2e-4
 
 
 def test_cold_mems_gyro_by_command(tmp_path):
     log = measured("mems_gyro_cold", "TVCtest3_7_20.csv")
-    scale = ("--set", "temperature_bits=16", "--set", "temperature_scale=0.00390625", "--set", "temperature_offset_degc=25")
-    report = calibrated(log, tmp_path / "mems.h5", "--output-column", "gyrox rad/s", "--temperature-column", "temp", *scale)
+    scale = (
+        "--set",
+        "temperature_bits=16",
+        "--set",
+        "temperature_scale=0.00390625",
+        "--set",
+        "temperature_offset_degc=25",
+    )
+    report = calibrated(
+        log,
+        tmp_path / "mems.h5",
+        "--output-column",
+        "gyrox rad/s",
+        "--temperature-column",
+        "temp",
+        *scale,
+    )
     assert report["rejected"] > 0 and any("spikes" in reason for reason in report["status_reasons"])

@@ -1,4 +1,5 @@
-"""`hrg check` and `hrg diff`: many files, words and units, typing errors, a baseline in σ, JUnit and Markdown."""
+"""`hrg check` and `hrg diff`: many files, words and units, typing errors, a baseline in σ, JUnit
+and Markdown."""
 
 import json
 import sys
@@ -50,7 +51,13 @@ def test_limits_with_units(name, written, value):
 
 
 @pytest.mark.parametrize(
-    ("name", "written"), [("bias_rad_s", "5 deg"), ("bias_rad_s", "five"), ("frequency_hz", "5 ppm"), ("chi2", float("inf"))]
+    ("name", "written"),
+    [
+        ("bias_rad_s", "5 deg"),
+        ("bias_rad_s", "five"),
+        ("frequency_hz", "5 ppm"),
+        ("chi2", float("inf")),
+    ],
 )
 def test_units_of_something_else(name, written):
     with pytest.raises(UsageError, match="limit"):
@@ -58,20 +65,42 @@ def test_units_of_something_else(name, written):
 
 
 def test_what_was_meant():
-    assert meant("adeqate", ("adequate", "explained")) == "did you mean adequate?" and meant("xyz", ("adequate",)) == ""
-    assert quantity_of("rows") == "a ratio" and quantity_of("values.frequency_split_rad_s") == "a rate"
+    assert (
+        meant("adeqate", ("adequate", "explained")) == "did you mean adequate?"
+        and meant("xyz", ("adequate",)) == ""
+    )
+    assert (
+        quantity_of("rows") == "a ratio" and quantity_of("values.frequency_split_rad_s") == "a rate"
+    )
 
 
 def test_many_files_verdict_and_causes(hrg, results):
     given = limits(
-        results, '[diagnosis]\nverdict = ["adequate", "explained"]\ncauses = 2\n[resonator]\nstatus = "any"\nscale_factor = 0.6\n'
+        results,
+        '[diagnosis]\nverdict = ["adequate", "explained"]\ncauses = 2\n[resonator]\nstatus ='
+        ' "any"\nscale_factor = 0.6\n',
     )
     files = (results / "diagnosis.h5", results / "resonator.h5")
     done = hrg("check", *files, "--limits", given, "--json")
-    assert done.status == 0 and {row["file"] for row in done.json["rows"]} == set(map(str, files)), done.err
+    assert done.status == 0 and {row["file"] for row in done.json["rows"]} == set(
+        map(str, files)
+    ), done.err
     assert done.json["answer"]["health"] == "fault found"
-    strict = hrg("check", *files, "--limits", given, "--set", "diagnosis.causes=0", "--set", 'diagnosis.verdict="adequate"')
-    assert strict.status == 3 and "the verdict is explained, adequate was wanted" in strict.err and "causes is 2" in strict.err
+    strict = hrg(
+        "check",
+        *files,
+        "--limits",
+        given,
+        "--set",
+        "diagnosis.causes=0",
+        "--set",
+        'diagnosis.verdict="adequate"',
+    )
+    assert (
+        strict.status == 3
+        and "the verdict is explained, adequate was wanted" in strict.err
+        and "causes is 2" in strict.err
+    )
 
 
 @pytest.mark.parametrize(
@@ -95,11 +124,19 @@ def test_junit_and_markdown(hrg, results):
     out = ("--junit", results / "check.xml", "--markdown", results / "check.md")
     assert hrg("check", results / "diagnosis.h5", "--limits", given, *out).status == 3
     root = ElementTree.parse(results / "check.xml").getroot()
-    failed = {case.get("name") for case in root.iter("testcase") if case.find("failure") is not None}
-    assert failed == {"causes"} and root.get("failures") == "1" and "fault found" in root.find(".//system-out").text
+    failed = {
+        case.get("name") for case in root.iter("testcase") if case.find("failure") is not None
+    }
+    assert (
+        failed == {"causes"}
+        and root.get("failures") == "1"
+        and "fault found" in root.find(".//system-out").text
+    )
     text = (results / "check.md").read_text()
     assert text.startswith("### hrg check: FAILED") and "| diagnosis.h5 | causes | 2 |" in text
-    assert hrg("check", results / "diagnosis.h5", "--limits", given, *out).status == 1, "existing outputs are refused"
+    assert hrg("check", results / "diagnosis.h5", "--limits", given, *out).status == 1, (
+        "existing outputs are refused"
+    )
 
 
 def moved(record, name, sigmas):
@@ -135,12 +172,22 @@ def test_axes_differ_modulo_their_period():
 def test_diff_of_diagnoses_and_tables():
     old = by_hand.diagnosis()
     report = json.loads(old.report)
-    new = old.replace(verdict="adequate", report=json.dumps(report | {"verdict": "adequate", "effects": report["effects"][:1]}))
+    new = old.replace(
+        verdict="adequate",
+        report=json.dumps(report | {"verdict": "adequate", "effects": report["effects"][:1]}),
+    )
     said = compare(old, new).beyond(5.0)
-    assert "cause gain_mismatch is in the old result alone" in said and "verdict was explained, is adequate" in said
+    assert (
+        "cause gain_mismatch is in the old result alone" in said
+        and "verdict was explained, is adequate" in said
+    )
     tables = by_hand.calibration()
-    shifted = tables.replace(drift_harmonics=tables.drift_harmonics + np.eye(1, tables.drift_harmonics.shape[1]) * 1e-4)
-    assert {d.name: d for d in of_tables(tables, shifted)}["table.drift_rad_s"].difference == pytest.approx(1e-4, rel=1e-6)
+    shifted = tables.replace(
+        drift_harmonics=tables.drift_harmonics + np.eye(1, tables.drift_harmonics.shape[1]) * 1e-4
+    )
+    assert {d.name: d for d in of_tables(tables, shifted)}[
+        "table.drift_rad_s"
+    ].difference == pytest.approx(1e-4, rel=1e-6)
 
 
 def test_baseline(hrg, results, tmp_path):
@@ -150,8 +197,22 @@ def test_baseline(hrg, results, tmp_path):
     given = limits(results, '[resonator]\nstatus = "any"\nscale_factor = 0.6\n')
     done = hrg("check", results / "resonator.h5", "--limits", given, "--baseline", earlier)
     assert done.status == 3 and "scale_factor moved by -7 σ" in done.err
-    assert hrg("check", results / "resonator.h5", "--limits", given, "--baseline", earlier, "--limit-sigma", 8).status == 0
-    assert hrg("check", results / "diagnosis.h5", "--baseline", earlier).status == 3, "what the baseline lacks does not pass"
+    assert (
+        hrg(
+            "check",
+            results / "resonator.h5",
+            "--limits",
+            given,
+            "--baseline",
+            earlier,
+            "--limit-sigma",
+            8,
+        ).status
+        == 0
+    )
+    assert hrg("check", results / "diagnosis.h5", "--baseline", earlier).status == 3, (
+        "what the baseline lacks does not pass"
+    )
     assert hrg("check", results / "resonator.h5").status == 2
 
 
@@ -159,4 +220,7 @@ def test_strict_from_the_environment(hrg, results, monkeypatch):
     store.write(results / "rec.h5", by_hand.recording(seconds=1.0, truth=False).judged(["doubted"]))
     assert hrg("demodulate", results / "rec.h5", "-o", results / "p1.h5").status == 0
     monkeypatch.setenv("HRG_STRICT", "1")
-    assert hrg("demodulate", results / "rec.h5", "-o", results / "p2.h5").status == 3 or store.read_any(results / "p2.h5").status == "valid"
+    assert (
+        hrg("demodulate", results / "rec.h5", "-o", results / "p2.h5").status == 3
+        or store.read_any(results / "p2.h5").status == "valid"
+    )

@@ -1,4 +1,5 @@
-"""The command line as a contract: every command documented, JSON alone on standard output, exit statuses, provenance."""
+"""The command line as a contract: every command documented, JSON alone on standard output, exit
+statuses, provenance."""
 
 import json
 
@@ -35,7 +36,9 @@ def test_every_command_is_documented_with_an_example(name, hrg):
     ):
         assert option in result.out
     for parameter in COMMANDS[name].params:
-        assert parameter.param_type_name == "argument" or parameter.help, f"{name} {parameter.name} says nothing"
+        assert parameter.param_type_name == "argument" or parameter.help, (
+            f"{name} {parameter.name} says nothing"
+        )
 
 
 def test_bare_hrg_prints_help_and_version_is_said(hrg):
@@ -51,23 +54,41 @@ def recording(tmp_path):
 
 
 def test_chain_with_provenance(hrg, recording, tmp_path):
-    first = hrg("demodulate", recording, "-o", tmp_path / "p.h5", "--set", "periods_per_window=5", "--json")
-    assert first.status == 0 and first.json["kind"] == "periods" and first.json["output"] == str(tmp_path / "p.h5")
+    first = hrg(
+        "demodulate", recording, "-o", tmp_path / "p.h5", "--set", "periods_per_window=5", "--json"
+    )
+    assert (
+        first.status == 0
+        and first.json["kind"] == "periods"
+        and first.json["output"] == str(tmp_path / "p.h5")
+    )
     assert {"kind", "status", "status_reasons", "output", "elapsed_s"} <= set(first.json)
     second = hrg("estimate", tmp_path / "p.h5", "-o", tmp_path / "w.h5", "-q")
     assert second.status == 0 and second.out == ""
     wave = store.read(tmp_path / "w.h5", Wave)
     assert len(wave.provenance.history) == 2 and "demodulate" in wave.provenance.history[0]
-    assert wave.provenance.sources[0].sha256 == store.sha256(tmp_path / "p.h5") and wave.provenance.sources[0].kind == "periods"
+    assert (
+        wave.provenance.sources[0].sha256 == store.sha256(tmp_path / "p.h5")
+        and wave.provenance.sources[0].kind == "periods"
+    )
     assert "periods_per_window = 5" in store.read(tmp_path / "p.h5", Periods).provenance.settings
     info = hrg("info", tmp_path / "w.h5", "--json").json
-    assert info["kind"] == "wave" and info["facts"]["rows"] == len(wave) and len(info["history"]) == 2
-    assert "wave_angle" in hrg("info", tmp_path / "w.h5").out or "rows" in hrg("info", tmp_path / "w.h5").out
+    assert (
+        info["kind"] == "wave" and info["facts"]["rows"] == len(wave) and len(info["history"]) == 2
+    )
+    assert (
+        "wave_angle" in hrg("info", tmp_path / "w.h5").out
+        or "rows" in hrg("info", tmp_path / "w.h5").out
+    )
 
 
 def test_a_streams_json_tells_of_all_its_blocks(hrg, recording, tmp_path):
-    first = hrg("demodulate", recording, "-o", tmp_path / "p.h5", "--set", "block_samples=500", "--json").json
-    assert first["windows"] == len(store.read(tmp_path / "p.h5", Periods)) > 100 and first["duration_s"] == pytest.approx(0.4, abs=0.01)
+    first = hrg(
+        "demodulate", recording, "-o", tmp_path / "p.h5", "--set", "block_samples=500", "--json"
+    ).json
+    assert first["windows"] == len(store.read(tmp_path / "p.h5", Periods)) > 100 and first[
+        "duration_s"
+    ] == pytest.approx(0.4, abs=0.01)
     second = hrg("estimate", tmp_path / "p.h5", "-o", tmp_path / "w.h5", "--json").json
     assert second["windows"] == first["windows"] and second["usable"] > 0.9 * first["windows"]
 

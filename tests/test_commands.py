@@ -1,4 +1,5 @@
-"""Commands on small data: the whole chain, lots, the shell (completion, colour, pipes, standard input), options that act."""
+"""Commands on small data: the whole chain, lots, the shell (completion, colour, pipes, standard
+input), options that act."""
 
 import csv
 import hashlib
@@ -42,11 +43,15 @@ def shell(*arguments, stdin=None, **environment):
 
 
 def rows(folder):
-    """Digest of the datasets of every file in a folder (the attributes name times and command lines)."""
+    """Digest of the datasets of every file in a folder (the attributes name times and command
+    lines)."""
     found = {}
     for path in sorted(folder.glob("*.wave.h5")):
         with h5py.File(path) as file:
-            found[path.name] = {name: hashlib.sha256(item[()].tobytes()).hexdigest() for name, item in file["wave"].items()}
+            found[path.name] = {
+                name: hashlib.sha256(item[()].tobytes()).hexdigest()
+                for name, item in file["wave"].items()
+            }
     return found
 
 
@@ -58,27 +63,54 @@ def ran(tmp_path_factory):
     """`hrg run` on two recordings and a foreign log that is no log."""
     folder = tmp_path_factory.mktemp("run")
     (folder / "notes.csv").write_text("nothing,here\nat,all\n")
-    done = shell("run", *SAMPLE, folder / "notes.csv", "-o", folder / "out", "--json", "--seed", 5, *FEW_WINDOWS)
+    done = shell(
+        "run",
+        *SAMPLE,
+        folder / "notes.csv",
+        "-o",
+        folder / "out",
+        "--json",
+        "--seed",
+        5,
+        *FEW_WINDOWS,
+    )
     return folder, done
 
 
 def test_run_makes_every_step_and_a_page(ran):
     folder, done = ran
     report = json.loads(done.stdout)
-    assert done.returncode == 3 and report["status"] == "refused", "a recording that failed is not hidden"
+    assert done.returncode == 3 and report["status"] == "refused", (
+        "a recording that failed is not hidden"
+    )
     by_output = {step["output"]: step for step in report["steps"]}
     for path in SAMPLE:
         assert by_output[f"{path.stem}.wave.h5"]["status"] == "valid"
-    assert by_output["resonator.h5"]["name"] == "identify" and by_output["resonator.h5"]["status"] != "failed"
-    assert by_output["notes.recording.h5"]["status"] == "failed" and "notes.csv" in by_output["notes.recording.h5"]["reasons"][0]
+    assert (
+        by_output["resonator.h5"]["name"] == "identify"
+        and by_output["resonator.h5"]["status"] != "failed"
+    )
+    assert (
+        by_output["notes.recording.h5"]["status"] == "failed"
+        and "notes.csv" in by_output["notes.recording.h5"]["reasons"][0]
+    )
     assert not (folder / "out" / "notes.recording.h5").exists()
     assert "<svg" in (folder / "out" / "report.html").read_text()
     assert "seed = 5" in store.read_any(folder / "out" / "resonator.h5").provenance.settings
-    assert set(report["steps"][0]) == {"name", "inputs", "output", "status", "reasons", "json", "checks"}
+    assert set(report["steps"][0]) == {
+        "name",
+        "inputs",
+        "output",
+        "status",
+        "reasons",
+        "json",
+        "checks",
+    }
 
 
 def test_run_shares_recordings_among_processes(tmp_path):
-    """The same steps, in the same order, and the same rows from two processes as from one; a damaged recording stops neither."""
+    """The same steps, in the same order, and the same rows from two processes as from one; a
+    damaged recording stops neither."""
     paths = [tmp_path / f"r{k}.h5" for k in range(3)]
     for k, path in enumerate(paths):
         store.write(path, ringing(mode="forced", seed=k, run_id=str(k)))
@@ -87,8 +119,16 @@ def test_run_shares_recordings_among_processes(tmp_path):
     for jobs in (1, 2):
         (tmp_path / f"out{jobs}").mkdir()
         steps = run_gyro(paths, tmp_path / f"out{jobs}", jobs=jobs)
-        made[jobs] = [(step.name, step.inputs, step.output, step.status, step.reasons) for step in steps]
-    assert made[1] == made[2] and [step[3] for step in made[1][:5]] == ["valid", "valid", "failed", "valid", "valid"]
+        made[jobs] = [
+            (step.name, step.inputs, step.output, step.status, step.reasons) for step in steps
+        ]
+    assert made[1] == made[2] and [step[3] for step in made[1][:5]] == [
+        "valid",
+        "valid",
+        "failed",
+        "valid",
+        "valid",
+    ]
     assert rows(tmp_path / "out1") == rows(tmp_path / "out2") and len(rows(tmp_path / "out1")) == 2
 
 
@@ -115,8 +155,14 @@ def lot(tmp_path_factory):
     for gyro in ("A", "B"):
         for k, path in enumerate(SAMPLE):
             with store.open_record(path, Recording) as record:
-                store.write(folder / f"{gyro}-{k}.h5", record.replace(gyro_id=gyro, c=record.c[:], s=record.s[:]))
-    (folder / "lot.toml").write_text('lot_id = "L"\nrecordings = "*.h5"\nstages = ["identify"]\n[limits.resonator]\nscale_factor = 0.1\n')
+                store.write(
+                    folder / f"{gyro}-{k}.h5",
+                    record.replace(gyro_id=gyro, c=record.c[:], s=record.s[:]),
+                )
+    (folder / "lot.toml").write_text(
+        'lot_id = "L"\nrecordings = "*.h5"\nstages = ["identify"]\n[limits.resonator]\nscale_factor'
+        " = 0.1\n"
+    )
     done = shell("batch", folder / "lot.toml", "-o", folder / "out", "--json")
     return folder, done
 
@@ -124,24 +170,51 @@ def lot(tmp_path_factory):
 def test_batch_tells_every_gyro(lot):
     folder, done = lot
     report = json.loads(done.stdout)
-    assert done.returncode == 3 and report["status"] == "refused", "no gyro is within a limit that none can hold"
-    assert {row["gyro_id"] for row in report["rows"]} == {"A", "B"} and not any(row["passed"] for row in report["rows"])
+    assert done.returncode == 3 and report["status"] == "refused", (
+        "no gyro is within a limit that none can hold"
+    )
+    assert {row["gyro_id"] for row in report["rows"]} == {"A", "B"} and not any(
+        row["passed"] for row in report["rows"]
+    )
     with open(folder / "out" / "lot.csv", encoding="utf-8") as table:
         assert [row["gyro_id"] for row in csv.DictReader(table)] == ["A", "B"]
     page = (folder / "out" / "lot.html").read_text()
-    assert 'href="./A/"' in page and (folder / "out" / "A" / "resonator.h5").exists() and "scale_factor is" in page
+    assert (
+        'href="./A/"' in page
+        and (folder / "out" / "A" / "resonator.h5").exists()
+        and "scale_factor is" in page
+    )
 
 
 def test_batch_settings(lot, hrg, tmp_path):
-    """--config is put over the lot's file, --set and --seed over both; what --show-config prints is the same lot again."""
+    """--config is put over the lot's file, --set and --seed over both; what --show-config prints is
+    the same lot again."""
     folder, _ = lot
-    (tmp_path / "over.toml").write_text("[batch.limits.resonator]\nscale_factor = 0.9\n[batch.demodulate]\nperiods_per_window = 2.0\n")
-    shown = hrg("batch", folder / "lot.toml", "--config", tmp_path / "over.toml", "--set", "outlier_z=5", "--seed", 3, "--show-config")
+    (tmp_path / "over.toml").write_text(
+        "[batch.limits.resonator]\nscale_factor = 0.9\n[batch.demodulate]\nperiods_per_window ="
+        " 2.0\n"
+    )
+    shown = hrg(
+        "batch",
+        folder / "lot.toml",
+        "--config",
+        tmp_path / "over.toml",
+        "--set",
+        "outlier_z=5",
+        "--seed",
+        3,
+        "--show-config",
+    )
     tree = tomllib.loads(shown.out)["batch"]
-    assert tree["limits"]["resonator"]["scale_factor"] == 0.9 and tree["demodulate"]["periods_per_window"] == 2
+    assert (
+        tree["limits"]["resonator"]["scale_factor"] == 0.9
+        and tree["demodulate"]["periods_per_window"] == 2
+    )
     assert tree["outlier_z"] == 5 and tree["identify"]["seed"] == 3 and tree["lot_id"] == "L"
     (tmp_path / "whole.toml").write_text(shown.out)
-    again = hrg("batch", folder / "lot.toml", "--config", tmp_path / "whole.toml", "--show-config", "--json")
+    again = hrg(
+        "batch", folder / "lot.toml", "--config", tmp_path / "whole.toml", "--show-config", "--json"
+    )
     assert again.json["batch"] == tree
     wrong = hrg("batch", folder / "lot.toml", "-o", tmp_path / "out", "--set", "outlier=5")
     assert wrong.status == 1 and "outlier_z" in wrong.err and not (tmp_path / "out").exists()
@@ -160,8 +233,12 @@ def test_batch_settings(lot, hrg, tmp_path):
     ],
 )
 def test_completion_of_bash(words, offered):
-    done = shell(_HRG_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(len(words.split()) - 1))
-    assert done.returncode == 0 and set(done.stdout.decode().split()) == offered and done.stderr == b""
+    done = shell(
+        _HRG_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(len(words.split()) - 1)
+    )
+    assert (
+        done.returncode == 0 and set(done.stdout.decode().split()) == offered and done.stderr == b""
+    )
 
 
 def test_completion_script_is_bash(tmp_path):
@@ -174,8 +251,17 @@ def test_completion_script_is_bash(tmp_path):
 def on_terminal(*arguments, **environment):
     """What `hrg` writes when standard output and error are a terminal."""
     ours, theirs = pty.openpty()
-    given = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"PYTHONPATH": str(ROOT), "TERM": "xterm-256color"} | environment
-    child = subprocess.Popen([sys.executable, "-m", "hrg_cli.cli", *map(str, arguments)], stdout=theirs, stderr=theirs, env=given)
+    given = (
+        {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
+        | {"PYTHONPATH": str(ROOT), "TERM": "xterm-256color"}
+        | environment
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-m", "hrg_cli.cli", *map(str, arguments)],
+        stdout=theirs,
+        stderr=theirs,
+        env=given,
+    )
     os.close(theirs)
     text = b""
     while True:
@@ -195,19 +281,35 @@ def test_no_colour_when_it_is_not_wanted(tmp_path):
     store.write(tmp_path / "a.h5", ringing(seconds=1.0))
     text = on_terminal("demodulate", tmp_path / "a.h5", "-o", tmp_path / "p.h5", NO_COLOR="1")
     assert b"demodulate" in text and b"periods, valid" in text
-    codes = [code for part in text.split(b"\x1b[")[1:] for code in [part.split(b"m")[0]] if code.replace(b";", b"").isdigit()]
-    assert not [code for code in codes if any(30 <= int(n) <= 49 or int(n) >= 90 for n in code.split(b";") if n)], codes
+    codes = [
+        code
+        for part in text.split(b"\x1b[")[1:]
+        for code in [part.split(b"m")[0]]
+        if code.replace(b";", b"").isdigit()
+    ]
+    assert not [
+        code
+        for code in codes
+        if any(30 <= int(n) <= 49 or int(n) >= 90 for n in code.split(b";") if n)
+    ], codes
 
 
 def test_plain_lines_when_piped(tmp_path):
     store.write(tmp_path / "a.h5", ringing(seconds=1.0))
     done = shell("demodulate", tmp_path / "a.h5", "-o", tmp_path / "p.h5")
-    assert done.returncode == 0 and b"\x1b" not in done.stdout + done.stderr and b"\r" not in done.stdout + done.stderr
+    assert (
+        done.returncode == 0
+        and b"\x1b" not in done.stdout + done.stderr
+        and b"\r" not in done.stdout + done.stderr
+    )
     info = shell("info", tmp_path / "p.h5")
     assert info.returncode == 0 and b"\x1b" not in info.stdout and info.stderr == b""
 
 
-@pytest.mark.parametrize("command", [("info", "a.h5"), ("effects",), ("info", "a.h5", "--json"), ("demodulate", "--show-config")])
+@pytest.mark.parametrize(
+    "command",
+    [("info", "a.h5"), ("effects",), ("info", "a.h5", "--json"), ("demodulate", "--show-config")],
+)
 def test_closed_pipe_is_quiet(command, tmp_path):
     """A reader that left before anything was written: no message, no failure."""
     store.write(tmp_path / "a.h5", ringing())
@@ -232,7 +334,17 @@ def test_closed_pipe_keeps_the_verdict(tmp_path):
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
-        [sys.executable, "-m", "hrg_cli.cli", "check", tmp_path / "a.h5", "--limits", tmp_path / "limits.toml", "-q", "--json"],
+        [
+            sys.executable,
+            "-m",
+            "hrg_cli.cli",
+            "check",
+            tmp_path / "a.h5",
+            "--limits",
+            tmp_path / "limits.toml",
+            "-q",
+            "--json",
+        ],
         stdout=writing,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         check=False,
@@ -246,7 +358,12 @@ def test_import_reads_standard_input(tmp_path):
     flags = ("--time", 1, "--c", 2, "--s", 3, "--temperature", 4)
     done = shell("import", "-", "-o", tmp_path / "a.h5", *flags, "--json", stdin=log)
     assert done.returncode == 0 and json.loads(done.stdout)["samples"] > 1000, done.stderr
-    assert shell("import", ROOT / "sample_data" / "lab_log.csv", "-o", tmp_path / "b.h5", *flags).returncode == 0
+    assert (
+        shell(
+            "import", ROOT / "sample_data" / "lab_log.csv", "-o", tmp_path / "b.h5", *flags
+        ).returncode
+        == 0
+    )
     one, other = (store.read(tmp_path / f"{name}.h5", Recording) for name in "ab")
     assert np.array_equal(one.c, other.c) and one.sample_rate_hz == other.sample_rate_hz
     empty = shell("import", "-", "-o", tmp_path / "c.h5", stdin=b"")
@@ -257,21 +374,28 @@ def test_import_reads_standard_input(tmp_path):
 
 
 def test_import_flags_for_odd_logs(hrg, tmp_path):
-    """Ticks of a clock, a comma as decimal sign, kelvins, slow columns with times of their own names."""
+    """Ticks of a clock, a comma as decimal sign, kelvins, slow columns with times of their own
+    names."""
     lines = ["ticks;c;s;kelvin"]
-    lines += [f"{k * 50};{np.cos(0.3 * k):.6f};{np.sin(0.3 * k):.6f};293,15".replace(".", ",") for k in range(400)]
+    lines += [
+        f"{k * 50};{np.cos(0.3 * k):.6f};{np.sin(0.3 * k):.6f};293,15".replace(".", ",")
+        for k in range(400)
+    ]
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     names = ("--time", "ticks", "--c", "c", "--s", "s", "--temperature", "kelvin")
     kinds = ("--clock-hz", 1e6, "--separator", ";", "--decimal", ",", "--temperature-units", "K")
     done = hrg("import", tmp_path / "log.csv", "-o", tmp_path / "r.h5", *names, *kinds, "--json")
     assert done.status == 0, done.err
     record = store.read(tmp_path / "r.h5", Recording)
-    assert record.sample_rate_hz == pytest.approx(20000.0) and record.temperature_degc[0] == pytest.approx(20.0)
+    assert record.sample_rate_hz == pytest.approx(20000.0) and record.temperature_degc[
+        0
+    ] == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_json_is_there_for_every_command(name, hrg):
-    """--show-config --json prints the settings as one JSON object; commands without settings say so in their help."""
+    """--show-config --json prints the settings as one JSON object; commands without settings say so
+    in their help."""
     text = " ".join(hrg(name, "--help").out.split())
     if "--show-config No effect here" in text:
         assert name in ("diff", "effects", "info", "verify")
@@ -291,8 +415,20 @@ def test_seed_and_jobs_act_or_say_so(hrg):
     """Where the help does not deny it, --seed changes a setting."""
     for name in ("identify", "calibrate", "run"):
         shown = hrg(name, "--show-config", "--json", "--seed", 77).json
-        assert "77" in json.dumps(shown) and "--seed <int> No effect" not in " ".join(hrg(name, "--help").out.split())
-    for name in ("demodulate", "estimate", "compensate", "info", "effects", "check", "report", "export", "plan"):
+        assert "77" in json.dumps(shown) and "--seed <int> No effect" not in " ".join(
+            hrg(name, "--help").out.split()
+        )
+    for name in (
+        "demodulate",
+        "estimate",
+        "compensate",
+        "info",
+        "effects",
+        "check",
+        "report",
+        "export",
+        "plan",
+    ):
         assert "--seed <int> No effect here" in " ".join(hrg(name, "--help").out.split())
     for name in ("simulate", "run", "batch"):
         assert "Processes" in hrg(name, "--help").out
@@ -301,10 +437,17 @@ def test_seed_and_jobs_act_or_say_so(hrg):
 def test_answers_are_kept_as_json(hrg, tmp_path):
     store.write(tmp_path / "a.h5", ringing())
     (tmp_path / "limits.toml").write_text("rows = 1\n")
-    for command in (("info", tmp_path / "a.h5"), ("effects",), ("check", tmp_path / "a.h5", "--limits", tmp_path / "limits.toml")):
+    for command in (
+        ("info", tmp_path / "a.h5"),
+        ("effects",),
+        ("check", tmp_path / "a.h5", "--limits", tmp_path / "limits.toml"),
+    ):
         out = tmp_path / f"{command[0]}.json"
         told = hrg(*command, "-o", out, "--json")
-        assert told.status == (3 if command[0] == "check" else 0) and json.loads(out.read_text()) == told.json
+        assert (
+            told.status == (3 if command[0] == "check" else 0)
+            and json.loads(out.read_text()) == told.json
+        )
         assert {"kind", "status", "status_reasons", "output", "elapsed_s"} <= set(told.json)
         assert hrg(*command, "-o", out).status == 1, "an existing output is refused"
 
@@ -321,8 +464,12 @@ def test_check_takes_limits_from_everywhere(hrg, tmp_path):
 
 def test_report_takes_settings(hrg, tmp_path):
     store.write(tmp_path / "a.h5", ringing())
-    made = hrg("report", tmp_path / "a.h5", "-o", tmp_path / "figures", "--set", "format=png", "--json")
-    assert made.status == 0 and all(Path(name).suffix == ".png" and Path(name).exists() for name in made.json["files"])
+    made = hrg(
+        "report", tmp_path / "a.h5", "-o", tmp_path / "figures", "--set", "format=png", "--json"
+    )
+    assert made.status == 0 and all(
+        Path(name).suffix == ".png" and Path(name).exists() for name in made.json["files"]
+    )
     assert hrg("report", tmp_path / "a.h5", "-o", tmp_path / "x", "--format", "pdf").status == 2
     page = hrg("report", tmp_path / "a.h5", "-o", tmp_path / "a.html", "-v")
     assert page.status == 0 and "report: " in page.err
@@ -330,7 +477,17 @@ def test_report_takes_settings(hrg, tmp_path):
 
 def test_export_takes_settings(hrg, tmp_path):
     waves = programme(Truth(3), (-10, 15, 40), (-0.5, 0.5), duration=15, noise=1e-4)
-    store.write(tmp_path / "c.h5", calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0))
-    made = hrg("export", tmp_path / "c.h5", "-o", tmp_path / "t.h", "--set", "fixed_point_bits=16", "--json")
+    store.write(
+        tmp_path / "c.h5", calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0)
+    )
+    made = hrg(
+        "export",
+        tmp_path / "c.h5",
+        "-o",
+        tmp_path / "t.h",
+        "--set",
+        "fixed_point_bits=16",
+        "--json",
+    )
     assert made.status in (0, 3) and "int16_t" in (tmp_path / "t.h").read_text()
     assert hrg("export", tmp_path / "c.h5", "-o", tmp_path / "u.h", "--precision", "-1").status == 2

@@ -13,9 +13,18 @@ def test_the_outsiders_check_passes(tmp_path):
     if not Path(script).is_file():
         pytest.skip("HRG_CONTRACT_CHECK names no script")
     done = subprocess.run(
-        [sys.executable, script, "--hrg", f"{sys.executable} -m hrg_cli.cli", "--keep", str(tmp_path)],
+        [
+            sys.executable,
+            script,
+            "--hrg",
+            f"{sys.executable} -m hrg_cli.cli",
+            "--keep",
+            str(tmp_path),
+        ],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, [line for line in done.stdout.splitlines() if not line.startswith("ok")]
+    assert done.returncode == 0, [
+        line for line in done.stdout.splitlines() if not line.startswith("ok")
+    ]

@@ -1,4 +1,5 @@
-"""`hrg diagnose --model FILE.toml`: the believed values are those at the runs' temperature; a wrong one is named, a right one is not."""
+"""`hrg diagnose --model FILE.toml`: the believed values are those at the runs' temperature; a wrong
+one is named, a right one is not."""
 
 import json
 
@@ -58,14 +59,23 @@ def waves(tmp_path_factory):
     (folder / "gyro.toml").write_text(GYRO)
     hrg("simulate", folder / "gyro.toml", "-o", folder / "g.h5", "--seed", 4)
     for run in "abc":
-        hrg("demodulate", folder / f"g-{run}.h5", "-o", folder / f"{run}.periods.h5", "--periods-per-window", 8)
+        hrg(
+            "demodulate",
+            folder / f"g-{run}.h5",
+            "-o",
+            folder / f"{run}.periods.h5",
+            "--periods-per-window",
+            8,
+        )
         hrg("estimate", folder / f"{run}.periods.h5", "-o", folder / f"{run}.wave.h5")
     return [folder / f"{run}.wave.h5" for run in "abc"]
 
 
 def wrong(waves, model, output):
     """Names of the values that moved, with their σ."""
-    done = CliRunner().invoke(app, ["diagnose", *map(str, waves), "-o", str(output), "--model", str(model), "--json"])
+    done = CliRunner().invoke(
+        app, ["diagnose", *map(str, waves), "-o", str(output), "--model", str(model), "--json"]
+    )
     assert done.exit_code == 0, done.output
     values = json.loads(done.stdout)["values"]
     assert all("believed" in v for v in values)
@@ -77,6 +87,8 @@ def test_the_file_that_made_the_runs_is_not_wrong_at_another_temperature(waves, 
 
 
 def test_a_wrong_value_alone_is_named(waves, tmp_path):
-    (tmp_path / "wrong.toml").write_text(GYRO.replace("frequency_split_rad_s = 0.5", "frequency_split_rad_s = 0.48"))
+    (tmp_path / "wrong.toml").write_text(
+        GYRO.replace("frequency_split_rad_s = 0.5", "frequency_split_rad_s = 0.48")
+    )
     found = wrong(waves, tmp_path / "wrong.toml", tmp_path / "d.h5")
     assert set(found) == {"frequency_split_rad_s"} and found["frequency_split_rad_s"] > 5

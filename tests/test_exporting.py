@@ -1,4 +1,5 @@
-"""Exported tables: read back, and the C header compiled and compared with the series at a thousand points."""
+"""Exported tables: read back, and the C header compiled and compared with the series at a thousand
+points."""
 
 import csv
 import io
@@ -34,7 +35,12 @@ def test_json_is_enough_to_apply_the_tables(tables):
     tree = json.loads(export(tables, ".json").text)
     x, theta = np.linspace(-10, 40, 11), np.linspace(0, 3, 11)
     found = evaluate(
-        x, theta, np.array(tree["temperature_degc"]), np.array(tree["drift_harmonics"]), tree["mode_number"], tree["interpolation"]
+        x,
+        theta,
+        np.array(tree["temperature_degc"]),
+        np.array(tree["drift_harmonics"]),
+        tree["mode_number"],
+        tree["interpolation"],
     )
     assert found == pytest.approx(values(tables, x, theta)[0])
     assert tree["correction"] == tables.correction and tree["node_range"] == [-10.0, 40.0]
@@ -48,15 +54,21 @@ def test_header_compiles_and_agrees_within_its_stated_errors(tables, bits, tmp_p
     exported = export(tables, ".h", fixed_point_bits=bits)
     (tmp_path / "hrg_calibration.h").write_text(exported.text)
     (tmp_path / "try.c").write_text(
-        '#include <stdio.h>\n#include "hrg_calibration.h"\nint main(void) { double x, a;\n'
-        'while (scanf("%lf %lf", &x, &a) == 2) printf("%.17g %.17g %.17g %d\\n", hrg_drift_rad_s(x, a), hrg_scale_factor(x, a), '
-        "hrg_rate_rad_s(x, a, -0.1, 0.0), hrg_in_range(x));\nreturn 0; }\n"
+        '#include <stdio.h>\n#include "hrg_calibration.h"\nint main(void) { double x, a;\nwhile'
+        ' (scanf("%lf %lf", &x, &a) == 2) printf("%.17g %.17g %.17g %d\\n", hrg_drift_rad_s(x, a),'
+        " hrg_scale_factor(x, a), hrg_rate_rad_s(x, a, -0.1, 0.0), hrg_in_range(x));\nreturn 0; }\n"
     )
-    subprocess.run([compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-o", "try", "try.c", "-lm"], cwd=tmp_path, check=True)
+    subprocess.run(
+        [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-o", "try", "try.c", "-lm"],
+        cwd=tmp_path,
+        check=True,
+    )
     draw = np.random.default_rng(0)
     x, theta = draw.uniform(-10, 40, 1000), draw.uniform(-7, 7, 1000)
     given = "\n".join(f"{a:.17g} {b:.17g}" for a, b in zip(x, theta)) + "\n99 0.3\n"
-    out = subprocess.run(["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True).stdout
+    out = subprocess.run(
+        ["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True
+    ).stdout
     table = np.array([[float(v) for v in line.split()] for line in out.splitlines()])
     drift, scale = values(tables, x, theta)
     for column, truth, name in ((0, drift, "drift_rad_s"), (1, scale, "scale_factor")):
@@ -69,7 +81,12 @@ def test_header_compiles_and_agrees_within_its_stated_errors(tables, bits, tmp_p
 
 
 def test_one_node_and_refusals(tables):
-    single = calibrate(programme(Truth(3), (20,), (-0.5, 0.5), duration=15), harmonics=1, scale_factor_harmonics=0, bootstrap=0)
+    single = calibrate(
+        programme(Truth(3), (20,), (-0.5, 0.5), duration=15),
+        harmonics=1,
+        scale_factor_harmonics=0,
+        bootstrap=0,
+    )
     assert "#define HRG_NODES 1" in export(single, ".h", fixed_point_bits=16).text
     with pytest.raises(HrgError, match=r"\.xml"):
         export(tables, ".xml")

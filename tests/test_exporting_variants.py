@@ -1,4 +1,5 @@
-"""Every variant's measured part in the exports: the C header compiled and held against `compensate`, CSV and JSON against the formulas."""
+"""Every variant's measured part in the exports: the C header compiled and held against
+`compensate`, CSV and JSON against the formulas."""
 
 import csv
 import io
@@ -24,9 +25,17 @@ def runs():
     plan = [
         (T, rate, start, ratio)
         for T in (0.0, 40.0)
-        for rate, start, ratio in ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
+        for rate, start, ratio in (
+            (0.4, 0.1, 0.05),
+            (-0.4, 0.9, -0.05),
+            (0.4, 0.7, -0.04),
+            (-0.4, 0.3, 0.06),
+        )
     ]
-    return [elliptic_run(tempered(T), T, rate, start, ratio, f"r{i}", seed=i) for i, (T, rate, start, ratio) in enumerate(plan)]
+    return [
+        elliptic_run(tempered(T), T, rate, start, ratio, f"r{i}", seed=i)
+        for i, (T, rate, start, ratio) in enumerate(plan)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +43,14 @@ def calibrations(runs):
     from elliptic_runs import resonator_of
 
     resonators = [resonator_of(tempered(T), T) for T in (0.0, 40.0)]
-    return {m: calibrate(runs, resonators if m == "physical" else None, model=m, bootstrap=0).replace(status="valid") for m in VARIANTS}
+    return {
+        m: (
+            calibrate(runs, resonators if m == "physical" else None, model=m, bootstrap=0).replace(
+                status="valid"
+            )
+        )
+        for m in VARIANTS
+    }
 
 
 @pytest.mark.parametrize("model", VARIANTS)
@@ -46,23 +62,47 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
     exported = export(calibration, ".h")
     (tmp_path / "hrg_calibration.h").write_text(exported.text)
     (tmp_path / "try.c").write_text(
-        '#include <stdio.h>\n#include "hrg_calibration.h"\nint main(void) { double x, a, v, r, f;\n'
-        'while (scanf("%lf %lf %lf %lf %lf", &x, &a, &v, &r, &f) == 5) { double d = hrg_measured_drift_rad_s(x, a, r, f);\n'
-        'printf("%.17g %.17g %.17g\\n", hrg_drift_rad_s(x, a) + d, d, hrg_rate_rad_s(x, a, v, d)); }\nreturn 0; }\n'
+        '#include <stdio.h>\n#include "hrg_calibration.h"\nint main(void) { double x, a, v, r,'
+        ' f;\nwhile (scanf("%lf %lf %lf %lf %lf", &x, &a, &v, &r, &f) == 5) { double d ='
+        ' hrg_measured_drift_rad_s(x, a, r, f);\nprintf("%.17g %.17g %.17g\\n", hrg_drift_rad_s(x,'
+        " a) + d, d, hrg_rate_rad_s(x, a, v, d)); }\nreturn 0; }\n"
     )
-    subprocess.run([compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-o", "try", "try.c", "-lm"], cwd=tmp_path, check=True)
+    subprocess.run(
+        [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-o", "try", "try.c", "-lm"],
+        cwd=tmp_path,
+        check=True,
+    )
     # a path of a thousand increments that go nowhere: the same points that the header is asked for
     draw = np.random.default_rng(1)
     count = 1001
     theta = 0.3 + np.cumsum(draw.normal(size=count)) * 1e-9 + np.linspace(0, 1e-6, count)
     wave = wave_of(
-        np.arange(count) * 1.0, theta, draw.uniform(0, 40, count), np.zeros(count), 1e-9, "p", ratio=draw.uniform(-0.1, 0.1, count)
+        np.arange(count) * 1.0,
+        theta,
+        draw.uniform(0, 40, count),
+        np.zeros(count),
+        1e-9,
+        "p",
+        ratio=draw.uniform(-0.1, 0.1, count),
     )
-    path = path_of(wave.replace(frequency_hz=5000.0 + draw.normal(size=count) * 0.01), harmonics=0, per_block=1)
+    path = path_of(
+        wave.replace(frequency_hz=5000.0 + draw.normal(size=count) * 0.01), harmonics=0, per_block=1
+    )
     x, angle = path.middle(path.temperature_degc), path.middle(path.angle_rad)
-    ratio, frequency, speed = path.middle(path.ratio), path.middle(path.frequency_hz), path.turn / path.interval_s / 2
-    given = "\n".join(" ".join(f"{v:.17g}" for v in row) for row in zip(x, angle, speed, ratio, frequency)) + "\n"
-    out = subprocess.run(["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True).stdout
+    ratio, frequency, speed = (
+        path.middle(path.ratio),
+        path.middle(path.frequency_hz),
+        path.turn / path.interval_s / 2,
+    )
+    given = (
+        "\n".join(
+            " ".join(f"{v:.17g}" for v in row) for row in zip(x, angle, speed, ratio, frequency)
+        )
+        + "\n"
+    )
+    out = subprocess.run(
+        ["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True
+    ).stdout
     found = np.array([[float(v) for v in line.split()] for line in out.splitlines()])
     measured = measured_drift(calibration, path)
     drift, scale = values(calibration, x, angle)
@@ -70,10 +110,18 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
     assert len(found) == 1000
     assert (model in ("table", "parametric")) == (np.abs(measured).max() == 0)
     assert np.abs(found[:, 1] - measured).max() <= 1e-9 * max(np.abs(measured).max(), 1e-12)
-    assert np.abs(found[:, 0] - drift - measured).max() <= 1.05 * stated + 1e-9 * np.abs(measured).max()
+    assert (
+        np.abs(found[:, 0] - drift - measured).max()
+        <= 1.05 * stated + 1e-9 * np.abs(measured).max()
+    )
     rate = (drift + measured - path.turn / path.interval_s) / scale
-    of_scale = exported.errors["scale_factor_interpolation"] + exported.errors["scale_factor_rounding"]
-    assert np.abs(found[:, 2] - rate).max() <= 1.1 * (stated + of_scale * np.abs(rate).max()) / 0.5 + 1e-12
+    of_scale = (
+        exported.errors["scale_factor_interpolation"] + exported.errors["scale_factor_rounding"]
+    )
+    assert (
+        np.abs(found[:, 2] - rate).max()
+        <= 1.1 * (stated + of_scale * np.abs(rate).max()) / 0.5 + 1e-12
+    )
 
 
 @pytest.mark.parametrize("model", VARIANTS)
@@ -83,14 +131,24 @@ def test_csv_and_json_carry_the_measured_part(calibrations, model):
     tree = json.loads(export(calibration, ".json").text)
     part = measured_at(calibration, np.asarray(calibration.node))
     if part is None:
-        assert model in ("table", "parametric") and tree["measured"] is None and "mean_frequency_hz" not in rows[0]
+        assert (
+            model in ("table", "parametric")
+            and tree["measured"] is None
+            and "mean_frequency_hz" not in rows[0]
+        )
         return
     first = [row for row in rows if float(row["wave_angle_rad"]) == 0.0]
-    assert tree["measured"]["exact"] and ("1 - r^2" in tree["measured"]["formula"] or "1 + r^2" in tree["measured"]["formula"])
+    assert tree["measured"]["exact"] and (
+        "1 - r^2" in tree["measured"]["formula"] or "1 + r^2" in tree["measured"]["formula"]
+    )
     assert [float(r["damping_sin_rad_s"]) for r in first] == pytest.approx(list(part.damping[:, 1]))
     if model == "phase":
-        assert [float(r["mean_frequency_hz"]) for r in first] == pytest.approx(list(part.mean_frequency_hz))
+        assert [float(r["mean_frequency_hz"]) for r in first] == pytest.approx(
+            list(part.mean_frequency_hz)
+        )
         assert tree["measured"]["mean_frequency_hz"] == pytest.approx(list(part.mean_frequency_hz))
     else:
-        assert [float(r["quadrature_cos_rad_s"]) for r in first] == pytest.approx(list(part.quadrature[:, 0]))
+        assert [float(r["quadrature_cos_rad_s"]) for r in first] == pytest.approx(
+            list(part.quadrature[:, 0])
+        )
         assert np.array(tree["measured"]["coefficients"]) == pytest.approx(part.quadrature)

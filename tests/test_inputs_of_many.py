@@ -1,4 +1,5 @@
-"""What a command of many inputs owes to their state: a result is no surer than its inputs, and no run counts twice."""
+"""What a command of many inputs owes to their state: a result is no surer than its inputs, and no
+run counts twice."""
 
 import shutil
 
@@ -38,18 +39,39 @@ def test_a_run_named_twice_is_refused(hrg, waves, tmp_path):
     shutil.copy(waves[0], tmp_path / "copy.h5")
     for twice in (waves[0], tmp_path / "copy.h5"):
         result = hrg("identify", *waves, twice, "-o", tmp_path / "res.h5")
-        assert result.status == 1 and "same data" in result.err and not (tmp_path / "res.h5").exists()
+        assert (
+            result.status == 1 and "same data" in result.err and not (tmp_path / "res.h5").exists()
+        )
 
 
 @pytest.mark.parametrize("command", ["identify", "calibrate", "diagnose"])
 def test_a_copied_recording_is_known_after_its_own_demodulation(hrg, waves, tmp_path, command):
-    """The same samples under another name, stored again and demodulated with other windows: no byte of the wave files is the same."""
+    """The same samples under another name, stored again and demodulated with other windows: no byte
+    of the wave files is the same."""
     copied = store.read(tmp_path / "r0.h5", Recording)
-    store.write(tmp_path / "other.h5", copied.replace(c=copied.c.astype("f8"), s=copied.s.astype("f8"), run_id="other"))
-    assert hrg("demodulate", tmp_path / "other.h5", "-o", tmp_path / "op.h5", "--periods-per-window", "3").status == 0
+    store.write(
+        tmp_path / "other.h5",
+        copied.replace(c=copied.c.astype("f8"), s=copied.s.astype("f8"), run_id="other"),
+    )
+    assert (
+        hrg(
+            "demodulate",
+            tmp_path / "other.h5",
+            "-o",
+            tmp_path / "op.h5",
+            "--periods-per-window",
+            "3",
+        ).status
+        == 0
+    )
     assert hrg("estimate", tmp_path / "op.h5", "-o", tmp_path / "ow.h5").status == 0
     result = hrg(command, *waves, tmp_path / "ow.h5", "-o", tmp_path / "out.h5")
-    assert result.status == 1 and "same data" in result.err and "w0.h5" in result.err and "ow.h5" in result.err
+    assert (
+        result.status == 1
+        and "same data" in result.err
+        and "w0.h5" in result.err
+        and "ow.h5" in result.err
+    )
     assert not (tmp_path / "out.h5").exists()
 
 
@@ -57,9 +79,13 @@ def test_a_lot_does_not_count_a_copied_recording_twice(hrg, tmp_path):
     for k, angle in enumerate((0.1, 0.5)):
         store.write(tmp_path / f"r{k}.h5", ringing(angle_rad=angle, seed=k, run_id=f"r{k}"))
     shutil.copy(tmp_path / "r0.h5", tmp_path / "r2.h5")
-    (tmp_path / "lot.toml").write_text('lot_id = "L"\nrecordings = ["r*.h5"]\nstages = ["identify"]\n')
+    (tmp_path / "lot.toml").write_text(
+        'lot_id = "L"\nrecordings = ["r*.h5"]\nstages = ["identify"]\n'
+    )
     result = hrg("batch", tmp_path / "lot.toml", "-o", tmp_path / "lot", "--json")
-    assert result.json["status"] == "refused" and any("same data" in reason for reason in result.json["status_reasons"])
+    assert result.json["status"] == "refused" and any(
+        "same data" in reason for reason in result.json["status_reasons"]
+    )
 
 
 def test_parts_of_one_recording_are_no_duplicates():

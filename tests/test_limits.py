@@ -11,13 +11,29 @@ from hrg_cli.stages.calibrate import calibrate
 
 @pytest.fixture(scope="module")
 def record():
-    return calibrate(programme(Truth(3), (0, 40), (-0.5, 0.5), duration=12), harmonics=2, scale_factor_harmonics=2, bootstrap=0)
+    return calibrate(
+        programme(Truth(3), (0, 40), (-0.5, 0.5), duration=12),
+        harmonics=2,
+        scale_factor_harmonics=2,
+        bootstrap=0,
+    )
 
 
 def test_within_and_outside(record):
-    rows = check(record, {"calibration": {"scale_factor": {"minimum": 0.5, "maximum": 0.6}, "drift_rms_rad_s.held_out": 1e-12}})
+    rows = check(
+        record,
+        {
+            "calibration": {
+                "scale_factor": {"minimum": 0.5, "maximum": 0.6},
+                "drift_rms_rad_s.held_out": 1e-12,
+            }
+        },
+    )
     assert [row.passed for row in rows] == [True, True, False]
-    assert "drift_rms_rad_s.held_out is" in rows[2].sentence() and "at most 1e-12" in rows[2].sentence()
+    assert (
+        "drift_rms_rad_s.held_out is" in rows[2].sentence()
+        and "at most 1e-12" in rows[2].sentence()
+    )
 
 
 def test_what_is_not_in_the_file_does_not_pass(record):
@@ -60,4 +76,6 @@ def test_a_figure_at_its_limit_passes_and_beyond_does_not(record):
     for value, passed in ((4.0, True), (4.5, False)):
         whole = record.replace(details=record.details[:-1] + f', "figure": {value}' + "}")
         assert check(whole, {"calibration": {"details.figure": 4.0}})[-1].passed is passed
-        assert check(whole, {"calibration": {"details.figure": {"minimum": 8.5 - value}}})[-1].passed is (not passed)
+        assert check(whole, {"calibration": {"details.figure": {"minimum": 8.5 - value}}})[
+            -1
+        ].passed is (not passed)

@@ -1,4 +1,5 @@
-"""Records in a notebook: short, with coordinates, with a plot; correlated parameters; types that a checker sees."""
+"""Records in a notebook: short, with coordinates, with a plot; correlated parameters; types that a
+checker sees."""
 
 import ast
 import sys
@@ -21,7 +22,10 @@ def test_short_names_and_plots(kind):
     mpl.use("Agg")
     record = by_hand.RECORDS[kind]()
     assert len(repr(record)) < 200 and record.status in repr(record) and "\n" not in repr(record)
-    assert "<table>" in record._repr_html_() and "<script" not in record.replace(status_reasons=("<script>",))._repr_html_()
+    assert (
+        "<table>" in record._repr_html_()
+        and "<script" not in record.replace(status_reasons=("<script>",))._repr_html_()
+    )
     ax = record.plot()
     assert ax.get_ylabel() and (ax.lines or ax.collections)
     with pytest.raises(HrgError, match="no column"):
@@ -31,41 +35,65 @@ def test_short_names_and_plots(kind):
 def test_xarray_has_coordinates():
     pytest.importorskip("xarray")
     wave = by_hand.wave().to_xarray()
-    assert wave.wave_angle_rad.dims == ("time_s",) and "temperature_degc" in wave.coords and wave.time_s.attrs["units"] == "s"
+    assert (
+        wave.wave_angle_rad.dims == ("time_s",)
+        and "temperature_degc" in wave.coords
+        and wave.time_s.attrs["units"] == "s"
+    )
     part = wave.sel(time_s=slice(float(wave.time_s[3]), float(wave.time_s[9])))
     assert part.sizes["time_s"] == 7
     table = by_hand.calibration().to_xarray()
     assert set(table.drift_rad_s.dims) == {"temperature_degc", "wave_angle_rad"}
     resonator = by_hand.resonator().to_xarray()
-    assert float(resonator.value.sel(name="scale_factor")) == by_hand.resonator().get("scale_factor")
+    assert float(resonator.value.sel(name="scale_factor")) == by_hand.resonator().get(
+        "scale_factor"
+    )
     assert int(by_hand.wave().to_xarray().flags.max()) <= 2 * 8 and FLAG_GAP == 2
 
 
 def test_tables_are_evaluated():
     """At its own nodes a table gives its own values; a node beyond its range is refused."""
     table = by_hand.calibration()
-    drift, scale = table.evaluate(np.asarray(table.node)[:, None], np.asarray(table.wave_angle_rad)[None])
+    drift, scale = table.evaluate(
+        np.asarray(table.node)[:, None], np.asarray(table.wave_angle_rad)[None]
+    )
     assert drift.shape == scale.shape == table.drift_rad_s.shape
-    assert drift == pytest.approx(table.drift_rad_s, abs=1e-9 + 1e-6 * np.abs(table.drift_rad_s).max())
+    assert drift == pytest.approx(
+        table.drift_rad_s, abs=1e-9 + 1e-6 * np.abs(table.drift_rad_s).max()
+    )
     with pytest.raises(HrgError, match="the tables are for"):
         table.evaluate(float(table.node_max) + 50, 0.0)
 
 
 def test_parameters_are_correlated():
-    """σ of a difference of two correlated parameters is that of the covariance, not the sum of squares."""
+    """σ of a difference of two correlated parameters is that of the covariance, not the sum of
+    squares."""
     pytest.importorskip("uncertainties")
     record = by_hand.resonator()
     numbers = record.uncertain()
     a, b = (list(record.name).index(n) for n in ("scale_factor", "damping_split_1_s"))
     C = record.covariance
     wanted = np.sqrt(C[a, a] + C[b, b] - 2 * C[a, b])
-    assert (numbers["scale_factor"] - numbers["damping_split_1_s"]).std_dev == pytest.approx(wanted, rel=1e-9)
+    assert (numbers["scale_factor"] - numbers["damping_split_1_s"]).std_dev == pytest.approx(
+        wanted, rel=1e-9
+    )
 
 
 def test_a_type_checker_sees_the_public_names():
     """The names under TYPE_CHECKING are those that load on first use, from the same places."""
     tree = ast.parse(Path(hrg_cli.__file__).read_text())
-    block = next(n for n in tree.body if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING")
-    seen = {a.asname: (f"hrg_cli.{n.module}" if n.module else "hrg_cli", a.name) for n in block.body for a in n.names}
-    loaded = {k: (module, name) if name else ("hrg_cli", k) for k, (module, name) in hrg_cli._PUBLIC.items()}
+    block = next(
+        n
+        for n in tree.body
+        if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"
+    )
+    seen = {
+        a.asname: (f"hrg_cli.{n.module}" if n.module else "hrg_cli", a.name)
+        for n in block.body
+        for a in n.names
+    }
+    loaded = {
+        k: (module, name) if name else ("hrg_cli", k)
+        for k, (module, name) in hrg_cli._PUBLIC.items()
+    }
     assert seen == loaded and all(getattr(hrg_cli, name) is not None for name in seen)

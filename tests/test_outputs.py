@@ -1,4 +1,5 @@
-"""What leaves the program: outputs that are regular files, names that a file can have, texts that stay texts wherever they are read."""
+"""What leaves the program: outputs that are regular files, names that a file can have, texts that
+stay texts wherever they are read."""
 
 import json
 import os
@@ -38,30 +39,63 @@ ATTACKS = (
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_texts_stay_inside_a_comment_of_c(attack, tmp_path):
     said = c_comment(attack)
-    assert "*/" not in said and "/*" not in said and "\\" not in said and "??" not in said and "\n" not in said and said.isascii()
+    assert (
+        "*/" not in said
+        and "/*" not in said
+        and "\\" not in said
+        and "??" not in said
+        and "\n" not in said
+        and said.isascii()
+    )
     if shutil.which("cc") is None:
         return
     record = records_by_hand.calibration().replace(gyro_id=attack, model=attack, correction=attack)
     (tmp_path / "table.h").write_text(export(record, ".h").text, encoding="utf-8")
-    (tmp_path / "a.c").write_text('#include "table.h"\nint owned(void) { return 0; }\nint main(void) { return owned(); }\n')
-    command = ["cc", "-std=c99", "-Wall", "-Werror=comment", "-trigraphs", "-o", str(tmp_path / "a"), str(tmp_path / "a.c"), "-lm"]
+    (tmp_path / "a.c").write_text(
+        '#include "table.h"\nint owned(void) { return 0; }\nint main(void) { return owned(); }\n'
+    )
+    command = [
+        "cc",
+        "-std=c99",
+        "-Wall",
+        "-Werror=comment",
+        "-trigraphs",
+        "-o",
+        str(tmp_path / "a"),
+        str(tmp_path / "a.c"),
+        "-lm",
+    ]
     made = subprocess.run(command, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
 
 
-@pytest.mark.parametrize("attack", ["=cmd|' /C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", " =1", "\t=1", "＝1", "\x1b[31m=1"])
+@pytest.mark.parametrize(
+    "attack", ["=cmd|' /C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", " =1", "\t=1", "＝1", "\x1b[31m=1"]
+)
 def test_texts_are_no_formulas_in_a_spreadsheet(attack, tmp_path):
-    assert spreadsheet(attack)[0] in ("'", "\ufffd") and spreadsheet(-2.5) == -2.5 and spreadsheet("G-17") == "G-17"
-    write_table(tmp_path, [{"gyro_id": attack, "status": "valid", "passed": True, "frequency_hz": -1.5}])
+    assert (
+        spreadsheet(attack)[0] in ("'", "\ufffd")
+        and spreadsheet(-2.5) == -2.5
+        and spreadsheet("G-17") == "G-17"
+    )
+    write_table(
+        tmp_path, [{"gyro_id": attack, "status": "valid", "passed": True, "frequency_hz": -1.5}]
+    )
     for table in (pd.read_csv(tmp_path / "lot.csv"), pd.read_parquet(tmp_path / "lot.parquet")):
-        assert table["gyro_id"][0][0] in ("'", "\ufffd") and table["frequency_hz"][0] == -1.5 and bool(table["passed"][0])
+        assert (
+            table["gyro_id"][0][0] in ("'", "\ufffd")
+            and table["frequency_hz"][0] == -1.5
+            and bool(table["passed"][0])
+        )
 
 
 def test_no_text_of_a_file_reaches_the_terminal_unchanged(hrg, tmp_path):
     attack = "\x1b]0;owned\x07\x9b31m\u202e"
     assert not set(plain(attack)) & set("\x1b\x07\x9b\u202e")
     path = tmp_path / "a\x1b[31m.h5"
-    record = records_by_hand.wave().replace(gyro_id=attack, run_id=attack, units="V", status="suspect", status_reasons=(attack,))
+    record = records_by_hand.wave().replace(
+        gyro_id=attack, run_id=attack, units="V", status="suspect", status_reasons=(attack,)
+    )
     store.write(path, record)
     for words in (
         ["info", path],
@@ -73,7 +107,11 @@ def test_no_text_of_a_file_reaches_the_terminal_unchanged(hrg, tmp_path):
         assert not set(told.out + told.err) & set("\x1b\x07\x9b\u202e"), (words[0], told)
 
 
-@pytest.mark.parametrize("make", [os.mkfifo, lambda path: os.symlink("/dev/null", path)], ids=["fifo", "link to a device"])
+@pytest.mark.parametrize(
+    "make",
+    [os.mkfifo, lambda path: os.symlink("/dev/null", path)],
+    ids=["fifo", "link to a device"],
+)
 def test_only_a_regular_file_is_replaced(make, hrg, tmp_path):
     store.write(tmp_path / "a.h5", ringing())
     target = tmp_path / "out.h5"
@@ -113,25 +151,49 @@ def test_a_suffix_promises_its_content(words, output, wanted, hrg, tmp_path, mon
     assert told.status == 2 and wanted in told.err and not (tmp_path / output).exists()
 
 
-@pytest.mark.parametrize("name", ["periods.hdf5", "periods", "périodes.h5", "x" * 240 + ".h5", "ä" * 110 + ".h5"])
+@pytest.mark.parametrize(
+    "name", ["periods.hdf5", "periods", "périodes.h5", "x" * 240 + ".h5", "ä" * 110 + ".h5"]
+)
 def test_usual_names_are_written(name, hrg, tmp_path):
     store.write(tmp_path / "a.h5", ringing())
     assert hrg("demodulate", tmp_path / "a.h5", "-o", tmp_path / name).status == 0
     assert sorted(os.listdir(tmp_path)) == sorted(["a.h5", name])
 
 
-@pytest.mark.parametrize(("name", "says"), [("x" * 300 + ".h5", "too long"), ("ä" * 130 + ".h5", "too long"), ("\udcff.h5", "not UTF-8")])
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("x" * 300 + ".h5", "too long"), ("ä" * 130 + ".h5", "too long"), ("\udcff.h5", "not UTF-8")],
+)
 def test_names_that_no_file_can_have_are_refused(name, says, hrg, tmp_path):
     store.write(tmp_path / "a.h5", ringing())
     told = hrg("demodulate", tmp_path / "a.h5", "-o", tmp_path / name)
-    assert told.status == 1 and says in told.err and "internal" not in told.err and os.listdir(tmp_path) == ["a.h5"]
+    assert (
+        told.status == 1
+        and says in told.err
+        and "internal" not in told.err
+        and os.listdir(tmp_path) == ["a.h5"]
+    )
 
 
 def test_an_input_whose_name_is_no_text_is_read(tmp_path):
     store.write(tmp_path / "a.h5", ringing())
     os.rename(tmp_path / "a.h5", os.fsencode(tmp_path) + b"/\xff.h5")
-    command = [sys.executable, "-m", "hrg_cli.cli", "demodulate", os.fsencode(tmp_path) + b"/\xff.h5", "-o", tmp_path / "b.h5", "--json"]
-    done = subprocess.run(command, capture_output=True, check=False, env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])})
+    command = [
+        sys.executable,
+        "-m",
+        "hrg_cli.cli",
+        "demodulate",
+        os.fsencode(tmp_path) + b"/\xff.h5",
+        "-o",
+        tmp_path / "b.h5",
+        "--json",
+    ]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+    )
     assert done.returncode == 0 and json.loads(done.stdout)["status"] == "valid", done
     assert "demodulate" in store.read_any(tmp_path / "b.h5").provenance.history[-1]
 
@@ -146,13 +208,27 @@ def test_numbers_and_brackets_beyond_reason_are_refused_in_words(text, hrg, tmp_
         ["check", tmp_path / "c.h5", "--limits", tmp_path / "l.toml"],
     ):
         told = hrg(*words)
-        assert told.status == 1 and "toml" in told.err and "internal" not in told.err and len(told.err.splitlines()) == 1, told
-    told = hrg("demodulate", tmp_path / "c.h5", "-o", tmp_path / "o.h5", "--set", f"periods_per_window={text}")
+        assert (
+            told.status == 1
+            and "toml" in told.err
+            and "internal" not in told.err
+            and len(told.err.splitlines()) == 1
+        ), told
+    told = hrg(
+        "demodulate",
+        tmp_path / "c.h5",
+        "-o",
+        tmp_path / "o.h5",
+        "--set",
+        f"periods_per_window={text}",
+    )
     assert told.status == 2 and "internal" not in told.err, told
 
 
 def test_limits_by_the_hundred_thousand_are_refused(hrg, tmp_path):
-    (tmp_path / "l.toml").write_text("[calibration]\n" + "".join(f"a{n} = 1.0\n" for n in range(10_001)))
+    (tmp_path / "l.toml").write_text(
+        "[calibration]\n" + "".join(f"a{n} = 1.0\n" for n in range(10_001))
+    )
     store.write(tmp_path / "c.h5", records_by_hand.calibration())
     told = hrg("check", tmp_path / "c.h5", "--limits", tmp_path / "l.toml")
     assert told.status == 1 and "10001 entries" in told.err
@@ -174,12 +250,19 @@ def test_words_of_libraries_do_not_reach_standard_output(tmp_path):
         ]
     )
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment
+    )
     assert done.stdout == "{}\nafter\n" and done.stderr == ""
 
 
 @pytest.mark.parametrize(
-    "detail", ['{"measured": {"kind": "quadrature"}}', '{"measured": 3}', '{"measured": {"kind": "phase", "mean_frequency_hz": ["x"]}}']
+    "detail",
+    [
+        '{"measured": {"kind": "quadrature"}}',
+        '{"measured": 3}',
+        '{"measured": {"kind": "phase", "mean_frequency_hz": ["x"]}}',
+    ],
 )
 def test_damaged_details_are_refused_in_words(detail, hrg, tmp_path):
     store.write(tmp_path / "c.h5", records_by_hand.calibration().replace(details=detail))
@@ -201,7 +284,12 @@ def test_a_damaged_input_is_blamed_not_the_output(hrg, tmp_path):
     whole[at : at + 64] = bytes(63) + b"\xff"
     path.write_bytes(whole)
     told = hrg("demodulate", path, "-o", tmp_path / "out.h5")
-    assert told.status == 1 and "in.h5: dataset /recording/" in told.err and "is damaged" in told.err and "--output" not in told.err
+    assert (
+        told.status == 1
+        and "in.h5: dataset /recording/" in told.err
+        and "is damaged" in told.err
+        and "--output" not in told.err
+    )
     assert os.listdir(tmp_path) == ["in.h5"]
 
 
@@ -209,11 +297,21 @@ def test_a_table_of_numbers_that_are_none_is_not_exported(hrg, tmp_path):
     import h5py
 
     store.write(tmp_path / "c.h5", records_by_hand.calibration())
-    for name in ("drift_rad_s", "drift_harmonics", "scale_factor_std", "temperature_degc", "covariance"):
+    for name in (
+        "drift_rad_s",
+        "drift_harmonics",
+        "scale_factor_std",
+        "temperature_degc",
+        "covariance",
+    ):
         with h5py.File(tmp_path / "c.h5", "r+") as file:
             before = file["calibration"][name][()]
             file["calibration"][name][...] = np.nan
         told = hrg("export", tmp_path / "c.h5", "-o", tmp_path / "t.csv")
-        assert told.status == 1 and f"/calibration/{name} holds nan" in told.err and not (tmp_path / "t.csv").exists()
+        assert (
+            told.status == 1
+            and f"/calibration/{name} holds nan" in told.err
+            and not (tmp_path / "t.csv").exists()
+        )
         with h5py.File(tmp_path / "c.h5", "r+") as file:
             file["calibration"][name][...] = before

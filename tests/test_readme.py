@@ -1,4 +1,5 @@
-"""The documentation tells no lie: its generated parts are fresh, its commands run and print what is shown, its links lead somewhere.
+"""The documentation tells no lie: its generated parts are fresh, its commands run and print what is
+shown, its links lead somewhere.
 
 `python tests/test_readme.py` writes the printed outputs and the generated parts anew.
 """
@@ -22,7 +23,8 @@ ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
 SAID = re.compile(
-    r"<!-- commands run by a test -->\n```sh\n(?P<commands>.*?)```(?:\n\n<!-- output of these commands -->\n```text\n(?P<output>.*?)```)?",
+    r"<!-- commands run by a test -->\n```sh\n(?P<commands>.*?)```(?:\n\n<!-- output of these"
+    r" commands -->\n```text\n(?P<output>.*?)```)?",
     re.S,
 )
 RUN = [(page, found) for page in PAGES for found in SAID.finditer(page.read_text(encoding="utf-8"))]
@@ -42,14 +44,25 @@ def run(commands: str, folder: Path) -> str:
     hrg.parent.mkdir()
     hrg.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hrg_cli.cli "$@"\n')
     hrg.chmod(0o755)
-    environment = os.environ | {"PATH": f"{hrg.parent}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(["bash", "-euxc", commands], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    environment = os.environ | {
+        "PATH": f"{hrg.parent}:{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+    }
+    done = subprocess.run(
+        ["bash", "-euxc", commands],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     return done.stdout
 
 
 def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
-    """Words with a # for each number, and the numbers; errors in brackets, as in 3.181(6), are left out."""
+    """Words with a # for each number, and the numbers; errors in brackets, as in 3.181(6), are left
+    out."""
     text = re.sub(r"\(\d+\)", "", text)
     return NUMBER.sub("#", text).split(), [float(found) for found in NUMBER.findall(text)]
 
@@ -57,7 +70,9 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_generated_parts_are_fresh(page):
     text = page.read_text(encoding="utf-8")
-    assert handbook.renewed(text) == text, "run `python -m hrg_cli.reporting.handbook README.md docs`"
+    assert handbook.renewed(text) == text, (
+        "run `python -m hrg_cli.reporting.handbook README.md docs`"
+    )
 
 
 def test_every_generated_part_stands_somewhere():
@@ -66,9 +81,12 @@ def test_every_generated_part_stands_somewhere():
         assert f"<!-- generated: {part} -->" in written
 
 
-@pytest.mark.parametrize(("page", "said"), RUN, ids=[f"{name(page)}-{k}" for k, (page, _) in enumerate(RUN)])
+@pytest.mark.parametrize(
+    ("page", "said"), RUN, ids=[f"{name(page)}-{k}" for k, (page, _) in enumerate(RUN)]
+)
 def test_commands_run_and_print_what_is_shown(page, said, tmp_path):
-    """The words are the same; the numbers within 5 % or a few of their last digits, as another processor rounds otherwise."""
+    """The words are the same; the numbers within 5 % or a few of their last digits, as another
+    processor rounds otherwise."""
     printed = run(said["commands"], tmp_path)
     if said["output"] is None:
         return
@@ -82,7 +100,9 @@ def test_commands_run_and_print_what_is_shown(page, said, tmp_path):
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
         if not target.startswith(("http://", "https://", "mailto:")):
-            assert (page.parent / target).exists(), f"{name(page)} links to {target}, which is not there"
+            assert (page.parent / target).exists(), (
+                f"{name(page)} links to {target}, which is not there"
+            )
 
 
 def test_flow_chart_is_fresh():
@@ -103,7 +123,10 @@ def test_citations_of_physics_resolve():
     """Every label that the code cites as PHYSICS … stands in docs/explanation/physics.md."""
     page = (ROOT / "docs" / "explanation" / "physics.md").read_text(encoding="utf-8")
     for path in sorted((ROOT / "hrg_cli").rglob("*.py")):
-        for cited in re.findall(r"PHYSICS ((?:§\s?\d|[MRCE]\d+\w?)(?:(?:, | and | to )[MRCE]\d+\w?\b)*)", path.read_text(encoding="utf-8")):
+        for cited in re.findall(
+            r"PHYSICS ((?:§\s?\d|[MRCE]\d+\w?)(?:(?:, | and | to )[MRCE]\d+\w?\b)*)",
+            path.read_text(encoding="utf-8"),
+        ):
             for label in re.findall(r"§\s?\d|[MRCE]\d+p?b?", cited):
                 label = label.replace(" ", "")
                 found = f"## {label} " in page if label.startswith("§") else f"**{label}**" in page
@@ -111,21 +134,34 @@ def test_citations_of_physics_resolve():
 
 
 def test_library_example_runs(tmp_path, monkeypatch):
-    """Four short forced runs on a turning table; the tables of the README's five lines hold the K that was put in."""
-    (code,) = re.findall(r"## As a library\n\n```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+    """Four short forced runs on a turning table; the tables of the README's five lines hold the K
+    that was put in."""
+    (code,) = re.findall(
+        r"## As a library\n\n```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S
+    )
     (tmp_path / "runs").mkdir()
     t, scale_factor = np.arange(0, 40, 1 / 1500), 0.55
     for k, rate in enumerate((-0.5, -0.3, 0.3, 0.5)):
         theta = 0.1 - scale_factor * rate * t / 2
         carrier = np.cos(2 * np.pi * 251.3 * t)
         noise = 1e-4 * np.random.default_rng(k).standard_normal((2, len(t)))
-        log = dict(auxiliary_time_s=t[::1500], temperature_degc=np.full(len(t[::1500]), 20.0), rate_rad_s=np.full(len(t[::1500]), rate))
+        log = dict(
+            auxiliary_time_s=t[::1500],
+            temperature_degc=np.full(len(t[::1500]), 20.0),
+            rate_rad_s=np.full(len(t[::1500]), rate),
+        )
         c, s = np.cos(2 * theta) * carrier + noise[0], np.sin(2 * theta) * carrier + noise[1]
-        store.write(tmp_path / "runs" / f"{k}.h5", Recording(c=c, s=s, sample_rate_hz=1500.0, mode="forced", run_id=str(k), **log))
+        store.write(
+            tmp_path / "runs" / f"{k}.h5",
+            Recording(c=c, s=s, sample_rate_hz=1500.0, mode="forced", run_id=str(k), **log),
+        )
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "README.md", "exec"), {})
     table = store.read(tmp_path / "calibration.h5", Calibration)
-    assert np.abs(table.scale_factor - scale_factor).max() < 1e-3 and np.abs(table.drift_rad_s).max() < 1e-3
+    assert (
+        np.abs(table.scale_factor - scale_factor).max() < 1e-3
+        and np.abs(table.drift_rad_s).max() < 1e-3
+    )
 
 
 def renew() -> None:
@@ -135,7 +171,13 @@ def renew() -> None:
         for found in reversed(list(SAID.finditer(text))):
             if found["output"] is not None:
                 with tempfile.TemporaryDirectory() as folder:
-                    printed = "\n".join(line.rstrip() for line in run(found["commands"], Path(folder)).splitlines()) + "\n"
+                    printed = (
+                        "\n".join(
+                            line.rstrip()
+                            for line in run(found["commands"], Path(folder)).splitlines()
+                        )
+                        + "\n"
+                    )
                 text = text[: found.start("output")] + printed + text[found.end("output") :]
         page.write_text(handbook.renewed(text), encoding="utf-8")
 

@@ -12,7 +12,11 @@ from hrg_cli.errors import HrgError, UsageError
 
 
 def smooth(
-    record, *, width: Annotated[float, Field(gt=0, description="width")] = 1.0, kind: Literal["a", "b"] = "a", repeats: int = 3
+    record,
+    *,
+    width: Annotated[float, Field(gt=0, description="width")] = 1.0,
+    kind: Literal["a", "b"] = "a",
+    repeats: int = 3,
 ) -> None:
     """A stage for these tests."""
 
@@ -23,7 +27,11 @@ def test_order_of_precedence(tmp_path):
     assert settings.resolve(smooth) == {"width": 1.0, "kind": "a", "repeats": 3}
     assert settings.resolve(smooth, file)["width"] == 2.0
     assert settings.resolve(smooth, file, ("width=3",))["width"] == 3.0
-    assert settings.resolve(smooth, file, ("smooth.width=3",), {"width": 4.0, "kind": None}) == {"width": 4.0, "kind": "b", "repeats": 3}
+    assert settings.resolve(smooth, file, ("smooth.width=3",), {"width": 4.0, "kind": None}) == {
+        "width": 4.0,
+        "kind": "b",
+        "repeats": 3,
+    }
 
 
 @pytest.mark.parametrize(
@@ -62,8 +70,16 @@ def test_not_utf8_and_missing(tmp_path):
 
 
 tables = st.recursive(
-    st.one_of(st.integers(-(2**60), 2**60), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=20), st.booleans()),
-    lambda children: st.one_of(st.lists(children, max_size=3), st.dictionaries(st.text(min_size=1, max_size=8), children, max_size=3)),
+    st.one_of(
+        st.integers(-(2**60), 2**60),
+        st.floats(allow_nan=False, allow_infinity=False),
+        st.text(max_size=20),
+        st.booleans(),
+    ),
+    lambda children: st.one_of(
+        st.lists(children, max_size=3),
+        st.dictionaries(st.text(min_size=1, max_size=8), children, max_size=3),
+    ),
     max_leaves=8,
 )
 

@@ -1,4 +1,5 @@
-"""The shell: pipes by temporary names, export of every kind, `hrg run` on a folder that resumes, refuses mixed gyros and tells its plan."""
+"""The shell: pipes by temporary names, export of every kind, `hrg run` on a folder that resumes,
+refuses mixed gyros and tells its plan."""
 
 import gzip
 import json
@@ -30,17 +31,32 @@ def bash(line, folder, **more):
     tool.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hrg_cli.cli "$@"\n')
     tool.chmod(0o755)
     environment = (
-        os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{tool.parent}:{os.environ['PATH']}", "TMPDIR": str(folder / "tmp")} | more
+        os.environ
+        | {
+            "PYTHONPATH": str(ROOT),
+            "PATH": f"{tool.parent}:{os.environ['PATH']}",
+            "TMPDIR": str(folder / "tmp"),
+        }
+        | more
     )
     (folder / "tmp").mkdir(exist_ok=True)
-    return subprocess.run(["bash", "-o", "pipefail", "-c", line], cwd=folder, capture_output=True, text=True, env=environment, check=False)
+    return subprocess.run(
+        ["bash", "-o", "pipefail", "-c", line],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
 
 
 def test_pipes_hand_on_names(tmp_path):
     store.write(tmp_path / "r.h5", ringing())
     done = bash("hrg demodulate r.h5 -o - -q | hrg estimate - -o w.h5 -q", tmp_path)
     assert done.returncode == 0, done.stderr
-    assert len(store.read(tmp_path / "w.h5", Wave)) > 10 and not list((tmp_path / "tmp").iterdir()), "nothing is left behind"
+    assert len(store.read(tmp_path / "w.h5", Wave)) > 10 and not list(
+        (tmp_path / "tmp").iterdir()
+    ), "nothing is left behind"
     named = bash("hrg demodulate r.h5 -o -", tmp_path)
     name = Path(named.stdout.strip())
     assert name.exists() and name.parent == tmp_path / "tmp" and named.stdout.count("\n") == 1
@@ -48,17 +64,26 @@ def test_pipes_hand_on_names(tmp_path):
 
 def test_a_broken_pipe_of_commands_is_an_error(tmp_path):
     done = bash("hrg demodulate missing.h5 -o - | hrg estimate - -o w.h5", tmp_path)
-    assert done.returncode == 1 and "nothing came through the pipe" in done.stderr and not (tmp_path / "w.h5").exists()
+    assert (
+        done.returncode == 1
+        and "nothing came through the pipe" in done.stderr
+        and not (tmp_path / "w.h5").exists()
+    )
 
 
 def test_own_files_named_through_a_pipe_stay(tmp_path):
     store.write(tmp_path / "r.h5", ringing())
-    assert bash("echo r.h5 | hrg info - -q", tmp_path).returncode == 0 and (tmp_path / "r.h5").exists()
+    assert (
+        bash("echo r.h5 | hrg info - -q", tmp_path).returncode == 0 and (tmp_path / "r.h5").exists()
+    )
 
 
 def test_pipes_that_make_no_sense(hrg, tmp_path):
     store.write(tmp_path / "r.h5", ringing())
-    for command in (("demodulate", tmp_path / "r.h5", "-o", "-", "--json"), ("report", tmp_path / "r.h5", "-o", "-")):
+    for command in (
+        ("demodulate", tmp_path / "r.h5", "-o", "-", "--json"),
+        ("report", tmp_path / "r.h5", "-o", "-"),
+    ):
         assert hrg(*command).status == 2
 
 
@@ -67,7 +92,9 @@ def kinds(tmp_path_factory):
     return by_hand.write_all(tmp_path_factory.mktemp("kinds"))
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".json", ".json.gz", ".parquet", ".xlsx", ".mat"])
+@pytest.mark.parametrize(
+    "suffix", [".csv", ".csv.gz", ".json", ".json.gz", ".parquet", ".xlsx", ".mat"]
+)
 def test_every_kind_is_exported(hrg, kinds, tmp_path, suffix):
     """Row for row the same numbers come back from every format."""
     pd = pytest.importorskip("pandas")
@@ -84,7 +111,9 @@ def test_every_kind_is_exported(hrg, kinds, tmp_path, suffix):
     if suffix.startswith(".csv"):
         back = pd.read_csv(output)["wave_angle_rad"].to_numpy()
     elif suffix.startswith(".json"):
-        text = gzip.decompress(output.read_bytes()) if suffix.endswith(".gz") else output.read_bytes()
+        text = (
+            gzip.decompress(output.read_bytes()) if suffix.endswith(".gz") else output.read_bytes()
+        )
         back = np.array(json.loads(text)["columns"]["wave_angle_rad"], float)
     elif suffix == ".parquet":
         back = pd.read_parquet(output)["wave_angle_rad"].to_numpy()
@@ -117,23 +146,36 @@ FEW = ("--set", "demodulate.periods_per_window=20", "--set", "diagnose.most_effe
 
 def test_run_takes_a_folder_and_resumes(hrg, recordings, tmp_path):
     out = tmp_path / "out"
-    assert "identify free-1.wave.h5 free-2.wave.h5" in hrg("run", recordings, "-o", out, "--dry-run").out and not out.exists()
+    assert (
+        "identify free-1.wave.h5 free-2.wave.h5"
+        in hrg("run", recordings, "-o", out, "--dry-run").out
+        and not out.exists()
+    )
     first = hrg("run", recordings, "-o", out, *FEW, "--json")
     assert first.status in (0, 3) and (out / "diagnosis.extended_resonator.h5").exists(), first.err
     assert first.json["answer"]["sentence"] and "<svg" in (out / "report.html").read_text()
     before = {p.name: p.stat().st_mtime_ns for p in out.glob("*.h5")}
     again = hrg("run", recordings, "-o", out, *FEW, "--json")
-    assert {p.name: p.stat().st_mtime_ns for p in out.glob("*.h5")} == before, "nothing is made twice"
+    assert {p.name: p.stat().st_mtime_ns for p in out.glob("*.h5")} == before, (
+        "nothing is made twice"
+    )
     assert [s["status"] for s in again.json["steps"]] == [s["status"] for s in first.json["steps"]]
     (out / "free-1.wave.h5").write_bytes(b"somebody else's")
     refused = hrg("run", recordings, "-o", out, *FEW)
-    assert refused.status == 3 and "free-1.wave.h5" in refused.err and (out / "free-1.wave.h5").read_bytes() == b"somebody else's"
+    assert (
+        refused.status == 3
+        and "free-1.wave.h5" in refused.err
+        and (out / "free-1.wave.h5").read_bytes() == b"somebody else's"
+    )
 
 
 def test_run_refuses_mixed_gyros(hrg, tmp_path):
     for gyro in "AB":
         with store.open_record(SAMPLE[0], Recording) as record:
-            store.write(tmp_path / f"{gyro}.h5", record.replace(gyro_id=gyro, c=record.c[:1000], s=record.s[:1000]))
+            store.write(
+                tmp_path / f"{gyro}.h5",
+                record.replace(gyro_id=gyro, c=record.c[:1000], s=record.s[:1000]),
+            )
     done = hrg("run", tmp_path, "-o", tmp_path / "out")
     assert done.status == 1 and "is of gyro B" in done.err and not (tmp_path / "out").exists()
 
@@ -142,10 +184,19 @@ def test_run_tells_a_reason_once():
     from hrg_cli.chain import Step
     from hrg_cli.commands.running import reasons_of
 
-    steps = [Step("estimate", (f"{k}.periods.h5",), f"{k}.wave.h5", "suspect", ("windows too long",)) for k in range(12)]
-    inherited = (*(f"{k}.wave.h5 is suspect: windows too long" for k in range(6)), "6 more inputs are suspect or refused")
+    steps = [
+        Step("estimate", (f"{k}.periods.h5",), f"{k}.wave.h5", "suspect", ("windows too long",))
+        for k in range(12)
+    ]
+    inherited = (
+        *(f"{k}.wave.h5 is suspect: windows too long" for k in range(6)),
+        "6 more inputs are suspect or refused",
+    )
     steps.append(Step("identify", (), "resonator.h5", "suspect", (*inherited, "its own doubt")))
-    assert reasons_of(steps) == ["0.wave.h5 and 11 more: windows too long", "resonator.h5: its own doubt"]
+    assert reasons_of(steps) == [
+        "0.wave.h5 and 11 more: windows too long",
+        "resonator.h5: its own doubt",
+    ]
 
 
 def test_temporary_folder_is_the_system_s():

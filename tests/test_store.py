@@ -1,4 +1,5 @@
-"""Files: what is written is read back, opens in xarray, is whole or absent, and is refused in words when it is wrong."""
+"""Files: what is written is read back, opens in xarray, is whole or absent, and is refused in words
+when it is wrong."""
 
 import json
 import os
@@ -11,7 +12,19 @@ import xarray
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.records import KINDS, Calibration, Compensated, Diagnosis, Periods, Provenance, Recording, Resonator, Source, Wave, collect
+from hrg_cli.records import (
+    KINDS,
+    Calibration,
+    Compensated,
+    Diagnosis,
+    Periods,
+    Provenance,
+    Recording,
+    Resonator,
+    Source,
+    Wave,
+    collect,
+)
 from hrg_cli.store.atomic import this_host
 from hrg_cli.store.heaps import check_heaps
 
@@ -33,7 +46,9 @@ def small(kind, rows=7):
     values = {}
     for name, spec in kind.columns().items():
         if spec.dims is None:
-            text = {"object": "{}", "list": "[]"}.get(spec.valid.json, next(iter(spec.valid.one_of), "text"))
+            text = {"object": "{}", "list": "[]"}.get(
+                spec.valid.json, next(iter(spec.valid.one_of), "text")
+            )
             values[name] = {"i8": 2, "f8": 5000.0}.get(spec.dtype, text)
             continue
         shape = tuple(sizes.get(d, 3) for d in spec.dims)
@@ -42,14 +57,21 @@ def small(kind, rows=7):
         elif spec.dtype == "raw":
             values[name] = rng.integers(-100, 100, shape).astype("i2")
         else:
-            values[name] = np.sort(rng.uniform(1, min(50, spec.valid.at_most or 50), shape), axis=0).astype(spec.dtype)
+            values[name] = np.sort(
+                rng.uniform(1, min(50, spec.valid.at_most or 50), shape), axis=0
+            ).astype(spec.dtype)
             if name == "covariance" and shape[0] == shape[1]:
                 values[name] = values[name] @ values[name].T  # else it is none, and is not written
     if kind is Recording:
         values |= {"time_s": None, "c_units": "V", "s_units": "V"}
     if kind is Calibration:
         values |= {"frequency_hz": None}
-    return kind(**values, provenance=Provenance(history=("then hrg made it",), sources=(Source("a", "b", "c"),), settings="[x]\n"))
+    return kind(
+        **values,
+        provenance=Provenance(
+            history=("then hrg made it",), sources=(Source("a", "b", "c"),), settings="[x]\n"
+        ),
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
@@ -63,7 +85,10 @@ def test_round_trip(kind, tmp_path):
             assert found is None
         else:
             np.testing.assert_array_equal(found, put)
-    assert back.provenance.sources == record.provenance.sources and back.provenance.history == record.provenance.history
+    assert (
+        back.provenance.sources == record.provenance.sources
+        and back.provenance.history == record.provenance.history
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
@@ -71,8 +96,20 @@ def test_every_group_opens_in_xarray(kind, tmp_path):
     store.write(tmp_path / "a.h5", small(kind))
     with h5py.File(tmp_path / "a.h5") as file:
         groups = list(file)
-        assert file.attrs["format"] == "hrg" and file.attrs["format_version"] == "1.0" and file.attrs["kind"] == kind.kind
-        for key in ("generated_by", "created", "history", "settings", "sources", "status", "status_reasons"):
+        assert (
+            file.attrs["format"] == "hrg"
+            and file.attrs["format_version"] == "1.0"
+            and file.attrs["kind"] == kind.kind
+        )
+        for key in (
+            "generated_by",
+            "created",
+            "history",
+            "settings",
+            "sources",
+            "status",
+            "status_reasons",
+        ):
             assert key in file.attrs
         json.loads(file.attrs["sources"]), json.loads(file.attrs["status_reasons"])
         file.visititems(lambda name, item: _has_unit(name, item))
@@ -102,7 +139,9 @@ def test_lazy_rows_read_only_what_is_asked(tmp_path):
     store.write(tmp_path / "a.h5", record)
     with store.open_record(tmp_path / "a.h5", Wave) as opened:
         assert not isinstance(opened.time_s, np.ndarray)
-        np.testing.assert_array_equal(opened.rows(10, 20).wave_angle_rad, record.wave_angle_rad[10:20])
+        np.testing.assert_array_equal(
+            opened.rows(10, 20).wave_angle_rad, record.wave_angle_rad[10:20]
+        )
 
 
 def test_existing_output_is_refused_and_kept(tmp_path):
@@ -146,7 +185,9 @@ def test_of_two_writers_one_wins_whole(tmp_path):
         t.start()
     for t in threads:
         t.join()
-    assert results.count("written") == 1 and any("another program" in r or "exists already" in r for r in results)
+    assert results.count("written") == 1 and any(
+        "another program" in r or "exists already" in r for r in results
+    )
     assert len(store.read(path, Wave)) in (5, 6)
     assert os.listdir(tmp_path) == ["a.h5"]
 
@@ -257,7 +298,10 @@ def test_a_flipped_bit_does_not_pass(tmp_path):
 
 def test_a_wrong_kind_names_the_command_that_makes_the_right_one(tmp_path):
     store.write(tmp_path / "a.h5", small(Recording))
-    with pytest.raises(HrgError, match="is a recording file, a periods file was expected; make one with `hrg demodulate`"):
+    with pytest.raises(
+        HrgError,
+        match="is a recording file, a periods file was expected; make one with `hrg demodulate`",
+    ):
         store.read(tmp_path / "a.h5", Periods)
 
 
@@ -288,7 +332,11 @@ def test_every_row_column_is_stored_with_a_checksum(tmp_path):
         store.write(tmp_path / f"{kind.kind}.h5", small(kind, 40))
         with h5py.File(tmp_path / f"{kind.kind}.h5") as file:
             own = file[kind.kind]
-            names = [n for n, c in kind.columns().items() if c.dims and c.dims[0] == "row" and c.group is None and (c.name or n) in own]
+            names = [
+                n
+                for n, c in kind.columns().items()
+                if c.dims and c.dims[0] == "row" and c.group is None and (c.name or n) in own
+            ]
             assert names and all(own[kind.columns()[n].name or n].fletcher32 for n in names)
 
 
@@ -299,7 +347,9 @@ def test_a_size_that_is_hardly_stored_is_not_believed(tmp_path):
         for name in "cs":
             attributes = dict(file["recording"][name].attrs)
             del file["recording"][name]
-            dataset = file["recording"].create_dataset(name, shape=(1 << 29,), dtype="i2", chunks=(1 << 16,))
+            dataset = file["recording"].create_dataset(
+                name, shape=(1 << 29,), dtype="i2", chunks=(1 << 16,)
+            )
             dataset[: 1 << 16] = 1
             dataset.attrs["units"] = attributes["units"]
     with pytest.raises(HrgError, match=r"claims 536870912 values but stores 65536 at most"):

@@ -1,4 +1,5 @@
-"""Values are held to their declaration: at reading whole, at reading block by block, and before a file is written."""
+"""Values are held to their declaration: at reading whole, at reading block by block, and before a
+file is written."""
 
 import h5py
 import numpy as np
@@ -12,9 +13,21 @@ from hrg_cli.store import handles
 from hrg_cli.store.layout import place_of
 
 DAMAGES = {
-    "nan": (lambda v: _put(v, np.nan), lambda valid: valid.missing != "anywhere" and not valid.raw, "finite"),
-    "infinity": (lambda v: _put(v, np.inf), lambda valid: not (valid.raw or valid.infinite), "finite"),
-    "negative": (lambda v: _put(v, -3), lambda valid: valid.at_least is not None or valid.above is not None, "was expected"),
+    "nan": (
+        lambda v: _put(v, np.nan),
+        lambda valid: valid.missing != "anywhere" and not valid.raw,
+        "finite",
+    ),
+    "infinity": (
+        lambda v: _put(v, np.inf),
+        lambda valid: not (valid.raw or valid.infinite),
+        "finite",
+    ),
+    "negative": (
+        lambda v: _put(v, -3),
+        lambda valid: valid.at_least is not None or valid.above is not None,
+        "was expected",
+    ),
     "equal rows": (lambda v: _put(v, v.flat[0]), lambda valid: valid.rising, "increase"),
     "backwards": (lambda v: v[::-1], lambda valid: valid.rising, "increase"),
     "booleans": (lambda v: np.ones(v.shape, bool), lambda valid: True, "numbers were expected"),
@@ -37,7 +50,9 @@ def _cases():
             if spec.dims is None or spec.dtype == "str":
                 continue
             for damage, (_, applies, _) in DAMAGES.items():
-                fractions = damage in ("nan", "infinity") and spec.dtype in WHOLE_NUMBERS  # refused by their type
+                fractions = (
+                    damage in ("nan", "infinity") and spec.dtype in WHOLE_NUMBERS
+                )  # refused by their type
                 if applies(spec.valid) and not fractions:
                     yield pytest.param(kind, name, damage, id=f"{kind.kind}-{name}-{damage}")
             if spec.dtype in WHOLE_NUMBERS:
@@ -86,10 +101,17 @@ def test_every_column_is_held_to_its_declaration(kind, name, damage, tmp_path):
 def test_nothing_that_breaks_its_promise_is_written(kind, tmp_path):
     record = small(kind)
     for name, spec in kind.columns().items():
-        if spec.dims is None or spec.dtype != "f8" or getattr(record, name) is None or spec.valid.missing == "anywhere":
+        if (
+            spec.dims is None
+            or spec.dtype != "f8"
+            or getattr(record, name) is None
+            or spec.valid.missing == "anywhere"
+        ):
             continue
         with pytest.raises(HrgError, match=f"would break its own promise: {name} holds"):
-            store.write(tmp_path / "a.h5", record.replace(**{name: _put(getattr(record, name), np.inf)}))
+            store.write(
+                tmp_path / "a.h5", record.replace(**{name: _put(getattr(record, name), np.inf)})
+            )
     assert not list(tmp_path.iterdir())
 
 
@@ -101,7 +123,10 @@ def test_a_stream_that_stops_rising_is_not_written(tmp_path):
 
 
 def test_nan_may_stand_where_a_flag_says_so(tmp_path):
-    record = small(Wave).replace(flags=np.array([0, 0, 4, 0, 0, 0, 0], "u1"), iterations=np.array([0, 0, 0, -1, 0, 0, 0], "i2"))
+    record = small(Wave).replace(
+        flags=np.array([0, 0, 4, 0, 0, 0, 0], "u1"),
+        iterations=np.array([0, 0, 0, -1, 0, 0, 0], "i2"),
+    )
     angle = np.array(record.wave_angle_rad)
     angle[[2, 3]] = np.nan
     store.write(tmp_path / "a.h5", record.replace(wave_angle_rad=angle))
@@ -139,9 +164,13 @@ def test_every_attribute_is_held_to_its_declaration(kind, group, name, value, sa
         store.read(tmp_path / "a.h5", kind)
 
 
-@pytest.mark.parametrize(("signals", "readout"), [(3, "direct"), (5, "direct"), (8, "direct"), (4, "carrier")])
+@pytest.mark.parametrize(
+    ("signals", "readout"), [(3, "direct"), (5, "direct"), (8, "direct"), (4, "carrier")]
+)
 def test_signals_are_as_many_as_the_read_out_has(signals, readout, tmp_path):
-    record = small(Periods).replace(readout=readout, signals=np.ones((7, signals)), signals_std=np.ones((7, signals)))
+    record = small(Periods).replace(
+        readout=readout, signals=np.ones((7, signals)), signals_std=np.ones((7, signals))
+    )
     store.write(tmp_path / "a.h5", small(Periods))
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         file["periods"].attrs["readout"] = readout
@@ -160,13 +189,16 @@ def test_a_column_that_unpacks_to_far_more_than_its_file_is_refused(tmp_path, mo
             if file["wave"][name].shape == (7,) and "NAME" not in file["wave"][name].attrs:
                 values = np.resize(file["wave"][name][()], 400_000) * 0
                 del file["wave"][name]
-                file["wave"].create_dataset(name, data=values, compression="gzip", chunks=(1 << 15,))
+                file["wave"].create_dataset(
+                    name, data=values, compression="gzip", chunks=(1 << 15,)
+                )
     with pytest.raises(HrgError, match="would unpack"):
         store.read(tmp_path / "a.h5", Wave)
 
 
 def test_more_records_may_be_open_than_files(tmp_path, monkeypatch):
-    """Files are closed to make room and opened again; what they hold is the same, and a changed one is noticed."""
+    """Files are closed to make room and opened again; what they hold is the same, and a changed one
+    is noticed."""
     monkeypatch.setattr(handles, "MOST_OPEN", 3)
     from contextlib import ExitStack
 

@@ -1,4 +1,5 @@
-"""`hrg verify`: what was written is recognised as whole, and every kind of change in a chain or a lot is found and named."""
+"""`hrg verify`: what was written is recognised as whole, and every kind of change in a chain or a
+lot is found and named."""
 
 import json
 import shutil
@@ -24,7 +25,9 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     for run, theta in enumerate((0.1, 0.6)):
         store.write(folder / f"r{run}.h5", run_down("G", f"{run}", theta, 0.4, run))
-    steps = [("demodulate", [f"r{n}.h5"], f"p{n}.h5") for n in (0, 1)] + [("estimate", [f"p{n}.h5"], f"w{n}.h5") for n in (0, 1)]
+    steps = [("demodulate", [f"r{n}.h5"], f"p{n}.h5") for n in (0, 1)] + [
+        ("estimate", [f"p{n}.h5"], f"w{n}.h5") for n in (0, 1)
+    ]
     for name, inputs, output in [*steps, ("identify", ["w0.h5", "w1.h5"], "resonator.h5")]:
         values = settings.checked(pipeline.STAGES[name].function(), {})
         pipeline.run_stage(name, [folder / i for i in inputs], folder / output, values)
@@ -46,7 +49,9 @@ def test_an_untouched_chain_is_whole(chain, hrg):
     assert told.status == 0 and told.json["status"] == "valid" and len(told.json["files"]) == 7
     assert all(f["result"] == "whole" and not f["findings"] for f in told.json["files"])
     alone = hrg("verify", chain / "resonator.h5", "--json").json["files"]
-    assert {f["kind"] for f in alone} == {"resonator", "wave", "periods", "recording"}, "its sources are followed"
+    assert {f["kind"] for f in alone} == {"resonator", "wave", "periods", "recording"}, (
+        "its sources are followed"
+    )
 
 
 def change_value(path):
@@ -105,8 +110,16 @@ def test_every_change_is_named(what, chain, hrg):
     assert told.status == 3 and told.json["status"] == "refused"
     found = {f["name"].rsplit("/", 1)[-1]: f for f in told.json["files"]}
     assert found["p0.h5"]["result"] in ("changed", "damaged") and says in found["p0.h5"]["findings"]
-    assert found["w0.h5"]["result"] == "changed" and "made from another p0.h5" in found["w0.h5"]["findings"][0]
-    assert found["p1.h5"]["result"] == found["w1.h5"]["result"] == found["resonator.h5"]["result"] == "whole"
+    assert (
+        found["w0.h5"]["result"] == "changed"
+        and "made from another p0.h5" in found["w0.h5"]["findings"][0]
+    )
+    assert (
+        found["p1.h5"]["result"]
+        == found["w1.h5"]["result"]
+        == found["resonator.h5"]["result"]
+        == "whole"
+    )
 
 
 def test_a_source_made_again_with_other_settings_is_found(chain):
@@ -117,7 +130,11 @@ def test_a_source_made_again_with_other_settings_is_found(chain):
     verdicts = results(chain)
     assert verdicts["p0.h5"].result == "whole" and verdicts["w0.h5"].result == "changed"
     pipeline.run_stage(
-        "estimate", [chain / "p0.h5"], chain / "w0.h5", settings.checked(pipeline.STAGES["estimate"].function(), {}), force=True
+        "estimate",
+        [chain / "p0.h5"],
+        chain / "w0.h5",
+        settings.checked(pipeline.STAGES["estimate"].function(), {}),
+        force=True,
     )
     assert results(chain)["resonator.h5"].result == "changed"
 
@@ -125,12 +142,23 @@ def test_a_source_made_again_with_other_settings_is_found(chain):
 def test_settings_that_differ_between_runs_are_noted(chain):
     from hrg_cli import pipeline, settings
 
-    values = settings.checked(pipeline.STAGES["estimate"].function(), {"solver": "levenberg-marquardt"})
+    values = settings.checked(
+        pipeline.STAGES["estimate"].function(), {"solver": "levenberg-marquardt"}
+    )
     pipeline.run_stage("estimate", [chain / "p0.h5"], chain / "w0.h5", values, force=True)
     inputs = [chain / "w0.h5", chain / "w1.h5"]
-    pipeline.run_stage("identify", inputs, chain / "resonator.h5", settings.checked(pipeline.STAGES["identify"].function(), {}), force=True)
+    pipeline.run_stage(
+        "identify",
+        inputs,
+        chain / "resonator.h5",
+        settings.checked(pipeline.STAGES["identify"].function(), {}),
+        force=True,
+    )
     verdict = results(chain)["resonator.h5"]
-    assert verdict.result == "whole" and "different settings (estimate.solver): w0.h5; w1.h5" in verdict.notes[0]
+    assert (
+        verdict.result == "whole"
+        and "different settings (estimate.solver): w0.h5; w1.h5" in verdict.notes[0]
+    )
 
 
 def test_a_renamed_source_is_found_and_a_missing_one_is_noted(chain):
@@ -146,7 +174,10 @@ def test_a_laboratorys_file_is_not_called_whole(tmp_path, hrg):
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         del file.attrs["checksums"]
     assert [v.result for v in verify([tmp_path / "a.h5"])] == ["without checksums"]
-    assert hrg("verify", tmp_path / "a.h5").status == 0 and hrg("verify", tmp_path / "a.h5", "--strict").status == 3
+    assert (
+        hrg("verify", tmp_path / "a.h5").status == 0
+        and hrg("verify", tmp_path / "a.h5", "--strict").status == 3
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
@@ -166,15 +197,23 @@ def test_a_stream_keeps_the_checksums_of_the_whole(tmp_path):
 def test_a_lots_notes_are_compared(tmp_path):
     (tmp_path / "data").mkdir()
     for run, theta in enumerate((0.1, 0.6)):
-        store.write(tmp_path / "data" / f"{run}.h5", run_down("G", f"{run}", theta, split_of(1), run))
+        store.write(
+            tmp_path / "data" / f"{run}.h5", run_down("G", f"{run}", theta, split_of(1), run)
+        )
     (tmp_path / "lot.toml").write_text('recordings = "data/*.h5"\nstages = ["identify"]\n')
     out = tmp_path / "out"
     run_lot(tmp_path / "lot.toml", out)
     assert report(verify([out]))["status"] == "valid"
-    store.write(out / "G" / "0.wave.h5", store.read_any(out / "G" / "0.wave.h5").replace(run_id="9"), force=True)  # and sealed anew
+    store.write(
+        out / "G" / "0.wave.h5",
+        store.read_any(out / "G" / "0.wave.h5").replace(run_id="9"),
+        force=True,
+    )  # and sealed anew
     (out / "G" / "1.periods.h5").unlink()
     verdicts = results(out)
-    assert verdicts["0.wave.h5"].findings == ["is not what the lot wrote (0.json notes another SHA-256)"]
+    assert verdicts["0.wave.h5"].findings == [
+        "is not what the lot wrote (0.json notes another SHA-256)"
+    ]
     assert verdicts["1.periods.h5"].findings == ["was removed; 1.json notes it"]
     assert verdicts["resonator.h5"].result == "changed"
 

@@ -1,1 +1,2 @@
-"""What stands behind a command that is more than one stage on files, and the frame that all commands share."""
+"""What stands behind a command that is more than one stage on files, and the frame that all
+commands share."""

@@ -29,7 +29,12 @@ def effects_page(name: str | None, run: Common) -> Shown:
         report |= {"name": name, "page": text}
     else:
         listed = [
-            {"name": e.name, "family": e.family, "parameters": [p.name for p in e.parameters], "title": e.page.splitlines()[0]}
+            {
+                "name": e.name,
+                "family": e.family,
+                "parameters": [p.name for p in e.parameters],
+                "title": e.page.splitlines()[0],
+            }
             for e in EFFECTS
         ]
         text = "\n".join(f"{e['name']:30}{e['family']:12}{e['title']}" for e in listed)
@@ -44,7 +49,11 @@ def info_file(file: Path | None, run: Common) -> Shown:
     path = existing([file] if file else [], "an hrg file")[0]
     with store.open_record(path, store.kind_of(path)) as record:
         facts = tables.facts(record)
-    found = answer([store.read_any(path)], (), {record.kind: path.name}) if record.kind in RESULTS else None
+    found = (
+        answer([store.read_any(path)], (), {record.kind: path.name})
+        if record.kind in RESULTS
+        else None
+    )
     provenance = record.provenance
     report = {
         "kind": record.kind,

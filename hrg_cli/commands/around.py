@@ -1,4 +1,5 @@
-"""The commands around the chain: hand on, judge and show results, run many steps at once, look things up."""
+"""The commands around the chain: hand on, judge and show results, run many steps at once, look
+things up."""
 
 from __future__ import annotations
 
@@ -12,19 +13,35 @@ from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, OneFile, command, no_se
 app = typer.Typer()
 
 
-@command(app, "export", "hrg export calibration.h5 -o table.h --fixed-point-bits 16", idle=NO_DRAWS | ONE_PROCESS)
+@command(
+    app,
+    "export",
+    "hrg export calibration.h5 -o table.h --fixed-point-bits 16",
+    idle=NO_DRAWS | ONE_PROCESS,
+)
 def export_(
     run: Common,
     file: OneFile = None,
     fixed_point_bits: Annotated[
-        int | None, typer.Option(help="C header: integers of so many bits; 0 (the default): floating point.", show_default=False)
+        int | None,
+        typer.Option(
+            help="C header: integers of so many bits; 0 (the default): floating point.",
+            show_default=False,
+        ),
     ] = None,
     precision: Annotated[
         float | None,
-        typer.Option(help="C header: interpolation error allowed, in standard deviations of the table (default 0.5).", show_default=False),
+        typer.Option(
+            help=(
+                "C header: interpolation error allowed, in standard deviations of the table"
+                " (default 0.5)."
+            ),
+            show_default=False,
+        ),
     ] = None,
 ) -> None:
-    """Any hrg file for other programs, by the output's suffix: CSV, JSON (.gz), Parquet, XLSX, MAT; a calibration as a C header."""
+    """Any hrg file for other programs, by the output's suffix: CSV, JSON (.gz), Parquet, XLSX, MAT;
+    a calibration as a C header."""
     from .exporting import export_file
 
     run.finish(export_file(file, run, fixed_point_bits=fixed_point_bits, precision=precision))
@@ -38,24 +55,43 @@ def export_(
     says={
         "output": "File to write the JSON report into.",
         "config": "TOML file with more limits, over those of --limits.",
-        "assignments": 'Change one limit, e.g. diagnosis.causes=0 or resonator.damping_split_1_s="5 deg/h"; may be repeated.',
+        "assignments": (
+            'Change one limit, e.g. diagnosis.causes=0 or resonator.damping_split_1_s="5 deg/h";'
+            " may be repeated."
+        ),
         "show_config": "Print the limits as TOML and leave.",
     },
 )
 def check(
     run: Common,
     files: Files = None,
-    limits: Annotated[Path | None, typer.Option(help="TOML file with the limits.", show_default=False)] = None,
+    limits: Annotated[
+        Path | None, typer.Option(help="TOML file with the limits.", show_default=False)
+    ] = None,
     baseline: Annotated[
-        Path | None, typer.Option(help="Earlier result, or folder of results by the same names, to compare with in σ.", show_default=False)
+        Path | None,
+        typer.Option(
+            help="Earlier result, or folder of results by the same names, to compare with in σ.",
+            show_default=False,
+        ),
     ] = None,
     limit_sigma: Annotated[
-        float | None, typer.Option(min=0.0, help="Difference from the baseline that passes, in σ (default 5).", show_default=False)
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Difference from the baseline that passes, in σ (default 5).",
+            show_default=False,
+        ),
     ] = None,
-    junit: Annotated[Path | None, typer.Option(help="File to write as JUnit XML.", show_default=False)] = None,
-    markdown: Annotated[Path | None, typer.Option(help="File to write as a Markdown summary.", show_default=False)] = None,
+    junit: Annotated[
+        Path | None, typer.Option(help="File to write as JUnit XML.", show_default=False)
+    ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(help="File to write as a Markdown summary.", show_default=False)
+    ] = None,
 ) -> None:
-    """Hold the figures of files against limits and an earlier result: exit status 0 within, 3 outside."""
+    """Hold the figures of files against limits and an earlier result: exit status 0 within, 3
+    outside."""
     from .checking import check_files
 
     run.finish(*check_files(files or [], run, limits, baseline, limit_sigma, junit, markdown))
@@ -65,7 +101,10 @@ def check(
     app,
     "diff",
     "hrg diff old/resonator.h5 new/resonator.h5 --limit-sigma 5",
-    idle=NO_DRAWS | ONE_PROCESS | no_settings("there is nothing to set") | {"strict": "--limit-sigma says what passes"},
+    idle=NO_DRAWS
+    | ONE_PROCESS
+    | no_settings("there is nothing to set")
+    | {"strict": "--limit-sigma says what passes"},
     says={"output": "File to write the JSON report into."},
 )
 def diff(
@@ -73,7 +112,12 @@ def diff(
     old: Annotated[Path | None, typer.Argument(metavar="OLD", show_default=False)] = None,
     new: Annotated[Path | None, typer.Argument(metavar="NEW", show_default=False)] = None,
     limit_sigma: Annotated[
-        float | None, typer.Option(min=0.0, help="End with status 3 where a figure moved by more, in σ.", show_default=False)
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="End with status 3 where a figure moved by more, in σ.",
+            show_default=False,
+        ),
     ] = None,
 ) -> None:
     """What moved between two results of one kind, in σ of both."""
@@ -92,11 +136,23 @@ def report(
     run: Common,
     files: Files = None,
     format: Annotated[
-        str | None, typer.Option(help="html: one page; png: the figures alone, into the folder OUTPUT.", show_default=False)
+        str | None,
+        typer.Option(
+            help="html: one page; png: the figures alone, into the folder OUTPUT.",
+            show_default=False,
+        ),
     ] = None,
-    truth: Annotated[bool | None, typer.Option("--truth", help="Show a simulation's truth beside the estimates.")] = None,
-    full: Annotated[bool | None, typer.Option("--full", help="Draw the figures of every file behind the answer.")] = None,
-    limits: Annotated[Path | None, typer.Option(help="TOML file with limits to show the results against.", show_default=False)] = None,
+    truth: Annotated[
+        bool | None, typer.Option("--truth", help="Show a simulation's truth beside the estimates.")
+    ] = None,
+    full: Annotated[
+        bool | None,
+        typer.Option("--full", help="Draw the figures of every file behind the answer."),
+    ] = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with limits to show the results against.", show_default=False),
+    ] = None,
 ) -> None:
     """One self-contained page (or the figures) about any set of hrg files: the answer first."""
     from .reporting import report_files
@@ -108,7 +164,10 @@ def report(
     app,
     "info",
     "hrg info wave.h5 --json",
-    idle=NO_DRAWS | ONE_PROCESS | no_settings("a file is told as it is") | {"strict": "the status is told, not judged"},
+    idle=NO_DRAWS
+    | ONE_PROCESS
+    | no_settings("a file is told as it is")
+    | {"strict": "the status is told, not judged"},
     says={"output": "File to write the JSON report into."},
 )
 def info(run: Common, file: OneFile = None) -> None:
@@ -129,7 +188,8 @@ def info(run: Common, file: OneFile = None) -> None:
     },
 )
 def verify(run: Common, files: Files = None) -> None:
-    """Whether files are as they were written: checksums of every dataset, the chain of sources, a lot's notes; 3 when not.
+    """Whether files are as they were written: checksums of every dataset, the chain of sources, a
+    lot's notes; 3 when not.
 
     FILE: hrg files or folders; sources that lie in the same folder are followed.
     """
@@ -142,18 +202,26 @@ def verify(run: Common, files: Files = None) -> None:
     app,
     "rehearse",
     "hrg rehearse resonator.h5 --times 30 --jobs 2 -o rehearsal.svg",
-    says={"output": "File for the report (.json), its picture (.svg) or both (.html).", "jobs": "Processes that share the rehearsals."},
+    says={
+        "output": "File for the report (.json), its picture (.svg) or both (.html).",
+        "jobs": "Processes that share the rehearsals.",
+    },
 )
 def rehearse(
     run: Common,
     files: Files = None,
-    times: Annotated[int | None, typer.Option(help="Rehearsals (default 30).", show_default=False)] = None,
-    keep_file: Annotated[bool, typer.Option("--keep-file", help="Tell the verdict without writing it into FILE.")] = False,
+    times: Annotated[
+        int | None, typer.Option(help="Rehearsals (default 30).", show_default=False)
+    ] = None,
+    keep_file: Annotated[
+        bool, typer.Option("--keep-file", help="Tell the verdict without writing it into FILE.")
+    ] = False,
 ) -> None:
-    """Whether a result's errors hold: its programme again and again on a simulated twin, through raw samples and the same stages.
+    """Whether a result's errors hold: its programme again and again on a simulated twin, through
+    raw samples and the same stages.
 
-    FILE: a resonator or calibration file, whose waves are found in its folder by their SHA-256 or named beside it. The verdict is written
-    into the file's status.
+    FILE: a resonator or calibration file, whose waves are found in its folder by their SHA-256 or
+    named beside it. The verdict is written into the file's status.
     """
     from ..reporting import console
     from .rehearsing import rehearse_files
@@ -170,7 +238,9 @@ def rehearse(
     says={
         "output": "Folder of the results; the same folder resumes.",
         "config": "TOML file with a table a stage.",
-        "assignments": "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated.",
+        "assignments": (
+            "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated."
+        ),
         "seed": "Seed of every stage that draws.",
         "jobs": "Processes that share the recordings.",
     },
@@ -178,13 +248,28 @@ def rehearse(
 def run_(
     run: Common,
     recordings: Files = None,
-    from_s: Annotated[float | None, typer.Option(help="Begin each recording at this time of its own.", show_default=False)] = None,
-    to_s: Annotated[float | None, typer.Option(help="End each recording at this time of its own.", show_default=False)] = None,
-    limits: Annotated[Path | None, typer.Option(help="TOML file with limits the results must hold.", show_default=False)] = None,
-    full: Annotated[bool, typer.Option("--full", help="Draw the figures of every run and file on the page, too.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
+    from_s: Annotated[
+        float | None,
+        typer.Option(help="Begin each recording at this time of its own.", show_default=False),
+    ] = None,
+    to_s: Annotated[
+        float | None,
+        typer.Option(help="End each recording at this time of its own.", show_default=False),
+    ] = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with limits the results must hold.", show_default=False),
+    ] = None,
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="Draw the figures of every run and file on the page, too."),
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")
+    ] = False,
 ) -> None:
-    """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and a page to show."""
+    """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and
+    a page to show."""
     from .running import run_files, tables_of
 
     part = {"from_s": from_s, "to_s": to_s}
@@ -207,10 +292,15 @@ def run_(
 def batch(
     run: Common,
     lot: OneFile = None,
-    dask: Annotated[bool, typer.Option("--dask", help="Dask workers started here, --jobs of them.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)] = None,
+    dask: Annotated[
+        bool, typer.Option("--dask", help="Dask workers started here, --jobs of them.")
+    ] = False,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)
+    ] = None,
 ) -> None:
-    """The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where it was interrupted."""
+    """The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where it
+    was interrupted."""
     from .batching import batch_file
 
     run.finish(batch_file(lot, run, dask, scheduler))
@@ -235,44 +325,77 @@ def _study_names(incomplete: str) -> list[str]:
     "study",
     "hrg study gauss-newton -o study/",
     idle={"strict": "a study has no validity of its own"},
-    says={"jobs": "Processes that share the draws of the diagnosis and the recovery study; the others use one."},
+    says={
+        "jobs": (
+            "Processes that share the draws of the diagnosis and the recovery study; the others use"
+            " one."
+        )
+    },
 )
 def study(
     run: Common,
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="NAME", help="gauss-newton, redundancy, identification, diagnosis or recovery.", autocompletion=_study_names
+            metavar="NAME",
+            help="gauss-newton, redundancy, identification, diagnosis or recovery.",
+            autocompletion=_study_names,
         ),
     ] = None,
     recordings: Annotated[
-        list[Path] | None, typer.Argument(metavar="RECORDING...", help="Of recovery: one gyro's recordings.", show_default=False)
+        list[Path] | None,
+        typer.Argument(
+            metavar="RECORDING...", help="Of recovery: one gyro's recordings.", show_default=False
+        ),
     ] = None,
-    effects: Annotated[str | None, typer.Option(help="Effects to hide, joined by commas (default: all).", show_default=False)] = None,
-    sizes: Annotated[str | None, typer.Option(help="Their sizes in σ, joined by commas.", show_default=False)] = None,
+    effects: Annotated[
+        str | None,
+        typer.Option(help="Effects to hide, joined by commas (default: all).", show_default=False),
+    ] = None,
+    sizes: Annotated[
+        str | None, typer.Option(help="Their sizes in σ, joined by commas.", show_default=False)
+    ] = None,
 ) -> None:
-    """Repeat one of the papers' experiments, or a study of this project's own methods: table and figures into a folder.
+    """Repeat one of the papers' experiments, or a study of this project's own methods: table and
+    figures into a folder.
 
     recovery hides every effect in RECORDINGs of yours and tells what a diagnosis finds of it.
     """
     from .studying import run_study
 
-    names = None if effects is None else [part.strip() for part in effects.split(",") if part.strip()]
-    run.finish(*run_study(name, run, recordings or [], effects=names, sizes=None if sizes is None else numbers(sizes, "--sizes")))
+    names = (
+        None if effects is None else [part.strip() for part in effects.split(",") if part.strip()]
+    )
+    run.finish(
+        *run_study(
+            name,
+            run,
+            recordings or [],
+            effects=names,
+            sizes=None if sizes is None else numbers(sizes, "--sizes"),
+        )
+    )
 
 
 @command(
     app,
     "effects",
     "hrg effects gain_mismatch",
-    idle=NO_DRAWS | ONE_PROCESS | no_settings("the catalogue has no settings") | {"strict": "nothing is judged"},
+    idle=NO_DRAWS
+    | ONE_PROCESS
+    | no_settings("the catalogue has no settings")
+    | {"strict": "nothing is judged"},
     says={"output": "File to write the JSON report into."},
 )
 def effects(
     run: Common,
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="One effect's page; all in one list otherwise.", autocompletion=_effect_names),
+        typer.Argument(
+            metavar="NAME",
+            help="One effect's page; all in one list otherwise.",
+            autocompletion=_effect_names,
+        ),
     ] = None,
 ) -> None:
     """The catalogue of effects: what a simulation can contain and a diagnosis can name."""

@@ -15,12 +15,17 @@ from .frame import Common, existing
 
 
 def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None) -> dict[str, Any]:
-    """Run a lot; the command's JSON. Keys of the lot's file, then [batch] of --config, then --set, then --seed."""
+    """Run a lot; the command's JSON. Keys of the lot's file, then [batch] of --config, then --set,
+    then --seed."""
     path = existing([lot] if lot else [], "a lot's file (TOML)")[0]
     over = settings.load_toml(run.config).get("batch", {}) if run.config else {}
     if not isinstance(over, dict):
         raise HrgError(f"{run.config}: batch is not a table; write the lot's keys under [batch]")
-    seeds = (f"{name}.seed={run.seed}" for name in PER_GYRO if settings.accepts(STAGES[name].function(), "seed"))
+    seeds = (
+        f"{name}.seed={run.seed}"
+        for name in PER_GYRO
+        if settings.accepts(STAGES[name].function(), "seed")
+    )
     assignments = (*run.assignments, *(seeds if run.seed is not None else ()))
     if run.show_config:
         run.leave_with_settings({"batch": resolved(read_lot(path, assignments, over))})
@@ -42,5 +47,8 @@ def resolved(lot: LotSettings) -> dict[str, Any]:
     tree = lot.model_dump(by_alias=True, exclude_unset=False)
     for name in (*PER_RECORDING, *lot.stages):
         tree[name] = lot.values(name)
-    tree["runs"] = {pattern: run.model_dump(by_alias=True, exclude_unset=True) for pattern, run in lot.runs.items()}
+    tree["runs"] = {
+        pattern: run.model_dump(by_alias=True, exclude_unset=True)
+        for pattern, run in lot.runs.items()
+    }
     return tree

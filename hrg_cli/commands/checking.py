@@ -1,4 +1,5 @@
-"""The bodies of `hrg check` and `hrg diff`: files held against limits and a baseline, two results against each other."""
+"""The bodies of `hrg check` and `hrg diff`: files held against limits and a baseline, two results
+against each other."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def check_files(
     junit: Path | None,
     markdown: Path | None,
 ) -> Shown:
-    """Hold files against limits: those of --limits, tables of --config over them, --set over both; and against a baseline's results."""
+    """Hold files against limits: those of --limits, tables of --config over them, --set over both;
+    and against a baseline's results."""
     started = time.monotonic()
     wanted = _limits(run, limits)
     if not wanted and baseline is None:
@@ -59,14 +61,31 @@ def check_files(
         if path is not None:
             store.check_output(path, run.force)
     paths = existing(files, "hrg files")
-    done = [_checked(path, wanted, baseline, USUAL_SIGMA if limit_sigma is None else limit_sigma, len(paths) > 1) for path in paths]
+    done = [
+        _checked(
+            path,
+            wanted,
+            baseline,
+            USUAL_SIGMA if limit_sigma is None else limit_sigma,
+            len(paths) > 1,
+        )
+        for path in paths
+    ]
     if not any(one.rows or one.moved is not None for one in done):
         raise HrgError(
-            f"{paths[0]}: the limits hold nothing for a {done[0].record.kind} file, nor for any other; write [{done[0].record.kind}]"
+            f"{paths[0]}: the limits hold nothing for a {done[0].record.kind} file, nor for any"
+            f" other; write [{done[0].record.kind}]"
         )
     records = [one.record for one in done]
-    found = answer(records, [row for one in done for row in one.rows], {one.record.kind: one.path.name for one in done})
-    for target, text in ((junit, check_pages.junit(done, found)), (markdown, check_pages.markdown(done, found))):
+    found = answer(
+        records,
+        [row for one in done for row in one.rows],
+        {one.record.kind: one.path.name for one in done},
+    )
+    for target, text in (
+        (junit, check_pages.junit(done, found)),
+        (markdown, check_pages.markdown(done, found)),
+    ):
         if target is not None:
             with store.atomic_path(target, run.force) as temporary:
                 temporary.write_text(text, encoding="utf-8")
@@ -75,15 +94,35 @@ def check_files(
     report = {
         "kind": "check",
         "status": "valid" if passed else "refused",
-        "status_reasons": [f"{one.path.name}: {reason}" if named else reason for one in done for reason in check_pages.missed(one)],
+        "status_reasons": [
+            f"{one.path.name}: {reason}" if named else reason
+            for one in done
+            for reason in check_pages.missed(one)
+        ],
         "elapsed_s": round(time.monotonic() - started, 3),
         "passed": passed,
         "answer": found.json() if found else None,
-        "files": [{"file": str(one.path), "kind": one.record.kind, "passed": one.passed, "moved": one.moved} for one in done],
-        "rows": [{"file": str(one.path), **vars(row), "margin_sigma": row.margin_sigma} for one in done for row in one.rows],
+        "files": [
+            {
+                "file": str(one.path),
+                "kind": one.record.kind,
+                "passed": one.passed,
+                "moved": one.moved,
+            }
+            for one in done
+        ],
+        "rows": [
+            {"file": str(one.path), **vars(row), "margin_sigma": row.margin_sigma}
+            for one in done
+            for row in one.rows
+        ],
     }
     head = (*(("file",) if named else ()), "figure", "value", "limit", "margin, σ", "passed")
-    lines = [(*((one.path.name,) if named else ()), *check_pages.cells(row)) for one in done for row in one.rows]
+    lines = [
+        (*((one.path.name,) if named else ()), *check_pages.cells(row))
+        for one in done
+        for row in one.rows
+    ]
     return run.kept(report), lambda: console.print_table("", head, lines)
 
 
@@ -96,17 +135,28 @@ def _limits(run: Common, limits: Path | None) -> dict[str, Any]:
     return wanted
 
 
-def _checked(path: Path, wanted: dict[str, Any], baseline: Path | None, limit_sigma: float, one_of_many: bool) -> Checked:
+def _checked(
+    path: Path, wanted: dict[str, Any], baseline: Path | None, limit_sigma: float, one_of_many: bool
+) -> Checked:
     record = store.read_any(path)
     rows: list[Row] = []
-    if wanted and not (one_of_many and record.kind not in wanted and all(isinstance(v, dict) for v in wanted.values())):
+    if wanted and not (
+        one_of_many
+        and record.kind not in wanted
+        and all(isinstance(v, dict) for v in wanted.values())
+    ):
         try:
             rows = check(record, wanted)
         except UsageError:
             raise
         except HrgError as error:
             raise HrgError(f"{path}: {error}") from error
-    return Checked(path, record, rows, None if baseline is None else _moved(path, record, baseline, limit_sigma))
+    return Checked(
+        path,
+        record,
+        rows,
+        None if baseline is None else _moved(path, record, baseline, limit_sigma),
+    )
 
 
 def _moved(path: Path, record: Record, baseline: Path, limit_sigma: float) -> list[str]:
@@ -117,7 +167,8 @@ def _moved(path: Path, record: Record, baseline: Path, limit_sigma: float) -> li
 
 
 def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: float | None) -> Shown:
-    """Hold two results against each other; refused (exit 3) only where --limit-sigma is given and exceeded."""
+    """Hold two results against each other; refused (exit 3) only where --limit-sigma is given and
+    exceeded."""
     started = time.monotonic()
     paths = existing([p for p in (old, new) if p is not None], "two results, OLD and NEW")
     if len(paths) != 2:
@@ -147,7 +198,12 @@ def _show(found: Comparison) -> None:
         print(f"{name}: {old} → {new}")
     known = [d for d in found.differences if d.sigma is not None]
     rows = [
-        (d.name, quantity(d.name, d.old, d.old_std, d.units), quantity(d.name, d.new, d.new_std, d.units), number(d.sigma, 3))
+        (
+            d.name,
+            quantity(d.name, d.old, d.old_std, d.units),
+            quantity(d.name, d.new, d.new_std, d.units),
+            number(d.sigma, 3),
+        )
         for d in known[:SHOWN]
     ]
     if rows:

@@ -1,4 +1,5 @@
-"""The body of `hrg diagnose`: the model that the user believes, effects of the user's own, the extended model beside the output."""
+"""The body of `hrg diagnose`: the model that the user believes, effects of the user's own, the
+extended model beside the output."""
 
 from __future__ import annotations
 
@@ -23,9 +24,15 @@ from .frame import Common, command_line, existing
 
 
 def diagnose_files(
-    waves: Sequence[Path], run: Common, model: Path | None, effects_from: Path | None, flags: dict[str, Any], progress: pipeline.Progress
+    waves: Sequence[Path],
+    run: Common,
+    model: Path | None,
+    effects_from: Path | None,
+    flags: dict[str, Any],
+    progress: pipeline.Progress,
 ) -> pipeline.Outcome:
-    """Diagnose wave files; writes the diagnosis and, beside it, the extended model as TOML and its resonator."""
+    """Diagnose wave files; writes the diagnosis and, beside it, the extended model as TOML and its
+    resonator."""
     values = run.settings(diagnose, **flags)
     waves = existing(waves, "wave files")
     output = run.need_output("diagnosis.h5")
@@ -33,13 +40,23 @@ def diagnose_files(
     for path in (extended, resonator):
         store.check_output(path, run.force)
     beside: dict[str, Path] = {}
-    further: dict[str, Any] = {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
+    further: dict[str, Any] = (
+        {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
+    )
     if model is not None and model.suffix == ".toml":
         further["resonator"] = believed(model, mean_temperature(waves))
     elif model is not None:
         beside["resonator"] = model
     outcome = pipeline.run_stage(
-        "diagnose", waves, output, values, beside=beside, further=further, force=run.force, command_line=command_line(), progress=progress
+        "diagnose",
+        waves,
+        output,
+        values,
+        beside=beside,
+        further=further,
+        force=run.force,
+        command_line=command_line(),
+        progress=progress,
     )
     assert isinstance(outcome.record, Diagnosis)
     written = write_extended(outcome.record, output, run.force)
@@ -57,13 +74,17 @@ def mean_temperature(waves: Sequence[Path]) -> float | None:
     means = []
     for path in waves:
         with store.open_record(path, Wave) as wave:
-            if wave.temperature_degc is not None and np.isfinite(logged := wave.temperature_degc[:]).any():
+            if (
+                wave.temperature_degc is not None
+                and np.isfinite(logged := wave.temperature_degc[:]).any()
+            ):
                 means.append(float(np.nanmean(logged)))
     return float(np.mean(means)) if means else None
 
 
 def believed(file: Path, temperature_degc: float | None) -> Resonator:
-    """The resonator of a simulation file at the runs' temperature, without errors: values the user holds for true."""
+    """The resonator of a simulation file at the runs' temperature, without errors: values the user
+    holds for true."""
     settings_of_run = runs_of(settings.load_toml(file), str(file))[0]
     mechanics = mechanics_of(settings_of_run)
     if temperature_degc is not None:

@@ -1,4 +1,5 @@
-"""The body of `hrg export`: a calibration's tables as CSV, JSON or C header, and every kind of file in the formats of other programs."""
+"""The body of `hrg export`: a calibration's tables as CSV, JSON or C header, and every kind of file
+in the formats of other programs."""
 
 from __future__ import annotations
 
@@ -22,19 +23,33 @@ def export_file(file: Path | None, run: Common, **flags: Any) -> dict[str, Any]:
     started = time.monotonic()
     values = run.settings(export, **flags)
     path = existing([file] if file else [], "an hrg file")[0]
-    output = run.need_output("table.csv, table.json, table.parquet, table.xlsx, table.mat or (a calibration) table.h")
+    output = run.need_output(
+        "table.csv, table.json, table.parquet, table.xlsx, table.mat or (a calibration) table.h"
+    )
     suffix, packed = format_of(output)
     store.check_output(output, run.force)
     record = store.read_any(path)
     errors: dict[str, float] = {}
-    if isinstance(record, Calibration) and (suffix in OF_TABLES or record.status == "refused") and not packed:
+    if (
+        isinstance(record, Calibration)
+        and (suffix in OF_TABLES or record.status == "refused")
+        and not packed
+    ):
         made = export(record, suffix, **values)
         content, errors = made.text.encode(), made.errors
     elif suffix == ".h":
-        raise UsageError(f"{path}: is a {record.kind} file; a C header is made of a calibration, the others go to {', '.join(FORMATS)}")
+        raise UsageError(
+            f"{path}: is a {record.kind} file; a C header is made of a calibration, the others go"
+            f" to {', '.join(FORMATS)}"
+        )
     else:
         content = export_record(record, output)
     with store.atomic_path(output, run.force) as temporary:
         temporary.write_bytes(content)
-    report = {"kind": "table", "status": record.status, "status_reasons": list(record.status_reasons), "output": str(output)}
+    report = {
+        "kind": "table",
+        "status": record.status,
+        "status_reasons": list(record.status_reasons),
+        "output": str(output),
+    }
     return {**report, "elapsed_s": round(time.monotonic() - started, 3), **errors}

@@ -1,4 +1,5 @@
-"""The body of `hrg forecast`: a resonator in, the drift to be expected out, as a table (screen, CSV, JSON) or a figure (SVG, PNG)."""
+"""The body of `hrg forecast`: a resonator in, the drift to be expected out, as a table (screen,
+CSV, JSON) or a figure (SVG, PNG)."""
 
 from __future__ import annotations
 
@@ -24,13 +25,19 @@ Show = Callable[[], None]
 SUFFIXES = (".csv", ".json", ".svg", ".png")
 
 
-def forecast_file(file: Path | None, run: Common, flags: dict[str, Any]) -> tuple[dict[str, Any], Show]:
-    """Forecast; writes the output its suffix asks for; the command's JSON and the function that shows the table."""
+def forecast_file(
+    file: Path | None, run: Common, flags: dict[str, Any]
+) -> tuple[dict[str, Any], Show]:
+    """Forecast; writes the output its suffix asks for; the command's JSON and the function that
+    shows the table."""
     started = time.monotonic()
     values = run.settings(forecast, **flags)
     path = existing([file] if file else [], "a resonator file")[0]
     if run.output is not None and run.output.suffix not in SUFFIXES:
-        raise UsageError(f"{run.output}: a forecast is written as {', '.join(SUFFIXES)}; choose one of these suffixes")
+        raise UsageError(
+            f"{run.output}: a forecast is written as {', '.join(SUFFIXES)}; choose one of these"
+            " suffixes"
+        )
     made = forecast(store.read(path, Resonator), **values)
     report = {
         **pipeline.common_keys("forecast", made.status, made.status_reasons, run.output, started),
@@ -46,7 +53,9 @@ def _write(made: Forecast, report: dict[str, Any], suffix: str, path: Path) -> N
     if suffix == ".csv":
         path.write_text(_csv(made), encoding="utf-8")
     elif suffix == ".json":
-        path.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        path.write_text(
+            json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
     else:
         from ..reporting.figures.drawing import png, standalone_svg, style
         from ..reporting.figures.drift_forecast import drift_forecast
@@ -61,25 +70,58 @@ def _csv(made: Forecast) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(made.table)
-    writer.writerows([f"{v:.9g}" for v in row] for row in np.column_stack(list(made.table.values())))
+    writer.writerows(
+        [f"{v:.9g}" for v in row] for row in np.column_stack(list(made.table.values()))
+    )
     return text.getvalue()
 
 
 def _show(report: dict[str, Any]) -> None:
     hour = DEGREE / 3600
     names = {name: name.removesuffix("_rad_s").replace("_", " ") for name in report["figures"]}
-    rows = [(names[name], f["value"], f["std"], f["value"] / hour, f["std"] / hour) for name, f in report["figures"].items()]
+    rows = [
+        (names[name], f["value"], f["std"], f["value"] / hour, f["std"] / hour)
+        for name, f in report["figures"].items()
+    ]
     console.print_table("", ("figure", "rad/s", "±", "°/h", "±"), rows)
     trim = report["trim"]
     spring = [
         ("size, rad/s", f"{trim['size_rad_s']:.4g} ± {trim['size_rad_s_std']:.2g}"),
         ("axis, °", f"{trim['axis_rad'] / DEGREE:.4g} ± {trim['axis_rad_std'] / DEGREE:.2g}"),
-        ("on the electrodes at 0 and π/4m, rad/s", f"{trim['cos_rad_s']:.4g} and {trim['sin_rad_s']:.4g}"),
+        (
+            "on the electrodes at 0 and π/4m, rad/s",
+            f"{trim['cos_rad_s']:.4g} and {trim['sin_rad_s']:.4g}",
+        ),
         ("change of frequency, Hz", f"{trim['frequency_shift_hz']:.4g}"),
         ("split left, rad/s", f"{trim['left_rad_s']:.3g} ± {trim['left_rad_s_std']:.2g}"),
-        ("D_max before and after, °/h", f"{trim['drift_bound_before_rad_s'] / hour:.4g} and {trim['drift_bound_after_rad_s'] / hour:.4g}"),
+        (
+            "D_max before and after, °/h",
+            (
+                f"{trim['drift_bound_before_rad_s'] / hour:.4g} and"
+                f" {trim['drift_bound_after_rad_s'] / hour:.4g}"
+            ),
+        ),
     ]
-    console.print_table("", ("electric spring along the stiffest axis" + (" (on)" if report["trimmed"] else ""), "value"), spring)
-    head = ("after a fix, s", "wave angle, °", "±", "tangent law, °", "error, °", "rms of all starts, °", "worst, °", "left, °")
-    table = [tuple(value / (1 if name == "time_s" else DEGREE) for name, value in row.items()) for row in report["table"]]
+    console.print_table(
+        "",
+        (
+            "electric spring along the stiffest axis" + (" (on)" if report["trimmed"] else ""),
+            "value",
+        ),
+        spring,
+    )
+    head = (
+        "after a fix, s",
+        "wave angle, °",
+        "±",
+        "tangent law, °",
+        "error, °",
+        "rms of all starts, °",
+        "worst, °",
+        "left, °",
+    )
+    table = [
+        tuple(value / (1 if name == "time_s" else DEGREE) for name, value in row.items())
+        for row in report["table"]
+    ]
     console.print_table("", head, table)

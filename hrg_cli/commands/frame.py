@@ -20,7 +20,7 @@ from typing import Annotated, Any, NoReturn, get_args
 import typer
 
 from ..errors import DiskFullError, HrgError, InterruptedRunError, UsageError
-from ..reporting.text import plain
+from ..reporting.text import first_paragraph, plain
 
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -36,7 +36,12 @@ Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE...", show_defa
 OneFile = Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)]
 Rehearsals = Annotated[
     int | None,
-    typer.Option("--rehearse", min=2, help="Rehearse the result so many times on a simulated twin at once.", show_default=False),
+    typer.Option(
+        "--rehearse",
+        min=2,
+        help="Rehearse the result so many times on a simulated twin at once.",
+        show_default=False,
+    ),
 ]
 
 
@@ -58,14 +63,21 @@ class Common:
     piped: bool = False
     """The output is a temporary file whose name goes through a pipe."""
 
-    def settings(self, function: Callable[..., Any], table: str = "", **flags: Any) -> dict[str, Any]:
-        """The command's resolved settings; with --show-config they are printed and the command ends."""
+    def settings(
+        self, function: Callable[..., Any], table: str = "", **flags: Any
+    ) -> dict[str, Any]:
+        """The command's resolved settings; with --show-config they are printed and the command
+        ends."""
         from .. import settings
 
         accepted = inspect.signature(function).parameters
         for name in ("seed", "jobs"):
             if name in accepted and name not in flags:
-                flags[name] = getattr(self, name) if name == "seed" else (self.jobs if self.jobs != 1 else None)
+                flags[name] = (
+                    getattr(self, name)
+                    if name == "seed"
+                    else (self.jobs if self.jobs != 1 else None)
+                )
         values = settings.resolve(function, self.config, self.assignments, flags, table)
         if self.show_config:
             self.leave_with_settings({table or function.__name__: values})
@@ -87,7 +99,8 @@ class Common:
         raise typer.Exit(DONE)
 
     def kept(self, report: Mapping[str, Any]) -> dict[str, Any]:
-        """The report of a command that only answers, written as JSON where --output names a file."""
+        """The report of a command that only answers, written as JSON where --output names a
+        file."""
         from ..reporting import console
         from ..store import atomic_path
 
@@ -95,11 +108,15 @@ class Common:
         if self.output is not None:
             self._need_suffix("report.json")
             with atomic_path(self.output, self.force) as temporary:
-                temporary.write_text(json.dumps(console.clean(whole), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+                temporary.write_text(
+                    json.dumps(console.clean(whole), indent=1, ensure_ascii=False) + "\n",
+                    encoding="utf-8",
+                )
         return whole
 
     def need_output(self, example: str) -> Path:
-        """The output, or the usage error that names an example; also where its suffix promises another content."""
+        """The output, or the usage error that names an example; also where its suffix promises
+        another content."""
         if self.output is None:
             raise UsageError(f"no output is named; add -o {example}")
         self._need_suffix(example)
@@ -108,11 +125,25 @@ class Common:
     def _need_suffix(self, example: str) -> None:
         suffix = "" if self.output is None else self.output.suffix.lower()
         wanted = re.findall(r"\.\w+", example)
-        if wanted and suffix in PROMISING and not any(suffix in SAME_CONTENT.get(w, (w,)) for w in wanted):
-            raise UsageError(f"-o {self.output}: {self.output} would not hold what {suffix} promises; name it as {example}")
+        if (
+            wanted
+            and suffix in PROMISING
+            and not any(suffix in SAME_CONTENT.get(w, (w,)) for w in wanted)
+        ):
+            raise UsageError(
+                f"-o {self.output}: {self.output} would not hold what {suffix} promises; name it as"
+                f" {example}"
+            )
 
-    def finish(self, report: Mapping[str, Any], show: Callable[[], None] | None = None, *, judged: bool = True) -> None:
-        """Print the result and leave with the exit status that its validity asks for (0 where it is told but not judged)."""
+    def finish(
+        self,
+        report: Mapping[str, Any],
+        show: Callable[[], None] | None = None,
+        *,
+        judged: bool = True,
+    ) -> None:
+        """Print the result and leave with the exit status that its validity asks for (0 where it is
+        told but not judged)."""
         from ..reporting import console
 
         with unread_is_no_failure():
@@ -139,28 +170,85 @@ class Common:
 
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
-    "output": (Annotated[Path | None, typer.Option("--output", "-o", help="File (or folder) to write.", show_default=False)], None),
+    "output": (
+        Annotated[
+            Path | None,
+            typer.Option("--output", "-o", help="File (or folder) to write.", show_default=False),
+        ],
+        None,
+    ),
     "force": (Annotated[bool, typer.Option("--force", help="Replace an existing output.")], False),
     "config": (
-        Annotated[Path | None, typer.Option("--config", help="TOML file with a table named as the command.", show_default=False)],
+        Annotated[
+            Path | None,
+            typer.Option(
+                "--config", help="TOML file with a table named as the command.", show_default=False
+            ),
+        ],
         None,
     ),
     "assignments": (
         Annotated[
-            list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated.", show_default=False)
+            list[str] | None,
+            typer.Option(
+                "--set",
+                metavar="KEY=VALUE",
+                help="Change one setting; may be repeated.",
+                show_default=False,
+            ),
         ],
         None,
     ),
-    "show_config": (Annotated[bool, typer.Option("--show-config", help="Print the resolved settings as TOML and leave.")], False),
-    "json": (Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")], False),
-    "quiet": (Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")], False),
-    "verbose": (
-        Annotated[bool, typer.Option("--verbose", "-v", help="Say the time taken; show the traceback of an internal error.")],
+    "show_config": (
+        Annotated[
+            bool,
+            typer.Option("--show-config", help="Print the resolved settings as TOML and leave."),
+        ],
         False,
     ),
-    "strict": (Annotated[bool, typer.Option("--strict", envvar="HRG_STRICT", help="A suspect result, too, ends with status 3.")], False),
-    "seed": (Annotated[int | None, typer.Option("--seed", help="Seed of whatever is drawn at random.", show_default=False)], None),
-    "jobs": (Annotated[int, typer.Option("--jobs", min=1, help="Processes to use where work can be shared.")], 1),
+    "json": (
+        Annotated[
+            bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")
+        ],
+        False,
+    ),
+    "quiet": (
+        Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")],
+        False,
+    ),
+    "verbose": (
+        Annotated[
+            bool,
+            typer.Option(
+                "--verbose",
+                "-v",
+                help="Say the time taken; show the traceback of an internal error.",
+            ),
+        ],
+        False,
+    ),
+    "strict": (
+        Annotated[
+            bool,
+            typer.Option(
+                "--strict", envvar="HRG_STRICT", help="A suspect result, too, ends with status 3."
+            ),
+        ],
+        False,
+    ),
+    "seed": (
+        Annotated[
+            int | None,
+            typer.Option("--seed", help="Seed of whatever is drawn at random.", show_default=False),
+        ],
+        None,
+    ),
+    "jobs": (
+        Annotated[
+            int, typer.Option("--jobs", min=1, help="Processes to use where work can be shared.")
+        ],
+        1,
+    ),
 }
 
 
@@ -175,13 +263,23 @@ def no_settings(why: str) -> dict[str, str]:
 
 
 def command(
-    app: typer.Typer, name: str, example: str, *, idle: Mapping[str, str] | None = None, says: Mapping[str, str] | None = None
+    app: typer.Typer,
+    name: str,
+    example: str,
+    *,
+    idle: Mapping[str, str] | None = None,
+    says: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a command: common options added, errors turned into one line and an exit status, an example under its help.
+    """Register a command: common options added, errors turned into one line and an exit status, an
+    example under its help.
 
-    idle: common option -> why it changes nothing in this command, said in its help; says: common option -> its help in this command.
+    idle: common option -> why it changes nothing in this command, said in its help; says: common
+    option -> its help in this command.
     """
-    helps = {**(says or {}), **{key: f"No effect here: {why}." for key, why in (idle or {}).items()}}
+    helps = {
+        **(says or {}),
+        **{key: f"No effect here: {why}." for key, why in (idle or {}).items()},
+    }
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
@@ -190,26 +288,42 @@ def command(
         def run(**arguments: Any) -> None:
             given = {key: arguments.pop(key) for key in _OPTIONS}
             given["assignments"] = tuple(given["assignments"] or ())
-            guarded(functools.partial(_piped, name, function, Common(**given), arguments), given["verbose"])
+            guarded(
+                functools.partial(_piped, name, function, Common(**given), arguments),
+                given["verbose"],
+            )
 
         parameters = [
             *own,
             *(
-                inspect.Parameter(k, inspect.Parameter.KEYWORD_ONLY, annotation=_with_help(a, helps.get(k)), default=d)
+                inspect.Parameter(
+                    k,
+                    inspect.Parameter.KEYWORD_ONLY,
+                    annotation=_with_help(a, helps.get(k)),
+                    default=d,
+                )
                 for k, (a, d) in _OPTIONS.items()
             ),
         ]
-        run.__signature__ = inspect.Signature([p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters])  # type: ignore[attr-defined]
+        run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+            [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters]
+        )
         run.__annotations__ = {p.name: p.annotation for p in parameters}
-        del run.__wrapped__  # type: ignore[attr-defined]
-        # given whole, it is wrapped in the list of commands; taken from the docstring, it would be cut off there
-        return app.command(name, epilog=f"Example: {example}", short_help=(function.__doc__ or "").splitlines()[0])(run)
+        del run.__wrapped__
+        # given whole, it is wrapped in the list of commands; taken from the docstring, it would be
+        # cut off there
+        return app.command(
+            name, epilog=f"Example: {example}", short_help=first_paragraph(function.__doc__)
+        )(run)
 
     return register
 
 
-def _piped(name: str, function: Callable[..., None], common: Common, arguments: Mapping[str, Any]) -> None:
-    """The command with its pipes: `-` among the inputs, `-o -`; what an interrupted one leaves is said."""
+def _piped(
+    name: str, function: Callable[..., None], common: Common, arguments: Mapping[str, Any]
+) -> None:
+    """The command with its pipes: `-` among the inputs, `-o -`; what an interrupted one leaves is
+    said."""
     from .pipes import DASH, piped_output, remove, taken
 
     if common.output == DASH:
@@ -221,7 +335,10 @@ def _piped(name: str, function: Callable[..., None], common: Common, arguments: 
         function(common, **given)
     except KeyboardInterrupt:
         if common.output is not None and common.output.is_dir():
-            raise InterruptedRunError(f"interrupted; what was finished before stays in {common.output}, no file is half written") from None
+            raise InterruptedRunError(
+                f"interrupted; what was finished before stays in {common.output}, no file is half"
+                " written"
+            ) from None
         raise
     remove(names)
 
@@ -238,7 +355,8 @@ def _with_help(annotation: Any, text: str | None) -> Any:
 
 @contextlib.contextmanager
 def unread_is_no_failure() -> Iterator[None]:
-    """A reader that left (`hrg info x | head -1`) is no error of the command: what is printed from then on is dropped."""
+    """A reader that left (`hrg info x | head -1`) is no error of the command: what is printed from
+    then on is dropped."""
     try:
         yield
         sys.stdout.flush()
@@ -248,7 +366,8 @@ def unread_is_no_failure() -> Iterator[None]:
 
 @contextlib.contextmanager
 def own_standard_output() -> Iterator[None]:
-    """Standard output for this program alone: libraries below Python (LAPACK) that print there would break --json.
+    """Standard output for this program alone: libraries below Python (LAPACK) that print there
+    would break --json.
 
     Characters that the terminal's encoding lacks are shown as escapes.
     """
@@ -261,7 +380,13 @@ def own_standard_output() -> Iterator[None]:
     stream.flush()
     kept = os.dup(handle)
     silent = os.open(os.devnull, os.O_WRONLY)
-    sys.stdout = open(kept, "w", encoding=stream.encoding, errors="backslashreplace", buffering=1 if stream.isatty() else -1)  # noqa: SIM115
+    sys.stdout = open(  # noqa: SIM115
+        kept,
+        "w",
+        encoding=stream.encoding,
+        errors="backslashreplace",
+        buffering=1 if stream.isatty() else -1,
+    )
     os.dup2(silent, handle)
     os.close(silent)
     try:
@@ -277,7 +402,8 @@ def own_standard_output() -> Iterator[None]:
 
 @contextlib.contextmanager
 def libraries_silent(verbose: bool) -> Iterator[None]:
-    """Without the warnings and logs of libraries, which are for programmers: here results are judged, in sentences."""
+    """Without the warnings and logs of libraries, which are for programmers: here results are
+    judged, in sentences."""
     if verbose:
         yield
         return
@@ -317,7 +443,11 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
             import traceback
 
             traceback.print_exc()
-        leave(f"internal error: {type(error).__name__}: {str(error)[:200]}; run again with -v and report it", FAILED)
+        leave(
+            f"internal error: {type(error).__name__}: {str(error)[:200]}; run again with -v and"
+            " report it",
+            FAILED,
+        )
 
 
 def leave(text: str, status: int) -> None:
@@ -346,7 +476,10 @@ def numbers(text: str, flag: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise UsageError(f"{flag} {text!r}: numbers joined by commas were expected, for instance {flag} -20,0,20,40,60") from None
+        raise UsageError(
+            f"{flag} {text!r}: numbers joined by commas were expected, for instance {flag}"
+            " -20,0,20,40,60"
+        ) from None
 
 
 def run_stage_on_files(
@@ -358,7 +491,8 @@ def run_stage_on_files(
     rehearse: int | None = None,
     **flags: Any,
 ) -> None:
-    """The body of every command that is one stage on files; its result is rehearsed so many times where that is asked for."""
+    """The body of every command that is one stage on files; its result is rehearsed so many times
+    where that is asked for."""
     from ..pipeline import STAGES, run_stage
     from ..reporting import console, tables
 

@@ -20,51 +20,106 @@ from ..reporting.console import print_table
 from .frame import Common, command_line, existing
 
 
-def import_file(log: Path | None, run: Common, flags: Mapping[str, Any], envelope: bool = False) -> dict[str, Any]:
-    """Read `log`, write the recording (of an envelope: periods), return the JSON: what was taken, from where, what was left out."""
+def import_file(
+    log: Path | None, run: Common, flags: Mapping[str, Any], envelope: bool = False
+) -> dict[str, Any]:
+    """Read `log`, write the recording (of an envelope: periods), return the JSON: what was taken,
+    from where, what was left out."""
     started = time.monotonic()
     function, table = (import_envelope, "envelope") if envelope else (import_log, "import")
-    strange = [name for name, value in flags.items() if value is not None and not settings.accepts(function, name)]
+    strange = [
+        name
+        for name, value in flags.items()
+        if value is not None and not settings.accepts(function, name)
+    ]
     if strange:
         flag = strange[0].replace("_", "-")
         raise UsageError(
-            f"--{flag} is for {'samples; leave it out with --envelope' if envelope else 'demodulated signals: add --envelope'}"
+            f"--{flag} is for"
+            f" {'samples; leave it out with --envelope' if envelope else 'demodulated signals: add --envelope'}"
         )
-    values = run.settings(function, table, **{name: value for name, value in flags.items() if settings.accepts(function, name)})
+    values = run.settings(
+        function,
+        table,
+        **{name: value for name, value in flags.items() if settings.accepts(function, name)},
+    )
     log = existing([log] if log else [], "a log, or - for standard input")[0]
     output = run.need_output("periods.h5" if envelope else "recording.h5")
     with _on_disk(log) as path:
-        sources = [path] if values.get("s_file") is None else [path, second_file(path, values["s_file"])]
+        sources = (
+            [path] if values.get("s_file") is None else [path, second_file(path, values["s_file"])]
+        )
         record: Record = pipeline.write_first(
-            output, function(path, **values), values, table, sources, force=run.force, command_line=command_line()
+            output,
+            function(path, **values),
+            values,
+            table,
+            sources,
+            force=run.force,
+            command_line=command_line(),
         )
     facts: dict[str, Any] = {"run_id": getattr(record, "run_id", "")}
     if isinstance(record, Recording):
         with pipeline.gone_if_it_fails(output), store.open_record(output, Recording) as whole:
-            facts |= {"samples": len(whole), "duration_s": float(whole.times(len(whole) - 1)[-1]), "sample_rate_hz": whole.sample_rate_hz}
-    return pipeline.report(record, output, started, {**json.loads(getattr(record, "details", "{}")), **facts})
+            facts |= {
+                "samples": len(whole),
+                "duration_s": float(whole.times(len(whole) - 1)[-1]),
+                "sample_rate_hz": whole.sample_rate_hz,
+            }
+    return pipeline.report(
+        record, output, started, {**json.loads(getattr(record, "details", "{}")), **facts}
+    )
 
 
 def show(report: Mapping[str, Any]) -> None:
     """What was taken of the log, as a table for a person."""
     columns = report.get("columns") or {}
-    rows: list[tuple[Any, ...]] = [(role, f"column {c['column']} ({c['name']})", c["units"] or "–") for role, c in columns.items()]
+    rows: list[tuple[Any, ...]] = [
+        (role, f"column {c['column']} ({c['name']})", c["units"] or "–")
+        for role, c in columns.items()
+    ]
     if rows:
         print_table("", ("taken as", "of the log", "unit"), rows)
-    names = {"samples": "samples", "rows": "rows", "sample_rate_hz": "rate, Hz", "duration_s": "length, s", "least_count": "least count"}
-    facts: list[tuple[str, Any]] = [(text, report[key]) for key, text in names.items() if report.get(key) is not None]
+    names = {
+        "samples": "samples",
+        "rows": "rows",
+        "sample_rate_hz": "rate, Hz",
+        "duration_s": "length, s",
+        "least_count": "least count",
+    }
+    facts: list[tuple[str, Any]] = [
+        (text, report[key]) for key, text in names.items() if report.get(key) is not None
+    ]
     gaps, cut = report.get("gaps") or {}, report.get("cut")
     if gaps.get("count"):
-        facts.append(("gaps", f"{gaps['count']}, the longest {gaps['longest_s']:.4g} s, the first before {gaps['first'][0]['before']}"))
+        facts.append(
+            (
+                "gaps",
+                (
+                    f"{gaps['count']}, the longest {gaps['longest_s']:.4g} s, the first before"
+                    f" {gaps['first'][0]['before']}"
+                ),
+            )
+        )
     if cut:
         facts.append(("part taken, s of the log", f"{cut['first_s']:.6g} to {cut['last_s']:.6g}"))
     for part in report.get("left_out") or []:
-        facts.append(("left out", f"lines {part['first_line']} to {part['last_line']} ({part['rows']} rows): {part['why']}"))
+        facts.append(
+            (
+                "left out",
+                (
+                    f"lines {part['first_line']} to {part['last_line']} ({part['rows']} rows):"
+                    f" {part['why']}"
+                ),
+            )
+        )
     noise = report.get("noise")
     if noise:
         facts.append(("rows of noise that count as one", noise["correlated_rows"]))
         facts.append(("rows a window", noise["rows_per_window"]))
-        facts.append(("noise of a window, C and S", " and ".join(f"{v:.3g}" for v in noise["window_std"])))
+        facts.append(
+            ("noise of a window, C and S", " and ".join(f"{v:.3g}" for v in noise["window_std"]))
+        )
         facts.append(("distance from the reference, Hz", noise["offset_hz"]))
     print_table("", ("figure", "value"), facts)
 

@@ -34,12 +34,23 @@ def inject_file(
     beside = {} if resonator is None else {"resonator": resonator}
     further: dict[str, Any] = {"extra_effects": extra} if extra else {}
     return pipeline.run_stage(
-        "inject", paths, output, values, beside=beside, further=further, force=run.force, command_line=command_line(), progress=progress
+        "inject",
+        paths,
+        output,
+        values,
+        beside=beside,
+        further=further,
+        force=run.force,
+        command_line=command_line(),
+        progress=progress,
     )
 
 
-def of_effects(names: Sequence[str], assignments: Sequence[str], known: Sequence[Effect]) -> list[str]:
-    """The assignments with whole keys: PARAMETER=VALUE belongs to the effect that has it, EFFECT.PARAMETER=VALUE says which."""
+def of_effects(
+    names: Sequence[str], assignments: Sequence[str], known: Sequence[Effect]
+) -> list[str]:
+    """The assignments with whole keys: PARAMETER=VALUE belongs to the effect that has it,
+    EFFECT.PARAMETER=VALUE says which."""
     chosen = {name: [p.name for p in find(name, tuple(known)).parameters] for name in names}
     out = []
     for text in assignments:
@@ -54,7 +65,12 @@ def of_effects(names: Sequence[str], assignments: Sequence[str], known: Sequence
             continue
         owners = [name for name, parameters in chosen.items() if short in parameters]
         if len(owners) != 1:
-            has = "; ".join(f"{name} has {', '.join(parameters)}" for name, parameters in chosen.items()) or "no --effect is named"
+            has = (
+                "; ".join(
+                    f"{name} has {', '.join(parameters)}" for name, parameters in chosen.items()
+                )
+                or "no --effect is named"
+            )
             found = (
                 f"belongs to {' and '.join(owners)}, say which by {owners[0]}.{short}=…"
                 if owners
@@ -67,4 +83,10 @@ def of_effects(names: Sequence[str], assignments: Sequence[str], known: Sequence
 
 def _toml(value: Any) -> str:
     """A value as an assignment gives it."""
-    return repr(value) if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+    return (
+        repr(value)
+        if isinstance(value, float)
+        else str(value).lower()
+        if isinstance(value, bool)
+        else str(value)
+    )

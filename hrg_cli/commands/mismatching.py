@@ -1,4 +1,5 @@
-"""The body of `hrg mismatch`: the signals a control system acts on, from a wave file to CSV or JSON."""
+"""The body of `hrg mismatch`: the signals a control system acts on, from a wave file to CSV or
+JSON."""
 
 from __future__ import annotations
 
@@ -20,18 +21,24 @@ from ..stages.mismatch import mismatch
 from .frame import Common, existing
 
 
-def mismatch_file(file: Path | None, run: Common, flags: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
+def mismatch_file(
+    file: Path | None, run: Common, flags: dict[str, Any]
+) -> tuple[dict[str, Any], Callable[[], None]]:
     """Write the signals; the command's JSON and the function that shows their noise and delay."""
     started = time.monotonic()
     values = run.settings(mismatch, **flags)
     path = existing([file] if file else [], "a wave file")[0]
     output = run.need_output("mismatch.csv")
     if output.suffix not in (".csv", ".json"):
-        raise UsageError(f"{output}: mismatch signals are written as .csv or .json; choose one of these suffixes")
+        raise UsageError(
+            f"{output}: mismatch signals are written as .csv or .json; choose one of these suffixes"
+        )
     wave = store.read(path, Wave)
     made = mismatch(wave, **values)
     with store.atomic_path(output, run.force) as temporary:
-        temporary.write_text(_csv(made.columns) if output.suffix == ".csv" else _json(made.columns), encoding="utf-8")
+        temporary.write_text(
+            _csv(made.columns) if output.suffix == ".csv" else _json(made.columns), encoding="utf-8"
+        )
     report = {
         **pipeline.common_keys("mismatch", wave.status, wave.status_reasons, output, started),
         "rows": len(made.columns["time_s"]),
@@ -39,13 +46,18 @@ def mismatch_file(file: Path | None, run: Common, flags: dict[str, Any]) -> tupl
         "noise_density": made.noise_density,
         "latency": made.latency,
     }
-    rows = [(name, float(np.sqrt(np.mean(made.columns[f"{name}_std"] ** 2))), d) for name, d in made.noise_density.items()]
+    rows = [
+        (name, float(np.sqrt(np.mean(made.columns[f"{name}_std"] ** 2))), d)
+        for name, d in made.noise_density.items()
+    ]
     head = ("signal", "noise of a window", "density, /√Hz")
 
     def show() -> None:
         console.print_table(f"known {made.delay_s:g} s after the wave was so", head, rows)
         titles = ("rate of the angle over windows", "latency, s", "noise, rad/s", "found, rad/s")
-        console.print_table("", titles, [(int(row["windows"]), *list(row.values())[1:]) for row in made.latency])
+        console.print_table(
+            "", titles, [(int(row["windows"]), *list(row.values())[1:]) for row in made.latency]
+        )
 
     return report, show
 
@@ -54,9 +66,18 @@ def _csv(columns: dict[str, np.ndarray]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows([f"{v:.9g}" if np.isfinite(v) else "" for v in row] for row in np.column_stack(list(columns.values())))
+    writer.writerows(
+        [f"{v:.9g}" if np.isfinite(v) else "" for v in row]
+        for row in np.column_stack(list(columns.values()))
+    )
     return text.getvalue()
 
 
 def _json(columns: dict[str, np.ndarray]) -> str:
-    return json.dumps(console.clean({name: values.tolist() for name, values in columns.items()}), allow_nan=False) + "\n"
+    return (
+        json.dumps(
+            console.clean({name: values.tolist() for name, values in columns.items()}),
+            allow_nan=False,
+        )
+        + "\n"
+    )

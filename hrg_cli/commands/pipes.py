@@ -1,8 +1,10 @@
-"""Pipes as in MRtrix3: `-o -` writes a temporary file and prints its name; `-` as an input takes the names from standard input.
+"""Pipes as in MRtrix3: `-o -` writes a temporary file and prints its name; `-` as an input takes
+the names from standard input.
 
     hrg demodulate run.h5 -o - | hrg estimate - -o - | hrg identify - -o resonator.h5
 
-What travels is a name, so that every step reads a whole, checked file; whoever takes a temporary file removes it when done.
+What travels is a name, so that every step reads a whole, checked file; whoever takes a temporary
+file removes it when done.
 """
 
 from __future__ import annotations
@@ -19,16 +21,30 @@ from ..errors import HrgError, UsageError
 
 DASH = Path("-")
 PREFIX = "hrg-pipe-"
-MAKES_A_FILE = ("import", "simulate", "demodulate", "estimate", "identify", "rate", "calibrate", "compensate", "diagnose")
+MAKES_A_FILE = (
+    "import",
+    "simulate",
+    "demodulate",
+    "estimate",
+    "identify",
+    "rate",
+    "calibrate",
+    "compensate",
+    "diagnose",
+)
 """Commands whose output is one hrg file, which a pipe can hand on."""
 READS_CONTENT = ("import",)
 """Commands to which `-` is the content itself."""
 
 
 def piped_output(command: str) -> Path:
-    """The name of a temporary output that does not exist yet. UsageError: the command makes no hrg file."""
+    """The name of a temporary output that does not exist yet. UsageError: the command makes no hrg
+    file."""
     if command not in MAKES_A_FILE:
-        raise UsageError(f"{command} -o -: only an hrg file goes through a pipe ({', '.join(MAKES_A_FILE)}); name a file")
+        raise UsageError(
+            f"{command} -o -: only an hrg file goes through a pipe ({', '.join(MAKES_A_FILE)});"
+            " name a file"
+        )
     handle, name = tempfile.mkstemp(prefix=PREFIX, suffix=".h5")
     os.close(handle)
     os.unlink(name)
@@ -36,21 +52,31 @@ def piped_output(command: str) -> Path:
 
 
 def taken(command: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path]]:
-    """The arguments with every `-` replaced by the names that came through the pipe, and those names.
+    """The arguments with every `-` replaced by the names that came through the pipe, and those
+    names.
 
     HrgError: nothing came. UsageError: `-` twice, or several names for one file.
     """
-    dashes = [key for key, value in arguments.items() if value == DASH or (isinstance(value, list) and DASH in value)]
+    dashes = [
+        key
+        for key, value in arguments.items()
+        if value == DASH or (isinstance(value, list) and DASH in value)
+    ]
     if not dashes or command in READS_CONTENT:
         return dict(arguments), []
     if len(dashes) > 1 or arguments[dashes[0]] == [DASH, DASH]:
         raise UsageError("- stands for what comes through the pipe and can be named once")
     names = [Path(line) for line in sys.stdin.read().split("\n") if line.strip()]
     if not names:
-        raise HrgError("-: nothing came through the pipe; the command before it failed, or has no -o -")
+        raise HrgError(
+            "-: nothing came through the pipe; the command before it failed, or has no -o -"
+        )
     value = arguments[dashes[0]]
     if isinstance(value, list):
-        return {**arguments, dashes[0]: [p for v in value for p in (names if v == DASH else [v])]}, names
+        return {
+            **arguments,
+            dashes[0]: [p for v in value for p in (names if v == DASH else [v])],
+        }, names
     if len(names) > 1:
         raise UsageError(f"-: {len(names)} files came through the pipe, one was expected")
     return {**arguments, dashes[0]: names[0]}, names
@@ -62,7 +88,8 @@ def handed_on(output: Path) -> list[Path]:
 
 
 def remove(names: list[Path]) -> None:
-    """Remove the temporary files that were taken, and what was made beside them; other files stay."""
+    """Remove the temporary files that were taken, and what was made beside them; other files
+    stay."""
     folder = Path(tempfile.gettempdir())
     for name in names:
         if name.name.startswith(PREFIX) and name.parent == folder:

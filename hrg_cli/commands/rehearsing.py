@@ -1,4 +1,5 @@
-"""The body of `hrg rehearse`: a result's inputs found again, its programme rehearsed, the verdict written into its file."""
+"""The body of `hrg rehearse`: a result's inputs found again, its programme rehearsed, the verdict
+written into its file."""
 
 from __future__ import annotations
 
@@ -26,21 +27,34 @@ STAGE_OF = {Resonator: "identify", Calibration: "calibrate"}
 
 
 def rehearse_files(
-    files: Sequence[Path], run: Common, flags: Mapping[str, Any], keep_file: bool, progress: pipeline.Progress
+    files: Sequence[Path],
+    run: Common,
+    flags: Mapping[str, Any],
+    keep_file: bool,
+    progress: pipeline.Progress,
 ) -> tuple[dict[str, Any], Callable[[], None]]:
-    """Rehearse the one result among the files, the others are its inputs; the command's JSON and the function that shows its table."""
+    """Rehearse the one result among the files, the others are its inputs; the command's JSON and
+    the function that shows its table."""
     started = time.monotonic()
     values = run.settings(rehearse, **flags)
     if run.output is not None:
         if run.output.suffix not in SUFFIXES:
-            raise UsageError(f"{run.output}: a rehearsal is written as {', '.join(SUFFIXES)}; choose one of these suffixes")
+            raise UsageError(
+                f"{run.output}: a rehearsal is written as {', '.join(SUFFIXES)}; choose one of"
+                " these suffixes"
+            )
         store.check_output(run.output, run.force)
     given = existing(files, "a resonator or calibration file")
     results = [path for path in given if store.kind_of(path) in RESULTS]
     if len(results) != 1:
         found = "none" if not results else " and ".join(str(path) for path in results)
-        raise UsageError(f"one resonator or calibration file is rehearsed at a time, {found} was given; the rest of FILE are its inputs")
-    told = rehearsed(results[0], given, values, run.jobs, progress, None if keep_file else command_line())
+        raise UsageError(
+            f"one resonator or calibration file is rehearsed at a time, {found} was given; the rest"
+            " of FILE are its inputs"
+        )
+    told = rehearsed(
+        results[0], given, values, run.jobs, progress, None if keep_file else command_line()
+    )
     report = {
         **pipeline.common_keys("rehearsal", told.status, told.reasons, run.output, started),
         "file": str(results[0]),
@@ -56,7 +70,12 @@ def rehearse_files(
 
 
 def rehearsed(
-    path: Path, beside: Sequence[Path], values: Mapping[str, Any], jobs: int, progress: pipeline.Progress, written_by: str | None
+    path: Path,
+    beside: Sequence[Path],
+    values: Mapping[str, Any],
+    jobs: int,
+    progress: pipeline.Progress,
+    written_by: str | None,
 ) -> Rehearsal:
     """Rehearse a result file; with `written_by` (a line of history) the verdict is written into it.
 
@@ -71,7 +90,9 @@ def rehearsed(
     inputs = [measured(wave, beside) for wave in inputs_of(path, beside)]
 
     def share(works: Sequence[Work]) -> list[Rehearsed | None]:
-        return run_tasks(once, works, lambda: local_processes(jobs), lambda count: progress(count / len(works)))
+        return run_tasks(
+            once, works, lambda: local_processes(jobs), lambda count: progress(count / len(works))
+        )
 
     try:
         told = rehearse(record, inputs, own, share, **values)
@@ -83,11 +104,18 @@ def rehearsed(
 
 
 def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> None:
-    """The verdict in the file's own status and details: written beside it and renamed, so that it is whole at any time."""
+    """The verdict in the file's own status and details: written beside it and renamed, so that it
+    is whole at any time."""
     provenance = record.provenance
     line = f"{store.created_now()} hrg {__version__} {typed}"
     judged = with_verdict(record, told)
-    store.write(path, judged.replace(provenance=dataclasses.replace(provenance, history=(*provenance.history, line))), force=True)
+    store.write(
+        path,
+        judged.replace(
+            provenance=dataclasses.replace(provenance, history=(*provenance.history, line))
+        ),
+        force=True,
+    )
 
 
 def settings_of(path: Path, stage: str) -> dict[str, Any]:
@@ -95,15 +123,21 @@ def settings_of(path: Path, stage: str) -> dict[str, Any]:
     try:
         found = tomllib.loads(store.provenance_of(path).settings).get(stage, {})
     except tomllib.TOMLDecodeError as error:
-        raise HrgError(f"{path}: the settings it keeps cannot be read ({error}); make it again") from error
+        raise HrgError(
+            f"{path}: the settings it keeps cannot be read ({error}); make it again"
+        ) from error
     return dict(found) if isinstance(found, dict) else {}
 
 
 def inputs_of(path: Path, beside: Sequence[Path]) -> list[Path]:
-    """The wave files a result was made of, in its order. HrgError: one is not found, or has changed."""
+    """The wave files a result was made of, in its order. HrgError: one is not found, or has
+    changed."""
     sources = [source for source in store.provenance_of(path).sources if source.kind == Wave.kind]
     if not sources:
-        raise HrgError(f"{path}: names no wave file among its sources; only what was made of wave files is rehearsed")
+        raise HrgError(
+            f"{path}: names no wave file among its sources; only what was made of wave files is"
+            " rehearsed"
+        )
     return [_must(found_again(source, path.parent, beside), source, path) for source in sources]
 
 
@@ -112,17 +146,28 @@ def _must(found: Path | None, source: Source, path: Path) -> Path:
         return found
     there = path.parent / source.name
     if there.exists():
-        raise HrgError(f"{path}: its input {there} has changed since; name the file it was made of beside it, or make it again")
-    raise HrgError(f"{path}: its input {source.name} is not in {path.parent}; name it beside it, wherever it is")
+        raise HrgError(
+            f"{path}: its input {there} has changed since; name the file it was made of beside it,"
+            " or make it again"
+        )
+    raise HrgError(
+        f"{path}: its input {source.name} is not in {path.parent}; name it beside it, wherever"
+        " it is"
+    )
 
 
 def found_again(source: Source, folder: Path, beside: Sequence[Path]) -> Path | None:
-    """The file with a source's SHA-256: named by the user, under its own name in the folder, or under another one there."""
+    """The file with a source's SHA-256: named by the user, under its own name in the folder, or
+    under another one there."""
     own = folder / source.name
     others = sorted(p for p in folder.glob("*.h5") if p != own)
     for candidate in dict.fromkeys([*beside, own, *others]):
         try:
-            if candidate.is_file() and store.kind_of(candidate).kind == source.kind and store.sha256(candidate) == source.sha256:
+            if (
+                candidate.is_file()
+                and store.kind_of(candidate).kind == source.kind
+                and store.sha256(candidate) == source.sha256
+            ):
                 return candidate
         except HrgError:
             continue  # another laboratory's file in the same folder
@@ -130,7 +175,8 @@ def found_again(source: Source, folder: Path, beside: Sequence[Path]) -> Path | 
 
 
 def measured(wave: Path, beside: Sequence[Path]) -> Measured:
-    """A wave and, where they lie beside it, what its periods and its recording say of sampling and windows."""
+    """A wave and, where they lie beside it, what its periods and its recording say of sampling and
+    windows."""
     record = store.read(wave, Wave)
     periods = _parent(wave, Periods.kind, beside)
     demodulate, carrier, sampling = {}, None, None
@@ -143,9 +189,14 @@ def measured(wave: Path, beside: Sequence[Path]) -> Measured:
         if recording is not None:
             with store.open_record(recording, Recording) as samples:
                 ends = samples.times(0, 1)[0], samples.times(len(samples.c) - 1)[0]
-                sampling = samples.sample_rate_hz or float((len(samples.c) - 1) / (ends[1] - ends[0]))
+                sampling = samples.sample_rate_hz or float(
+                    (len(samples.c) - 1) / (ends[1] - ends[0])
+                )
     if record.readout == "carrier" and carrier is None:
-        raise HrgError(f"{wave}: was read out by a carrier, whose frequency its periods file holds; name that file too")
+        raise HrgError(
+            f"{wave}: was read out by a carrier, whose frequency its periods file holds; name that"
+            " file too"
+        )
     return Measured(record, sampling, carrier, demodulate, settings_of(wave, "estimate"))
 
 
@@ -159,7 +210,11 @@ def show(table: Mapping[str, Any]) -> None:
     """The rehearsal's table."""
     head = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %")
     rows = [
-        (f["name"], *(f"{f[key]:.2f}" for key in ("bias_over_std", "error_over_std_rms")), *(_percent(f[k]) for k in _COVERAGE))
+        (
+            f["name"],
+            *(f"{f[key]:.2f}" for key in ("bias_over_std", "error_over_std_rms")),
+            *(_percent(f[k]) for k in _COVERAGE),
+        )
         for f in table["figures"]
     ]
     console.print_table(f"{table['times']} rehearsals, truth: {table['truth']}", head, rows)
@@ -175,7 +230,9 @@ def _percent(part: float) -> str:
 def _write(report: Mapping[str, Any], told: Rehearsal, suffix: str, path: Path) -> None:
     """The report as JSON, its picture, or a page of both."""
     if suffix == ".json":
-        path.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        path.write_text(
+            json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
         return
     from ..reporting.figures.drawing import standalone_svg, style
     from ..reporting.figures.rehearsal import rehearsal_plot
@@ -185,14 +242,19 @@ def _write(report: Mapping[str, Any], told: Rehearsal, suffix: str, path: Path) 
     standalone_svg(plot, path)
     if suffix == ".html":
         drawing = path.read_text(encoding="utf-8")
-        path.write_text(_page(report, plot.words, drawing[drawing.index("<svg") :]), encoding="utf-8")
+        path.write_text(
+            _page(report, plot.words, drawing[drawing.index("<svg") :]), encoding="utf-8"
+        )
 
 
 def _page(report: Mapping[str, Any], words: str, drawing: str) -> str:
     """A page that stands alone: verdict, picture, table."""
     rows = "".join(
         f"<tr><td>{html.escape(f['name'])}</td>"
-        + "".join(f"<td>{text}</td>" for text in (f"{f['bias_over_std']:.2f}", f"{f['error_over_std_rms']:.2f}"))
+        + "".join(
+            f"<td>{text}</td>"
+            for text in (f"{f['bias_over_std']:.2f}", f"{f['error_over_std_rms']:.2f}")
+        )
         + "".join(f"<td>{_percent(f[key])}</td>" for key in _COVERAGE)
         + "</tr>"
         for f in report["figures"]
@@ -200,21 +262,39 @@ def _page(report: Mapping[str, Any], words: str, drawing: str) -> str:
     reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in report["status_reasons"])
     title = f"Rehearsal of {Path(report['file']).name}: {report['status']}"
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        "<style>body{font:16px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1a2028;background:#fff}"
-        "table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child{text-align:left}"
-        "svg{max-width:100%;height:auto}</style>"
-        f"<h1>{html.escape(title)}</h1><p>{html.escape(words)}</p><ul>{reasons}</ul><figure>{drawing}</figure>"
-        "<table><tr><th>figure</th><th>bias/σ</th><th>error/σ, rms</th><th>within 68 %</th><th>within 95 %</th></tr>"
-        f"{rows}</table></html>\n"
+        '<!doctype html><html lang="en"><meta charset="utf-8">'
+        f"<title>{html.escape(title)}</title>"
+        "<style>body{font:16px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
+        "color:#1a2028;background:#fff}table{border-collapse:collapse}"
+        "td,th{padding:.2rem .8rem;text-align:right}"
+        "td:first-child,th:first-child{text-align:left}svg{max-width:100%;height:auto}</style>"
+        f"<h1>{html.escape(title)}</h1><p>{html.escape(words)}</p><ul>{reasons}</ul>"
+        f"<figure>{drawing}</figure>"
+        "<table><tr><th>figure</th><th>bias/σ</th><th>error/σ, rms</th>"
+        f"<th>within 68 %</th><th>within 95 %</th></tr>{rows}</table></html>\n"
     )
 
 
-def and_rehearse(outcome: pipeline.Outcome, output: Path, inputs: Sequence[Path], times: int, run: Common) -> pipeline.Outcome:
-    """What `--rehearse N` of a command adds to its outcome: the verdict in the file's status and in the JSON."""
-    values = settings.checked(rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True)
+def and_rehearse(
+    outcome: pipeline.Outcome, output: Path, inputs: Sequence[Path], times: int, run: Common
+) -> pipeline.Outcome:
+    """What `--rehearse N` of a command adds to its outcome: the verdict in the file's status and in
+    the JSON."""
+    values = settings.checked(
+        rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True
+    )
     with console.progress_bar("rehearse", run.quiet or run.json) as progress:
-        told = rehearsed(output, inputs, values, run.jobs, progress, f"{command_line()} (its rehearsal)")
+        told = rehearsed(
+            output, inputs, values, run.jobs, progress, f"{command_line()} (its rehearsal)"
+        )
     record = store.read(output, type(outcome.record))
     reasons = list(record.status_reasons)
-    return pipeline.Outcome(record, {**outcome.json, "status": record.status, "status_reasons": reasons, "rehearsal": told.table()})
+    return pipeline.Outcome(
+        record,
+        {
+            **outcome.json,
+            "status": record.status,
+            "status_reasons": reasons,
+            "rehearsal": told.table(),
+        },
+    )

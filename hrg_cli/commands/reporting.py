@@ -21,11 +21,18 @@ def report(
     force: bool = False,
     limits: Mapping[str, Any] | None = None,
     *,
-    format: Annotated[Literal["html", "png"], Field(description="one page, or the figures alone into a folder")] = "html",
-    truth: Annotated[bool, Field(description="show a simulation's truth beside the estimates")] = False,
-    full: Annotated[bool, Field(description="draw the figures of every file behind the answer")] = False,
+    format: Annotated[
+        Literal["html", "png"], Field(description="one page, or the figures alone into a folder")
+    ] = "html",
+    truth: Annotated[
+        bool, Field(description="show a simulation's truth beside the estimates")
+    ] = False,
+    full: Annotated[
+        bool, Field(description="draw the figures of every file behind the answer")
+    ] = False,
 ) -> list[Path]:
-    """Write the page or the figures; the files written. HrgError: a file is damaged or not of hrg, the output exists."""
+    """Write the page or the figures; the files written. HrgError: a file is damaged or not of hrg,
+    the output exists."""
     if format == "png":
         return write_figures(files, output, truth=truth)
     store.check_output(output, force)
@@ -37,13 +44,21 @@ def report(
     return [output]
 
 
-def report_files(files: Sequence[Path], run: Common, limits: Path | None = None, **flags: Any) -> dict[str, Any]:
+def report_files(
+    files: Sequence[Path], run: Common, limits: Path | None = None, **flags: Any
+) -> dict[str, Any]:
     """Report on files; the command's JSON."""
     started = time.monotonic()
     values = run.settings(report, **flags)
     paths = existing(files, "the files to report on")
     output = run.need_output("report.html")
-    made = report(paths, output, run.force, settings.load_toml(limits) if limits is not None else None, **values)
+    made = report(
+        paths,
+        output,
+        run.force,
+        settings.load_toml(limits) if limits is not None else None,
+        **values,
+    )
     worst, reasons = status_of(paths)
     return {
         **pipeline.common_keys("report", "valid", (), output, started),

@@ -1,4 +1,5 @@
-"""The body of `hrg run`: the chain on one gyro's recordings into a folder, the answer, and a page about it."""
+"""The body of `hrg run`: the chain on one gyro's recordings into a folder, the answer, and a page
+about it."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ def run_files(
     dry_run: bool = False,
     part: Mapping[str, float | None] | None = None,
 ) -> Shown:
-    """Run the chain; the command's JSON and what shows it. --config gives each stage's table, --set takes stage.key=value.
+    """Run the chain; the command's JSON and what shows it. --config gives each stage's table, --set
+    takes stage.key=value.
 
     part: where demodulate cuts. HrgError: every recording failed, mixed gyros, outputs in the way.
     """
@@ -58,15 +60,33 @@ def run_files(
             if run.verbose and not run.quiet and not run.json:
                 console.message(f"{step.name} → {step.output}: {step.status}")
 
-        steps = run_gyro(paths, folder, tables, limits=wanted, force=run.force, command_line=command_line(), told=told, jobs=run.jobs)
+        steps = run_gyro(
+            paths,
+            folder,
+            tables,
+            limits=wanted,
+            force=run.force,
+            command_line=command_line(),
+            told=told,
+            jobs=run.jobs,
+        )
     failed = [step for step in steps if step.status == "failed"]
-    if failed and not any(step.name in ("identify", "diagnose", "calibrate") and step.status != "failed" for step in steps):
+    if failed and not any(
+        step.name in ("identify", "diagnose", "calibrate") and step.status != "failed"
+        for step in steps
+    ):
         if made_folder and not any(folder.iterdir()):
             folder.rmdir()
         raise HrgError(failed[0].reasons[0])
     made = [folder / step.output for step in steps if step.status != "failed"]
     found, rows = _answer(made, wanted)
-    _write_page(page, [*(p for p in files if p.suffix == ".h5" and p.exists()), *made], rows, full, run.force or ours)
+    _write_page(
+        page,
+        [*(p for p in files if p.suffix == ".h5" and p.exists()), *made],
+        rows,
+        full,
+        run.force or ours,
+    )
     deciding = [step for step in steps if step.name != "identify"] if _explained(steps) else steps
     missed = [row.sentence() for row in rows if not row.passed]
     worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
@@ -80,7 +100,9 @@ def run_files(
         "report": str(page) if made else None,
     }
     with store.atomic_path(folder / MARK, force=True) as temporary:
-        temporary.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        temporary.write_text(
+            json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
     report["elapsed_s"] = round(time.monotonic() - started, 3)
 
     def show() -> None:
@@ -107,44 +129,80 @@ def tables_of(run: Common, part: Mapping[str, float | None]) -> dict[str, Any]:
             settings.assign(tables, f"{name}.seed", run.seed)
     unknown = sorted(set(tables) - {*STAGES, "import"})
     if unknown:
-        raise HrgError(f"{run.config or '--set'}: there is no stage {unknown[0]}; tables are {', '.join(['import', *STAGES])}")
+        raise HrgError(
+            f"{run.config or '--set'}: there is no stage {unknown[0]}; tables are"
+            f" {', '.join(['import', *STAGES])}"
+        )
     if run.show_config:
-        whole = {name: settings.checked(stage.function(), tables.get(name, {})) for name, stage in STAGES.items()}
+        whole = {
+            name: settings.checked(stage.function(), tables.get(name, {}))
+            for name, stage in STAGES.items()
+        }
         run.leave_with_settings(whole)
     return tables
 
 
 def reasons_of(steps: Sequence[Step]) -> list[str]:
-    """Every reason once: what a result inherits from its inputs is told at the input, and the same reason of many files once for all."""
+    """Every reason once: what a result inherits from its inputs is told at the input, and the same
+    reason of many files once for all."""
     doubted = {step.output for step in steps if step.status in ("suspect", "refused")}
     named: dict[str, list[str]] = {}
     for step in steps:
         for reason in step.reasons:
-            inherited = reason.split(" is ", 1)[0] in doubted or reason.endswith("more inputs are suspect or refused")
+            inherited = reason.split(" is ", 1)[0] in doubted or reason.endswith(
+                "more inputs are suspect or refused"
+            )
             if not inherited:
                 named.setdefault(reason, []).append(step.output)
-    return [f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}" for reason, outputs in named.items()]
+    return [
+        f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}"
+        for reason, outputs in named.items()
+    ]
 
 
 def _explained(steps: Sequence[Step]) -> bool:
-    """Whether a diagnosis explains what the linear resonator leaves, so that the doubt about that resonator is settled."""
-    return any(step.name == "diagnose" and step.status == "valid" and step.json.get("verdict") == "explained" for step in steps)
+    """Whether a diagnosis explains what the linear resonator leaves, so that the doubt about that
+    resonator is settled."""
+    return any(
+        step.name == "diagnose"
+        and step.status == "valid"
+        and step.json.get("verdict") == "explained"
+        for step in steps
+    )
 
 
 def _plan(paths: Sequence[Path], folder: Path, tables: dict[str, Any], started: float) -> Shown:
-    lines = [f"hrg {name} {' '.join(inputs)} -o {folder / output}" for name, inputs, output in planned(paths, tables)]
-    report = {"kind": "plan of a run", "status": "valid", "status_reasons": [], "output": None, "steps": lines}
-    return report | {"elapsed_s": round(time.monotonic() - started, 3)}, lambda: print("\n".join(lines))
+    lines = [
+        f"hrg {name} {' '.join(inputs)} -o {folder / output}"
+        for name, inputs, output in planned(paths, tables)
+    ]
+    report = {
+        "kind": "plan of a run",
+        "status": "valid",
+        "status_reasons": [],
+        "output": None,
+        "steps": lines,
+    }
+    return report | {"elapsed_s": round(time.monotonic() - started, 3)}, lambda: print(
+        "\n".join(lines)
+    )
 
 
 def _answer(made: Sequence[Path], limits: dict[str, Any]) -> tuple[Answer | None, list[Row]]:
-    results = [path for path in made if path.name in ("resonator.h5", "diagnosis.h5", "calibration.h5")]
+    results = [
+        path for path in made if path.name in ("resonator.h5", "diagnosis.h5", "calibration.h5")
+    ]
     records = [store.read_any(path) for path in results]
     rows = [row for record in records if record.kind in limits for row in check(record, limits)]
-    return answer(records, rows, {record.kind: path.name for record, path in zip(records, results)}), rows
+    return (
+        answer(records, rows, {record.kind: path.name for record, path in zip(records, results)}),
+        rows,
+    )
 
 
-def _write_page(page: Path, files: Sequence[Path], rows: Sequence[Row], full: bool, force: bool) -> None:
+def _write_page(
+    page: Path, files: Sequence[Path], rows: Sequence[Row], full: bool, force: bool
+) -> None:
     from ..reporting.page import build_report
 
     text = build_report(files, rows=rows, full=full)

@@ -19,24 +19,43 @@ STAGE_SETTINGS = ("model", "run", "block_samples", "seed")
 
 
 def simulate_files(
-    file: Path, run: Common, *, model: str | None, only_run: str | None, effects_from: Path | None, progress: pipeline.Progress
+    file: Path,
+    run: Common,
+    *,
+    model: str | None,
+    only_run: str | None,
+    effects_from: Path | None,
+    progress: pipeline.Progress,
 ) -> dict[str, Any]:
     """Simulate every run of `file` (or one) into files; the command's JSON."""
     config = settings.load_toml(file)
-    for_stage = tuple(text for text in run.assignments if text.partition("=")[0].removeprefix("simulate.") in STAGE_SETTINGS)
+    for_stage = tuple(
+        text
+        for text in run.assignments
+        if text.partition("=")[0].removeprefix("simulate.") in STAGE_SETTINGS
+    )
     for text in run.assignments:
         if text not in for_stage:
             settings.assign(config, *settings.parse_assignment(text))
-    values = settings.resolve(simulate, run.config, for_stage, {"model": model, "run": only_run, "seed": run.seed})
+    values = settings.resolve(
+        simulate, run.config, for_stage, {"model": model, "run": only_run, "seed": run.seed}
+    )
     if run.show_config:
-        run.leave_with_settings({"simulate": values, "runs": {each.run_id: each for each in runs_of(config)}})
+        run.leave_with_settings(
+            {"simulate": values, "runs": {each.run_id: each for each in runs_of(config)}}
+        )
     names = run_ids(config) if values["run"] is None else [values["run"]]
     output = run.need_output("recording.h5")
-    outputs = [output] if len(names) == 1 else [output.with_name(f"{output.stem}-{name}{output.suffix or '.h5'}") for name in names]
+    outputs = (
+        [output]
+        if len(names) == 1
+        else [output.with_name(f"{output.stem}-{name}{output.suffix or '.h5'}") for name in names]
+    )
     for path in outputs:
         store.check_output(path, run.force)
     tasks = [
-        Task(config, file, effects_from, {**values, "run": name}, path, run.force, command_line()) for name, path in zip(names, outputs)
+        Task(config, file, effects_from, {**values, "run": name}, path, run.force, command_line())
+        for name, path in zip(names, outputs)
     ]
     reports = list(_all(tasks, run.jobs, progress))
     statuses = [report["status"] for report in reports]
@@ -44,7 +63,11 @@ def simulate_files(
         "kind": "recording",
         "status": max(statuses, key=["valid", "suspect", "refused"].index),
         "status_reasons": [reason for report in reports for reason in report["status_reasons"]],
-        "output": str(output if len(names) == 1 else output.parent / f"{output.stem}-*{output.suffix or '.h5'}"),
+        "output": str(
+            output
+            if len(names) == 1
+            else output.parent / f"{output.stem}-*{output.suffix or '.h5'}"
+        ),
         "outputs": [str(path) for path in outputs],
         "runs": reports,
     }
@@ -60,7 +83,9 @@ def _all(tasks: Sequence[Task], jobs: int, progress: pipeline.Progress) -> Itera
         yield from _counted(map(_one, tasks), len(tasks), progress)
 
 
-def _counted(done: Iterable[dict[str, Any]], total: int, progress: pipeline.Progress) -> Iterator[dict[str, Any]]:
+def _counted(
+    done: Iterable[dict[str, Any]], total: int, progress: pipeline.Progress
+) -> Iterator[dict[str, Any]]:
     for count, report in enumerate(done, 1):
         progress(count / total)
         yield report
@@ -82,16 +107,29 @@ class Task:
 def _one(task: Task, progress: pipeline.Progress | None = None) -> dict[str, Any]:
     extra = load_effects(task.effects_from) if task.effects_from is not None else ()
     stream = simulate(task.config, extra, **task.values)
-    chosen = next(each for each in runs_of(task.config) if task.values["run"] in (None, each.run_id))
+    chosen = next(
+        each for each in runs_of(task.config) if task.values["run"] in (None, each.run_id)
+    )
     if progress is not None:
-        stream = _timed(stream, chosen.recording.duration_s * chosen.recording.sample_rate_hz, progress)
+        stream = _timed(
+            stream, chosen.recording.duration_s * chosen.recording.sample_rate_hz, progress
+        )
     sources = [task.file] if task.effects_from is None else [task.file, task.effects_from]
     whole = {**task.values, "file": chosen}
-    record = pipeline.write_first(task.output, stream, whole, "simulate", sources, force=task.force, command_line=task.typed)
-    return {"output": str(task.output), "status": record.status, "status_reasons": list(record.status_reasons), **summary(record)}
+    record = pipeline.write_first(
+        task.output, stream, whole, "simulate", sources, force=task.force, command_line=task.typed
+    )
+    return {
+        "output": str(task.output),
+        "status": record.status,
+        "status_reasons": list(record.status_reasons),
+        **summary(record),
+    }
 
 
-def _timed(stream: Iterator[Recording], samples: float, progress: pipeline.Progress) -> Iterator[Recording]:
+def _timed(
+    stream: Iterator[Recording], samples: float, progress: pipeline.Progress
+) -> Iterator[Recording]:
     done = 0
     for block in stream:
         yield block

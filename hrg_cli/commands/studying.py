@@ -1,4 +1,5 @@
-"""The body of `hrg study NAME`: run a study, write its figures as JSON (and CSV) and its pictures as PNG into a folder."""
+"""The body of `hrg study NAME`: run a study, write its figures as JSON (and CSV) and its pictures
+as PNG into a folder."""
 
 from __future__ import annotations
 
@@ -24,14 +25,17 @@ STUDIES = {
     "diagnosis": "diagnosis",
     "recovery": "recovery",
 }
-"""Name on the command line -> module in `studies`: its function NAME_study gives plain figures, `figure` a picture of them."""
+"""Name on the command line -> module in `studies`: its function NAME_study gives plain figures,
+`figure` a picture of them."""
 
 
 OF_RECORDINGS = ("recovery",)
 """Studies of the user's own recordings; they take up what an interrupted one has done."""
 
 
-def run_study(name: str | None, run: Common, recordings: Sequence[Path] = (), **flags: Any) -> tuple[dict[str, Any], Callable[[], None]]:
+def run_study(
+    name: str | None, run: Common, recordings: Sequence[Path] = (), **flags: Any
+) -> tuple[dict[str, Any], Callable[[], None]]:
     """Run the study; its JSON report and the function that shows its table."""
     if name not in STUDIES:
         raise UsageError(f"no study is called {name!r}; there are {', '.join(STUDIES)}")
@@ -40,10 +44,16 @@ def run_study(name: str | None, run: Common, recordings: Sequence[Path] = (), **
     started = time.monotonic()
     module = import_module(f"hrg_cli.studies.{STUDIES[name]}")
     study = getattr(module, f"{STUDIES[name]}_study")
-    strange = [key for key, value in flags.items() if value is not None and not settings.accepts(study, key)]
+    strange = [
+        key
+        for key, value in flags.items()
+        if value is not None and not settings.accepts(study, key)
+    ]
     if strange:
         raise UsageError(f"the study {name} has no --{strange[0]}; leave it out")
-    values = run.settings(study, **{key: value for key, value in flags.items() if settings.accepts(study, key)})
+    values = run.settings(
+        study, **{key: value for key, value in flags.items() if settings.accepts(study, key)}
+    )
     folder = run.output
     if folder is not None:
         check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
@@ -63,20 +73,33 @@ def run_study(name: str | None, run: Common, recordings: Sequence[Path] = (), **
     if folder is not None:
         with atomic_path(folder / f"{name}.png", run.force) as temporary:
             module.figure(result).savefig(temporary, format="png", dpi=120)
-        with atomic_path(folder / f"{name}.csv", run.force) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        with (
+            atomic_path(folder / f"{name}.csv", run.force) as temporary,
+            temporary.open("w", encoding="utf-8", newline="") as file,
+        ):
             csv.writer(file).writerows([shown[0], *shown[1]])
         with atomic_path(folder / f"{name}.json", run.force) as temporary:
-            temporary.write_text(json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8")
+            temporary.write_text(
+                json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8"
+            )
         (folder / f"{name}.unfinished.json").unlink(missing_ok=True)
     return report, lambda: console.print_table("", *shown)
 
 
 def _of_recordings(
-    study: Callable[..., Any], name: str, paths: Sequence[Path], folder: Path | None, values: Mapping[str, Any]
+    study: Callable[..., Any],
+    name: str,
+    paths: Sequence[Path],
+    folder: Path | None,
+    values: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """A study of recordings; its rows are kept in the folder while it runs, and taken up where files and settings are the same."""
+    """A study of recordings; its rows are kept in the folder while it runs, and taken up where
+    files and settings are the same."""
     recordings = [store.read(path, Recording) for path in paths]
-    mark = {"files": [store.sha256(path) for path in paths], "settings": {key: value for key, value in values.items() if key != "jobs"}}
+    mark = {
+        "files": [store.sha256(path) for path in paths],
+        "settings": {key: value for key, value in values.items() if key != "jobs"},
+    }
     kept = None if folder is None else folder / f"{name}.unfinished.json"
     known: list[Any] = []
     if kept is not None and kept.is_file():
@@ -86,13 +109,18 @@ def _of_recordings(
     def keep(rows: Sequence[Any]) -> None:
         if kept is not None:
             with atomic_path(kept, True) as temporary:
-                temporary.write_text(json.dumps(console.clean({"mark": mark, "rows": rows}), ensure_ascii=False), encoding="utf-8")
+                temporary.write_text(
+                    json.dumps(console.clean({"mark": mark, "rows": rows}), ensure_ascii=False),
+                    encoding="utf-8",
+                )
 
     result: dict[str, Any] = study(recordings, known, keep, **values)
     return result
 
 
-def _flat(result: dict[str, Any], prefix: str = "") -> tuple[tuple[str, str], list[tuple[str, Any]]]:
+def _flat(
+    result: dict[str, Any], prefix: str = ""
+) -> tuple[tuple[str, str], list[tuple[str, Any]]]:
     """The plain figures of a result, nested names joined by dots."""
     rows: list[tuple[str, Any]] = []
     for key, value in result.items():

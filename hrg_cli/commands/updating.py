@@ -13,19 +13,37 @@ from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, run_stage_on
 app = typer.Typer()
 
 
-@command(app, "update", "hrg update calibration.h5 --resonator resonator.h5 -o updated.h5", idle=NO_DRAWS | ONE_PROCESS)
+@command(
+    app,
+    "update",
+    "hrg update calibration.h5 --resonator resonator.h5 -o updated.h5",
+    idle=NO_DRAWS | ONE_PROCESS,
+)
 def update(
     run: Common,
     calibration: OneFile = None,
     resonator: Annotated[
-        Path | None, typer.Option(help="The resonator as it is now, of free windows in operation for instance.", show_default=False)
+        Path | None,
+        typer.Option(
+            help="The resonator as it is now, of free windows in operation for instance.",
+            show_default=False,
+        ),
     ] = None,
     reference: Annotated[
         Path | None,
-        typer.Option(help="The resonator when the tables were made: then only its change moves the tables.", show_default=False),
+        typer.Option(
+            help="The resonator when the tables were made: then only its change moves the tables.",
+            show_default=False,
+        ),
     ] = None,
 ) -> None:
-    """A calibration whose coefficients moved, brought up to date by a resonator found later; what moved is told in σ."""
+    """A calibration whose coefficients moved, brought up to date by a resonator found later; what
+    moved is told in σ."""
     if resonator is None and not run.show_config:
         raise UsageError("no resonator is named; add --resonator resonator.h5")
-    run_stage_on_files(run, "update", [calibration] if calibration else [], beside={"resonator": resonator, "reference": reference})
+    run_stage_on_files(
+        run,
+        "update",
+        [calibration] if calibration else [],
+        beside={"resonator": resonator, "reference": reference},
+    )

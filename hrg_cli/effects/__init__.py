@@ -110,17 +110,27 @@ def find(name: str, effects: tuple[Effect, ...] = EFFECTS) -> Effect:
 
 
 def page(name: str, effects: tuple[Effect, ...] = EFFECTS) -> str:
-    """The page `hrg effects NAME` prints: the docstring, the parameters, and the experiment that separates it."""
+    """The page `hrg effects NAME` prints: the docstring, the parameters, and the experiment that
+    separates it."""
     effect = find(name, effects)
-    lines = [f"{effect.name} ({effect.family})", "", effect.page.strip(), "", f"Parameters of [effects.{effect.name}]:"]
-    lines += [f"  {p.name} [{p.units}], typically {p.typical:g}: {p.meaning}" for p in effect.parameters]
+    lines = [
+        f"{effect.name} ({effect.family})",
+        "",
+        effect.page.strip(),
+        "",
+        f"Parameters of [effects.{effect.name}]:",
+    ]
+    lines += [
+        f"  {p.name} [{p.units}], typically {p.typical:g}: {p.meaning}" for p in effect.parameters
+    ]
     if effect.next_experiment:
         lines += ["", f"Next experiment: {effect.next_experiment}."]
     return "\n".join(lines)
 
 
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
-    """The `Effect` objects at the top level of a Python file, which is executed. HrgError: the file fails or holds none."""
+    """The `Effect` objects at the top level of a Python file, which is executed. HrgError: the file
+    fails or holds none."""
     import runpy
 
     path = Path(path)
@@ -129,19 +139,26 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     try:
         names = runpy.run_path(str(path))
     except Exception as error:
-        raise HrgError(f"{path}: fails to run ({type(error).__name__}: {error}); correct it") from error
+        raise HrgError(
+            f"{path}: fails to run ({type(error).__name__}: {error}); correct it"
+        ) from error
     found = tuple({id(v): v for v in names.values() if isinstance(v, Effect)}.values())
     if not found:
-        raise HrgError(f"{path}: holds no Effect; define one: from hrg_cli.effects import Effect, Parameter")
+        raise HrgError(
+            f"{path}: holds no Effect; define one: from hrg_cli.effects import Effect, Parameter"
+        )
     for effect in found:
         _check(effect, path)
     return found
 
 
 def _check(effect: Effect, path: Path) -> None:
-    """HrgError: a name of the catalogue, nothing to fit, or a slow term that fails or is not of the shape of u."""
+    """HrgError: a name of the catalogue, nothing to fit, or a slow term that fails or is not of the
+    shape of u."""
     if any(effect.name == known.name for known in EFFECTS):
-        raise HrgError(f"{path}: {effect.name} is an effect of the catalogue already; give yours another name")
+        raise HrgError(
+            f"{path}: {effect.name} is an effect of the catalogue already; give yours another name"
+        )
     if not effect.fitted():
         raise HrgError(f"{path}: {effect.name} has no parameter that a fit may move; give it one")
     rows = (2, 3)
@@ -168,12 +185,16 @@ def _check(effect: Effect, path: Path) -> None:
             if shape != u.shape or not finite:
                 found = f"of shape {shape}" if finite else "not finite"
                 raise HrgError(
-                    f"{path}: {effect.name}.{name} gives a result {found} for u of shape {u.shape}; as many finite values were expected"
+                    f"{path}: {effect.name}.{name} gives a result {found} for u of shape {u.shape};"
+                    " as many finite values were expected"
                 )
     except HrgError:
         raise
     except Exception as error:
-        raise HrgError(f"{path}: the slow terms of {effect.name} fail ({type(error).__name__}: {error}); correct them") from error
+        raise HrgError(
+            f"{path}: the slow terms of {effect.name} fail ({type(error).__name__}: {error});"
+            " correct them"
+        ) from error
 
 
 __all__ = ["EFFECTS", "Effect", "Parameter", "find", "load_effects", "page"]

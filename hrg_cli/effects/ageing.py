@@ -2,8 +2,8 @@
 
 Physics: coating, mount and stress relax; frequency and damping split change in proportion to time.
 Equation: φ̇ = ω α_t t, νδμ R(2mθ_μ) → … + t (m_c R(0) + m_s R(π/2)), t from the run's start   (PHYSICS M12).
-Size: 0.1 … 10 % a year; the parameters are per second.
-Mistaken for: temperature on one ramp, cubic stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
+Size: 0.1 … 10 % a year; the parameters are per second. Mistaken for: temperature on one ramp, cubic
+stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
 """
 
 import numpy as np
@@ -15,7 +15,9 @@ from .effect import Array, Effect, Parameter, Values
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + α_t t), N += t (m_c R(0) + m_s R(π/2))."""
     t = env.time_s[:, None, None]
-    split = np.array([[p["split_cos_1_s2"], p["split_sin_1_s2"]], [p["split_sin_1_s2"], -p["split_cos_1_s2"]]])
+    split = np.array(
+        [[p["split_cos_1_s2"], p["split_sin_1_s2"]], [p["split_sin_1_s2"], -p["split_cos_1_s2"]]]
+    )
     plant.stiffness = plant.retuned(1 + p["frequency_1_s"] * env.time_s)
     plant.damping = plant.damping + t * split
 
@@ -25,7 +27,9 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
     c, s = u[..., 0], u[..., 1]
     m_c, m_s = p["split_cos_1_s2"], p["split_sin_1_s2"]
     turned = np.stack([m_c * c + m_s * s, m_s * c - m_c * s], -1)
-    return state.time_s[..., None] * (1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - turned)
+    return state.time_s[..., None] * (
+        1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - turned
+    )
 
 
 EFFECT = Effect(

@@ -1,11 +1,12 @@
 """Anisotropic cubic stiffness: a quartic potential with four-fold symmetry in the electrical angle.
 
-Physics: V = (h/4) Re[(X + jY)⁴ e^{−4jmθ₈}]: electrodes or an uneven rim stiffen some directions with displacement.
+Physics: V = (h/4) Re[(X + jY)⁴ e^{−4jmθ₈}]: electrodes or an uneven rim stiffen some directions
+with displacement.
 Equation: φ̇ = (3h/8ω) a² cos 4m(θ − θ₈), ȧ_B = (3h/8ω) a³ sin 4m(θ − θ₈): 8θ for m = 2   (PHYSICS M5).
-The parameters are (3h/8ω) cos 4mθ₈ and (3h/8ω) sin 4mθ₈, rad/s at unit amplitude.
-Size: 1 … 10 % of the isotropic cubic.
-Mistaken for: pick-off cubic (8θ of the angle itself), second order of the frequency split (not ∝ a²). What separates it: ring-downs at
-five angles or more and at two amplitudes.
+The parameters are (3h/8ω) cos 4mθ₈ and (3h/8ω) sin 4mθ₈, rad/s at unit amplitude. Size: 1 … 10 % of
+the isotropic cubic. Mistaken for: pick-off cubic (8θ of the angle itself), second order of the
+frequency split (not ∝ a²). What separates it: ring-downs at five angles or more and at two
+amplitudes.
 """
 
 import numpy as np
@@ -36,8 +37,12 @@ EFFECT = Effect(
     family="resonator",
     page=__doc__,
     parameters=(
-        Parameter("cos_rad_s", "rad s-1", 3e-3, "(3h/8ω) cos 4mθ₈ at unit amplitude", amplitude_power=-2),
-        Parameter("sin_rad_s", "rad s-1", 3e-3, "(3h/8ω) sin 4mθ₈ at unit amplitude", amplitude_power=-2),
+        Parameter(
+            "cos_rad_s", "rad s-1", 3e-3, "(3h/8ω) cos 4mθ₈ at unit amplitude", amplitude_power=-2
+        ),
+        Parameter(
+            "sin_rad_s", "rad s-1", 3e-3, "(3h/8ω) sin 4mθ₈ at unit amplitude", amplitude_power=-2
+        ),
     ),
     mistaken_for=("pickoff_nonlinearity",),
     next_experiment="ring-downs at five wave angles or more and at two amplitudes",

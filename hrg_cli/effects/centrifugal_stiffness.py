@@ -1,9 +1,10 @@
 """Stiffness lowered by rotation: the centrifugal term.
 
-Physics: in the rotating frame the stiffness loses k_c Ω²; the rotation's own second order, +K²Ω²/2ω, is in the base model.
+Physics: in the rotating frame the stiffness loses k_c Ω²; the rotation's own second order,
++K²Ω²/2ω, is in the base model.
 Equation: φ̇ = −k_c Ω²/2ω   (PHYSICS M13).
-Size: k_c of the order of 1; 0.06 mHz at 500 °/s for 5 kHz.
-Mistaken for: frequency by temperature, when runs of different rates differ in temperature. What separates it: rate steps within a run.
+Size: k_c of the order of 1; 0.06 mHz at 500 °/s for 5 kHz. Mistaken for: frequency by temperature,
+when runs of different rates differ in temperature. What separates it: rate steps within a run.
 """
 
 import numpy as np
@@ -14,12 +15,18 @@ from .effect import Array, Effect, Parameter, Values
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """W −= k_c Ω² I."""
-    plant.stiffness = plant.stiffness - (p["coefficient"] * env.rate_rad_s**2)[:, None, None] * np.eye(2)
+    plant.stiffness = plant.stiffness - (p["coefficient"] * env.rate_rad_s**2)[
+        :, None, None
+    ] * np.eye(2)
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """−j k_c Ω²/2ω u."""
-    return -1j * (p["coefficient"] * state.rate_rad_s**2 / (2 * state.mechanics.omega_rad_s))[..., None] * u
+    return (
+        -1j
+        * (p["coefficient"] * state.rate_rad_s**2 / (2 * state.mechanics.omega_rad_s))[..., None]
+        * u
+    )
 
 
 EFFECT = Effect(

@@ -1,10 +1,11 @@
 """Error of the sample clock.
 
-Physics: the true time between samples is (1 + ε) times the nominal one, so every rate comes out (1 + ε) times too large.
+Physics: the true time between samples is (1 + ε) times the nominal one, so every rate comes out (1
++ ε) times too large.
 Equation: du/dt → (1 + ε) du/dt, with the oscillation itself: f, ν, δω, KΩ all × (1 + ε)   (PHYSICS R12).
-Size: 1e-8 … 5e-5.
-Mistaken for: a change of frequency, damping and scale factor together; exactly so, when the clock alone times everything. What separates
-it: an external clock, or a frequency known otherwise.
+Size: 1e-8 … 5e-5. Mistaken for: a change of frequency, damping and scale factor together; exactly
+so, when the clock alone times everything. What separates it: an external clock, or a frequency
+known otherwise.
 """
 
 import numpy as np
@@ -31,9 +32,14 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("relative", "1", 1e-6, "relative error ε of the time between samples"),),
     mistaken_for=("table_rate_error", "scale factor", "frequency"),
-    next_experiment="time the runs by an external clock, or record a reference tone of known frequency beside the channels",
+    next_experiment=(
+        "time the runs by an external clock, or record a reference tone of known frequency beside"
+        " the channels"
+    ),
     readout=readout,
     slow=slow,
-    same_as_base="frequency, damping and scale factor together, as long as one clock times everything",
+    same_as_base=(
+        "frequency, damping and scale factor together, as long as one clock times everything"
+    ),
     shown_by=("known scale factor",),
 )

@@ -1,13 +1,15 @@
 """Converter whose codes are not even: an error at mid-scale, few bits.
 
-Physics: at mid-scale all bits of a converter change at once, there its largest differential error sits: codes too wide are a dead zone,
-missing ones a jump. Few bits without dither are the same at every code. Both channels have the same converter.
-Equation: y → sign(y)·max(|y| − h, 0), then the nearest multiple of the step q. With amplitude A of a channel its fundamental is A·N(A): for
-q = 0 and h > 0 N = 1 − (2/π)[asin x + x √(1 − x²)], x = min(h/A, 1); for h < 0 N = 1 + (4/π)|h|/A; for q > 0 each code begins at
-y_i = max(h + (i − ½) q, 0) and N = (4q/πA) Σ √(1 − (y_i/A)²) over y_i < A (describing functions, textbook; of a wave without noise:
-noise above q/2 dithers the codes away). The harmonics go with h, not with a³: relatively they grow as the wave dies (PHYSICS §8, R11).
-Size: 1e-5 … 1e-2 of the amplitude.
-Mistaken for: a cubic of the pick-off, a tone, saturation. What separates it: its harmonics do not shrink as a³; the histogram of the codes.
+Physics: at mid-scale all bits of a converter change at once, there its largest differential error
+sits: codes too wide are a dead zone, missing ones a jump. Few bits without dither are the same at
+every code. Both channels have the same converter. Equation: y → sign(y)·max(|y| − h, 0), then the
+nearest multiple of the step q. With amplitude A of a channel its fundamental is A·N(A): for q = 0
+and h > 0 N = 1 − (2/π)[asin x + x √(1 − x²)], x = min(h/A, 1); for h < 0 N = 1 + (4/π)|h|/A; for q
+> 0 each code begins at y_i = max(h + (i − ½) q, 0) and N = (4q/πA) Σ √(1 − (y_i/A)²) over y_i < A
+(describing functions, textbook; of a wave without noise: noise above q/2 dithers the codes away).
+The harmonics go with h, not with a³: relatively they grow as the wave dies (PHYSICS §8, R11). Size:
+1e-5 … 1e-2 of the amplitude. Mistaken for: a cubic of the pick-off, a tone, saturation. What
+separates it: its harmonics do not shrink as a³; the histogram of the codes.
 """
 
 import numpy as np
@@ -16,7 +18,8 @@ from ..physics.plant import Readout, Samples, SlowState
 from .effect import Array, Effect, Parameter, Values
 
 MOST_CODES = 1000
-"""Codes in an amplitude from which even ones do nothing: N is off by (2/π²)(q/A)^{3/2} at most, 6e-6."""
+"""Codes in an amplitude from which even ones do nothing: N is off by (2/π²)(q/A)^{3/2} at most,
+6e-6."""
 
 
 def readout(p: Values, readout: Readout) -> None:
@@ -64,11 +67,28 @@ EFFECT = Effect(
     family="read-out",
     page=__doc__,
     parameters=(
-        Parameter("mid_scale", "amplitude", 3e-4, "half width of a dead zone at mid-scale; negative: half of a jump", amplitude_power=1),
-        Parameter("step", "amplitude", 1e-2, "step of the codes; 0: none", amplitude_power=1, fitted=False, minimum=0.0),
+        Parameter(
+            "mid_scale",
+            "amplitude",
+            3e-4,
+            "half width of a dead zone at mid-scale; negative: half of a jump",
+            amplitude_power=1,
+        ),
+        Parameter(
+            "step",
+            "amplitude",
+            1e-2,
+            "step of the codes; 0: none",
+            amplitude_power=1,
+            fitted=False,
+            minimum=0.0,
+        ),
     ),
     mistaken_for=("pickoff_nonlinearity", "saturation"),
-    next_experiment="the histogram of the raw codes, and a ring-down to small amplitude: these harmonics do not die with the cube of it",
+    next_experiment=(
+        "the histogram of the raw codes, and a ring-down to small amplitude: these harmonics do not"
+        " die with the cube of it"
+    ),
     readout=readout,
     slow_readout=slow_readout,
 )

@@ -2,9 +2,9 @@
 
 Physics: the vacuum or the suspension changes during the run, ν = ν₀ + ν̇ t.
 Equation: d ln a/dt = −ν̇ t, t from the run's start   (PHYSICS M11, §6 ν_t).
-Size: 1e-3 … 1e-1 of ν over a run.
-Mistaken for: nonlinear damping (curvature of ln a in a², not in t), thermal damping on one ramp. What separates it: ring-downs from two
-amplitudes at one temperature.
+Size: 1e-3 … 1e-1 of ν over a run. Mistaken for: nonlinear damping (curvature of ln a in a², not in
+t), thermal damping on one ramp. What separates it: ring-downs from two amplitudes at one
+temperature.
 """
 
 import numpy as np
@@ -29,7 +29,10 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("slope_1_s2", "s-2", 1e-3, "change of ν a second"),),
     mistaken_for=("nonlinear_damping", "thermal_damping"),
-    next_experiment="ring-downs from two amplitudes at one temperature: a drift follows time, nonlinear damping follows a²",
+    next_experiment=(
+        "ring-downs from two amplitudes at one temperature: a drift follows time, nonlinear damping"
+        " follows a²"
+    ),
     plant=plant,
     slow=slow,
 )

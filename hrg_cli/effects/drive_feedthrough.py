@@ -1,11 +1,12 @@
 """Feed-through of the drive into the pick-off.
 
-Physics: a stray capacitance couples the drive voltage into the channels. The voltage is that of the main drive, of scalar amplitude
-a_ΦA and coherent with the wave's phase, whatever the wave's angle.
-Equation: u_m = u + (κ + jη) a_ΦA e^{jφ}, κ and η vectors (C, S): parts coherent with displacement and with velocity;
+Physics: a stray capacitance couples the drive voltage into the channels. The voltage is that of the
+main drive, of scalar amplitude a_ΦA and coherent with the wave's phase, whatever the wave's angle.
+Equation: u_m = u + (κ + jη) a_ΦA e^{jφ}, κ and η vectors (C, S): parts coherent with displacement
+and with velocity;
 δθ = Re(e·e_B)/(m a), δr = −Im(e·e_B)/a, e = (κ + jη) a_ΦA: harmonic mθ, ∝ drive/a   (PHYSICS R9).
-Size: 1e-6 … 1e-3 of the amplitude; a_ΦA = ν a in steady state.
-Mistaken for: coherent offset, parasitic force. What separates it: it vanishes when the drive is off.
+Size: 1e-6 … 1e-3 of the amplitude; a_ΦA = ν a in steady state. Mistaken for: coherent offset,
+parasitic force. What separates it: it vanishes when the drive is off.
 """
 
 import numpy as np
@@ -16,7 +17,12 @@ from .effect import Array, Effect, Parameter, Values, along, followed, frame
 
 def vector(p: Values) -> Array:
     """κ + jη, complex (2,)."""
-    return np.array([p["displacement_c_s"] + 1j * p["velocity_c_s"], p["displacement_s_s"] + 1j * p["velocity_s_s"]])
+    return np.array(
+        [
+            p["displacement_c_s"] + 1j * p["velocity_c_s"],
+            p["displacement_s_s"] + 1j * p["velocity_s_s"],
+        ]
+    )
 
 
 def readout(p: Values, readout: Readout) -> None:
@@ -45,12 +51,20 @@ EFFECT = Effect(
     family="read-out",
     page=__doc__,
     parameters=tuple(
-        Parameter(f"{part}_{channel}_s", "s", 3e-4, f"coupling into {channel.upper()} coherent with {part}, signal over drive")
+        Parameter(
+            f"{part}_{channel}_s",
+            "s",
+            3e-4,
+            f"coupling into {channel.upper()} coherent with {part}, signal over drive",
+        )
         for part in ("displacement", "velocity")
         for channel in "cs"
     ),
     mistaken_for=("coherent_offset", "parasitic_force"),
-    next_experiment="the forced run with the drive switched off part of the time: feed-through vanishes with the drive, an offset stays",
+    next_experiment=(
+        "the forced run with the drive switched off part of the time: feed-through vanishes with"
+        " the drive, an offset stays"
+    ),
     readout=readout,
     slow_readout=slow_readout,
     coherent=True,

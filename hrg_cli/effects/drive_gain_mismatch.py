@@ -2,8 +2,8 @@
 
 Physics: the forcers of C and S have gains 1 + g/2 and 1 − g/2.
 Equation: F → F + (g/2) R(0) F; m = 2: 2θ̇ = −(g/2) ν sin 4θ with the amplitude held   (PHYSICS C3).
-Size: 1 % → 1.6 °/h at Q = 1e7.
-Mistaken for: damping split (correlation 0.993 in a forced run). What separates it: a free ring-down against a forced run.
+Size: 1 % → 1.6 °/h at Q = 1e7. Mistaken for: damping split (correlation 0.993 in a forced run).
+What separates it: a free ring-down against a forced run.
 """
 
 import numpy as np

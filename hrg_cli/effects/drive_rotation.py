@@ -2,8 +2,8 @@
 
 Physics: the forcers stand at an angle ρ (physical) from the pick-off electrodes.
 Equation: F → rotation of F by the electrical angle mρ; mθ̇ = ν mρ with the amplitude held: a constant rate   (PHYSICS C5).
-Size: 1 mrad → 0.65 °/h at Q = 1e7.
-Mistaken for: rate bias, the Earth's rate. What separates it: a free ring-down against a forced run; the axis turned over.
+Size: 1 mrad → 0.65 °/h at Q = 1e7. Mistaken for: rate bias, the Earth's rate. What separates it: a
+free ring-down against a forced run; the axis turned over.
 """
 
 import numpy as np
@@ -28,9 +28,18 @@ EFFECT = Effect(
     name="drive_rotation",
     family="control",
     page=__doc__,
-    parameters=(Parameter("electrical_angle_rad", "rad", 0.01, "electrical angle mρ from the pick-off to the drive electrodes"),),
+    parameters=(
+        Parameter(
+            "electrical_angle_rad",
+            "rad",
+            0.01,
+            "electrical angle mρ from the pick-off to the drive electrodes",
+        ),
+    ),
     mistaken_for=("rate_bias",),
-    next_experiment="a free ring-down beside the forced run, or the forced run with the axis turned over",
+    next_experiment=(
+        "a free ring-down beside the forced run, or the forced run with the axis turned over"
+    ),
     control=control,
     slow=slow,
     shown_by=("drive",),

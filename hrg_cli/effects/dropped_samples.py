@@ -1,9 +1,10 @@
 """Samples lost at an instant.
 
-Physics: the logger loses samples and closes the gap up; what follows comes from later instants than its place says.
+Physics: the logger loses samples and closes the gap up; what follows comes from later instants than
+its place says.
 Equation: for t > t₀: u_m(t) = u(t + τ) e^{jω_r τ}: a step ωτ of phase and θ̇τ of the angle at the same instant   (PHYSICS R14).
-Size: a few samples.
-Mistaken for: phase slip of a loop. What separates it: the joint step of phase and angle; a sample counter.
+Size: a few samples. Mistaken for: phase slip of a loop. What separates it: the joint step of phase
+and angle; a sample counter.
 """
 
 import numpy as np
@@ -22,7 +23,9 @@ def readout(p: Values, readout: Readout) -> None:
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """e^{jω_r τ} exp(Lτ) u after the instant, L of the resonator at the rate of the moment."""
     L = generator(state.mechanics, state.rate_rad_s, state.omega_r_rad_s / (2 * np.pi))
-    later = np.exp(1j * state.omega_r_rad_s * p["lost_s"]) * np.einsum("...ij,...j->...i", exponential(L, p["lost_s"]), u)
+    later = np.exp(1j * state.omega_r_rad_s * p["lost_s"]) * np.einsum(
+        "...ij,...j->...i", exponential(L, p["lost_s"]), u
+    )
     return np.where((np.asarray(state.time_s) > p["time_s"])[..., None], later, u)
 
 

@@ -1,15 +1,16 @@
 """Dry friction: a force of constant size against the motion.
 
-Physics: a suspension that rubs, a joint or knife edge of a pendulum, a loose electrode: force −f·ż/|ż|, f an acceleration.
-Equation: averaged over a period, u' = −(f/ω) G [u/2 − Q (uᵀu) u*], with the arithmetic–geometric mean M: G = 1/M(a_A, |a_B|) and
-Q (a_A² − a_B²)² = Σ 2^{n−1} c_n², n ≥ 1, c_n the differences of that mean (complete elliptic integrals). So ȧ_A = −(f/ω) a_A ⟨sin²/ρ⟩
-and ȧ_B = −(f/ω) a_B ⟨cos²/ρ⟩, ρ² = a_A² sin² + a_B² cos²: a line swings down by 2f/(πω) a second whatever its amplitude, a circle by
-f/2ω. The quadrature of a slim ellipse dies ln(4a_A/|a_B|) − 1 times as fast as the main wave, relatively: the ellipse narrows; it does
-not turn.
-Size: 1e-4 … 1e-1 of ν a.
-Source: the averaging of Krylov and Bogoliubov; the mean of Gauss for the elliptic integrals (textbook).
-Mistaken for: nonlinear damping of a negative power (a constant pull is the power −1, but narrows nothing), drift of the damping. What
-separates it: the end of a ring-down, which is straight in a, not in ln a, and then stops; damping ∝ a² bends ln a the other way.
+Physics: a suspension that rubs, a joint or knife edge of a pendulum, a loose electrode: force
+−f·ż/|ż|, f an acceleration. Equation: averaged over a period, u' = −(f/ω) G [u/2 − Q (uᵀu) u*],
+with the arithmetic–geometric mean M: G = 1/M(a_A, |a_B|) and Q (a_A² − a_B²)² = Σ 2^{n−1} c_n², n ≥
+1, c_n the differences of that mean (complete elliptic integrals). So ȧ_A = −(f/ω) a_A ⟨sin²/ρ⟩ and
+ȧ_B = −(f/ω) a_B ⟨cos²/ρ⟩, ρ² = a_A² sin² + a_B² cos²: a line swings down by 2f/(πω) a second
+whatever its amplitude, a circle by f/2ω. The quadrature of a slim ellipse dies ln(4a_A/|a_B|) − 1
+times as fast as the main wave, relatively: the ellipse narrows; it does not turn. Size: 1e-4 … 1e-1
+of ν a. Source: the averaging of Krylov and Bogoliubov; the mean of Gauss for the elliptic integrals
+(textbook). Mistaken for: nonlinear damping of a negative power (a constant pull is the power −1,
+but narrows nothing), drift of the damping. What separates it: the end of a ring-down, which is
+straight in a, not in ln a, and then stops; damping ∝ a² bends ln a the other way.
 """
 
 import functools
@@ -58,7 +59,8 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
 
 
 def means(a: Array, b: Array) -> tuple[Array, Array]:
-    """G = 1/M(a, b) = ⟨1/ρ⟩ and Q with ⟨sin²/ρ⟩, ⟨cos²/ρ⟩ = G(½ ∓ Q(a² − b²)), ρ² = a² sin² + b² cos², a ≥ b > 0."""
+    """G = 1/M(a, b) = ⟨1/ρ⟩ and Q with ⟨sin²/ρ⟩, ⟨cos²/ρ⟩ = G(½ ∓ Q(a² − b²)), ρ² = a² sin² + b²
+    cos², a ≥ b > 0."""
     # every difference after the first is taken over a² − b², so that a circle is no exception
     over = 1 / (2 * (a + b))
     gap, Q, weight = a**2 - b**2, over**2, 1.0
@@ -76,10 +78,20 @@ EFFECT = Effect(
     family="resonator",
     page=__doc__,
     parameters=(
-        Parameter("slope_1_s", "amplitude s-1", 1e-3, "amplitude that a line loses a second, 2f/πω", amplitude_power=1, minimum=0.0),
+        Parameter(
+            "slope_1_s",
+            "amplitude s-1",
+            1e-3,
+            "amplitude that a line loses a second, 2f/πω",
+            amplitude_power=1,
+            minimum=0.0,
+        ),
     ),
     mistaken_for=("nonlinear_damping", "damping_drift"),
-    next_experiment="a ring-down to the very end: dry friction is straight in the amplitude and stops, every other damping has a tail",
+    next_experiment=(
+        "a ring-down to the very end: dry friction is straight in the amplitude and stops, every"
+        " other damping has a tail"
+    ),
     plant=plant,
     slow=slow,
 )

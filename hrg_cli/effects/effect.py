@@ -1,13 +1,16 @@
-"""What an effect is: a page of physics, its parameters, its fast terms and, written separately, its slow terms.
+"""What an effect is: a page of physics, its parameters, its fast terms and, written separately, its
+slow terms.
 
-Fast terms change the simulated gyro in place: `environment(p, env)`, `plant(p, plant, env)`, `control(p, control)`,
-`readout(p, readout)` (see physics/plant.py). Slow terms act on the complex envelopes u (..., 2), vectorised over any leading
-shape: `slow_environment(p, state) -> state`, `slow(p, u, state) -> du/dt`, `slow_readout(p, u, state) -> u`.
-`slow_jump(p, state) -> (time_s, jump of u)` is what happens at one instant. `p` maps each parameter's name to its value; at all
+Fast terms change the simulated gyro in place: `environment(p, env)`, `plant(p, plant, env)`,
+`control(p, control)`, `readout(p, readout)` (see physics/plant.py). Slow terms act on the complex
+envelopes u (..., 2), vectorised over any leading shape: `slow_environment(p, state) -> state`,
+`slow(p, u, state) -> du/dt`, `slow_readout(p, u, state) -> u`. `slow_jump(p, state) -> (time_s,
+jump of u)` is what happens at one instant. `p` maps each parameter's name to its value; at all
 parameters' `neutral` value an effect does nothing.
 
-What the diagnosis, the plan and the studies need to know of an effect stands on its page, too: where it is seen, what shows it, from
-which values it is tried. No other module knows an effect by its name for that, so that a user's own effect is treated as well.
+What the diagnosis, the plan and the studies need to know of an effect stands on its page, too:
+where it is seen, what shows it, from which values it is tried. No other module knows an effect by
+its name for that, so that a user's own effect is treated as well.
 """
 
 from __future__ import annotations
@@ -27,23 +30,28 @@ ROUNDING = 1e-9
 """Part of a temperature's range below which a change from row to row is none."""
 Values = Mapping[str, float]
 Need = Literal["temperature", "half a turn"]
-"""What runs must hold for an effect to be asked for: a temperature that is logged and moves, a table that turns by half a turn."""
+"""What runs must hold for an effect to be asked for: a temperature that is logged and moves, a
+table that turns by half a turn."""
 Condition = Literal["drive", "temperature cycle", "rate steps", "known scale factor"]
 """What a programme of runs must hold for some effects to show at all."""
 REFERENCE_TEMPERATURE = "reference_temperature_degc"
-"""Name of the parameter of every effect that counts from a temperature at which the base model holds."""
+"""Name of the parameter of every effect that counts from a temperature at which the base model
+holds."""
 RUN, OF_EVERY_RUN = "run", -1.0
-"""Name of the parameter of every effect that happens in one run of several, the runs' number from 0, and its value for all of them."""
+"""Name of the parameter of every effect that happens in one run of several, the runs' number from
+0, and its value for all of them."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: its unit, a typical size at unit amplitude, and the value at which it does nothing.
+    """One parameter: its unit, a typical size at unit amplitude, and the value at which it does
+    nothing.
 
-    `amplitude_power`: the value scales as amplitude^power when the amplitude's unit changes. `fitted`: False for a reference
-    that only says where another parameter counts from. `minimum`: the least value that physics allows. `sets_in`: up to a
-    level it does nothing, so that there is no slope at its neutral value and a score is that of the secant to a value tried.
-    `fitted_then`: it changes what others do and nothing else, so that it is fitted once these are found.
+    `amplitude_power`: the value scales as amplitude^power when the amplitude's unit changes.
+    `fitted`: False for a reference that only says where another parameter counts from. `minimum`:
+    the least value that physics allows. `sets_in`: up to a level it does nothing, so that there is
+    no slope at its neutral value and a score is that of the secant to a value tried. `fitted_then`:
+    it changes what others do and nothing else, so that it is fitted once these are found.
     """
 
     name: str
@@ -59,7 +67,8 @@ class Parameter:
 
 
 class Runs(Protocol):
-    """What an effect may look at to say from which values it is to be tried: measured runs side by side (R, n), padded with weight 0."""
+    """What an effect may look at to say from which values it is to be tried: measured runs side by
+    side (R, n), padded with weight 0."""
 
     @property
     def time_s(self) -> Array:
@@ -104,19 +113,21 @@ def only_neutral(_: Runs) -> Sequence[Values]:
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect of the catalogue; `page` is its module's docstring, which `hrg effects NAME` prints.
+    """An effect of the catalogue; `page` is its module's docstring, which `hrg effects NAME`
+    prints.
 
-    Its terms, fast then slow, and its traits:
-    seen_in: "dynamics" where the motion of the envelopes shows it, "waveform" where only the samples do.
-    coherent: its vector stands with the wave's phase φ, so that its sign is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave.
-    same_as_base: what of the base model it cannot be told from in any run, in words; empty: nothing.
-    in_the_log: the logged command (field of the runs) that holds all it does, beside which it is no candidate; empty: none.
-    shown_by: what a programme of runs must hold for it to show.
-    needs: what the runs at hand must hold; without it a fit could give the effect any size.
-    beside: the effect that must stand beside it for it to do anything, as a thermometer's lag needs something that follows temperature.
-    part_of: effects of which it is a part: one of them must stand first.
-    whole_samples: its size comes in samples only, so that it has no small one.
-    starts: values from which it is tried beside these runs: instants at which a parameter that is not fitted is held, levels of one
+    Its terms, fast then slow, and its traits: seen_in: "dynamics" where the motion of the envelopes
+    shows it, "waveform" where only the samples do. coherent: its vector stands with the wave's
+    phase φ, so that its sign is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave.
+    same_as_base: what of the base model it cannot be told from in any run, in words; empty:
+    nothing. in_the_log: the logged command (field of the runs) that holds all it does, beside which
+    it is no candidate; empty: none. shown_by: what a programme of runs must hold for it to show.
+    needs: what the runs at hand must hold; without it a fit could give the effect any size. beside:
+    the effect that must stand beside it for it to do anything, as a thermometer's lag needs
+    something that follows temperature. part_of: effects of which it is a part: one of them must
+    stand first. whole_samples: its size comes in samples only, so that it has no small one. starts:
+    values from which it is tried beside these runs: instants at which a parameter that is not
+    fitted is held, levels of one
         that sets in.
     """
 
@@ -146,15 +157,25 @@ class Effect:
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:
-        """Every parameter's value: `given`, else neutral. HrgError: an unknown name or something that is not a finite number."""
+        """Every parameter's value: `given`, else neutral. HrgError: an unknown name or something
+        that is not a finite number."""
         given = dict(given or {})
         known = [p.name for p in self.parameters]
         unknown = sorted(set(given) - set(known))
         if unknown:
-            raise HrgError(f"effects.{self.name}: unknown parameter {', '.join(unknown)}; it has {', '.join(known)}")
+            raise HrgError(
+                f"effects.{self.name}: unknown parameter {', '.join(unknown)}; it has"
+                f" {', '.join(known)}"
+            )
         for name, value in given.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-                raise HrgError(f"effects.{self.name}.{name} = {value!r}: a finite number was expected")
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int | float)
+                or not np.isfinite(value)
+            ):
+                raise HrgError(
+                    f"effects.{self.name}.{name} = {value!r}: a finite number was expected"
+                )
         return {p.name: float(given.get(p.name, p.neutral)) for p in self.parameters}
 
     def fitted(self) -> tuple[Parameter, ...]:
@@ -168,7 +189,8 @@ class Effect:
 
     @property
     def follows_temperature(self) -> bool:
-        """Whether it counts from a reference temperature: an error of the thermometer shows through such effects only."""
+        """Whether it counts from a reference temperature: an error of the thermometer shows through
+        such effects only."""
         return any(p.name == REFERENCE_TEMPERATURE for p in self.parameters)
 
     @property
@@ -178,7 +200,8 @@ class Effect:
 
     @property
     def sets_in(self) -> bool:
-        """Whether a fitted parameter does nothing at all up to a level, so that the effect has no small size that grows in proportion."""
+        """Whether a fitted parameter does nothing at all up to a level, so that the effect has no
+        small size that grows in proportion."""
         return any(p.sets_in for p in self.fitted())
 
 
@@ -188,7 +211,9 @@ def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Arra
     e_A = (cos mθ, sin mθ), e_B = (−sin mθ, cos mθ), e_A·u = a_A e^{jφ}.
     """
     c, s = u[..., 0], u[..., 1]
-    electrical = np.arctan2(2 * (c.real * s.real + c.imag * s.imag), np.abs(c) ** 2 - np.abs(s) ** 2) / 2
+    electrical = (
+        np.arctan2(2 * (c.real * s.real + c.imag * s.imag), np.abs(c) ** 2 - np.abs(s) ** 2) / 2
+    )
     cos, sin = np.cos(electrical), np.sin(electrical)
     main = cos * c + sin * s
     sign = np.where(main.real * np.cos(phase_rad) + main.imag * np.sin(phase_rad) < 0, -1.0, 1.0)
@@ -202,9 +227,11 @@ def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Arra
 
 
 def followed(w: Array, last: list[Array]) -> Array:
-    """Phase φ + ωt (n,) of analytic signals w (n, 2) a sample apart, continuous from block to block; `last` keeps signal and phase.
+    """Phase φ + ωt (n,) of analytic signals w (n, 2) a sample apart, continuous from block to
+    block; `last` keeps signal and phase.
 
-    (mθ, φ) and (mθ + π, φ + π) are one wave, so the phase is continued by its mean advance, which may be most of half a turn a sample.
+    (mθ, φ) and (mθ + π, φ + π) are one wave, so the phase is continued by its mean advance, which
+    may be most of half a turn a sample.
     """
     whole = np.concatenate([last[0], w]) if last else w
     phase = ellipse.wave(whole, 1)[3]
@@ -217,12 +244,14 @@ def followed(w: Array, last: list[Array]) -> Array:
 
 
 def along(vector: Array, direction: Array) -> Array:
-    """Component (..., 1) of a complex vector (..., 2) along a real unit vector, without conjugation."""
+    """Component (..., 1) of a complex vector (..., 2) along a real unit vector, without
+    conjugation."""
     return np.sum(vector * direction, axis=-1, keepdims=True)
 
 
 def branch(temperature: Array) -> Array:
-    """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change; rounding is no change."""
+    """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change;
+    rounding is no change."""
     steps = np.diff(temperature)
     steps = np.where(np.abs(steps) > ROUNDING * np.ptp(temperature), steps, 0.0)
     sign = np.sign(np.concatenate([steps[:1], steps]))

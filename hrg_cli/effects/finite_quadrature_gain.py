@@ -1,6 +1,7 @@
 """Quadrature loop of finite gain.
 
-Physics: a proportional loop drives the quadrature by −k_q a_B and leaves r = δω sin ζ/(ν + k_q) standing.
+Physics: a proportional loop drives the quadrature by −k_q a_B and leaves r = δω sin ζ/(ν + k_q)
+standing.
 Equation: the e_B component of u is damped by k_q; D = −δω² sin 2ζ/(ν + k_q)   (PHYSICS C6).
 Size: 1 … 100 1/s.
 Mistaken for: damping split of second order (8θ). What separates it: a sweep of the gain.

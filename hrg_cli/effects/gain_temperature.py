@@ -1,10 +1,11 @@
 """Gain of the pick-off that follows temperature, both channels alike.
 
-Physics: the gap, the polarising voltage or the amplifiers drift with temperature; both channels read (1 + g (T − T₀)) times the motion.
+Physics: the gap, the polarising voltage or the amplifiers drift with temperature; both channels
+read (1 + g (T − T₀)) times the motion.
 Equation: u_m = (1 + g (T − T₀)) u: an apparent damping −g dT/dt and no other trace   (PHYSICS §8).
-Size: 1e-5 … 1e-3 per K.
-Mistaken for: thermal damping, damping drift, ageing on one ramp. What separates it: it follows dT/dt, thermal damping T itself: a ramp
-up and one down through the same temperatures; where the resonator is nonlinear, its frequency tells the true amplitude.
+Size: 1e-5 … 1e-3 per K. Mistaken for: thermal damping, damping drift, ageing on one ramp. What
+separates it: it follows dT/dt, thermal damping T itself: a ramp up and one down through the same
+temperatures; where the resonator is nonlinear, its frequency tells the true amplitude.
 """
 
 import numpy as np
@@ -24,7 +25,12 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u + g (T − T₀) u."""
-    return u + p["relative_1_k"] * (np.asarray(state.temperature_degc) - p[REFERENCE_TEMPERATURE])[..., None] * u
+    return (
+        u
+        + p["relative_1_k"]
+        * (np.asarray(state.temperature_degc) - p[REFERENCE_TEMPERATURE])[..., None]
+        * u
+    )
 
 
 EFFECT = Effect(
@@ -34,10 +40,20 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-3, "relative gain of both channels a kelvin"),
-        Parameter(REFERENCE_TEMPERATURE, "degC", 25.0, "temperature at which the gain is 1", neutral=25.0, fitted=False),
+        Parameter(
+            REFERENCE_TEMPERATURE,
+            "degC",
+            25.0,
+            "temperature at which the gain is 1",
+            neutral=25.0,
+            fitted=False,
+        ),
     ),
     mistaken_for=("thermal_damping", "damping_drift"),
-    next_experiment="ring-downs on a temperature ramp up and on one down: the apparent damping of a gain changes its sign with the ramp",
+    next_experiment=(
+        "ring-downs on a temperature ramp up and on one down: the apparent damping of a gain"
+        " changes its sign with the ramp"
+    ),
     readout=readout,
     slow_readout=slow_readout,
 )

@@ -1,11 +1,12 @@
 """Inertial (geometric) nonlinearity: the spherical pendulum and its kin.
 
-Physics: a mass on a sphere of radius ℓ: z'' = −ω² z − |v|² z/ℓ² + ω²|z|² z/2ℓ² (the constraint's reaction, to third order).
-Equation: u' = j(ω/ℓ²)[⅛ (u†u) u − 3/16 (uᵀu) u*]; φ̇ = −ω(a_A² + a_B²)/16ℓ² with a_B = 0, Airy's precession mθ̇ = ±⅜ ω a_A a_B/ℓ²
-(PHYSICS §7); to second order u' += j(ω/ℓ⁴)[7S² u/128 − 69|q|² u/1024 − 13 S q u*/512], S = u†u, q = uᵀu. The parameter is 1/ℓ².
-Size: pendulum: (amplitude/length)²; shells: 1e-4 … 1e-2 of (1/gap)².
-Mistaken for: cubic stiffness (same pull, a third of the precession and of opposite sign relative to it), frequency drift. What separates
-it: frequency pull and precession together: their ratio.
+Physics: a mass on a sphere of radius ℓ: z'' = −ω² z − |v|² z/ℓ² + ω²|z|² z/2ℓ² (the constraint's
+reaction, to third order). Equation: u' = j(ω/ℓ²)[⅛ (u†u) u − 3/16 (uᵀu) u*]; φ̇ = −ω(a_A² +
+a_B²)/16ℓ² with a_B = 0, Airy's precession mθ̇ = ±⅜ ω a_A a_B/ℓ² (PHYSICS §7); to second order u' +=
+j(ω/ℓ⁴)[7S² u/128 − 69|q|² u/1024 − 13 S q u*/512], S = u†u, q = uᵀu. The parameter is 1/ℓ². Size:
+pendulum: (amplitude/length)²; shells: 1e-4 … 1e-2 of (1/gap)². Mistaken for: cubic stiffness (same
+pull, a third of the precession and of opposite sign relative to it), frequency drift. What
+separates it: frequency pull and precession together: their ratio.
 """
 
 import numpy as np
@@ -23,20 +24,35 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """j(ω/ℓ²)[⅛ (u†u) u − 3/16 (uᵀu) u*] and the second order."""
-    size, square = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
+    size, square = (
+        np.sum(np.abs(u) ** 2, axis=-1, keepdims=True),
+        np.sum(u**2, axis=-1, keepdims=True),
+    )
     curvature = p["inverse_length_squared"]
     first = size * u / 8 - 3 / 16 * square * np.conj(u)
     own, mirrored = 7 * size**2 / 128 - 69 * np.abs(square) ** 2 / 1024, 13 * size * square / 512
-    return 1j * state.mechanics.omega_rad_s * curvature * (first + curvature * (own * u - mirrored * np.conj(u)))
+    return (
+        1j
+        * state.mechanics.omega_rad_s
+        * curvature
+        * (first + curvature * (own * u - mirrored * np.conj(u)))
+    )
 
 
 EFFECT = Effect(
     name="inertial_nonlinearity",
     family="resonator",
     page=__doc__,
-    parameters=(Parameter("inverse_length_squared", "amplitude-2", 1e-5, "1/ℓ²", amplitude_power=-2, minimum=0.0),),
+    parameters=(
+        Parameter(
+            "inverse_length_squared", "amplitude-2", 1e-5, "1/ℓ²", amplitude_power=-2, minimum=0.0
+        ),
+    ),
     mistaken_for=("cubic_stiffness", "thermal_frequency"),
-    next_experiment="ring-downs of different quadrature at one amplitude: precession against pull tells it from the elastic cubic",
+    next_experiment=(
+        "ring-downs of different quadrature at one amplitude: precession against pull tells it from"
+        " the elastic cubic"
+    ),
     plant=plant,
     slow=slow,
 )

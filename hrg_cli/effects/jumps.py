@@ -1,4 +1,5 @@
-"""Where measured envelopes jump: a step at every row beside a cubic through its neighbours, over neighbourhoods of several lengths."""
+"""Where measured envelopes jump: a step at every row beside a cubic through its neighbours, over
+neighbourhoods of several lengths."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from .effect import Array, Runs
 FEWEST = 4
 """Rows on either side by which a jump is judged, at least."""
 PARTS = (30, 10)
-"""Parts of a run that longer neighbourhoods are of: they see smaller jumps, where the run is smooth enough."""
+"""Parts of a run that longer neighbourhoods are of: they see smaller jumps, where the run is smooth
+enough."""
 CHANCE = 1e-3
 """Chance that one of all rows of runs without a jump is taken for one."""
 QUARTER = 1.9226
@@ -30,25 +32,44 @@ class Jump:
 
 
 def jumps(runs: Runs) -> list[Jump]:
-    """Where the envelopes of one row to the next jump by more than noise and their own curvature, the clearest first."""
+    """Where the envelopes of one row to the next jump by more than noise and their own curvature,
+    the clearest first."""
     found: list[Jump] = []
     threshold = _threshold((1 + len(PARTS)) * int(np.count_nonzero(runs.weight)))
-    for number, (t, u, weight) in enumerate(zip(runs.time_s, runs.envelope, runs.weight, strict=True)):
+    for number, (t, u, weight) in enumerate(
+        zip(runs.time_s, runs.envelope, runs.weight, strict=True)
+    ):
         rows = np.flatnonzero(weight)
         if len(rows) < 8 * FEWEST:
             continue
         t, weight = t[rows], weight[rows]
-        turn = float(np.sum(np.angle(np.sum(np.conj(u[rows][:-1]) * u[rows][1:], axis=-1))) / (t[-1] - t[0]))
+        turn = float(
+            np.sum(np.angle(np.sum(np.conj(u[rows][:-1]) * u[rows][1:], axis=-1))) / (t[-1] - t[0])
+        )
         still = u[rows] * np.exp(-1j * turn * t)[:, None]
         for side in sorted({max(FEWEST, len(rows) // part) for part in (*PARTS, len(rows))}):
             change, variance = _steps(t, still, side)
             chi2 = np.sum(np.abs(change) ** 2, axis=-1) * weight[side:-side] ** 2 / variance
             # what the rows' own curvature does everywhere is no jump
             chi2 = chi2 / max(1.0, float(np.quantile(chi2, 0.25)) / QUARTER)
-            for k in map(int, np.flatnonzero((chi2 > threshold) & (chi2 == _largest_near(chi2, 2 * side)))):
-                found.append(Jump(number, _instant(t, still, k + side, change[k]), change[k], turn, float(chi2[k])))
+            for k in map(
+                int, np.flatnonzero((chi2 > threshold) & (chi2 == _largest_near(chi2, 2 * side)))
+            ):
+                found.append(
+                    Jump(
+                        number,
+                        _instant(t, still, k + side, change[k]),
+                        change[k],
+                        turn,
+                        float(chi2[k]),
+                    )
+                )
     found.sort(key=lambda jump: -jump.chi2)
-    return [jump for k, jump in enumerate(found) if not any(_same(jump, other, runs) for other in found[:k])]
+    return [
+        jump
+        for k, jump in enumerate(found)
+        if not any(_same(jump, other, runs) for other in found[:k])
+    ]
 
 
 def _threshold(rows: int) -> float:
@@ -60,7 +81,8 @@ def _threshold(rows: int) -> float:
 
 
 def _steps(t: Array, u: Array, side: int) -> tuple[Array, Array]:
-    """Step of both envelopes (n − 2·side, 2) at every row beside a cubic through its neighbours, and its variance for rows of variance 1.
+    """Step of both envelopes (n − 2·side, 2) at every row beside a cubic through its neighbours,
+    and its variance for rows of variance 1.
 
     The row itself, which holds a part of the jump, does not count.
     """
@@ -74,18 +96,26 @@ def _steps(t: Array, u: Array, side: int) -> tuple[Array, Array]:
 
 def _largest_near(values: Array, reach: int) -> Array:
     """Largest value within `reach` rows, (n,)."""
-    return np.max(np.lib.stride_tricks.sliding_window_view(np.pad(values, reach), 2 * reach + 1), axis=-1)
+    return np.max(
+        np.lib.stride_tricks.sliding_window_view(np.pad(values, reach), 2 * reach + 1), axis=-1
+    )
 
 
 def _instant(t: Array, u: Array, k: int, change: Array) -> float:
     """The instant within row k, whose mean holds the part of the jump that comes before its end."""
     x, rows = t[k - FEWEST : k] - t[k], u[k - FEWEST : k]
     before = np.linalg.lstsq(np.column_stack([x**0, x, x**2]), rows, rcond=None)[0][0]
-    part = float(np.clip(np.real(np.sum(np.conj(change) * (u[k] - before))) / np.sum(np.abs(change) ** 2), 0, 1))
+    part = float(
+        np.clip(
+            np.real(np.sum(np.conj(change) * (u[k] - before))) / np.sum(np.abs(change) ** 2), 0, 1
+        )
+    )
     return float(t[k] + (0.5 - part) * (t[k + 1] - t[k - 1]) / 2)
 
 
 def _same(jump: Jump, clearer: Jump, runs: Runs) -> bool:
     """Whether two jumps are one, seen over two lengths."""
     t = runs.time_s[jump.run]
-    return jump.run == clearer.run and abs(jump.time_s - clearer.time_s) < 2 * FEWEST * float(np.median(np.diff(t[: len(t) // 2])))
+    return jump.run == clearer.run and abs(jump.time_s - clearer.time_s) < 2 * FEWEST * float(
+        np.median(np.diff(t[: len(t) // 2]))
+    )

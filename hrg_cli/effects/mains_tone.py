@@ -1,10 +1,11 @@
 """A tone of the mains (or of any other machine) in the channels.
 
-Physics: an interference at a fixed frequency f_m is added to both channels; near the resonance it beats in the envelopes.
+Physics: an interference at a fixed frequency f_m is added to both channels; near the resonance it
+beats in the envelopes.
 Equation: C += Re[e_C e^{jω_m t}], so u_m = u + e e^{j(ω_m − ω_r)t}, e complex (C, S)   (PHYSICS R16).
-Size: 1e-6 … 1e-3 of the amplitude.
-Mistaken for: nothing in the slow model, as long as it is not at the resonance. What separates it: the residual's spectrum; the line stays
-when the temperature moves the resonance.
+Size: 1e-6 … 1e-3 of the amplitude. Mistaken for: nothing in the slow model, as long as it is not at
+the resonance. What separates it: the residual's spectrum; the line stays when the temperature moves
+the resonance.
 """
 
 import numpy as np
@@ -30,7 +31,9 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u + e e^{j(ω_m − ω_r)t}."""
-    beat = np.exp(1j * (2 * np.pi * p["frequency_hz"] - state.omega_r_rad_s) * np.asarray(state.time_s))
+    beat = np.exp(
+        1j * (2 * np.pi * p["frequency_hz"] - state.omega_r_rad_s) * np.asarray(state.time_s)
+    )
     return u + vector(p) * beat[..., None]
 
 
@@ -40,7 +43,13 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(
         *(
-            Parameter(f"{channel}_{part}", "amplitude", 1e-4, f"tone in {channel.upper()}, {part} part", amplitude_power=1)
+            Parameter(
+                f"{channel}_{part}",
+                "amplitude",
+                1e-4,
+                f"tone in {channel.upper()}, {part} part",
+                amplitude_power=1,
+            )
             for channel in "cs"
             for part in ("cos", "sin")
         ),

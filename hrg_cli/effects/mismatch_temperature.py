@@ -1,11 +1,12 @@
 """Gain mismatch of the two channels that follows temperature.
 
-Physics: the two channels' gaps or amplifiers drift apart with temperature, C reads 1 + g (T − T₀)/2 and S 1 − g (T − T₀)/2.
+Physics: the two channels' gaps or amplifiers drift apart with temperature, C reads 1 + g (T − T₀)/2
+and S 1 − g (T − T₀)/2.
 Equation: E = (g/2)(T − T₀) R(0): δθ = −(g/4)(T − T₀) sin 4θ, δ ln a = (g/2)(T − T₀) cos 4θ for m = 2   (PHYSICS R1 and §8: the gauge
-theorem's gain, which moves with T).
-Size: 1e-5 … 1e-3 per K.
-Mistaken for: the damping split's own dependence on temperature, split_temperature, a constant gain mismatch in runs of one temperature.
-What separates it: it moves with dT/dt in a run that does not rotate; rotation with both signs at two temperatures.
+theorem's gain, which moves with T). Size: 1e-5 … 1e-3 per K. Mistaken for: the damping split's own
+dependence on temperature, split_temperature, a constant gain mismatch in runs of one temperature.
+What separates it: it moves with dT/dt in a run that does not rotate; rotation with both signs at
+two temperatures.
 """
 
 import numpy as np
@@ -37,7 +38,14 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-3, "relative gain of C over S a kelvin"),
-        Parameter(REFERENCE_TEMPERATURE, "degC", 25.0, "temperature at which the gains are equal", neutral=25.0, fitted=False),
+        Parameter(
+            REFERENCE_TEMPERATURE,
+            "degC",
+            25.0,
+            "temperature at which the gains are equal",
+            neutral=25.0,
+            fitted=False,
+        ),
     ),
     mistaken_for=("gain_mismatch", "split_temperature"),
     next_experiment="ring-downs on a temperature ramp, and at +Ω and −Ω at both of its ends",

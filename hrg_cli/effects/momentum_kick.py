@@ -1,12 +1,15 @@
 """A knock: momentum given at one instant.
 
-Physics: something hits the case or the suspension; the velocity changes by Δż at t_k, the displacement does not.
+Physics: something hits the case or the suspension; the velocity changes by Δż at t_k, the
+displacement does not.
 Equation: with z = Re U, ż = −ω Im U, U = u e^{jωt}, the envelopes jump by Δu = −j (Δż/ω) e^{−jωt_k}   (PHYSICS §8): two real numbers and
-the instant, which the rows of a measurement know to a part of their length and the jump's own phase to a part of a period: t_k is
-`time_s` and `phase_rad`/ω. Amplitude, quadrature, angle and phase jump together, in proportions that the phase at t_k gives.
-Size: 1e-4 … 1 of the amplitude. The parameters are Δż/ω, the amplitude that the knock gives a resonator at rest.
-Mistaken for: lost samples (they turn both channels alike: θ and a_B stay), a run put together from two. What separates it: the motion
-before and after is that of one resonator; a counter of samples, an accelerometer on the case.
+the instant, which the rows of a measurement know to a part of their length and the jump's own phase
+to a part of a period: t_k is `time_s` and `phase_rad`/ω. Amplitude, quadrature, angle and phase
+jump together, in proportions that the phase at t_k gives. Size: 1e-4 … 1 of the amplitude. The
+parameters are Δż/ω, the amplitude that the knock gives a resonator at rest. Mistaken for: lost
+samples (they turn both channels alike: θ and a_B stay), a run put together from two. What separates
+it: the motion before and after is that of one resonator; a counter of samples, an accelerometer on
+the case.
 """
 
 import numpy as np
@@ -40,15 +43,20 @@ def slow_jump(p: Values, state: SlowState) -> tuple[float, Array]:
 
 
 def instants(runs: Runs) -> list[Values]:
-    """Where these runs jump, the clearest first, at the phase that makes the jump one of the velocity alone."""
+    """Where these runs jump, the clearest first, at the phase that makes the jump one of the
+    velocity alone."""
     omega_r = 2 * np.pi * runs.reference_frequency_hz
-    return [{"time_s": in_phase(jump, omega_r), RUN: float(jump.run)} for jump in jumps(runs)[:MOST]]
+    return [
+        {"time_s": in_phase(jump, omega_r), RUN: float(jump.run)} for jump in jumps(runs)[:MOST]
+    ]
 
 
 def in_phase(jump: Jump, omega_r: float) -> float:
-    """The instant next to that of a jump at which it is a velocity: j e^{jω_r t} Δu is real in both channels.
+    """The instant next to that of a jump at which it is a velocity: j e^{jω_r t} Δu is real in both
+    channels.
 
-    A row knows the instant to a part of its length, the jump's phase knows it to a part of a period, half periods apart.
+    A row knows the instant to a part of its length, the jump's phase knows it to a part of a
+    period, half periods apart.
     """
     omega = omega_r + jump.turn_rad_s
     phase = float(np.angle(np.sum(jump.change**2))) / 2 + omega * jump.time_s + np.pi / 2
@@ -60,11 +68,37 @@ EFFECT = Effect(
     family="bench",
     page=__doc__,
     parameters=(
-        Parameter("c_velocity_over_omega", "amplitude", 1e-3, "velocity that C was given, over ω", amplitude_power=1),
-        Parameter("s_velocity_over_omega", "amplitude", 1e-3, "velocity that S was given, over ω", amplitude_power=1),
-        Parameter("phase_rad", "rad", 1.0, "phase of the oscillation from time_s to the knock", fitted=False, fitted_then=True),
+        Parameter(
+            "c_velocity_over_omega",
+            "amplitude",
+            1e-3,
+            "velocity that C was given, over ω",
+            amplitude_power=1,
+        ),
+        Parameter(
+            "s_velocity_over_omega",
+            "amplitude",
+            1e-3,
+            "velocity that S was given, over ω",
+            amplitude_power=1,
+        ),
+        Parameter(
+            "phase_rad",
+            "rad",
+            1.0,
+            "phase of the oscillation from time_s to the knock",
+            fitted=False,
+            fitted_then=True,
+        ),
         Parameter("time_s", "s", 0.5, "instant of the knock", fitted=False),
-        Parameter(RUN, "1", 0.0, "number of the run that was struck, from 0; −1: every run", neutral=OF_EVERY_RUN, fitted=False),
+        Parameter(
+            RUN,
+            "1",
+            0.0,
+            "number of the run that was struck, from 0; −1: every run",
+            neutral=OF_EVERY_RUN,
+            fitted=False,
+        ),
     ),
     mistaken_for=("dropped_samples",),
     next_experiment="an accelerometer on the case, or the same run again: a knock comes once",

@@ -1,15 +1,16 @@
 """Damping that grows with a power of the displacement, by default its square.
 
-Physics: z'' = … − 2ν₂|z|² v (gap squeeze film, contact, nonlinear loss); another `power` p: z'' = … − 2c|z|^p v (p = 1: drag that
-grows with the swing).
+Physics: z'' = … − 2ν₂|z|² v (gap squeeze film, contact, nonlinear loss); another `power` p: z'' = …
+− 2c|z|^p v (p = 1: drag that grows with the swing).
 Equation: u' = −ν₂[½(u†u) u − ¼(uᵀu) u*]; d ln a_A/dt = −ν₂(a_A² + 3a_B²)/4, d ln a_B/dt = −ν₂(3a_A² + a_B²)/4   (PHYSICS M6);
-of any power, u' = 2jc⟨|z|^p v e^{−jτ}⟩ over a period, z = Re u e^{jτ}, v = Re ju e^{jτ}, which is −c N_p a^p u for a_B = 0,
-N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter is the damping c N_p it adds at unit amplitude (ν₂/4 for p = 2).
-A negative power stands for a regulator, which knows the amplitude and not the instant: z'' = … − 2c ρ^p v, ρ² = |z|² + |v|²/ω² = u†u,
-u' = −c ρ^p u. With c < 0 it is a supply that no log tells of: of constant power for p = −2, a constant push for p = −1.
-Size: 1e-4 … 1e-2 of ν.
-Mistaken for: drift of the damping in time or with temperature, cubic of the pick-off. What separates it: a long ring-down: curvature of
-ln a in a², not in t; ring-downs from two amplitudes.
+of any power, u' = 2jc⟨|z|^p v e^{−jτ}⟩ over a period, z = Re u e^{jτ}, v = Re ju e^{jτ}, which is
+−c N_p a^p u for a_B = 0, N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter
+is the damping c N_p it adds at unit amplitude (ν₂/4 for p = 2). A negative power stands for a
+regulator, which knows the amplitude and not the instant: z'' = … − 2c ρ^p v, ρ² = |z|² + |v|²/ω² =
+u†u, u' = −c ρ^p u. With c < 0 it is a supply that no log tells of: of constant power for p = −2, a
+constant push for p = −1. Size: 1e-4 … 1e-2 of ν. Mistaken for: drift of the damping in time or with
+temperature, cubic of the pick-off. What separates it: a long ring-down: curvature of ln a in a²,
+not in t; ring-downs from two amplitudes.
 """
 
 import functools
@@ -26,7 +27,11 @@ TURNS = np.exp(1j * np.pi * (np.arange(32) + 0.5) / 32)
 
 def mean(power: float) -> float:
     """N_p = 2⟨|cos|^p sin²⟩."""
-    return 2 * math.gamma((power + 1) / 2) / (math.sqrt(math.pi) * (power + 2) * math.gamma(power / 2 + 1))
+    return (
+        2
+        * math.gamma((power + 1) / 2)
+        / (math.sqrt(math.pi) * (power + 2) * math.gamma(power / 2 + 1))
+    )
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -43,7 +48,8 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 @functools.lru_cache(maxsize=16)
 def regulated(supply: float, stiffness: float, half: float) -> Acceleration:
-    """−supply ρ^{2·half} v, ρ² = |z|² + |v|²/stiffness; one object for equal values, so that it is compiled once for all runs."""
+    """−supply ρ^{2·half} v, ρ² = |z|² + |v|²/stiffness; one object for equal values, so that it is
+    compiled once for all runs."""
 
     def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
         loss = supply * (x * x + y * y + (vx * vx + vy * vy) / stiffness) ** half
@@ -64,14 +70,27 @@ def against(factor: float, half: float) -> Acceleration:
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
-    """−ν₂[½(u†u) u − ¼(uᵀu) u*] for the square, −c(u†u)^{p/2} u for a negative power, else the mean over a period."""
+    """−ν₂[½(u†u) u − ¼(uᵀu) u*] for the square, −c(u†u)^{p/2} u for a negative power, else the mean
+    over a period."""
     if p["power"] < 0:
-        return -p["damping_1_s"] * np.sum(np.abs(u) ** 2, axis=-1, keepdims=True) ** (p["power"] / 2) * u
+        return (
+            -p["damping_1_s"]
+            * np.sum(np.abs(u) ** 2, axis=-1, keepdims=True) ** (p["power"] / 2)
+            * u
+        )
     if p["power"] != 2:
         turned = u[..., None] * TURNS
         size = np.sum(turned.real**2, axis=-2, keepdims=True) ** (p["power"] / 2)
-        return -2j * p["damping_1_s"] / mean(p["power"]) * np.mean(size * turned.imag * np.conj(TURNS), axis=-1)
-    size, square = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
+        return (
+            -2j
+            * p["damping_1_s"]
+            / mean(p["power"])
+            * np.mean(size * turned.imag * np.conj(TURNS), axis=-1)
+        )
+    size, square = (
+        np.sum(np.abs(u) ** 2, axis=-1, keepdims=True),
+        np.sum(u**2, axis=-1, keepdims=True),
+    )
     return -p["damping_1_s"] * (2 * size * u - square * np.conj(u))
 
 
@@ -80,11 +99,21 @@ EFFECT = Effect(
     family="resonator",
     page=__doc__,
     parameters=(
-        Parameter("damping_1_s", "s-1", 1e-3, "damping ν₂/4 added at unit amplitude", amplitude_power=-2, minimum=0.0),
+        Parameter(
+            "damping_1_s",
+            "s-1",
+            1e-3,
+            "damping ν₂/4 added at unit amplitude",
+            amplitude_power=-2,
+            minimum=0.0,
+        ),
         Parameter("power", "1", 2.0, "power p of the amplitude", neutral=2.0, fitted=False),
     ),
     mistaken_for=("damping_drift", "thermal_damping", "pickoff_nonlinearity"),
-    next_experiment="ring-downs from two amplitudes at one temperature: this damping follows a², a drift follows time",
+    next_experiment=(
+        "ring-downs from two amplitudes at one temperature: this damping follows a², a drift"
+        " follows time"
+    ),
     plant=plant,
     slow=slow,
 )

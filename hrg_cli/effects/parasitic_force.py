@@ -1,10 +1,10 @@
 """Constant parasitic force, coherent with the wave's phase.
 
-Physics: leakage into a forcer, or base vibration coherent with the wave, pushes along a fixed direction.
+Physics: leakage into a forcer, or base vibration coherent with the wave, pushes along a fixed
+direction.
 Equation: u' += f e^{jφ}, f complex (C, S); mθ̇ = Re(f·e_B)/a, ṙ = −Im(f·e_B)/a   (PHYSICS C11).
-Size: 1e-4 ν a.
-Mistaken for: coherent offset and feed-through (angle errors; this is an error of the rate, independent of Ω). What separates it: a free run
-and two rates of rotation.
+Size: 1e-4 ν a. Mistaken for: coherent offset and feed-through (angle errors; this is an error of
+the rate, independent of Ω). What separates it: a free run and two rates of rotation.
 """
 
 import numpy as np
@@ -15,7 +15,12 @@ from .effect import Array, Effect, Parameter, Values, frame
 
 def vector(p: Values) -> Array:
     """f, complex (2,)."""
-    return np.array([p["in_phase_c_1_s"] + 1j * p["quadrature_c_1_s"], p["in_phase_s_1_s"] + 1j * p["quadrature_s_1_s"]])
+    return np.array(
+        [
+            p["in_phase_c_1_s"] + 1j * p["quadrature_c_1_s"],
+            p["in_phase_s_1_s"] + 1j * p["quadrature_s_1_s"],
+        ]
+    )
 
 
 def control(p: Values, control: Control) -> None:
@@ -34,13 +39,20 @@ EFFECT = Effect(
     page=__doc__,
     parameters=tuple(
         Parameter(
-            f"{part}_{channel}_1_s", "amplitude s-1", 3e-4, f"force on {channel.upper()}, {part.replace('_', ' ')}", amplitude_power=1
+            f"{part}_{channel}_1_s",
+            "amplitude s-1",
+            3e-4,
+            f"force on {channel.upper()}, {part.replace('_', ' ')}",
+            amplitude_power=1,
         )
         for part in ("in_phase", "quadrature")
         for channel in "cs"
     ),
     mistaken_for=("coherent_offset", "drive_feedthrough"),
-    next_experiment="the forced run at two rates and a free ring-down: a force changes the rate, an offset the angle",
+    next_experiment=(
+        "the forced run at two rates and a free ring-down: a force changes the rate, an offset the"
+        " angle"
+    ),
     control=control,
     slow=slow,
     coherent=True,

@@ -1,10 +1,10 @@
 """Phase (delay) mismatch of the two pick-off channels.
 
-Physics: the channels' filters delay C and S differently; a delay δt is a phase ψ = ω δt of the envelope.
+Physics: the channels' filters delay C and S differently; a delay δt is a phase ψ = ω δt of the
+envelope.
 Equation: C → C e^{+jψ/2}, S → S e^{−jψ/2}, E = ½jψ R(0); δr = (ψ/2) sin 2mθ   (PHYSICS R4).
-Size: 1e-5 … 1e-3 rad.
-Mistaken for: frequency split (rotating at one rate), finite quadrature gain. What separates it: rotation with both signs, or the wave
-at 45° of the pattern with the split known.
+Size: 1e-5 … 1e-3 rad. Mistaken for: frequency split (rotating at one rate), finite quadrature gain.
+What separates it: rotation with both signs, or the wave at 45° of the pattern with the split known.
 """
 
 import numpy as np
@@ -35,7 +35,10 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("phase_rad", "rad", 1e-3, "phase of C against S"),),
     mistaken_for=("frequency split", "finite_quadrature_gain"),
-    next_experiment="ring-downs on the table at +Ω and −Ω: a delay's quadrature stands still in θ, a frequency split's grows in time",
+    next_experiment=(
+        "ring-downs on the table at +Ω and −Ω: a delay's quadrature stands still in θ, a frequency"
+        " split's grows in time"
+    ),
     readout=readout,
     slow_readout=slow_readout,
 )

@@ -1,11 +1,12 @@
 """Cubic nonlinearity of the capacitive pick-off.
 
-Physics: the gap's capacitance is not linear in displacement; each channel measures c + γ c³ (γ in 1/amplitude²; for amplitudes in
-units of the gap γ = 1 for a charge 2c/(1 − c²), 3 for the literal read-out of seed B).
+Physics: the gap's capacitance is not linear in displacement; each channel measures c + γ c³ (γ in
+1/amplitude²; for amplitudes in units of the gap γ = 1 for a charge 2c/(1 − c²), 3 for the literal
+read-out of seed B).
 Equation: C → C (1 + ¾γ|C|²); m = 2: δθ = −(3γ/32) a² sin 8θ, amplitude × (1 + (3γ/16) a² (3 + cos 8θ))   (PHYSICS R7).
-Size: γ a² of 1e-4 … 1e-2.
-Mistaken for: anisotropic cubic stiffness (8θ), second order of the frequency split (8θ, but not proportional to a²). What separates it:
-two amplitudes; the third harmonic of the raw signal, γ|C|³/4, which a linear pick-off does not have.
+Size: γ a² of 1e-4 … 1e-2. Mistaken for: anisotropic cubic stiffness (8θ), second order of the
+frequency split (8θ, but not proportional to a²). What separates it: two amplitudes; the third
+harmonic of the raw signal, γ|C|³/4, which a linear pick-off does not have.
 """
 
 import numpy as np
@@ -31,7 +32,10 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("cubic", "amplitude-2", 2e-3, "γ of c + γ c³", amplitude_power=-2),),
     mistaken_for=("anisotropic_cubic_stiffness", "saturation"),
-    next_experiment="ring-downs at two amplitudes or a longer one, sampled fast enough to see the third harmonic of the raw signal",
+    next_experiment=(
+        "ring-downs at two amplitudes or a longer one, sampled fast enough to see the third"
+        " harmonic of the raw signal"
+    ),
     readout=readout,
     slow_readout=slow_readout,
 )

@@ -1,6 +1,7 @@
 """Quadrature cross-talk between the pick-off channels.
 
-Physics: stray coupling through a capacitance adds to each channel the other one turned by 90° of phase.
+Physics: stray coupling through a capacitance adds to each channel the other one turned by 90° of
+phase.
 Equation: E = j(ε_q/2) R(π/2); δr = −(ε_q/2) cos 2mθ   (PHYSICS R5).
 Size: 1e-5 … 1e-3.
 Mistaken for: frequency split (rotating at one rate). What separates it: rotation with both signs.
@@ -27,7 +28,10 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("coupling", "1", 1e-3, "part of the other channel, 90° ahead"),),
     mistaken_for=("frequency split",),
-    next_experiment="ring-downs on the table at +Ω and −Ω: cross-talk's quadrature stands still in θ, a frequency split's grows in time",
+    next_experiment=(
+        "ring-downs on the table at +Ω and −Ω: cross-talk's quadrature stands still in θ, a"
+        " frequency split's grows in time"
+    ),
     readout=readout,
     slow_readout=slow_readout,
 )

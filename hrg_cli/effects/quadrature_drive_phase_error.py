@@ -2,8 +2,8 @@
 
 Physics: the force that nulls the quadrature is late by Δφ_B; part of it then turns the wave.
 Equation: 2θ̇ = +δω sin ζ·Δφ_B with the quadrature held at zero; F_B → F_B e^{−jΔφ_B}   (PHYSICS C1; seed A (8), third term).
-Size: 1 mrad … 10 mrad.
-Mistaken for: damping split. What separates it: the quadrature loop switched off; a test tone in the loop.
+Size: 1 mrad … 10 mrad. Mistaken for: damping split. What separates it: the quadrature loop switched
+off; a test tone in the loop.
 """
 
 import numpy as np
@@ -29,7 +29,9 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("phase_rad", "rad", 5e-3, "lag Δφ_B of the quadrature force"),),
     mistaken_for=("damping split", "drive_gain_mismatch"),
-    next_experiment="the same forced run with the quadrature loop off, or a test tone in the quadrature loop",
+    next_experiment=(
+        "the same forced run with the quadrature loop off, or a test tone in the quadrature loop"
+    ),
     control=control,
     slow=slow,
     shown_by=("drive",),

@@ -2,8 +2,8 @@
 
 Physics: the true rate is the logged one plus b.
 Equation: mθ̇ = −K(Ω + b)   (PHYSICS E1).
-Size: 1e-9 … 1e-3 rad/s.
-Mistaken for: drive rotation in a forced run, circulatory damping. What separates it: the axis turned over; free runs.
+Size: 1e-9 … 1e-3 rad/s. Mistaken for: drive rotation in a forced run, circulatory damping. What
+separates it: the axis turned over; free runs.
 """
 
 import numpy as np
@@ -29,7 +29,10 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(Parameter("rate_rad_s", "rad s-1", 1e-3, "true rate less logged rate"),),
     mistaken_for=("drive_rotation",),
-    next_experiment="the same run with the axis turned over: an external rate changes sign, a drift of the gyro does not",
+    next_experiment=(
+        "the same run with the axis turned over: an external rate changes sign, a drift of the gyro"
+        " does not"
+    ),
     environment=environment,
     slow=slow,
 )

@@ -1,11 +1,11 @@
 """Saturation of the read-out amplifier or converter.
 
-Physics: the signal is clipped at ± level; only waves whose amplitude in a channel exceeds it are changed.
-Equation: describing function of the clipped channel, C → C·N(|C|), N = (2/π)[asin x + x √(1 − x²)], x = level/|C| < 1, else 1
-(PHYSICS R8; the describing function is textbook).
-Size: level at 0.8 … 1 of the amplitude. The parameter is 1/level, so that 0 means none.
-Mistaken for: a negative cubic of the pick-off. What separates it: an amplitude sweep: it vanishes sharply below the level; odd
-harmonics; the histogram of the converter's codes.
+Physics: the signal is clipped at ± level; only waves whose amplitude in a channel exceeds it are
+changed. Equation: describing function of the clipped channel, C → C·N(|C|), N = (2/π)[asin x + x
+√(1 − x²)], x = level/|C| < 1, else 1 (PHYSICS R8; the describing function is textbook). Size: level
+at 0.8 … 1 of the amplitude. The parameter is 1/level, so that 0 means none. Mistaken for: a
+negative cubic of the pick-off. What separates it: an amplitude sweep: it vanishes sharply below the
+level; odd harmonics; the histogram of the converter's codes.
 """
 
 import numpy as np
@@ -52,7 +52,10 @@ EFFECT = Effect(
         ),
     ),
     mistaken_for=("pickoff_nonlinearity",),
-    next_experiment="ring-downs from below and from above the level: clipping stops sharply, a cubic pick-off does not",
+    next_experiment=(
+        "ring-downs from below and from above the level: clipping stops sharply, a cubic pick-off"
+        " does not"
+    ),
     readout=readout,
     slow_readout=slow_readout,
     starts=levels,

@@ -2,8 +2,8 @@
 
 Physics: thermo-elastic and coating losses depend on temperature, ν = ν₀ (1 + β (T − T₀)).
 Equation: d ln a/dt = −ν₀ β (T − T₀)   (PHYSICS M9, M10).
-Size: 1e-3 … 1e-2 per K.
-Mistaken for: drift of the damping in time, nonlinear damping (in a ring-down that warms up). What separates it: a temperature cycle.
+Size: 1e-3 … 1e-2 per K. Mistaken for: drift of the damping in time, nonlinear damping (in a
+ring-down that warms up). What separates it: a temperature cycle.
 """
 
 import numpy as np
@@ -14,13 +14,21 @@ from .effect import Array, Effect, Parameter, Values
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """N += ν β ΔT I."""
-    change = plant.mechanics.damping_rate_1_s * p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"])
+    change = (
+        plant.mechanics.damping_rate_1_s
+        * p["relative_1_k"]
+        * (env.temperature_degc - p["reference_temperature_degc"])
+    )
     plant.damping = plant.damping + change[:, None, None] * np.eye(2)
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """−ν β ΔT u."""
-    change = state.mechanics.damping_rate_1_s * p["relative_1_k"] * (state.temperature_degc - p["reference_temperature_degc"])
+    change = (
+        state.mechanics.damping_rate_1_s
+        * p["relative_1_k"]
+        * (state.temperature_degc - p["reference_temperature_degc"])
+    )
     return -change[..., None] * u
 
 
@@ -31,7 +39,14 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 5e-3, "relative change of the damping a kelvin"),
-        Parameter("reference_temperature_degc", "degC", 25.0, "temperature at which the base model holds", neutral=25.0, fitted=False),
+        Parameter(
+            "reference_temperature_degc",
+            "degC",
+            25.0,
+            "temperature at which the base model holds",
+            neutral=25.0,
+            fitted=False,
+        ),
     ),
     mistaken_for=("damping_drift", "nonlinear_damping"),
     next_experiment="ring-downs at several temperatures, each at constant temperature",

@@ -2,8 +2,8 @@
 
 Physics: Young's modulus depends on temperature, f = f₀ (1 + α (T − T₀)).
 Equation: φ̇ = ω α (T − T₀), the split in rad/s stays   (PHYSICS M9).
-Size: +85 … 95 ppm/K for fused silica.
-Mistaken for: ageing, cubic stiffness (in a ring-down that warms up), hysteresis, lag. What separates it: a temperature cycle.
+Size: +85 … 95 ppm/K for fused silica. Mistaken for: ageing, cubic stiffness (in a ring-down that
+warms up), hysteresis, lag. What separates it: a temperature cycle.
 """
 
 from ..physics.plant import Environment, Plant, SlowState
@@ -12,12 +12,18 @@ from .effect import Array, Effect, Parameter, Values
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω → ω (1 + α ΔT), the split as it was."""
-    plant.stiffness = plant.retuned(1 + p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"]))
+    plant.stiffness = plant.retuned(
+        1 + p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"])
+    )
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """jω α ΔT u."""
-    change = state.mechanics.omega_rad_s * p["relative_1_k"] * (state.temperature_degc - p["reference_temperature_degc"])
+    change = (
+        state.mechanics.omega_rad_s
+        * p["relative_1_k"]
+        * (state.temperature_degc - p["reference_temperature_degc"])
+    )
     return 1j * change[..., None] * u
 
 
@@ -28,7 +34,14 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-6, "relative change of frequency a kelvin"),
-        Parameter("reference_temperature_degc", "degC", 25.0, "temperature at which the base model holds", neutral=25.0, fitted=False),
+        Parameter(
+            "reference_temperature_degc",
+            "degC",
+            25.0,
+            "temperature at which the base model holds",
+            neutral=25.0,
+            fitted=False,
+        ),
     ),
     mistaken_for=("ageing", "cubic_stiffness", "thermal_hysteresis"),
     next_experiment="a temperature cycle, up and down, at constant amplitude",

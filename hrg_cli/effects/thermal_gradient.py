@@ -1,9 +1,10 @@
 """Response to temperature's rate of change: gradients across the shell.
 
-Physics: while the temperature changes, the shell is not at one temperature; frequency and split answer to dT/dt, each with its own ratio.
+Physics: while the temperature changes, the shell is not at one temperature; frequency and split
+answer to dT/dt, each with its own ratio.
 Equation: φ̇ = ω γ dT/dt, δω R(2mθ_ω) → … + dT/dt (g_c R(0) + g_s R(π/2))   (PHYSICS E4).
-Size: γ 1e-7 … 1e-5 s/K.
-Mistaken for: lag of the thermometer (one time constant for all), hysteresis. What separates it: soak steps, two ramp speeds.
+Size: γ 1e-7 … 1e-5 s/K. Mistaken for: lag of the thermometer (one time constant for all),
+hysteresis. What separates it: soak steps, two ramp speeds.
 """
 
 import numpy as np
@@ -15,15 +16,25 @@ from .effect import Array, Effect, Parameter, Values
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + γ dT/dt), W += 2ω dT/dt (g_c R(0) + g_s R(π/2))."""
     rate = np.gradient(env.temperature_degc, env.time_s)
-    split = np.array([[p["split_cos_rad_k"], p["split_sin_rad_k"]], [p["split_sin_rad_k"], -p["split_cos_rad_k"]]])
-    plant.stiffness = plant.retuned(1 + p["frequency_s_k"] * rate) + 2 * plant.mechanics.omega_rad_s * rate[:, None, None] * split
+    split = np.array(
+        [
+            [p["split_cos_rad_k"], p["split_sin_rad_k"]],
+            [p["split_sin_rad_k"], -p["split_cos_rad_k"]],
+        ]
+    )
+    plant.stiffness = (
+        plant.retuned(1 + p["frequency_s_k"] * rate)
+        + 2 * plant.mechanics.omega_rad_s * rate[:, None, None] * split
+    )
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """j dT/dt (ω γ + g_c R(0) + g_s R(π/2)) u."""
     c, s = u[..., 0], u[..., 1]
     g_c, g_s = p["split_cos_rad_k"], p["split_sin_rad_k"]
-    turned = state.mechanics.omega_rad_s * p["frequency_s_k"] * u + np.stack([g_c * c + g_s * s, g_s * c - g_c * s], -1)
+    turned = state.mechanics.omega_rad_s * p["frequency_s_k"] * u + np.stack(
+        [g_c * c + g_s * s, g_s * c - g_c * s], -1
+    )
     return 1j * state.temperature_rate_degc_s[..., None] * turned
 
 

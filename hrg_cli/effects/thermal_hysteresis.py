@@ -1,9 +1,10 @@
 """Hysteresis of the frequency over a temperature cycle.
 
-Physics: after heating the frequency is h higher than after cooling at the same temperature, whatever the speed.
+Physics: after heating the frequency is h higher than after cooling at the same temperature,
+whatever the speed.
 Equation: f → f (1 + h·b), b = +1 on the rising branch, −1 on the falling one   (PHYSICS E6; the play's width taken as small).
-Size: 1e-7 … 1e-6 (1 … 5 % of the thermal change).
-Mistaken for: lag and gradient (proportional to the ramp's speed). What separates it: a cycle at two ramp speeds.
+Size: 1e-7 … 1e-6 (1 … 5 % of the thermal change). Mistaken for: lag and gradient (proportional to
+the ramp's speed). What separates it: a cycle at two ramp speeds.
 """
 
 from ..physics.plant import Environment, Plant, SlowState
@@ -25,9 +26,16 @@ EFFECT = Effect(
     family="bench",
     page=__doc__,
     needs=("temperature",),
-    parameters=(Parameter("relative", "1", 3e-7, "half the relative difference of frequency between the branches"),),
+    parameters=(
+        Parameter(
+            "relative", "1", 3e-7, "half the relative difference of frequency between the branches"
+        ),
+    ),
     mistaken_for=("thermal_lag", "thermal_gradient"),
-    next_experiment="a temperature cycle up and down at two ramp speeds: hysteresis does not depend on the speed",
+    next_experiment=(
+        "a temperature cycle up and down at two ramp speeds: hysteresis does not depend on the"
+        " speed"
+    ),
     plant=plant,
     slow=slow,
     shown_by=("temperature cycle",),

@@ -1,11 +1,11 @@
 """Thermometer that lags behind the resonator.
 
-Physics: the sensor follows the resonator's temperature with a time constant τ_s: T = T_s + τ_s dT_s/dt.
+Physics: the sensor follows the resonator's temperature with a time constant τ_s: T = T_s + τ_s
+dT_s/dt.
 Equation: every temperature dependence y(T) is off by y′ τ_s dT/dt with the same τ_s   (PHYSICS E5). Without a temperature dependence
-(thermal_frequency, thermal_damping, split_temperature) it does nothing.
-Size: 10 … 600 s.
-Mistaken for: thermal gradient (own ratio a channel), hysteresis, ageing on one ramp. What separates it: soak steps, two ramp rates; the
-resonator's own frequency is the thermometer without lag.
+(thermal_frequency, thermal_damping, split_temperature) it does nothing. Size: 10 … 600 s. Mistaken
+for: thermal gradient (own ratio a channel), hysteresis, ageing on one ramp. What separates it: soak
+steps, two ramp rates; the resonator's own frequency is the thermometer without lag.
 """
 
 import dataclasses
@@ -17,7 +17,8 @@ from .effect import Effect, Parameter, Values
 
 
 def environment(p: Values, env: Environment) -> None:
-    """The log is the true temperature through a first-order lag, exact for straight lines between rows; it starts in balance."""
+    """The log is the true temperature through a first-order lag, exact for straight lines between
+    rows; it starts in balance."""
     tau = p["time_constant_s"]
     if tau <= 0:
         return
@@ -43,9 +44,14 @@ EFFECT = Effect(
     family="bench",
     page=__doc__,
     needs=("temperature",),
-    parameters=(Parameter("time_constant_s", "s", 1.0, "time constant τ_s of the thermometer", minimum=0.0),),
+    parameters=(
+        Parameter("time_constant_s", "s", 1.0, "time constant τ_s of the thermometer", minimum=0.0),
+    ),
     mistaken_for=("thermal_gradient", "thermal_hysteresis"),
-    next_experiment="temperature in soak steps, or ramps at two speeds: a lag is one time constant for every dependence, a gradient is not",
+    next_experiment=(
+        "temperature in soak steps, or ramps at two speeds: a lag is one time constant for every"
+        " dependence, a gradient is not"
+    ),
     environment=environment,
     slow_environment=slow_environment,
     shown_by=("temperature cycle",),

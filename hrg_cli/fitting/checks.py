@@ -1,7 +1,8 @@
 """Closing checks: what a result must pass before it may be called valid, adequate or explained.
 
-A check compares one figure of the *final* result with one limit and can fail. Every fit of the project closes with the same ones:
-its χ² at the noise that the windows state, the whiteness of what it leaves, convergence, a covariance that is one, physical bounds.
+A check compares one figure of the *final* result with one limit and can fail. Every fit of the
+project closes with the same ones: its χ² at the noise that the windows state, the whiteness of what
+it leaves, convergence, a covariance that is one, physical bounds.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ Array = np.ndarray
 CHANCE = 1e-4
 """Probability with which a right result fails one of the statistical checks."""
 NOISE_KNOWN = 0.1
-"""Part of the noise's variance to which the windows know it: χ² a degree of freedom cannot be judged more sharply."""
+"""Part of the noise's variance to which the windows know it: χ² a degree of freedom cannot be
+judged more sharply."""
 FEWEST_BLOCKS = 6
 """Blocks from which the scatter of block sums is judged."""
 SLOW_BLOCKS = 16
@@ -27,7 +29,8 @@ LARGEST_CORRELATION = 1.0 + 1e-9
 
 @dataclass(frozen=True)
 class Check:
-    """One figure of a result held against its limit; `sentence` says what a failure means and what to do."""
+    """One figure of a result held against its limit; `sentence` says what a failure means and what
+    to do."""
 
     name: str
     value: float
@@ -38,7 +41,9 @@ class Check:
     def table(self) -> dict[str, Any]:
         """The check as the JSON has it; a value that is not finite is null there."""
         entry = asdict(self)
-        return entry | {key: (entry[key] if np.isfinite(entry[key]) else None) for key in ("value", "limit")}
+        return entry | {
+            key: entry[key] if np.isfinite(entry[key]) else None for key in ("value", "limit")
+        }
 
 
 def at_most(name: str, value: float, limit: float, sentence: str = "") -> Check:
@@ -58,11 +63,16 @@ def holds(name: str, condition: bool, sentence: str = "") -> Check:
 
 def failures(checks: Iterable[Check]) -> list[str]:
     """Sentences of the checks that failed."""
-    return [check.sentence or f"{check.name} = {check.value:.3g} is beyond {check.limit:.3g}" for check in checks if not check.passed]
+    return [
+        check.sentence or f"{check.name} = {check.value:.3g} is beyond {check.limit:.3g}"
+        for check in checks
+        if not check.passed
+    ]
 
 
 def largest_chi2_per_dof(dof: int) -> float:
-    """χ² a degree of freedom that a right model exceeds with probability `CHANCE`, the noise known to `NOISE_KNOWN`."""
+    """χ² a degree of freedom that a right model exceeds with probability `CHANCE`, the noise known
+    to `NOISE_KNOWN`."""
     from scipy.special import chdtri
 
     return float(chdtri(dof, CHANCE) / dof + NOISE_KNOWN)
@@ -73,19 +83,29 @@ def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_do
     return at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
 
 
-def whiteness(residuals: Sequence[Array], sentence: str = "", name: str = "whiteness", allowed: float = 0.0) -> Check:
-    """−log₁₀ of the chance of the residuals' slow part under white noise of their own level, against that of `CHANCE`.
+def whiteness(
+    residuals: Sequence[Array], sentence: str = "", name: str = "whiteness", allowed: float = 0.0
+) -> Check:
+    """−log₁₀ of the chance of the residuals' slow part under white noise of their own level,
+    against that of `CHANCE`.
 
-    residuals: one array (n,) or (n, k) a run, in the order of time (or of whatever they are held against). The sums over blocks of
-    2, 4, 8 … rows of white noise of variance σ² have variance mσ²; the largest excess of all lengths counts, for all of them tried.
-    allowed: excess of the slow part that does no harm, as a part of the white level.
+    residuals: one array (n,) or (n, k) a run, in the order of time (or of whatever they are held
+    against). The sums over blocks of 2, 4, 8 … rows of white noise of variance σ² have variance
+    mσ²; the largest excess of all lengths counts, for all of them tried. allowed: excess of the
+    slow part that does no harm, as a part of the white level.
     """
     from scipy.special import chdtrc
 
-    level = np.concatenate([np.asarray(r, float).ravel() for r in residuals]) if residuals else np.zeros(0)
+    level = (
+        np.concatenate([np.asarray(r, float).ravel() for r in residuals])
+        if residuals
+        else np.zeros(0)
+    )
     variance = float(np.mean(level**2)) if len(level) else 0.0
     if not variance > 0:
-        return Check(name, 0.0, -float(np.log10(CHANCE)), bool(np.all(np.isfinite(level))), sentence)
+        return Check(
+            name, 0.0, -float(np.log10(CHANCE)), bool(np.all(np.isfinite(level))), sentence
+        )
     chances = []
     length = 2
     while True:
@@ -107,15 +127,26 @@ def whiteness(residuals: Sequence[Array], sentence: str = "", name: str = "white
 
 
 def slow_part(residuals: Sequence[Array]) -> float:
-    """Power of the residuals' slow part over that of white noise of their own level, at least 1: what colour does to a variance.
+    """Power of the residuals' slow part over that of white noise of their own level, at least 1:
+    what colour does to a variance.
 
-    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks show.
+    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks
+    show.
     """
-    level = np.concatenate([np.asarray(r, float).ravel() for r in residuals]) if residuals else np.zeros(0)
+    level = (
+        np.concatenate([np.asarray(r, float).ravel() for r in residuals])
+        if residuals
+        else np.zeros(0)
+    )
     variance = float(np.mean(level**2)) if len(level) else 0.0
     worst, length = 1.0, 2
     while variance > 0:
-        sums = [np.asarray(r, float)[: len(r) // length * length].reshape(len(r) // length, length, -1).sum(axis=1) for r in residuals]
+        sums = [
+            np.asarray(r, float)[: len(r) // length * length]
+            .reshape(len(r) // length, length, -1)
+            .sum(axis=1)
+            for r in residuals
+        ]
         joined = np.concatenate([s.ravel() for s in sums])
         if len(joined) < SLOW_BLOCKS:
             break
@@ -125,7 +156,8 @@ def slow_part(residuals: Sequence[Array]) -> float:
 
 
 def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:
-    """Largest |correlation| of a covariance (k, k), against 1; NaN, infinity and a negative variance fail."""
+    """Largest |correlation| of a covariance (k, k), against 1; NaN, infinity and a negative
+    variance fail."""
     matrix = np.asarray(covariance, float)
     variance = np.diag(matrix)
     if not np.all(np.isfinite(matrix)) or np.any(variance < 0):
@@ -143,7 +175,8 @@ def closing(
     sentence: str = "",
     coloured: str = "",
 ) -> list[Check]:
-    """The two statistical checks that close every fit: χ² at the stated noise, and white residuals run by run where they are given."""
+    """The two statistical checks that close every fit: χ² at the stated noise, and white residuals
+    run by run where they are given."""
     checks = [goodness(chi2, dof, sentence)]
     if len(residuals):
         checks.append(whiteness(residuals, coloured, allowed=NOISE_KNOWN))
@@ -151,10 +184,15 @@ def closing(
 
 
 def sound(covariance: Array, converged: bool, reason: str = "") -> list[Check]:
-    """What a fit must be whatever it says: converged (else `reason`), with a covariance that is one."""
+    """What a fit must be whatever it says: converged (else `reason`), with a covariance that is
+    one."""
     return [
-        holds("converged", converged, reason or "the fit did not settle; look at the runs' residuals"),
+        holds(
+            "converged", converged, reason or "the fit did not settle; look at the runs' residuals"
+        ),
         covariance_is_one(
-            covariance, "the covariance of the answer is none (a correlation beyond 1, or not finite): nothing it says of its errors holds"
+            covariance,
+            "the covariance of the answer is none (a correlation beyond 1, or not finite): nothing"
+            " it says of its errors holds",
         ),
     ]

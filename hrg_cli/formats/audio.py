@@ -17,29 +17,46 @@ SUBTYPES = {
     "PCM_24": ("int32", 2.0**-23, 8),
     "PCM_32": ("int32", 2.0**-31, 0),
 }
-"""Sample format -> (type it is read as, value of a raw count, bits to shift down after libsndfile's scaling up)."""
+"""Sample format -> (type it is read as, value of a raw count, bits to shift down after libsndfile's
+scaling up)."""
 
 
 def recognises(path: Path, head: bytes) -> bool:
     """RIFF/RF64 … WAVE, or fLaC (after an ID3 tag too)."""
-    return (head[:4] in (b"RIFF", b"RF64", b"RIFX") and head[8:12] == b"WAVE") or head[:4] == b"fLaC"
+    return (head[:4] in (b"RIFF", b"RF64", b"RIFX") and head[8:12] == b"WAVE") or head[
+        :4
+    ] == b"fLaC"
 
 
 def open_audio(path: Path) -> Log:
-    """The channels of a sound file. HrgError: damaged, or fewer frames stored than its header claims."""
+    """The channels of a sound file. HrgError: damaged, or fewer frames stored than its header
+    claims."""
     import soundfile
 
     try:
         with soundfile.SoundFile(path) as sound:
-            channels, rate, frames, subtype = sound.channels, sound.samplerate, sound.frames, sound.subtype
+            channels, rate, frames, subtype = (
+                sound.channels,
+                sound.samplerate,
+                sound.frames,
+                sound.subtype,
+            )
     except (soundfile.LibsndfileError, RuntimeError, OSError) as error:
         raise _damaged(path, error) from error
     claimed = _claimed_frames(path)
     if claimed is not None and claimed > frames:
-        raise HrgError(f"{path}: its header claims {claimed} frames, {frames} are stored; it is truncated: copy or record it again")
+        raise HrgError(
+            f"{path}: its header claims {claimed} frames, {frames} are stored; it is truncated:"
+            " copy or record it again"
+        )
     if frames <= 0 or channels <= 0 or rate <= 0:
-        raise HrgError(f"{path}: holds no samples ({frames} frames, {channels} channels at {rate} Hz); record it again")
-    dtype, scale, shift = SUBTYPES.get(subtype, ("float32" if subtype == "FLOAT" else "float64", 1.0, 0))
+        raise HrgError(
+            f"{path}: holds no samples ({frames} frames, {channels} channels at {rate} Hz); record"
+            " it again"
+        )
+    dtype, scale, shift = SUBTYPES.get(
+        subtype, ("float32" if subtype == "FLOAT" else "float64", 1.0, 0)
+    )
     names = ["left", "right"] if channels == 2 else [f"channel {i + 1}" for i in range(channels)]
 
     def read(indexes: Sequence[int]) -> Blocks:
@@ -58,7 +75,10 @@ def open_audio(path: Path) -> Log:
         except (soundfile.LibsndfileError, RuntimeError, OSError) as error:
             raise _damaged(path, error) from error
         if seen != frames:
-            raise HrgError(f"{path}: {frames} frames are claimed, {seen} could be read; it is truncated: copy or record it again")
+            raise HrgError(
+                f"{path}: {frames} frames are claimed, {seen} could be read; it is truncated: copy"
+                " or record it again"
+            )
 
     return Log(
         format="audio",
@@ -72,11 +92,14 @@ def open_audio(path: Path) -> Log:
 
 def _damaged(path: Path, error: Exception) -> HrgError:
     said = str(error).splitlines()[0].split(": ")[-1][:120] if str(error) else type(error).__name__
-    return HrgError(f"{path}: cannot be read as WAV or FLAC ({said.rstrip('.')}); copy or record it again")
+    return HrgError(
+        f"{path}: cannot be read as WAV or FLAC ({said.rstrip('.')}); copy or record it again"
+    )
 
 
 def _claimed_frames(path: Path) -> int | None:
-    """Frames a WAV's own header claims (libsndfile silently trusts the file's length instead); None where it does not say."""
+    """Frames a WAV's own header claims (libsndfile silently trusts the file's length instead); None
+    where it does not say."""
     with open(path, "rb") as file:
         head = file.read(12)
         if head[:4] != b"RIFF":

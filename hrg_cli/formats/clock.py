@@ -11,7 +11,9 @@ from ..errors import HrgError
 
 DAY = 86_400.0
 _CLOCK = re.compile(r"^\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?$")
-_DATE_TIME = re.compile(r"^\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T ]\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2})?$")
+_DATE_TIME = re.compile(
+    r"^\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T ]\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2})?$"
+)
 
 
 def clock_kind(text: str) -> str:
@@ -22,7 +24,8 @@ def clock_kind(text: str) -> str:
 
 
 def quantum(text: str) -> float:
-    """The rounding step of a printed number or time: the weight of its last digit (0 where none can be seen)."""
+    """The rounding step of a printed number or time: the weight of its last digit (0 where none can
+    be seen)."""
     text = text.strip().replace(",", ".")
     if clock_kind(text):
         fraction = re.search(r"\.(\d+)", text)
@@ -32,7 +35,8 @@ def quantum(text: str) -> float:
 
 
 class Clock:
-    """Turns blocks of time text into seconds since the first one; a time of day that jumps back by half a day passed midnight."""
+    """Turns blocks of time text into seconds since the first one; a time of day that jumps back by
+    half a day passed midnight."""
 
     def __init__(self, kind: str, first: str, where: str) -> None:
         self.kind, self.where = kind, where
@@ -63,18 +67,30 @@ class Clock:
     def _nanoseconds(self, texts: np.ndarray | list[str]) -> np.ndarray:
         import pandas as pd
 
-        series = pd.Series([str(text).strip().replace(",", ".") if clock_kind(str(text).strip()) == self.kind else "" for text in texts])
+        series = pd.Series(
+            [
+                (
+                    str(text).strip().replace(",", ".")
+                    if clock_kind(str(text).strip()) == self.kind
+                    else ""
+                )
+                for text in texts
+            ]
+        )
         try:
             if self.kind == "clock":
                 two = series.str.count(":") == 1
                 times = pd.to_timedelta(series.where(~two, series + ":00"), errors="coerce")
                 return times.to_numpy("timedelta64[ns]").astype("i8")
-            series = series.str.replace(r"^(\d{4})[/.](\d{1,2})[/.](\d{1,2})", r"\1-\2-\3", regex=True)
+            series = series.str.replace(
+                r"^(\d{4})[/.](\d{1,2})[/.](\d{1,2})", r"\1-\2-\3", regex=True
+            )
             dates = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
             return dates.dt.tz_localize(None).to_numpy("datetime64[ns]").astype("i8")
         except (ValueError, OverflowError) as error:
             raise HrgError(
-                f"{self.where}: its times cannot be read ({str(error)[:80]}); write them as HH:MM:SS.mmm or as ISO date-times"
+                f"{self.where}: its times cannot be read ({str(error)[:80]}); write them as"
+                " HH:MM:SS.mmm or as ISO date-times"
             ) from error
 
 

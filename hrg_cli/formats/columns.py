@@ -68,10 +68,31 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "chan2",
     ),
     "temperature": ("temperature", "temp", "temperature_degc", "t_degc", "temperatur"),
-    "rate": ("rate", "rate_rad_s", "omega", "omega_z", "table rate", "table_rate", "angular rate", "angular_rate"),
+    "rate": (
+        "rate",
+        "rate_rad_s",
+        "omega",
+        "omega_z",
+        "table rate",
+        "table_rate",
+        "angular rate",
+        "angular_rate",
+    ),
     "drive_main": ("drive_main", "drive main", "main drive", "main_drive"),
-    "auxiliary_time": ("auxiliary_time", "aux_time", "log_time", "temperature_time", "temp_time", "auxiliary time"),
-    "drive_quadrature": ("drive_quadrature", "drive quadrature", "quadrature drive", "quadrature_drive"),
+    "auxiliary_time": (
+        "auxiliary_time",
+        "aux_time",
+        "log_time",
+        "temperature_time",
+        "temp_time",
+        "auxiliary time",
+    ),
+    "drive_quadrature": (
+        "drive_quadrature",
+        "drive quadrature",
+        "quadrature drive",
+        "quadrature_drive",
+    ),
 }
 """Role -> titles it goes by, in the order of trust."""
 
@@ -91,34 +112,61 @@ class Roles:
 
     def auxiliary(self) -> dict[str, int]:
         """The slow columns present: role -> index."""
-        found = {role: getattr(self, role) for role in ("temperature", "rate", "drive_main", "drive_quadrature")}
+        found = {
+            role: getattr(self, role)
+            for role in ("temperature", "rate", "drive_main", "drive_quadrature")
+        }
         return {role: index for role, index in found.items() if index is not None}
 
 
 def listing(log: Log) -> str:
     """The log's columns for an error message."""
-    shown = [f"{i + 1} {c.name}" + (f" [{c.units}]" if c.units else "") for i, c in enumerate(log.channels)]
+    shown = [
+        f"{i + 1} {c.name}" + (f" [{c.units}]" if c.units else "")
+        for i, c in enumerate(log.channels)
+    ]
     return ", ".join(shown[:20]) + (f" … ({len(shown)} in all)" if len(shown) > 20 else "")
 
 
 def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
-    """The column of every role; `asked` names some by title or 1-based number, "none" leaves one out.
+    """The column of every role; `asked` names some by title or 1-based number, "none" leaves one
+    out.
 
     HrgError: no such column, or more than one reading of the log.
     """
-    left_out = {role for role, wanted in asked.items() if isinstance(wanted, str) and wanted.strip().lower() == "none"}
+    left_out = {
+        role
+        for role, wanted in asked.items()
+        if isinstance(wanted, str) and wanted.strip().lower() == "none"
+    }
     single = "s" in left_out
     taken: dict[str, int | None] = {role: None for role in ALIASES}
     for role, wanted in asked.items():
         if wanted is not None and role not in left_out:
             taken[role] = _named(log, path, role, wanted)
     numbers = [i for i, channel in enumerate(log.channels) if channel.kind == "number"]
-    free = [i for i in range(len(log.channels)) if i not in taken.values() and log.channels[i].kind != "text"]
+    free = [
+        i
+        for i in range(len(log.channels))
+        if i not in taken.values() and log.channels[i].kind != "text"
+    ]
     for role, titles in ALIASES.items():
         if taken[role] is None and role not in left_out:
             told = [i for i in free if log.channels[i].role == role]
             fitting = told or [i for i in free if role == "time" or i in numbers]
-            taken[role] = told[0] if told else next((i for title in titles for i in fitting if log.channels[i].name.lower() == title), None)
+            taken[role] = (
+                told[0]
+                if told
+                else next(
+                    (
+                        i
+                        for title in titles
+                        for i in fitting
+                        if log.channels[i].name.lower() == title
+                    ),
+                    None,
+                )
+            )
             free = [i for i in free if i != taken[role]]
     if taken["time"] is None and log.sample_rate_hz is None and "time" not in left_out:
         taken["time"] = _unnamed_time(log, free)
@@ -135,11 +183,15 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
     if missing:
         if len([i for i in numbers if i != taken["time"]]) == 1 and not single:
             raise HrgError(
-                f"{path}: has one channel only ({listing(log)}), two (C and S) were expected; name the other one's file with s_file, "
-                'or give s = "none" to import it with S = 0: then its frequency and damping can be found, its wave angle cannot'
+                f"{path}: has one channel only ({listing(log)}), two (C and S) were expected; name"
+                ' the other one\'s file with s_file, or give s = "none" to import it with S = 0:'
+                " then its frequency and damping can be found, its wave angle cannot"
             )
         asked_for = " and which ".join(m.upper() for m in missing)
-        raise HrgError(f"{path}: which column is channel {asked_for}? Its columns are {listing(log)}; name them with c and s")
+        raise HrgError(
+            f"{path}: which column is channel {asked_for}? Its columns are {listing(log)}; name"
+            " them with c and s"
+        )
     if taken["c"] == taken["s"]:
         raise HrgError(f"{path}: c and s are both column {listing(log)}; name two different ones")
     return Roles(**taken)  # type: ignore[arg-type]
@@ -149,12 +201,16 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
     if isinstance(wanted, int) or wanted.isdigit():
         number = int(wanted)
         if not 1 <= number <= len(log.channels):
-            raise HrgError(f"{path}: {role} = {number}: it has {len(log.channels)} columns ({listing(log)})")
+            raise HrgError(
+                f"{path}: {role} = {number}: it has {len(log.channels)} columns ({listing(log)})"
+            )
         index = number - 1
     else:
         names = [channel.name for channel in log.channels]
         exact = [i for i, name in enumerate(names) if name == wanted]
-        alike = exact or [i for i, name in enumerate(names) if name.lower() == wanted.strip().lower()]
+        alike = exact or [
+            i for i, name in enumerate(names) if name.lower() == wanted.strip().lower()
+        ]
         alike = alike or [
             i
             for i, c in enumerate(log.channels)
@@ -167,28 +223,37 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
                 f"{c.name}_{c.units}".lower().replace("/", "_"),
             )
         ]
-        alike = alike or [i for i, name in enumerate(names) if name.lower().endswith("/" + wanted.strip("/ ").lower())]
+        alike = alike or [
+            i
+            for i, name in enumerate(names)
+            if name.lower().endswith("/" + wanted.strip("/ ").lower())
+        ]
         if len(alike) != 1:
             raise HrgError(
-                f"{path}: {role} = {wanted!r} is the name of {'several columns' if alike else 'no column'}; its columns are {listing(log)}"
+                f"{path}: {role} = {wanted!r} is the name of"
+                f" {'several columns' if alike else 'no column'}; its columns are {listing(log)}"
             )
         index = alike[0]
     kind = log.channels[index].kind
     if kind == "text" or (kind == "clock" and role != "time"):
         raise HrgError(
-            f"{path}: {role} = {wanted}: that column holds {'times' if kind == 'clock' else 'text'}, numbers were expected; "
-            f"its columns are {listing(log)}"
+            f"{path}: {role} = {wanted}: that column holds"
+            f" {'times' if kind == 'clock' else 'text'}, numbers were expected; its columns are"
+            f" {listing(log)}"
         )
     return index
 
 
 def numbered(log: Log, path: str, role: str, wanted: str | int) -> int:
-    """Index of the column of numbers that was named. HrgError: there is none, or it holds no numbers."""
+    """Index of the column of numbers that was named. HrgError: there is none, or it holds no
+    numbers."""
     return _named(log, path, role, wanted)
 
 
 def _tells_time(channel: Channel) -> bool:
-    return channel.role == "time" or channel.name.lower() in ALIASES["time"] or is_time(channel.units)
+    return (
+        channel.role == "time" or channel.name.lower() in ALIASES["time"] or is_time(channel.units)
+    )
 
 
 def _unnamed_time(log: Log, free: list[int]) -> int | None:

@@ -1,4 +1,5 @@
-"""How a text log is written: encoding, separator, decimal sign, where its data begin, its column titles and units."""
+"""How a text log is written: encoding, separator, decimal sign, where its data begin, its column
+titles and units."""
 
 from __future__ import annotations
 
@@ -14,7 +15,17 @@ from .left_out import FEWEST_OTHERWISE, LeftOut, grouped, unread_rows
 from .quantities import is_unit, split_name
 
 HEAD_BYTES = 1 << 18
-CANDIDATES = ((",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ","), (",", ","), ("|", "."), (" ", "."), (" ", ","))
+CANDIDATES = (
+    (",", "."),
+    (";", "."),
+    ("\t", "."),
+    (";", ","),
+    ("\t", ","),
+    (",", ","),
+    ("|", "."),
+    (" ", "."),
+    (" ", ","),
+)
 """(separator, decimal sign) in the order of preference; a blank stands for any run of blanks."""
 COMMENTS = ("#", "%", "!", "//", "*")
 _NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
@@ -85,20 +96,29 @@ def split_line(line: str, separator: str) -> list[str]:
         return line.split()
     if '"' in line:
         try:
-            return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+            return [
+                cell.strip()
+                for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+            ]
         except (csv.Error, StopIteration):
             pass
     return [cell.strip() for cell in line.split(separator)]
 
 
-def sniff(path: Path, head: bytes, separator: str | None = None, decimal: str | None = None) -> Dialect:
+def sniff(
+    path: Path, head: bytes, separator: str | None = None, decimal: str | None = None
+) -> Dialect:
     """The dialect of a text log from its first bytes. HrgError: no numbers in it."""
     encoding = encoding_of(head)
     text = head.decode(encoding, "replace")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if len(head) >= HEAD_BYTES and len(lines) > 1:
         lines = lines[:-1]
-    shown = [(number, line) for number, line in enumerate(lines) if line.strip() and not _comment_of(line)]
+    shown = [
+        (number, line)
+        for number, line in enumerate(lines)
+        if line.strip() and not _comment_of(line)
+    ]
     if not any(line.strip() for line in lines):
         raise HrgError(f"{path}: is empty; a log with columns of numbers was expected")
     best: tuple[tuple[int, int], str, str, list[str]] | None = None
@@ -116,7 +136,10 @@ def sniff(path: Path, head: bytes, separator: str | None = None, decimal: str | 
     assert best is not None
     _, sep, dec, kinds = best
     if "number" not in kinds:
-        raise HrgError(f"{path}: no line of numbers was found in it; a log with a row a sample was expected (a header alone is not enough)")
+        raise HrgError(
+            f"{path}: no line of numbers was found in it; a log with a row a sample was expected (a"
+            " header alone is not enough)"
+        )
     return _described(path, encoding, lines, shown, sep, dec, kinds)
 
 
@@ -141,17 +164,28 @@ def _columns(rows: list[str], separator: str, decimal: str) -> tuple[list[str], 
     for column in range(count):
         tally = Counter(row[column] for row in late if row[column])
         kinds.append(max(tally, key=lambda k: (tally[k], k != "text")) if tally else "")
-    score = sum((kind in ("number", "clock", "date")) - (kind == "text") for row in matching for kind in row)
+    score = sum(
+        (kind in ("number", "clock", "date")) - (kind == "text") for row in matching for kind in row
+    )
     return kinds, score
 
 
-def _described(path: Path, encoding: str, lines: list[str], shown: list[tuple[int, str]], sep: str, dec: str, kinds: list[str]) -> Dialect:
+def _described(
+    path: Path,
+    encoding: str,
+    lines: list[str],
+    shown: list[tuple[int, str]],
+    sep: str,
+    dec: str,
+    kinds: list[str],
+) -> Dialect:
     count = len(kinds)
     first = None
     for number, line in shown:
         cells = split_line(line, sep)
         if len(cells) == count and all(
-            kind not in ("number", "clock", "date") or cell_kind(cell, dec) in (kind, "") for cell, kind in zip(cells, kinds)
+            kind not in ("number", "clock", "date") or cell_kind(cell, dec) in (kind, "")
+            for cell, kind in zip(cells, kinds)
         ):
             first = number
             break
@@ -161,7 +195,10 @@ def _described(path: Path, encoding: str, lines: list[str], shown: list[tuple[in
         [(number, line) for number, line in above if not _comment_of(line)],
         kinds,
         lambda line: split_line(line, sep),
-        lambda cell: any(cell_kind(cell, sign) in ("number", "clock", "date") and cell.lower() not in _WORDS for sign in ".,"),
+        lambda cell: any(
+            cell_kind(cell, sign) in ("number", "clock", "date") and cell.lower() not in _WORDS
+            for sign in ".,"
+        ),
         lambda line: _numbers_otherwise(line, sep, dec, count),
         lambda cell: bool(_BESIDE_TITLES.match(cell)),
     )
@@ -169,13 +206,20 @@ def _described(path: Path, encoding: str, lines: list[str], shown: list[tuple[in
     for rows in left_out:
         if rows.otherwise and rows.rows >= FEWEST_OTHERWISE:
             raise HrgError(
-                f"{path}: the way its numbers are written changes after line {rows.last_line}: {rows.example!r} in line {rows.first_line}, "
-                f"{lines[first].strip()[:40]!r} in line {first + 1}; one separator and one decimal sign were expected: "
-                "write the log in one way or import its parts"
+                f"{path}: the way its numbers are written changes after line {rows.last_line}:"
+                f" {rows.example!r} in line {rows.first_line}, {lines[first].strip()[:40]!r} in"
+                f" line {first + 1}; one separator and one decimal sign were expected: write the"
+                " log in one way or import its parts"
             )
     unread_lines = {number for (number, _), _ in unread}
-    names, units, header = _titles([item for item in above if item[0] not in unread_lines], sep, dec, count)
-    sample = tuple(tuple(cells) for _, line in shown if _ >= first and len(cells := split_line(line, sep)) == count)[:200]
+    names, units, header = _titles(
+        [item for item in above if item[0] not in unread_lines], sep, dec, count
+    )
+    sample = tuple(
+        tuple(cells)
+        for _, line in shown
+        if _ >= first and len(cells := split_line(line, sep)) == count
+    )[:200]
     inside = [_comment_of(line) for line in lines[first:] if line.strip() and _comment_of(line)]
     data = "\n".join(lines[first : first + 200])
     kinds = ["number" if kind == "" else kind for kind in kinds]
@@ -197,23 +241,38 @@ def _described(path: Path, encoding: str, lines: list[str], shown: list[tuple[in
 
 
 def _numbers_otherwise(line: str, separator: str, decimal: str, count: int) -> bool:
-    """Whether a line is a row of numbers only, with another separator or decimal sign than the log's rows."""
+    """Whether a line is a row of numbers only, with another separator or decimal sign than the
+    log's rows."""
     for sep, dec in CANDIDATES:
         if (sep, dec) != (separator, decimal):
             cells = split_line(line, sep)
-            if len(cells) == count > 1 and all(cell_kind(cell, dec) in ("number", "clock", "date") for cell in cells):
+            if len(cells) == count > 1 and all(
+                cell_kind(cell, dec) in ("number", "clock", "date") for cell in cells
+            ):
                 own = split_line(line, separator)
-                return len(own) != count or not all(cell_kind(cell, decimal) in ("number", "clock", "date") for cell in own)
+                return len(own) != count or not all(
+                    cell_kind(cell, decimal) in ("number", "clock", "date") for cell in own
+                )
     own = split_line(line, separator)
-    return separator == "," and len(own) == 2 * count > 2 and all(cell_kind(cell, ".") == "number" for cell in own)
+    return (
+        separator == ","
+        and len(own) == 2 * count > 2
+        and all(cell_kind(cell, ".") == "number" for cell in own)
+    )
 
 
-def _titles(above: list[tuple[int, str]], sep: str, dec: str, count: int) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
-    """Names and units of the columns from the lines above the data, nearest first; a row of units needs a row of names above it."""
+def _titles(
+    above: list[tuple[int, str]], sep: str, dec: str, count: int
+) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
+    """Names and units of the columns from the lines above the data, nearest first; a row of units
+    needs a row of names above it."""
     rows: list[list[str]] = []
     for _, line in reversed(above[-6:]):
         mark = _comment_of(line)
-        cells = [cell.strip().strip('"') for cell in split_line(line.lstrip()[len(mark) :].strip() if mark else line, sep)]
+        cells = [
+            cell.strip().strip('"')
+            for cell in split_line(line.lstrip()[len(mark) :].strip() if mark else line, sep)
+        ]
         while len(cells) > count and not cells[-1]:
             cells.pop()
         if len(cells) == count - 1 and count > 1:

@@ -1,11 +1,14 @@
-"""import_envelope: demodulated signals of a lock-in, an FPGA or a spectrum analyser become periods, whole or as a stream of blocks.
+"""import_envelope: demodulated signals of a lock-in, an FPGA or a spectrum analyser become periods,
+whole or as a stream of blocks.
 
-A row holds the envelope at its time against the reference frequency: I + jQ of one or two channels, C(t) = Re[(I + jQ) e^{jω_r t}], or
-amplitude and phase of one channel, or its amplitude alone. So c_cos = I and c_sin = −Q. Noise comes from the rows' own scatter
-(`row_noise`); rows that a filter correlates are averaged, turned back by their own frequency, to windows that are nearly independent.
+A row holds the envelope at its time against the reference frequency: I + jQ of one or two channels,
+C(t) = Re[(I + jQ) e^{jω_r t}], or amplitude and phase of one channel, or its amplitude alone. So
+c_cos = I and c_sin = −Q. Noise comes from the rows' own scatter (`row_noise`); rows that a filter
+correlates are averaged, turned back by their own frequency, to windows that are nearly independent.
 
-A filter changes no parameter of a linear resonator: what it makes of a solution of u' = L u is a solution of the same equation. It delays
-the rows against the logs, attenuates by its gain at the oscillation's distance from the reference, and turns the phase.
+A filter changes no parameter of a linear resonator: what it makes of a solution of u' = L u is a
+solution of the same equation. It delays the rows against the logs, attenuates by its gain at the
+oscillation's distance from the reference, and turns the phase.
 """
 
 from __future__ import annotations
@@ -41,55 +44,108 @@ Named = Annotated[Column, Field(description="column by name or by 1-based number
 def import_envelope(
     path: Path | str,
     *,
-    reference_frequency_hz: Annotated[float | None, Field(gt=0, description="frequency of the demodulator's reference")] = None,
+    reference_frequency_hz: Annotated[
+        float | None, Field(gt=0, description="frequency of the demodulator's reference")
+    ] = None,
     c_in_phase: Named = None,
     c_quadrature: Named = None,
     s_in_phase: Named = None,
     s_quadrature: Named = None,
     amplitude: Named = None,
     phase: Named = None,
-    phase_units: Annotated[str | None, Field(description="deg, rad or turns; from the title where not given")] = None,
-    decibel: Annotated[bool, Field(description="the amplitude is a level in dB, 20 dB a decade")] = False,
+    phase_units: Annotated[
+        str | None, Field(description="deg, rad or turns; from the title where not given")
+    ] = None,
+    decibel: Annotated[
+        bool, Field(description="the amplitude is a level in dB, 20 dB a decade")
+    ] = False,
     quadrature_sign: Annotated[
-        Literal[1, -1], Field(description="-1 where the demodulator's Q is that of e^(-jwt): the phase runs backwards")
+        Literal[1, -1],
+        Field(
+            description="-1 where the demodulator's Q is that of e^(-jwt): the phase runs backwards"
+        ),
     ] = 1,
     rows_per_window: Annotated[
-        int | None, Field(ge=1, description="rows averaged to a window; by the rows' correlation where not given")
+        int | None,
+        Field(
+            ge=1, description="rows averaged to a window; by the rows' correlation where not given"
+        ),
     ] = None,
     time: Annotated[Column, Field(description='time column; "none" to ignore times')] = None,
     temperature: Named = None,
     rate: Named = None,
-    sample_rate_hz: Annotated[float | None, Field(gt=0, description="rows a second, where the log has no times")] = None,
+    sample_rate_hz: Annotated[
+        float | None, Field(gt=0, description="rows a second, where the log has no times")
+    ] = None,
     sampling_tolerance: Annotated[
-        float, Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even")
+        float,
+        Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even"),
     ] = 1e-3,
-    time_units: Annotated[str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")] = None,
-    clock_hz: Annotated[float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")] = None,
+    time_units: Annotated[
+        str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")
+    ] = None,
+    clock_hz: Annotated[
+        float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")
+    ] = None,
     units: Annotated[str | None, Field(description="unit of the signals")] = None,
-    rate_units: Annotated[str | None, Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given")] = None,
-    temperature_units: Annotated[str | None, Field(description="degC, K, degF; from the title or degC where not given")] = None,
-    constant_rate_rad_s: Annotated[float | None, Field(description="rate of the whole run, where the log has none")] = None,
-    constant_temperature_degc: Annotated[float | None, Field(description="temperature of the whole run, where the log has none")] = None,
+    rate_units: Annotated[
+        str | None,
+        Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given"),
+    ] = None,
+    temperature_units: Annotated[
+        str | None, Field(description="degC, K, degF; from the title or degC where not given")
+    ] = None,
+    constant_rate_rad_s: Annotated[
+        float | None, Field(description="rate of the whole run, where the log has none")
+    ] = None,
+    constant_temperature_degc: Annotated[
+        float | None, Field(description="temperature of the whole run, where the log has none")
+    ] = None,
     mode: Annotated[Literal["free", "forced"], Field(description="run-down or driven")] = "free",
-    mode_number: Annotated[int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")] = 2,
+    mode_number: Annotated[
+        int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")
+    ] = 2,
     gyro_id: Annotated[str, Field(description="the gyro")] = "",
     run_id: Annotated[str, Field(description="the run; the file's name where not given")] = "",
     lot_id: Annotated[str, Field(description="the lot")] = "",
-    start_time: Annotated[str, Field(description="ISO 8601 time of the first row; from the log where it has one")] = "",
-    format: Annotated[str, Field(description="name of a format, where its content is not to decide")] = "",
-    separator: Annotated[str | None, Field(min_length=1, max_length=1, description="of a text log; a blank for any run of blanks")] = None,
-    decimal: Annotated[Literal[".", ","] | None, Field(description="decimal sign of a text log")] = None,
-    from_s: Annotated[float | None, Field(ge=0, description="first time to take, from the log's first row on; it becomes t = 0")] = None,
-    to_s: Annotated[float | None, Field(gt=0, description="time from the log's first row on at which to end")] = None,
+    start_time: Annotated[
+        str, Field(description="ISO 8601 time of the first row; from the log where it has one")
+    ] = "",
+    format: Annotated[
+        str, Field(description="name of a format, where its content is not to decide")
+    ] = "",
+    separator: Annotated[
+        str | None,
+        Field(
+            min_length=1, max_length=1, description="of a text log; a blank for any run of blanks"
+        ),
+    ] = None,
+    decimal: Annotated[
+        Literal[".", ","] | None, Field(description="decimal sign of a text log")
+    ] = None,
+    from_s: Annotated[
+        float | None,
+        Field(
+            ge=0, description="first time to take, from the log's first row on; it becomes t = 0"
+        ),
+    ] = None,
+    to_s: Annotated[
+        float | None, Field(gt=0, description="time from the log's first row on at which to end")
+    ] = None,
 ) -> Periods | Iterator[Periods]:
-    """A log of demodulated signals as periods: one record when it fits one block, else a stream of them.
+    """A log of demodulated signals as periods: one record when it fits one block, else a stream of
+    them.
 
-    HrgError: no reference frequency, no such column, a phase without a unit, times that do not rise, too few rows.
+    HrgError: no reference frequency, no such column, a phase without a unit, times that do not
+    rise, too few rows.
     """
     path = Path(path)
     checked_range(from_s, to_s)
     if reference_frequency_hz is None:
-        raise HrgError(f"{path}: the frequency of the demodulator's reference is not in the log; give reference_frequency_hz")
+        raise HrgError(
+            f"{path}: the frequency of the demodulator's reference is not in the log; give"
+            " reference_frequency_hz"
+        )
     log = open_log(path, format, separator, decimal)
     named = {
         "c_in_phase": c_in_phase,
@@ -101,7 +157,11 @@ def import_envelope(
     }
     signal = EnvelopeSignal.found(log, path, named, decibel, phase_units, quadrature_sign)
     first = next(iter(signal.columns.values()))
-    roles = find(log, str(path), {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate})
+    roles = find(
+        log,
+        str(path),
+        {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate},
+    )
     timing = timing_of(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     slow = SlowLog(
         log,
@@ -113,10 +173,17 @@ def import_envelope(
         most=1 << 62,
     )
     if slow.own:
-        raise HrgError(f"{path}: its slow columns differ in length from the signals; columns beside the signals were expected")
+        raise HrgError(
+            f"{path}: its slow columns differ in length from the signals; columns beside the"
+            " signals were expected"
+        )
     unit = units or signal.unit(log)
-    columns = signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
-    taken = Taken(log, columns, dict.fromkeys(signal.columns, unit), timing.sample_rate_hz, from_s, to_s)
+    columns = (
+        signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
+    )
+    taken = Taken(
+        log, columns, dict.fromkeys(signal.columns, unit), timing.sample_rate_hz, from_s, to_s
+    )
     source = _Source(path, log, roles, timing, slow, signal)
     plan = plan_windows(path, source.between(from_s, to_s), rows_per_window)
     blank = Periods(
@@ -136,7 +203,10 @@ def import_envelope(
         start_time=start_time or log.start_time,
         units=unit,
     ).judged([reason for reason in log.reasons if reason != ONE_DEMODULATOR] + list(timing.reasons))
-    for status, reason in (*signal.verdicts(reference_frequency_hz), *plan.verdicts(slow.scales != {})):
+    for status, reason in (
+        *signal.verdicts(reference_frequency_hz),
+        *plan.verdicts(slow.scales != {}),
+    ):
         blank = blank.judged([reason], status)
     stream = _stream(source, blank, plan, taken)
     head = list(itertools.islice(stream, 2))
@@ -155,8 +225,13 @@ class _Source:
     signal: EnvelopeSignal
 
     def rows(self) -> Iterator[tuple[Array, Array, list[Array]]]:
-        """Blocks: times from the log's first row on, envelopes (channel, n), slow columns in SI units."""
-        wanted = [*self.signal.columns.values(), *self.slow.indexes, *([] if self.roles.time is None else [self.roles.time])]
+        """Blocks: times from the log's first row on, envelopes (channel, n), slow columns in SI
+        units."""
+        wanted = [
+            *self.signal.columns.values(),
+            *self.slow.indexes,
+            *([] if self.roles.time is None else [self.roles.time]),
+        ]
         count, row = len(self.signal.columns), 0
         with guarded(self.path, self.log.format):
             for columns in self.log.read(wanted):
@@ -201,13 +276,23 @@ def _stream(source: _Source, blank: Periods, plan: WindowPlan, taken: Taken) -> 
             shift = taken.first_s or 0.0
             if held is not None:
                 yield held
-            held = _windows(blank, plan, source, piece[0][:whole] - shift, piece[1][:, :whole], [v[:whole] for v in piece[2]])
+            held = _windows(
+                blank,
+                plan,
+                source,
+                piece[0][:whole] - shift,
+                piece[1][:, :whole],
+                [v[:whole] for v in piece[2]],
+            )
             held = held.replace(start_time=moved(blank.start_time, shift))
         if taken.to_s is not None and times[-1] >= taken.to_s:
             break
     taken.check_range(str(source.path))
     if held is None:
-        raise HrgError(f"{source.path}: holds fewer rows than one window of {plan.rows}; record longer or lower rows_per_window")
+        raise HrgError(
+            f"{source.path}: holds fewer rows than one window of {plan.rows}; record longer or"
+            " lower rows_per_window"
+        )
     for status, reason in taken.verdicts():
         held = held.judged([reason], status)
     facts = taken.facts()
@@ -223,7 +308,9 @@ def _stream(source: _Source, blank: Periods, plan: WindowPlan, taken: Taken) -> 
     yield held.replace(details=json.dumps(facts | {"noise": noise}, ensure_ascii=False))
 
 
-def _joined(a: tuple[Array, Array, list[Array]], b: tuple[Array, Array, list[Array]]) -> tuple[Array, Array, list[Array]]:
+def _joined(
+    a: tuple[Array, Array, list[Array]], b: tuple[Array, Array, list[Array]]
+) -> tuple[Array, Array, list[Array]]:
     """Rows left over before the next ones."""
     return (
         np.concatenate([a[0], b[0]]),
@@ -232,12 +319,18 @@ def _joined(a: tuple[Array, Array, list[Array]], b: tuple[Array, Array, list[Arr
     )
 
 
-def _windows(blank: Periods, plan: WindowPlan, source: _Source, times: Array, u: Array, slow: list[Array]) -> Periods:
+def _windows(
+    blank: Periods, plan: WindowPlan, source: _Source, times: Array, u: Array, slow: list[Array]
+) -> Periods:
     """Means of the rows, with standard deviations, flags and slow columns."""
     known, one = source.signal.phase_known, "s_in_phase" not in source.signal.columns
-    means, rows = window_means(u, plan.rows, mean_turn(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0)
+    means, rows = window_means(
+        u, plan.rows, mean_turn(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0
+    )
     strong = means[np.argmax(np.nansum(np.abs(means) ** 2, axis=1))]
-    cos2 = np.where(np.abs(strong) > 0, strong.real**2 / np.maximum(np.abs(strong) ** 2, 1e-300), 0.5)
+    cos2 = np.where(
+        np.abs(strong) > 0, strong.real**2 / np.maximum(np.abs(strong) ** 2, 1e-300), 0.5
+    )
     signals, std = np.empty((len(rows), 4)), np.empty((len(rows), 4))
     for k in range(2):
         along, across = plan.noise.density[0 if one else k] / plan.rows
@@ -251,14 +344,24 @@ def _windows(blank: Periods, plan: WindowPlan, source: _Source, times: Array, u:
     flags[~np.isfinite(means).all(0)] |= FLAG_NOT_FINITE
     steps = np.diff(times[: rows.size], prepend=times[0] - plan.step_s).reshape(rows.shape)
     flags[(steps > GAP_STEPS * plan.step_s)[:, 1:].any(1)] |= FLAG_GAP
-    fields = dict(zip(source.slow.fields(), (values[: rows.size].reshape(rows.shape).mean(1) for values in slow), strict=True))
-    fields |= {name: np.full(len(rows), value) for name, value in source.slow.constant_fields().items()}
+    fields = dict(
+        zip(
+            source.slow.fields(),
+            (values[: rows.size].reshape(rows.shape).mean(1) for values in slow),
+            strict=True,
+        )
+    )
+    fields |= {
+        name: np.full(len(rows), value) for name, value in source.slow.constant_fields().items()
+    }
     row_std = np.sqrt(plan.noise.variance.mean(1))
     return blank.replace(
         time_s=times[: rows.size].reshape(rows.shape).mean(1),
         signals=signals,
         signals_std=std,
-        residual_rms=np.broadcast_to(row_std[[0, 0]] * [1, 0] if one else row_std, (len(rows), 2)).copy(),
+        residual_rms=np.broadcast_to(
+            row_std[[0, 0]] * [1, 0] if one else row_std, (len(rows), 2)
+        ).copy(),
         flags=flags,
         **fields,
     )

@@ -1,4 +1,5 @@
-"""Which columns of a log hold an envelope, and the envelope of their rows: I and Q, amplitude and phase, or an amplitude alone."""
+"""Which columns of a log hold an envelope, and the envelope of their rows: I and Q, amplitude and
+phase, or an amplitude alone."""
 
 from __future__ import annotations
 
@@ -15,7 +16,19 @@ from .log import Log
 from .quantities import channel_unit, is_level, phase_factor
 
 ALIASES = {
-    "c_in_phase": ("c_in_phase", "c_i", "ci", "i1", "x1", "x", "i", "in-phase", "in phase", "real", "re"),
+    "c_in_phase": (
+        "c_in_phase",
+        "c_i",
+        "ci",
+        "i1",
+        "x1",
+        "x",
+        "i",
+        "in-phase",
+        "in phase",
+        "real",
+        "re",
+    ),
     "c_quadrature": ("c_quadrature", "c_q", "cq", "q1", "y1", "y", "q", "quadrature", "imag", "im"),
     "s_in_phase": ("s_in_phase", "s_i", "si", "i2", "x2"),
     "s_quadrature": ("s_quadrature", "s_q", "sq", "q2", "y2"),
@@ -36,62 +49,140 @@ class EnvelopeSignal:
     scale: tuple[float, ...]
 
     @classmethod
-    def found(cls, log: Log, path: Path, named: dict[str, Any], decibel: bool, phase_units: str | None, sign: int) -> EnvelopeSignal:
-        """The columns that were named, or those that their titles tell. HrgError: none, or half a pair."""
-        columns = {role: numbered(log, str(path), role, wanted) for role, wanted in named.items() if wanted is not None}
+    def found(
+        cls,
+        log: Log,
+        path: Path,
+        named: dict[str, Any],
+        decibel: bool,
+        phase_units: str | None,
+        sign: int,
+    ) -> EnvelopeSignal:
+        """The columns that were named, or those that their titles tell. HrgError: none, or half a
+        pair."""
+        columns = {
+            role: numbered(log, str(path), role, wanted)
+            for role, wanted in named.items()
+            if wanted is not None
+        }
         if not columns:
-            names = {c.name.lower(): i for i, c in reversed(list(enumerate(log.channels))) if c.kind == "number"}
-            told = {role: next((names[t] for t in titles if t in names), None) for role, titles in ALIASES.items()}
-            groups = (("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature"), ("c_in_phase", "c_quadrature"), ("amplitude", "phase"))
+            names = {
+                c.name.lower(): i
+                for i, c in reversed(list(enumerate(log.channels)))
+                if c.kind == "number"
+            }
+            told = {
+                role: next((names[t] for t in titles if t in names), None)
+                for role, titles in ALIASES.items()
+            }
+            groups = (
+                ("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature"),
+                ("c_in_phase", "c_quadrature"),
+                ("amplitude", "phase"),
+            )
             for group in (*groups, ("amplitude",)):
                 if all(told[role] is not None for role in group):
                     columns = {role: index for role in group if (index := told[role]) is not None}
                     break
         if "amplitude" in columns and len(set(columns) - {"amplitude", "phase"}):
-            raise HrgError(f"{path}: amplitude and in-phase columns are both named; give I and Q, or amplitude and phase")
-        pairs = (("c_in_phase", "c_quadrature"), ("s_in_phase", "s_quadrature"), ("phase", "amplitude"))
+            raise HrgError(
+                f"{path}: amplitude and in-phase columns are both named; give I and Q, or amplitude"
+                " and phase"
+            )
+        pairs = (
+            ("c_in_phase", "c_quadrature"),
+            ("s_in_phase", "s_quadrature"),
+            ("phase", "amplitude"),
+        )
         for one, other in pairs:
-            half = next(((a, b) for a, b in ((one, other), (other, one)) if a in columns and b not in columns), None)
+            half = next(
+                (
+                    (a, b)
+                    for a, b in ((one, other), (other, one))
+                    if a in columns and b not in columns
+                ),
+                None,
+            )
             if half is not None and half != ("amplitude", "phase"):
-                raise HrgError(f"{path}: {half[0]} is named without {half[1]}; name both (its columns are {listing(log)})")
+                raise HrgError(
+                    f"{path}: {half[0]} is named without {half[1]}; name both (its columns are"
+                    f" {listing(log)})"
+                )
         if "s_in_phase" in columns and "c_in_phase" not in columns:
-            raise HrgError(f"{path}: channel S is named without channel C; name a single pick-off's columns as c_in_phase and c_quadrature")
+            raise HrgError(
+                f"{path}: channel S is named without channel C; name a single pick-off's columns as"
+                " c_in_phase and c_quadrature"
+            )
         if not columns:
             raise HrgError(
-                f"{path}: which columns hold the envelope? Its columns are {listing(log)}; name c_in_phase and c_quadrature "
-                "(and those of s), or amplitude and phase"
+                f"{path}: which columns hold the envelope? Its columns are {listing(log)}; name"
+                " c_in_phase and c_quadrature (and those of s), or amplitude and phase"
             )
         if len(set(columns.values())) < len(columns):
-            raise HrgError(f"{path}: one column is named twice for the envelope; its columns are {listing(log)}")
+            raise HrgError(
+                f"{path}: one column is named twice for the envelope; its columns are"
+                f" {listing(log)}"
+            )
         factor = 1.0
         if "phase" in columns:
             unit = phase_units or log.channels[columns["phase"]].units
             if not unit:
-                raise HrgError(f"{path}: the unit of the phase in column {columns['phase'] + 1} is not told; give phase_units: deg or rad")
+                raise HrgError(
+                    f"{path}: the unit of the phase in column {columns['phase'] + 1} is not told;"
+                    " give phase_units: deg or rad"
+                )
             factor = phase_factor(unit)
-        level = next((log.channels[i].units for i in columns.values() if is_level(log.channels[i].units)), None)
+        level = next(
+            (log.channels[i].units for i in columns.values() if is_level(log.channels[i].units)),
+            None,
+        )
         if level is not None and not decibel:
-            raise HrgError(f"{path}: a column of the envelope is in {level}; add decibel, or export it in its own unit")
+            raise HrgError(
+                f"{path}: a column of the envelope is in {level}; add decibel, or export it in its"
+                " own unit"
+            )
         if decibel and "amplitude" not in columns:
             raise HrgError(f"{path}: decibel is for an amplitude; I and Q are no levels")
-        return cls(columns, decibel, factor, sign, tuple(log.channels[i].scale_factor for i in columns.values()))
+        return cls(
+            columns,
+            decibel,
+            factor,
+            sign,
+            tuple(log.channels[i].scale_factor for i in columns.values()),
+        )
 
     def unit(self, log: Log) -> str:
         """Unit of the signals: the log's, or what its level is relative to."""
         told = log.channels[next(iter(self.columns.values()))].units
         if self.decibel:
-            return {"dbv": "V", "dbmv": "mV", "dbuv": "µV", "dbµv": "µV", "dbvrms": "V", "dbm": "mW^0.5", "dbw": "W^0.5"}.get(
-                told.lower(), "1"
-            )
+            return {
+                "dbv": "V",
+                "dbmv": "mV",
+                "dbuv": "µV",
+                "dbµv": "µV",
+                "dbvrms": "V",
+                "dbm": "mW^0.5",
+                "dbw": "W^0.5",
+            }.get(told.lower(), "1")
         return channel_unit(told)
 
     def envelopes(self, columns: list[Array]) -> Array:
         """u = I + jQ (channel, n), channel S zero where there is none."""
-        values = dict(zip(self.columns, (np.asarray(c, float) * k for c, k in zip(columns, self.scale, strict=True)), strict=True))
+        values = dict(
+            zip(
+                self.columns,
+                (np.asarray(c, float) * k for c, k in zip(columns, self.scale, strict=True)),
+                strict=True,
+            )
+        )
         u = np.zeros((2, len(columns[0])), complex)
         if "amplitude" in values:
             size = 10 ** (values["amplitude"] / 20) if self.decibel else values["amplitude"]
-            u[0] = size * np.exp(1j * self.sign * self.phase_factor * values["phase"]) if "phase" in values else size
+            u[0] = (
+                size * np.exp(1j * self.sign * self.phase_factor * values["phase"])
+                if "phase" in values
+                else size
+            )
         else:
             u[0] = values["c_in_phase"] + 1j * self.sign * values["c_quadrature"]
             if "s_in_phase" in values:
@@ -109,12 +200,21 @@ class EnvelopeSignal:
             return [
                 (
                     "suspect",
-                    f"only an amplitude was recorded: its decay can be found; the frequency is {reference_hz:g} Hz as given, "
-                    "and wave angle, quadrature and splits cannot be seen in this run",
+                    (
+                        "only an amplitude was recorded: its decay can be found; the frequency is"
+                        f" {reference_hz:g} Hz as given, and wave angle, quadrature and splits"
+                        " cannot be seen in this run"
+                    ),
                 )
             ]
         if "s_in_phase" not in self.columns:
             return [
-                ("suspect", "only one channel was recorded and S is set to 0: wave angle, quadrature and splits cannot be seen in this run")
+                (
+                    "suspect",
+                    (
+                        "only one channel was recorded and S is set to 0: wave angle, quadrature"
+                        " and splits cannot be seen in this run"
+                    ),
+                )
             ]
         return []

@@ -1,4 +1,5 @@
-"""How many rows of an envelope make a window: nearly independent of each other, clear of noise, and short against the wave's own motion."""
+"""How many rows of an envelope make a window: nearly independent of each other, clear of noise, and
+short against the wave's own motion."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ LOOKS, LOOK_ROWS = 16, 1 << 14
 """Stretches of rows, at most, from which noise and correlation are found."""
 
 SPREAD = 5.0
-"""Windows are so many times longer than the rows' correlation: neighbours are then correlated by 5 % and less."""
+"""Windows are so many times longer than the rows' correlation: neighbours are then correlated by 5
+% and less."""
 
 INDEPENDENT = 1.3
 """Correlation (rows that count as one) up to which rows are windows as they are."""
@@ -25,18 +27,21 @@ CLEAR = 10.0
 """Amplitude over noise that a window shall have where the log is long enough."""
 
 FEWEST_WINDOWS = 200
-"""Windows that are kept even where they are still correlated; their standard deviations allow for it."""
+"""Windows that are kept even where they are still correlated; their standard deviations allow for
+it."""
 
 BEND = 0.1
 """Part of a window's standard deviation by which the envelope's curvature may move its mean."""
 
 WEAKENED, LOST = 0.9, 0.6
-"""Gain of the filter at the oscillation below which it is told, and below which the result is suspect."""
+"""Gain of the filter at the oscillation below which it is told, and below which the result is
+suspect."""
 
 
 @dataclass(frozen=True)
 class WindowPlan:
-    """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference and what the filter passes there."""
+    """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference
+    and what the filter passes there."""
 
     rows: int
     step_s: float
@@ -53,30 +58,59 @@ class WindowPlan:
             found.append(
                 (
                     "valid",
-                    f"the rows' noise is correlated over {kappa:.3g} rows (the demodulator's filter): windows of {self.rows} rows are used"
-                    + ("" if independent else ", still correlated; their standard deviations are those that a long average needs"),
+                    f"the rows' noise is correlated over {kappa:.3g} rows (the demodulator's"
+                    f" filter): windows of {self.rows} rows are used"
+                    + (
+                        ""
+                        if independent
+                        else (
+                            ", still correlated; their standard deviations are those that a long"
+                            " average needs"
+                        )
+                    ),
                 )
             )
             lag_s = DELAY * kappa * self.step_s
             if logged:
-                found.append(("valid", f"the filter delays the signals by about {lag_s:.2g} s against the logged columns"))
+                found.append(
+                    (
+                        "valid",
+                        (
+                            f"the filter delays the signals by about {lag_s:.2g} s against the"
+                            " logged columns"
+                        ),
+                    )
+                )
         if self.passed < WEAKENED:
             found.append(
                 (
                     "suspect" if self.passed < LOST else "valid",
-                    f"the oscillation lies {self.offset_hz:.3f} Hz from the reference, where the demodulator's filter passes about "
-                    f"{self.passed:.0%} of the amplitude and turns the phase; amplitudes are those behind the filter: move the reference",
+                    (
+                        f"the oscillation lies {self.offset_hz:.3f} Hz from the reference, where"
+                        f" the demodulator's filter passes about {self.passed:.0%} of the amplitude"
+                        " and turns the phase; amplitudes are those behind the filter: move the"
+                        " reference"
+                    ),
                 )
             )
         if not self.noise.level:
             found.append(
-                ("valid", "too few rows, or noise that is not white, to be sure of its size: it is that of the lowest octave seen")
+                (
+                    "valid",
+                    (
+                        "too few rows, or noise that is not white, to be sure of its size: it is"
+                        " that of the lowest octave seen"
+                    ),
+                )
             )
         return found
 
 
-def plan_windows(path: Path, blocks: Iterable[tuple[Array, Array]], asked: int | None) -> WindowPlan:
-    """Noise and correlation of rows (times, envelopes), and rows a window: as asked, or by the correlation. HrgError: too few rows."""
+def plan_windows(
+    path: Path, blocks: Iterable[tuple[Array, Array]], asked: int | None
+) -> WindowPlan:
+    """Noise and correlation of rows (times, envelopes), and rows a window: as asked, or by the
+    correlation. HrgError: too few rows."""
     looks: list[Array] = []
     steps: list[float] = []
     total = 0
@@ -90,7 +124,9 @@ def plan_windows(path: Path, blocks: Iterable[tuple[Array, Array]], asked: int |
             looks = looks[::2]
     looks = [look for look in looks[:: max(1, len(looks) // LOOKS)] if look.shape[1] > 3] or looks
     if total < 8:
-        raise HrgError(f"{path}: holds {total} rows between from_s and to_s; at least 8 were expected")
+        raise HrgError(
+            f"{path}: holds {total} rows between from_s and to_s; at least 8 were expected"
+        )
     step_s = float(np.median(steps))
     with np.errstate(invalid="ignore"):
         noise = row_noise(looks)
@@ -100,7 +136,9 @@ def plan_windows(path: Path, blocks: Iterable[tuple[Array, Array]], asked: int |
     kappa = noise.correlated_rows
     power = float(np.nanmedian(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
     clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)
-    rows = max(1 if kappa <= INDEPENDENT else round(SPREAD * kappa), int(min(np.ceil(clear), total)))
+    rows = max(
+        1 if kappa <= INDEPENDENT else round(SPREAD * kappa), int(min(np.ceil(clear), total))
+    )
     rows = max(1, min(rows, total // FEWEST_WINDOWS))
     while rows > 1 and _bends(looks, rows, noise):
         rows //= 2
@@ -114,7 +152,8 @@ def mean_turn(look: Array) -> float:
 
 
 def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
-    """Whether the envelope's curvature moves the mean of so many rows by more than `BEND` of its standard deviation."""
+    """Whether the envelope's curvature moves the mean of so many rows by more than `BEND` of its
+    standard deviation."""
     bend2, noise2 = np.zeros(2), noise.density.sum(1) / rows
     count = 0
     for look in looks:
@@ -124,14 +163,17 @@ def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
         turn = np.exp(-1j * rows * mean_turn(look))
         second = means[:, 2:] * turn - 2 * means[:, 1:-1] + means[:, :-2] / turn
         second = second[:, np.isfinite(second).all(0)]
-        bend2 += np.maximum(0.0, (np.abs(second) ** 2).sum(1) - 6 * noise2 * second.shape[1]) / 24**2
+        bend2 += (
+            np.maximum(0.0, (np.abs(second) ** 2).sum(1) - 6 * noise2 * second.shape[1]) / 24**2
+        )
         count += second.shape[1]
     slack = 3 * 6 * noise2 / 24**2 * np.sqrt(max(count, 1))  # what chance adds to the sum
     return count > 0 and bool((bend2 > BEND**2 * noise2 * count + slack).any())
 
 
 def window_means(u: Array, rows: int, turn: float) -> tuple[Array, Array]:
-    """Means (channel, windows) of so many rows each, turned back by `turn` a row about each window's middle; which rows they are."""
+    """Means (channel, windows) of so many rows each, turned back by `turn` a row about each
+    window's middle; which rows they are."""
     windows = u.shape[1] // rows
     part = u[:, : windows * rows].reshape(len(u), windows, rows)
     back = np.exp(-1j * turn * (np.arange(rows) - (rows - 1) / 2))

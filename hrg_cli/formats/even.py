@@ -13,10 +13,12 @@ GROUP = 256
 
 @dataclass
 class TimeJudge:
-    """Collects blocks of times: they must rise from row to row; keeps their departure from an even grid a group of rows.
+    """Collects blocks of times: they must rise from row to row; keeps their departure from an even
+    grid a group of rows.
 
-    The grid's step is known only at the end, so the departure from a provisional grid (mean step of the first block) is kept as
-    (first row, smallest, largest) for every 256 rows and corrected afterwards.
+    The grid's step is known only at the end, so the departure from a provisional grid (mean step of
+    the first block) is kept as (first row, smallest, largest) for every 256 rows and corrected
+    afterwards.
     """
 
     path: str
@@ -29,12 +31,16 @@ class TimeJudge:
     largest_step: float = 0.0
 
     def add(self, times: np.ndarray) -> None:
-        """Take the next block. HrgError: a time that is no number, repeated, or smaller than the one before."""
+        """Take the next block. HrgError: a time that is no number, repeated, or smaller than the
+        one before."""
         if len(times) == 0:
             return
         bad = np.flatnonzero(~np.isfinite(times))
         if len(bad):
-            raise HrgError(f"{self.path}: {self._row(bad[0])}: its time is not a number; correct or cut that row")
+            raise HrgError(
+                f"{self.path}: {self._row(bad[0])}: its time is not a number; correct or cut"
+                " that row"
+            )
         steps = np.diff(times, prepend=times[0] - 1 if self.rows == 0 else self.last)
         if self.rows == 0:
             self.first = float(times[0])
@@ -42,11 +48,21 @@ class TimeJudge:
         wrong = np.flatnonzero(steps <= 0)
         if len(wrong):
             self._complain(int(wrong[0]), float(steps[wrong[0]]), times, len(wrong))
-        self.largest_step = max(self.largest_step, float(steps[1 if self.rows == 0 else 0 :].max(initial=0.0)))
+        self.largest_step = max(
+            self.largest_step, float(steps[1 if self.rows == 0 else 0 :].max(initial=0.0))
+        )
         rows = np.arange(self.rows, self.rows + len(times))
         departure = times - self.first - rows * self.step
         starts = np.arange(0, len(times), GROUP)
-        self.groups.append(np.stack([rows[starts], np.minimum.reduceat(departure, starts), np.maximum.reduceat(departure, starts)]))
+        self.groups.append(
+            np.stack(
+                [
+                    rows[starts],
+                    np.minimum.reduceat(departure, starts),
+                    np.maximum.reduceat(departure, starts),
+                ]
+            )
+        )
         self.rows += len(times)
         self.last = float(times[-1])
 
@@ -56,24 +72,27 @@ class TimeJudge:
     def _complain(self, row: int, step: float, times: np.ndarray, count: int) -> None:
         if step == 0:
             raise HrgError(
-                f"{self.path}: {self._row(row)} repeats the time of the row before ({count} such rows nearby): the times are rounded "
-                "more coarsely than the samples follow each other, or rows are doubled; give sample_rate_hz if the sampling is even, "
-                "else remove the doubled rows"
+                f"{self.path}: {self._row(row)} repeats the time of the row before ({count} such"
+                " rows nearby): the times are rounded more coarsely than the samples follow each"
+                " other, or rows are doubled; give sample_rate_hz if the sampling is even, else"
+                " remove the doubled rows"
             )
         raise HrgError(
-            f"{self.path}: {self._row(row)}: the time goes back by {-step:.6g} s; times must rise from row to row: "
-            "sort the log, name another time column, or give sample_rate_hz"
+            f"{self.path}: {self._row(row)}: the time goes back by {-step:.6g} s; times must rise"
+            " from row to row: sort the log, name another time column, or give sample_rate_hz"
         )
 
     def even_step(self) -> tuple[float, float]:
-        """Step of the best even grid through the times and the largest departure from it, seconds."""
+        """Step of the best even grid through the times and the largest departure from it,
+        seconds."""
         if self.rows < 2:
             return np.nan, np.inf
         step = (self.last - self.first) / (self.rows - 1)
         return step, self.departure(step)
 
     def departure(self, step: float) -> float:
-        """Largest departure [s] of the times from an even grid of this step, its constant fitted (half the range)."""
+        """Largest departure [s] of the times from an even grid of this step, its constant fitted
+        (half the range)."""
         first, low, high = np.concatenate(self.groups, axis=1)
         slope = self.step - step
         ends = np.minimum(first + GROUP, self.rows) - 1

@@ -1,7 +1,9 @@
-"""HDF5 of laboratories: MATLAB v7.3, Zurich Instruments LabOne, and any other file of plain datasets.
+"""HDF5 of laboratories: MATLAB v7.3, Zurich Instruments LabOne, and any other file of plain
+datasets.
 
-A column is a one-dimensional dataset, or one row or column of a two-dimensional one; its name is the dataset's path (and a
-number). MATLAB v7.3 keeps arrays transposed and text as uint16. LabOne counts time stamps in ticks of its clock base.
+A column is a one-dimensional dataset, or one row or column of a two-dimensional one; its name is
+the dataset's path (and a number). MATLAB v7.3 keeps arrays transposed and text as uint16. LabOne
+counts time stamps in ticks of its clock base.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ LARGEST_RATIO = 2000
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a column lies: dataset, and for a two-dimensional one the axis of time and the index across it."""
+    """Where a column lies: dataset, and for a two-dimensional one the axis of time and the index
+    across it."""
 
     dataset: str
     axis: int = 0
@@ -42,10 +45,14 @@ def recognises(path: Path, head: bytes) -> bool:
 
 
 def open_hdf5(path: Path) -> Log:
-    """The columns of an HDF5 file. HrgError: an hrg file, damaged, no column of numbers, more claimed than stored."""
+    """The columns of an HDF5 file. HrgError: an hrg file, damaged, no column of numbers, more
+    claimed than stored."""
     with _file(path) as file:
         if _text(file.attrs.get("format", "")) == "hrg":
-            raise HrgError(f"{path}: is an hrg file already (kind {_text(file.attrs.get('kind', '?'))}); use it as it is")
+            raise HrgError(
+                f"{path}: is an hrg file already (kind {_text(file.attrs.get('kind', '?'))}); use"
+                " it as it is"
+            )
         nodes = _datasets(file)
         chunks = sorted({name.split("/")[0] for name, _ in nodes if name.split("/")[0].isdigit()})
         if chunks:
@@ -63,11 +70,22 @@ def open_hdf5(path: Path) -> Log:
             for channel, place in _columns(name, dataset):
                 channels.append(channel)
                 places.append(place)
-        clock, rate, start = _clock_base(file, nodes, scalars), rate_of(scalars), _text(file.attrs.get("start_time", ""))
+        clock, rate, start = (
+            _clock_base(file, nodes, scalars),
+            rate_of(scalars),
+            _text(file.attrs.get("start_time", "")),
+        )
     if not channels:
-        raise HrgError(f"{path}: holds no dataset of numbers with more than one value; a log with a column a channel was expected")
+        raise HrgError(
+            f"{path}: holds no dataset of numbers with more than one value; a log with a column a"
+            " channel was expected"
+        )
     channels = channels[:MOST_COLUMNS]
-    reasons: tuple[str, ...] = (f"{path.name} holds {len(chunks)} chunks; only the first is imported",) if len(chunks) > 1 else ()
+    reasons: tuple[str, ...] = (
+        (f"{path.name} holds {len(chunks)} chunks; only the first is imported",)
+        if len(chunks) > 1
+        else ()
+    )
     lock_in = [c for c in channels if c.name.lower().endswith("/x")]
     if len(lock_in) == 1 and not any("scopes" in c.name for c in channels):
         reasons += (ONE_DEMODULATOR,)
@@ -90,7 +108,10 @@ def _file(path: Path) -> Iterator[Any]:
         file = h5py.File(path, "r")
     except (OSError, RuntimeError, ValueError) as error:
         said = str(error).splitlines()[0][:120]
-        raise HrgError(f"{path}: cannot be opened as HDF5 ({said}); it is truncated or damaged: copy or record it again") from error
+        raise HrgError(
+            f"{path}: cannot be opened as HDF5 ({said}); it is truncated or damaged: copy or record"
+            " it again"
+        ) from error
     try:
         yield file
     finally:
@@ -128,9 +149,15 @@ def _is_text(dataset: Any) -> bool:
 def _believable(path: Path, dataset: Any, name: str) -> None:
     size = dataset.size * dataset.dtype.itemsize
     if dataset.chunks is not None and dataset.id.get_storage_size() == 0:
-        raise HrgError(f"{path}: dataset {name} claims {dataset.size} values but stores none; copy or record it again")
+        raise HrgError(
+            f"{path}: dataset {name} claims {dataset.size} values but stores none; copy or record"
+            " it again"
+        )
     if size > LARGEST_RATIO * path.stat().st_size:
-        raise HrgError(f"{path}: dataset {name} claims {dataset.size} values, more than a file of its size can hold; it is damaged")
+        raise HrgError(
+            f"{path}: dataset {name} claims {dataset.size} values, more than a file of its size can"
+            " hold; it is damaged"
+        )
 
 
 def _columns(name: str, dataset: Any) -> Iterator[tuple[Channel, _Place]]:
@@ -144,7 +171,12 @@ def _columns(name: str, dataset: Any) -> Iterator[tuple[Channel, _Place]]:
             place = _Place(name, axis, across)
             head = _slice(dataset, place, 0, 200)
             yield (
-                Channel(name if others == 1 else f"{name}/{across + 1}", units, rising=_rises(head), length=dataset.shape[axis]),
+                Channel(
+                    name if others == 1 else f"{name}/{across + 1}",
+                    units,
+                    rising=_rises(head),
+                    length=dataset.shape[axis],
+                ),
                 place,
             )
 
@@ -156,7 +188,9 @@ def _rises(head: Array) -> bool:
 def _slice(dataset: Any, place: _Place, start: int, stop: int) -> Array:
     if place.across is None:
         return np.asarray(dataset[start:stop])
-    return np.asarray(dataset[start:stop, place.across] if place.axis == 0 else dataset[place.across, start:stop])
+    return np.asarray(
+        dataset[start:stop, place.across] if place.axis == 0 else dataset[place.across, start:stop]
+    )
 
 
 def _read(path: Path, places: Sequence[_Place]) -> Blocks:
@@ -164,11 +198,14 @@ def _read(path: Path, places: Sequence[_Place]) -> Blocks:
         datasets = [file[place.dataset] for place in places]
         rows = datasets[0].shape[places[0].axis]
         for start in range(0, rows, BLOCK_ROWS):
-            yield [_slice(d, place, start, start + BLOCK_ROWS) for d, place in zip(datasets, places)]
+            yield [
+                _slice(d, place, start, start + BLOCK_ROWS) for d, place in zip(datasets, places)
+            ]
 
 
 def _clock_base(file: Any, nodes: list[tuple[str, Any]], scalars: dict[str, float]) -> float | None:
-    """Ticks a second of LabOne's time stamps, from the attributes or the clockbase node; None where not written."""
+    """Ticks a second of LabOne's time stamps, from the attributes or the clockbase node; None where
+    not written."""
     for name, value in scalars.items():
         if "clockbase" in name.lower().split("/") and value > 0:
             return value
@@ -190,10 +227,13 @@ def _clock_base(file: Any, nodes: list[tuple[str, Any]], scalars: dict[str, floa
 def _titled(channels: list[Channel]) -> list[Channel]:
     """Short titles where the last part of a path is unique; LabOne's columns get their roles.
 
-    A LabOne time stamp counts ticks. Of two demodulators the first one's x is C and the second one's is S; of one, x and y.
+    A LabOne time stamp counts ticks. Of two demodulators the first one's x is C and the second
+    one's is S; of one, x and y.
     """
     last = [c.name.split("/")[-1] for c in channels]
-    demods = [c.name.rpartition("/")[0] for c in channels if "demods" in c.name and c.name.endswith("/x")]
+    demods = [
+        c.name.rpartition("/")[0] for c in channels if "demods" in c.name and c.name.endswith("/x")
+    ]
     roles: dict[str, str] = {}
     if demods:
         roles = {f"{demods[0]}/timestamp": "time", f"{demods[0]}/x": "c"}

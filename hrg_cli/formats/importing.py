@@ -1,8 +1,9 @@
 """import_log: any foreign log becomes a recording, whole or as a stream of blocks.
 
-Times: an even time column (to within its own rounding, or `sampling_tolerance` of a step) becomes `sample_rate_hz`; any other
-is kept as `time_s`, never resampled. t = 0 is the first sample taken (with `from_s`, `start_time` moves along). Slow columns
-(temperature, rate, drive) become the auxiliary log, averaged over groups of rows where the log is long, so that it stays near
+Times: an even time column (to within its own rounding, or `sampling_tolerance` of a step) becomes
+`sample_rate_hz`; any other is kept as `time_s`, never resampled. t = 0 is the first sample taken
+(with `from_s`, `start_time` moves along). Slow columns (temperature, rate, drive) become the
+auxiliary log, averaged over groups of rows where the log is long, so that it stays near
 `auxiliary_rows`.
 """
 
@@ -29,61 +30,127 @@ from .timing import Timing, timing_of
 
 Column = str | int | None
 States = tuple[tuple[int, int], ...] | None
-Names = Annotated[Column, Field(description="column by name or by 1-based number; found by its title where not given")]
+Names = Annotated[
+    Column,
+    Field(description="column by name or by 1-based number; found by its title where not given"),
+]
 
 
 def import_log(
     path: Path | str,
     *,
     c: Names = None,
-    s: Annotated[Column, Field(description='column of channel S; "none" for a log of one channel (S = 0)')] = None,
+    s: Annotated[
+        Column, Field(description='column of channel S; "none" for a log of one channel (S = 0)')
+    ] = None,
     s_file: Annotated[
         str | None,
-        Field(min_length=1, description="file of channel S, where it has one of its own: a name, or OLD=NEW put into the log's name"),
+        Field(
+            min_length=1,
+            description=(
+                "file of channel S, where it has one of its own: a name, or OLD=NEW put into the"
+                " log's name"
+            ),
+        ),
     ] = None,
     time: Annotated[Column, Field(description='time column; "none" to ignore times')] = None,
     temperature: Names = None,
     rate: Names = None,
     drive_main: Names = None,
     drive_quadrature: Names = None,
-    auxiliary_time: Annotated[Column, Field(description="time column of slow columns that have fewer rows than the channels")] = None,
+    auxiliary_time: Annotated[
+        Column,
+        Field(description="time column of slow columns that have fewer rows than the channels"),
+    ] = None,
     sample_rate_hz: Annotated[
-        float | None, Field(gt=0, description="sampling rate, where the log has none or its times are too coarse")
+        float | None,
+        Field(
+            gt=0, description="sampling rate, where the log has none or its times are too coarse"
+        ),
     ] = None,
     sampling_tolerance: Annotated[
-        float, Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even")
+        float,
+        Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even"),
     ] = 1e-3,
-    time_units: Annotated[str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")] = None,
-    clock_hz: Annotated[float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")] = None,
+    time_units: Annotated[
+        str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")
+    ] = None,
+    clock_hz: Annotated[
+        float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")
+    ] = None,
     units: Annotated[str | None, Field(description="unit of both channels")] = None,
-    c_scale_factor: Annotated[float, Field(description="unit of channel C a raw count, on top of the log's own")] = 1.0,
-    s_scale_factor: Annotated[float, Field(description="unit of channel S a raw count, on top of the log's own")] = 1.0,
-    rate_units: Annotated[str | None, Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given")] = None,
-    temperature_units: Annotated[str | None, Field(description="degC, K, degF; from the title or degC where not given")] = None,
+    c_scale_factor: Annotated[
+        float, Field(description="unit of channel C a raw count, on top of the log's own")
+    ] = 1.0,
+    s_scale_factor: Annotated[
+        float, Field(description="unit of channel S a raw count, on top of the log's own")
+    ] = 1.0,
+    rate_units: Annotated[
+        str | None,
+        Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given"),
+    ] = None,
+    temperature_units: Annotated[
+        str | None, Field(description="degC, K, degF; from the title or degC where not given")
+    ] = None,
     rate_scale_factor: Annotated[float, Field(description="factor on the rate column")] = 1.0,
-    constant_rate_rad_s: Annotated[float | None, Field(description="rate of the whole run, where the log has none")] = None,
-    constant_temperature_degc: Annotated[float | None, Field(description="temperature of the whole run, where the log has none")] = None,
+    constant_rate_rad_s: Annotated[
+        float | None, Field(description="rate of the whole run, where the log has none")
+    ] = None,
+    constant_temperature_degc: Annotated[
+        float | None, Field(description="temperature of the whole run, where the log has none")
+    ] = None,
     mode: Annotated[Literal["free", "forced"], Field(description="run-down or driven")] = "free",
-    mode_number: Annotated[int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")] = 2,
-    readout: Annotated[Literal["direct", "carrier"], Field(description="what the channels hold")] = "direct",
-    carrier_hz: Annotated[float | None, Field(gt=0, description="carrier frequency of a carrier read-out")] = None,
-    nominal_frequency_hz: Annotated[float | None, Field(gt=0, description="expected oscillation frequency")] = None,
+    mode_number: Annotated[
+        int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")
+    ] = 2,
+    readout: Annotated[
+        Literal["direct", "carrier"], Field(description="what the channels hold")
+    ] = "direct",
+    carrier_hz: Annotated[
+        float | None, Field(gt=0, description="carrier frequency of a carrier read-out")
+    ] = None,
+    nominal_frequency_hz: Annotated[
+        float | None, Field(gt=0, description="expected oscillation frequency")
+    ] = None,
     gyro_id: Annotated[str, Field(description="the gyro")] = "",
     run_id: Annotated[str, Field(description="the run; the file's name where not given")] = "",
     lot_id: Annotated[str, Field(description="the lot")] = "",
-    start_time: Annotated[str, Field(description="ISO 8601 time of the first sample; from the log where it has one")] = "",
-    format: Annotated[str, Field(description="name of a format, where its content is not to decide")] = "",
-    separator: Annotated[str | None, Field(min_length=1, max_length=1, description="of a text log; a blank for any run of blanks")] = None,
-    decimal: Annotated[Literal[".", ","] | None, Field(description="decimal sign of a text log")] = None,
-    from_s: Annotated[float | None, Field(ge=0, description="first time to take, from the log's first row on; it becomes t = 0")] = None,
-    to_s: Annotated[float | None, Field(gt=0, description="time from the log's first row on at which to end")] = None,
+    start_time: Annotated[
+        str, Field(description="ISO 8601 time of the first sample; from the log where it has one")
+    ] = "",
+    format: Annotated[
+        str, Field(description="name of a format, where its content is not to decide")
+    ] = "",
+    separator: Annotated[
+        str | None,
+        Field(
+            min_length=1, max_length=1, description="of a text log; a blank for any run of blanks"
+        ),
+    ] = None,
+    decimal: Annotated[
+        Literal[".", ","] | None, Field(description="decimal sign of a text log")
+    ] = None,
+    from_s: Annotated[
+        float | None,
+        Field(
+            ge=0, description="first time to take, from the log's first row on; it becomes t = 0"
+        ),
+    ] = None,
+    to_s: Annotated[
+        float | None, Field(gt=0, description="time from the log's first row on at which to end")
+    ] = None,
     auxiliary_rows: Annotated[
-        int, Field(ge=1, description="length of the auxiliary log beyond which rows are averaged in groups")
+        int,
+        Field(
+            ge=1, description="length of the auxiliary log beyond which rows are averaged in groups"
+        ),
     ] = 100_000,
 ) -> Recording | Iterator[Recording]:
-    """A foreign log as a recording: one Recording when it fits one block, else a stream of them (memory flat in its length).
+    """A foreign log as a recording: one Recording when it fits one block, else a stream of them
+    (memory flat in its length).
 
-    HrgError: not readable, no such column, times that do not rise, a broken line, fewer samples than claimed; each names the row.
+    HrgError: not readable, no such column, times that do not rise, a broken line, fewer samples
+    than claimed; each names the row.
     """
     path = Path(path)
     checked_range(from_s, to_s)
@@ -102,7 +169,9 @@ def import_log(
         "auxiliary_time": auxiliary_time,
     }
     if s_file is not None:
-        log, asked = paired(path, log, files[1], open_log(files[1], format, separator, decimal), asked)
+        log, asked = paired(
+            path, log, files[1], open_log(files[1], format, separator, decimal), asked
+        )
     roles = find(log, where, asked)
     _same_length(log, roles, where)
     unit = _channel_unit(log, roles, units, where)
@@ -135,7 +204,10 @@ def import_log(
     ).judged(log.reasons + timing.reasons)
     if roles.s is None:
         blank = blank.judged(
-            ["only one channel was recorded and S is set to 0: wave angle, quadrature and splits cannot be seen in this run"]
+            [
+                "only one channel was recorded and S is set to 0: wave angle, quadrature and splits"
+                " cannot be seen in this run"
+            ]
         )
     slow = SlowLog(
         log,
@@ -162,28 +234,45 @@ def _state(files: Sequence[Path]) -> States:
 
 
 def _same_length(log: Log, roles: Roles, where: str) -> None:
-    """Channels and times agree in length; slow columns among themselves, and where they are shorter they need times of their own."""
-    length = {role: log.channels[i].length for role, i in (("c", roles.c), ("s", roles.s), ("time", roles.time)) if i is not None}
+    """Channels and times agree in length; slow columns among themselves, and where they are shorter
+    they need times of their own."""
+    length = {
+        role: log.channels[i].length
+        for role, i in (("c", roles.c), ("s", roles.s), ("time", roles.time))
+        if i is not None
+    }
     slow = {role: log.channels[i].length for role, i in roles.auxiliary().items()}
     if roles.auxiliary_time is not None:
         slow["auxiliary_time"] = log.channels[roles.auxiliary_time].length
-    timed = "auxiliary_time" in slow or all(log.channels[i].sample_rate_hz for i in roles.auxiliary().values())
-    if len(set(length.values())) == 1 and len(set(slow.values())) <= 1 and (timed or set(slow.values()) <= set(length.values())):
+    timed = "auxiliary_time" in slow or all(
+        log.channels[i].sample_rate_hz for i in roles.auxiliary().values()
+    )
+    if (
+        len(set(length.values())) == 1
+        and len(set(slow.values())) <= 1
+        and (timed or set(slow.values()) <= set(length.values()))
+    ):
         return
     shown = ", ".join(f"{role} {rows}" for role, rows in (length | slow).items())
     raise HrgError(
-        f"{where}: its columns differ in length ({shown}); the log is cut short or its columns were sampled apart: "
-        'name the times of the slow columns with auxiliary_time, leave one out with "none", or record again'
+        f"{where}: its columns differ in length ({shown}); the log is cut short or its columns were"
+        " sampled apart: name the times of the slow columns with auxiliary_time, leave one out"
+        ' with "none", or record again'
     )
 
 
 def _channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
     for role, index in (("C", roles.c), ("S", roles.s)):
-        level = None if index is None else next((u for u in (units, log.channels[index].units) if u and is_level(u)), None)
+        level = (
+            None
+            if index is None
+            else next((u for u in (units, log.channels[index].units) if u and is_level(u)), None)
+        )
         if level is not None and index is not None:
             raise HrgError(
-                f"{where}: channel {role}, column {index + 1} ({log.channels[index].name}), is in {level}: the logarithm of an amplitude, "
-                "where samples of an oscillation were expected; import it with --envelope --amplitude COLUMN --decibel"
+                f"{where}: channel {role}, column {index + 1} ({log.channels[index].name}), is in"
+                f" {level}: the logarithm of an amplitude, where samples of an oscillation were"
+                " expected; import it with --envelope --amplitude COLUMN --decibel"
             )
     if units is not None:
         return units
@@ -197,9 +286,17 @@ def _channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
 
 
 def _stream(
-    files: Sequence[Path], log: Log, roles: Roles, blank: Recording, timing: Timing, slow: SlowLog, before: States, taken: Taken
+    files: Sequence[Path],
+    log: Log,
+    roles: Roles,
+    blank: Recording,
+    timing: Timing,
+    slow: SlowLog,
+    before: States,
+    taken: Taken,
 ) -> Iterator[Recording]:
-    """Blocks of the recording; the last one bears what only the whole log tells: what was taken, what was left out or is not finite."""
+    """Blocks of the recording; the last one bears what only the whole log tells: what was taken,
+    what was left out or is not finite."""
     path = files[0]
     rows = 0
     fast = 1 if roles.s is None else 2
@@ -217,14 +314,25 @@ def _stream(
                 bad = ~(np.isfinite(c) & np.isfinite(s))
                 if bad.any():
                     taken.count_not_finite(bad, row)
-            auxiliary = slow.block(path, timing, times, columns[fast : fast + len(slow.indexes)], rows == 0, following is None, shift)
+            auxiliary = slow.block(
+                path,
+                timing,
+                times,
+                columns[fast : fast + len(slow.indexes)],
+                rows == 0,
+                following is None,
+                shift,
+            )
             block = blank.replace(c=c, s=s, start_time=moved(blank.start_time, shift), **auxiliary)
             if timing.sample_rate_hz is None:
                 block = block.replace(time_s=times)
             rows += len(c)
             if following is None:
                 if _state(files) != before:
-                    raise HrgError(f"{path}: changed while it was read; wait until it is written and import it again")
+                    raise HrgError(
+                        f"{path}: changed while it was read; wait until it is written and import it"
+                        " again"
+                    )
                 for status, reason in taken.verdicts():
                     block = block.judged([reason], status)
                 block = block.replace(details=taken.details())
@@ -235,9 +343,17 @@ def _stream(
         raise HrgError(f"{path}: holds no rows of numbers; record again")
 
 
-def _pieces(log: Log, roles: Roles, timing: Timing, slow: SlowLog, taken: Taken) -> Iterator[tuple[int, Array, list[Array]]]:
-    """The rows in the range asked for, block by block: the log's row of the first, times from the log's first row on, columns."""
-    wanted = [roles.c, *([] if roles.s is None else [roles.s]), *slow.indexes, *([] if roles.time is None else [roles.time])]
+def _pieces(
+    log: Log, roles: Roles, timing: Timing, slow: SlowLog, taken: Taken
+) -> Iterator[tuple[int, Array, list[Array]]]:
+    """The rows in the range asked for, block by block: the log's row of the first, times from the
+    log's first row on, columns."""
+    wanted = [
+        roles.c,
+        *([] if roles.s is None else [roles.s]),
+        *slow.indexes,
+        *([] if roles.time is None else [roles.time]),
+    ]
     scale = 1.0 if roles.time is None else log.channels[roles.time].scale_factor
     row = 0
     for columns in log.read(wanted):

@@ -1,6 +1,8 @@
-"""What instruments write around their columns: layouts of oscilloscopes and lock-ins that say more than a line of titles does.
+"""What instruments write around their columns: layouts of oscilloscopes and lock-ins that say more
+than a line of titles does.
 
-A layout is told by its own words, never by a file's name alone; what is not known is read as plain columns.
+A layout is told by its own words, never by a file's name alone; what is not known is read as plain
+columns.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ _NUMBER = r"([+-]?\d[\d.]*(?:[eE][+-]?\d+)?)"
 
 @dataclass(frozen=True)
 class Layout:
-    """The columns as the instrument meant them, its sampling rate where it is written, why the result may be doubted."""
+    """The columns as the instrument meant them, its sampling rate where it is written, why the
+    result may be doubted."""
 
     channels: tuple[Channel, ...]
     sample_rate_hz: float | None = None
@@ -30,16 +33,22 @@ class Layout:
 
 
 def understood(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout:
-    """The first layout whose words are there; plain columns with the rate and units of the lines above them otherwise."""
+    """The first layout whose words are there; plain columns with the rate and units of the lines
+    above them otherwise."""
     nameless = tuple(
-        replace(c, kind="text") if not c.name and not any(row[i] for row in dialect.sample) else c for i, c in enumerate(channels)
+        replace(c, kind="text") if not c.name and not any(row[i] for row in dialect.sample) else c
+        for i, c in enumerate(channels)
     )
-    found = next((layout for known in LAYOUTS if (layout := known(path, dialect, nameless)) is not None), None)
+    found = next(
+        (layout for known in LAYOUTS if (layout := known(path, dialect, nameless)) is not None),
+        None,
+    )
     return found or Layout(_with_units(dialect, nameless), _preamble_rate(dialect))
 
 
 def _columns_beside(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
-    """Tektronix TDS: key, value, blank, time, value in every row; the keys stand beside the first samples, one channel a file."""
+    """Tektronix TDS: key, value, blank, time, value in every row; the keys stand beside the first
+    samples, one channel a file."""
     told = {row[0].lower(): row[1] for row in dialect.sample if len(row) > 4 and row[0]}
     if not {"record length", "sample interval"} <= set(told):
         return None
@@ -54,28 +63,45 @@ def _columns_beside(path: Path, dialect: Dialect, channels: tuple[Channel, ...])
 
 
 def _sequence(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
-    """Rigol DS1000Z: samples are numbered, start and increment stand beside the titles (X,CH1,CH2,Start,Increment)."""
-    above = [[cell.lower() for cell in split_line(line, dialect.separator)] for line in dialect.preamble]
+    """Rigol DS1000Z: samples are numbered, start and increment stand beside the titles
+    (X,CH1,CH2,Start,Increment)."""
+    above = [
+        [cell.lower() for cell in split_line(line, dialect.separator)] for line in dialect.preamble
+    ]
     column = next((cells.index("increment") for cells in above if "increment" in cells), None)
     if column is None:
         return None
-    steps = [step for cells in above if len(cells) > column and (step := _positive(cells[column].replace(",", ".")))]
+    steps = [
+        step
+        for cells in above
+        if len(cells) > column and (step := _positive(cells[column].replace(",", ".")))
+    ]
     if not steps:
         return None
     numbers = channels[0].name.lower() == "x"
-    idle = [i for i, c in enumerate(channels) if c.name.lower() in ("start", "increment", "") or (numbers and i == 0)]
+    idle = [
+        i
+        for i, c in enumerate(channels)
+        if c.name.lower() in ("start", "increment", "") or (numbers and i == 0)
+    ]
     kept = (Channel(c.name, kind="text") if i in idle else c for i, c in enumerate(channels))
     return Layout(tuple(kept), 1 / steps[-1])
 
 
-def _increment_in_title(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
+def _increment_in_title(
+    path: Path, dialect: Dialect, channels: tuple[Channel, ...]
+) -> Layout | None:
     """Rigol MSO5000: CH1(V),CH2(V),t0 = -1e-3, tInc = 1e-6 above rows without times."""
-    found = next((m for line in dialect.preamble if (m := re.search(rf"\btInc\s*=\s*{_NUMBER}", line))), None)
+    found = next(
+        (m for line in dialect.preamble if (m := re.search(rf"\btInc\s*=\s*{_NUMBER}", line))), None
+    )
     step = None if found is None else _positive(found[1])
     if step is None:
         return None
     idle = re.compile(r"^(t0|tinc)\b", re.IGNORECASE)
-    return Layout(tuple(replace(c, kind="text") if idle.match(c.name) else c for c in channels), 1 / step)
+    return Layout(
+        tuple(replace(c, kind="text") if idle.match(c.name) else c for c in channels), 1 / step
+    )
 
 
 def _positive(text: str) -> float | None:
@@ -88,33 +114,52 @@ def _positive(text: str) -> float | None:
 
 
 def _data_below(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
-    """Keysight Infiniium: a list of keys (XInc, XUnits, YUnits …) and the word Data: above times and values."""
-    told = {cells[0].rstrip(":").lower(): cells[1:] for line in dialect.preamble if (cells := split_line(line, dialect.separator))}
+    """Keysight Infiniium: a list of keys (XInc, XUnits, YUnits …) and the word Data: above times
+    and values."""
+    told = {
+        cells[0].rstrip(":").lower(): cells[1:]
+        for line in dialect.preamble
+        if (cells := split_line(line, dialect.separator))
+    }
     if "xinc" not in told or "data" not in told:
         return None
     first = 1 if channels[0].rising else 0
     units = {"volt": "V", "ampere": "A"}.get(next(iter(told.get("yunits", [])), "").lower(), "")
-    named = [Channel(f"channel {i - first + 1}", units, kind=c.kind) for i, c in enumerate(channels)]
+    named = [
+        Channel(f"channel {i - first + 1}", units, kind=c.kind) for i, c in enumerate(channels)
+    ]
     if first:
-        named[0] = Channel("time", next(iter(told.get("xunits", [])), "s"), rising=True, role="time")
+        named[0] = Channel(
+            "time", next(iter(told.get("xunits", [])), "s"), rising=True, role="time"
+        )
     return Layout(tuple(named), _preamble_rate(dialect))
 
 
 def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
-    """Rohde & Schwarz RTO and RTE: NAME.Wfm.csv holds the values, NAME.csv beside it the keys (Resolution:1e-9:)."""
+    """Rohde & Schwarz RTO and RTE: NAME.Wfm.csv holds the values, NAME.csv beside it the keys
+    (Resolution:1e-9:)."""
     beside = header_beside(path)
     if dialect.header or beside is None:
         return None
     with open(beside, encoding="latin-1") as file:
-        told = {cells[0].lower(): cells[1:] for line in file.read(HEADER_BYTES).splitlines() if len(cells := line.strip().split(":")) > 1}
+        told = {
+            cells[0].lower(): cells[1:]
+            for line in file.read(HEADER_BYTES).splitlines()
+            if len(cells := line.strip().split(":")) > 1
+        }
     step = _positive(next(iter(told.get("resolution", [])), ""))
     if step is None:
         return None
     sources = [name for name in told.get("multichannelsource", told.get("source", [])) if name]
     timed = len(channels) == len(sources) + 1 or channels[0].rising
     values = channels[1:] if timed else channels
-    named = tuple(replace(c, name=sources[i] if i < len(sources) else c.name) for i, c in enumerate(values))
-    return Layout((replace(channels[0], name="time", units="s", role="time"), *named) if timed else named, None if timed else 1 / step)
+    named = tuple(
+        replace(c, name=sources[i] if i < len(sources) else c.name) for i, c in enumerate(values)
+    )
+    return Layout(
+        (replace(channels[0], name="time", units="s", role="time"), *named) if timed else named,
+        None if timed else 1 / step,
+    )
 
 
 def header_beside(path: Path) -> Path | None:
@@ -125,7 +170,8 @@ def header_beside(path: Path) -> Path | None:
 
 
 def _labone(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
-    """Zurich Instruments LabOne: chunk;timestamp;… with time stamps in ticks of the instrument's clock."""
+    """Zurich Instruments LabOne: chunk;timestamp;… with time stamps in ticks of the instrument's
+    clock."""
     names = [channel.name.lower() for channel in channels]
     if names[:2] != ["chunk", "timestamp"]:
         return None
@@ -148,15 +194,22 @@ LAYOUTS: tuple[Callable[[Path, Dialect, tuple[Channel, ...]], Layout | None], ..
 def _told(dialect: Dialect) -> Iterator[tuple[str, list[str]]]:
     """Key and values of every line above the data."""
     for line in dialect.preamble:
-        cells = [cell.strip() for cell in re.split(r"[,;:=\t]", line.lstrip("#%!/* ")) if cell.strip()]
+        cells = [
+            cell.strip() for cell in re.split(r"[,;:=\t]", line.lstrip("#%!/* ")) if cell.strip()
+        ]
         if len(cells) > 1:
             yield cells[0].lower(), cells[1:]
 
 
 def _with_units(dialect: Dialect, channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
-    """Units that stand in a line of their own above (Tektronix: Vertical Units,V,V), where the titles have none."""
+    """Units that stand in a line of their own above (Tektronix: Vertical Units,V,V), where the
+    titles have none."""
     told = next((values for key, values in _told(dialect) if key == "vertical units"), [])
-    bare = [i for i, c in enumerate(channels) if c.kind == "number" and not c.units and c.name.lower() not in ("time", "")]
+    bare = [
+        i
+        for i, c in enumerate(channels)
+        if c.kind == "number" and not c.units and c.name.lower() not in ("time", "")
+    ]
     if not told or len(told) != len(bare):
         return channels
     units = dict(zip(bare, told))
@@ -173,12 +226,17 @@ def _preamble_rate(dialect: Dialect) -> float | None:
         if number is None:
             continue
         unit = value[2] or next((c.strip("()[] ") for c in values[1:2]), "")
-        if re.search(r"sampl\w*[ _]?(interval|period|time)|\bx?increment|\bxinc\b|\bdelta[ _]?[xt]|\bdt\b", key):
+        if re.search(
+            r"sampl\w*[ _]?(interval|period|time)|\bx?increment|\bxinc\b|\bdelta[ _]?[xt]|\bdt\b",
+            key,
+        ):
             try:
                 return 1 / (number * time_factor(unit or "s"))
             except HrgError:
                 return 1 / number
         if re.search(r"sampl\w*[ _]?(rate|frequency)|\bfs\b", key):
-            factor = {"k": 1e3, "m": 1e6, "g": 1e9}.get(unit[:1].lower() if unit.lower() not in ("hz", "s/s") else "", 1.0)
+            factor = {"k": 1e3, "m": 1e6, "g": 1e9}.get(
+                unit[:1].lower() if unit.lower() not in ("hz", "s/s") else "", 1.0
+            )
             return number * factor
     return None

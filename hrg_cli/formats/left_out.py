@@ -1,4 +1,5 @@
-"""Rows above the first readable row of a text log: which of them are samples that cannot be read, and which are titles or keys."""
+"""Rows above the first readable row of a text log: which of them are samples that cannot be read,
+and which are titles or keys."""
 
 from __future__ import annotations
 
@@ -11,16 +12,34 @@ from .quantities import is_unit
 Class = Literal["otherwise", "broken", "shape", "words", ""]
 Line = tuple[int, str]
 
-NO_VALUE = ("overload", "overflow", "ovl", "ovf", "ol", "ovrflw", "err", "error", "invalid", "bad", "fault", "none", "void", "n/a", "?")
+NO_VALUE = (
+    "overload",
+    "overflow",
+    "ovl",
+    "ovf",
+    "ol",
+    "ovrflw",
+    "err",
+    "error",
+    "invalid",
+    "bad",
+    "fault",
+    "none",
+    "void",
+    "n/a",
+    "?",
+)
 """Words that instruments write where there is no value."""
 
 FEWEST_OTHERWISE = 3
-"""Rows of numbers written in another way from which the log is refused: they are samples, not an instrument's own lines."""
+"""Rows of numbers written in another way from which the log is refused: they are samples, not an
+instrument's own lines."""
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Rows of a log that were not taken: their first and last line (from 1), how many, why, and the first of them."""
+    """Rows of a log that were not taken: their first and last line (from 1), how many, why, and the
+    first of them."""
 
     first_line: int
     last_line: int
@@ -32,8 +51,15 @@ class LeftOut:
 
     def sentence(self) -> str:
         """What was left out, for a person."""
-        lines = f"line {self.first_line}" if self.rows == 1 else f"lines {self.first_line} to {self.last_line}"
-        return f"{lines} ({self.rows} {'row' if self.rows == 1 else 'rows'}): {self.why} ({self.example!r})"
+        lines = (
+            f"line {self.first_line}"
+            if self.rows == 1
+            else f"lines {self.first_line} to {self.last_line}"
+        )
+        return (
+            f"{lines} ({self.rows} {'row' if self.rows == 1 else 'rows'}): {self.why}"
+            f" ({self.example!r})"
+        )
 
 
 def unread_rows(
@@ -44,18 +70,22 @@ def unread_rows(
     numbers_otherwise: Callable[[str], bool],
     beside_titles: Callable[[str], bool],
 ) -> list[tuple[Line, Class]]:
-    """The lines straight above the first readable row that are rows of samples, in the order of the file.
+    """The lines straight above the first readable row that are rows of samples, in the order of the
+    file.
 
-    cells_of splits a line as the log's own rows are; is_value: whether a cell is a number or a time in any decimal sign;
-    numbers_otherwise: whether a line is a whole row of numbers, written in another way; beside_titles: cells that name keys.
-    A row of titles may hold numbers, a row of units "1", and an instrument's keys stand with theirs: none of these is a sample.
+    cells_of splits a line as the log's own rows are; is_value: whether a cell is a number or a time
+    in any decimal sign; numbers_otherwise: whether a line is a whole row of numbers, written in
+    another way; beside_titles: cells that name keys. A row of titles may hold numbers, a row of
+    units "1", and an instrument's keys stand with theirs: none of these is a sample.
     """
     found: list[tuple[Line, Class]] = []
     title = False
     for number, line in reversed(above):
         cells = cells_of(line)
         kind = _class(cells, len(kinds), is_value, numbers_otherwise(line))
-        if kind == "broken" and (any(map(beside_titles, cells)) or all(not cell or is_unit(cell) for cell in cells)):
+        if kind == "broken" and (
+            any(map(beside_titles, cells)) or all(not cell or is_unit(cell) for cell in cells)
+        ):
             kind = ""
         if not kind:
             title = len(cells) == len(kinds) and all(cells) and not any(map(is_value, cells))
@@ -67,7 +97,11 @@ def unread_rows(
     if title:
         return found
     firsts = [cells_of(line)[0] for (_, line), _ in found]
-    return [item for item, first in zip(found, firsts, strict=True) if item[1] != "broken" or not _is_key(first, firsts, is_value)]
+    return [
+        item
+        for item, first in zip(found, firsts, strict=True)
+        if item[1] != "broken" or not _is_key(first, firsts, is_value)
+    ]
 
 
 def _class(cells: list[str], count: int, is_value: Callable[[str], bool], otherwise: bool) -> Class:
@@ -77,7 +111,14 @@ def _class(cells: list[str], count: int, is_value: Callable[[str], bool], otherw
         return "shape" if len(cells) > 1 and all(map(is_value, cells)) else ""
     if any(map(is_value, cells)):
         return "broken"
-    return "words" if all(not any(map(str.isalnum, cell)) or cell.lower().strip("#*<>-") in NO_VALUE for cell in cells) else ""
+    return (
+        "words"
+        if all(
+            not any(map(str.isalnum, cell)) or cell.lower().strip("#*<>-") in NO_VALUE
+            for cell in cells
+        )
+        else ""
+    )
 
 
 def _is_key(first: str, firsts: list[str], is_value: Callable[[str], bool]) -> bool:

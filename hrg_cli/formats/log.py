@@ -1,4 +1,5 @@
-"""A foreign log as every reader hands it over: named channels of equal length, read block by block."""
+"""A foreign log as every reader hands it over: named channels of equal length, read block by
+block."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ Array = np.ndarray
 Blocks = Iterator[list[Array]]
 
 ONE_DEMODULATOR = (
-    "x and y of one demodulator are taken as the two channels; if they are the two phases of one pick-off, "
-    "name the columns of both pick-offs with c and s"
+    "x and y of one demodulator are taken as the two channels; if they are the two phases of one"
+    " pick-off, name the columns of both pick-offs with c and s"
 )
 """Why a lock-in log of one demodulator is suspect."""
 
@@ -27,7 +28,8 @@ BLOCK_ROWS = 1 << 18
 
 @dataclass(frozen=True)
 class Channel:
-    """One column of a log: `number` values as they are, or `clock` times, which the reader hands over in seconds."""
+    """One column of a log: `number` values as they are, or `clock` times, which the reader hands
+    over in seconds."""
 
     name: str
     units: str = ""
@@ -46,9 +48,10 @@ class Channel:
 class Log:
     """An opened foreign log.
 
-    read(indexes) yields blocks, each a list with one array a channel asked for. Channels that differ in length may be listed
-    (`Channel.length`); asking for two of different length is an error the caller reports. `quantum` is the rounding step of a
-    time column where the format shows it (text), in the column's own unit; `where` names a row for a person.
+    read(indexes) yields blocks, each a list with one array a channel asked for. Channels that
+    differ in length may be listed (`Channel.length`); asking for two of different length is an
+    error the caller reports. `quantum` is the rounding step of a time column where the format shows
+    it (text), in the column's own unit; `where` names a row for a person.
     """
 
     format: str
@@ -68,25 +71,37 @@ class Log:
 
 @dataclass(frozen=True)
 class Reader:
-    """One foreign format: `recognises` looks at the first bytes (never at the suffix), `open` gives the log."""
+    """One foreign format: `recognises` looks at the first bytes (never at the suffix), `open` gives
+    the log."""
 
     name: str
     recognises: Callable[[Path, bytes], bool]
     open: Callable[..., Log]
 
 
-def log_of_arrays(format: str, arrays: Mapping[str, Array], units: Mapping[str, str] | None = None, **more: object) -> Log:
+def log_of_arrays(
+    format: str, arrays: Mapping[str, Array], units: Mapping[str, str] | None = None, **more: object
+) -> Log:
     """A log over one-dimensional arrays, in memory or lazily sliced (h5py datasets)."""
     units = units or {}
     values = list(arrays.values())
-    channels = tuple(Channel(name, units.get(name, ""), rising=_rises(value), length=len(value)) for name, value in arrays.items())
+    channels = tuple(
+        Channel(name, units.get(name, ""), rising=_rises(value), length=len(value))
+        for name, value in arrays.items()
+    )
 
     def read(indexes: Sequence[int]) -> Blocks:
         chosen = [values[i] for i in indexes]
         for start in range(0, len(chosen[0]), BLOCK_ROWS):
             yield [np.asarray(v[start : start + BLOCK_ROWS]) for v in chosen]
 
-    return Log(format=format, channels=channels, read=read, rows=max((len(v) for v in values), default=0), **more)  # type: ignore[arg-type]
+    return Log(
+        format=format,
+        channels=channels,
+        read=read,
+        rows=max((len(v) for v in values), default=0),
+        **more,  # type: ignore[arg-type]
+    )
 
 
 def _rises(values: Array) -> bool:
@@ -96,4 +111,7 @@ def _rises(values: Array) -> bool:
 
 def need_library(name: str, path: Path, extra: str = "labs") -> HrgError:
     """The sentence for an optional library that is not installed."""
-    return HrgError(f"{path}: reading it needs the library {name}, which is not installed; run pip install 'hrg-cli[{extra}]'")
+    return HrgError(
+        f"{path}: reading it needs the library {name}, which is not installed; run pip install"
+        f" 'hrg-cli[{extra}]'"
+    )

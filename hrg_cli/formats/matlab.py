@@ -23,12 +23,15 @@ DEPTH = 4
 def recognises(path: Path, head: bytes) -> bool:
     """The text header of MATLAB 5.0 files, and the byte-order word behind it."""
     return head.startswith(b"MATLAB 5.0") or (
-        len(head) >= 128 and head[126:128] in (b"IM", b"MI") and head[124:126] in (b"\x00\x01", b"\x01\x00")
+        len(head) >= 128
+        and head[126:128] in (b"IM", b"MI")
+        and head[124:126] in (b"\x00\x01", b"\x01\x00")
     )
 
 
 def open_matlab(path: Path) -> Log:
-    """Every vector, matrix column and structure field as a column. HrgError: damaged, truncated, no numbers."""
+    """Every vector, matrix column and structure field as a column. HrgError: damaged, truncated, no
+    numbers."""
     from scipy.io import loadmat, whosmat
 
     size = path.stat().st_size
@@ -38,14 +41,22 @@ def open_matlab(path: Path) -> Log:
             warnings.simplefilter("ignore")
             for name, shape, kind in whosmat(str(path)):
                 claimed = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 0
-                if any(int(n) < 0 for n in shape) or claimed * 2 > min(LARGEST_BYTES, LARGEST_RATIO * size):
-                    raise HrgError(f"{path}: variable {name} ({kind}) claims {claimed} values, more than the file can hold; it is damaged")
+                if any(int(n) < 0 for n in shape) or claimed * 2 > min(
+                    LARGEST_BYTES, LARGEST_RATIO * size
+                ):
+                    raise HrgError(
+                        f"{path}: variable {name} ({kind}) claims {claimed} values, more than the"
+                        " file can hold; it is damaged"
+                    )
             content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
     except HrgError:
         raise
     except Exception as error:
         said = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise HrgError(f"{path}: cannot be read as a MATLAB file ({said}); it is truncated or damaged: save it again") from error
+        raise HrgError(
+            f"{path}: cannot be read as a MATLAB file ({said}); it is truncated or damaged: save it"
+            " again"
+        ) from error
     arrays: dict[str, np.ndarray] = {}
     scalars: dict[str, float] = {}
     for name, value in content.items():
@@ -57,23 +68,39 @@ def open_matlab(path: Path) -> Log:
 
 
 def _try_in_a_child(path: Path) -> None:
-    """Load the file in a process of its own first: damaged cells and structures make scipy's reader crash, not raise."""
+    """Load the file in a process of its own first: damaged cells and structures make scipy's reader
+    crash, not raise."""
     program = "import sys, scipy.io; scipy.io.whosmat(sys.argv[1]); scipy.io.loadmat(sys.argv[1])"
     limit = 60 + path.stat().st_size / 1e6
     try:
-        child = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, timeout=limit, check=False)
+        child = subprocess.run(
+            [sys.executable, "-c", program, str(path)],
+            capture_output=True,
+            timeout=limit,
+            check=False,
+        )
     except subprocess.TimeoutExpired as error:
-        raise HrgError(f"{path}: cannot be read as a MATLAB file within {limit:.0f} s; it is damaged: save it again") from error
+        raise HrgError(
+            f"{path}: cannot be read as a MATLAB file within {limit:.0f} s; it is damaged: save it"
+            " again"
+        ) from error
     if child.returncode < 0:
-        raise HrgError(f"{path}: cannot be read as a MATLAB file (scipy's reader crashed on it); it is damaged: save it again")
+        raise HrgError(
+            f"{path}: cannot be read as a MATLAB file (scipy's reader crashed on it); it is"
+            " damaged: save it again"
+        )
 
 
-def _flatten(name: str, value: Any, arrays: dict[str, np.ndarray], scalars: dict[str, float], depth: int) -> None:
+def _flatten(
+    name: str, value: Any, arrays: dict[str, np.ndarray], scalars: dict[str, float], depth: int
+) -> None:
     array = np.asarray(value)
     if array.dtype.names and depth:
         if array.size == 1:
             for field in array.dtype.names:
-                _flatten(f"{name}/{field}", array.reshape(())[()][field], arrays, scalars, depth - 1)
+                _flatten(
+                    f"{name}/{field}", array.reshape(())[()][field], arrays, scalars, depth - 1
+                )
         return
     if array.dtype.kind not in "iufb":
         return

@@ -1,4 +1,5 @@
-"""Two channels in two files (a scope's CH1 and CH2, a lock-in's demodulators): one log of both, their times held against each other."""
+"""Two channels in two files (a scope's CH1 and CH2, a lock-in's demodulators): one log of both,
+their times held against each other."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ STEPS = 1e-3
 
 
 def second_file(path: Path, s_file: str) -> Path:
-    """The file of channel S: a name beside the log (or from here), or OLD=NEW put into the log's own name (CH1=CH2).
+    """The file of channel S: a name beside the log (or from here), or OLD=NEW put into the log's
+    own name (CH1=CH2).
 
     HrgError: no such file, a rule that does not fit the log's name.
     """
@@ -29,17 +31,23 @@ def second_file(path: Path, s_file: str) -> Path:
     if not named.exists() and "=" in s_file:
         old, _, new = s_file.partition("=")
         if not old or old not in path.name:
-            raise HrgError(f"{path}: s_file is {s_file!r}, but {old!r} is not part of its name; name the file of channel S")
+            raise HrgError(
+                f"{path}: s_file is {s_file!r}, but {old!r} is not part of its name; name the file"
+                " of channel S"
+            )
         named = path.with_name(path.name.replace(old, new))
     if not named.is_file():
         raise HrgError(f"{path}: there is no file {named} with its channel S; name it with s_file")
     if named.exists() and path.exists() and named.samefile(path):
-        raise HrgError(f"{path}: s_file names the log itself; name the file of channel S, or the column with s")
+        raise HrgError(
+            f"{path}: s_file names the log itself; name the file of channel S, or the column with s"
+        )
     return named
 
 
 def partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None]) -> set[Path]:
-    """Those of the logs that are the second file of another one of them; s_file_of: the setting for a log."""
+    """Those of the logs that are the second file of another one of them; s_file_of: the setting for
+    a log."""
     found: set[Path] = set()
     for log in logs:
         s_file = s_file_of(log)
@@ -50,7 +58,8 @@ def partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None]) -> s
 
 
 def paired(path: Path, log: Log, other_path: Path, other: Log, asked: Asked) -> tuple[Log, Asked]:
-    """The log with the other file's channel as its last column, and its columns by number. HrgError: times that disagree."""
+    """The log with the other file's channel as its last column, and its columns by number.
+    HrgError: times that disagree."""
     mine = find(log, str(path), {**asked, "s": "none"})
     theirs = find(other, str(other_path), _asked_of_second(other, asked))
     _same_clock(path, log, mine, other_path, other, theirs)
@@ -86,27 +95,39 @@ def paired(path: Path, log: Log, other_path: Path, other: Log, asked: Asked) -> 
 
 
 def _asked_of_second(other: Log, asked: Asked) -> Asked:
-    """What to look for in the second file: the column asked for as S, or the one that bears the name asked for as C."""
+    """What to look for in the second file: the column asked for as S, or the one that bears the
+    name asked for as C."""
     names = {channel.name.lower() for channel in other.channels}
     c = asked["c"]
-    alike = c if (isinstance(c, int) and c <= len(names)) or (isinstance(c, str) and c.lower() in names) else None
+    alike = (
+        c
+        if (isinstance(c, int) and c <= len(names)) or (isinstance(c, str) and c.lower() in names)
+        else None
+    )
     wanted: Asked = dict.fromkeys(asked, "none")
     return wanted | {"c": asked["s"] if asked["s"] is not None else alike, "time": asked["time"]}
 
 
-def _same_clock(path: Path, log: Log, mine: Roles, other_path: Path, other: Log, theirs: Roles) -> None:
+def _same_clock(
+    path: Path, log: Log, mine: Roles, other_path: Path, other: Log, theirs: Roles
+) -> None:
     """Both files have times, or both one and the same rate. HrgError otherwise."""
     if (mine.time is None) != (theirs.time is None):
         with_times, without = (other_path, path) if mine.time is None else (path, other_path)
-        raise HrgError(f'{without}: has no times, {with_times} has; save both channels alike, or give time = "none" and sample_rate_hz')
+        raise HrgError(
+            f"{without}: has no times, {with_times} has; save both channels alike, or give time ="
+            ' "none" and sample_rate_hz'
+        )
     rates = (log.sample_rate_hz, other.sample_rate_hz)
     if mine.time is None and None not in rates and rates[0] != rates[1]:
         raise HrgError(
-            f"{other_path}: is sampled at {rates[1]:g} Hz, {path} at {rates[0]:g} Hz; both channels of one recording were expected"
+            f"{other_path}: is sampled at {rates[1]:g} Hz, {path} at {rates[0]:g} Hz; both channels"
+            " of one recording were expected"
         )
     if log.start_time and other.start_time and log.start_time != other.start_time:
         raise HrgError(
-            f"{other_path}: begins at {other.start_time}, {path} at {log.start_time}; both channels of one recording were expected"
+            f"{other_path}: begins at {other.start_time}, {path} at {log.start_time}; both channels"
+            " of one recording were expected"
         )
 
 
@@ -114,18 +135,25 @@ def _times_compared(path: Path, log: Log, mine: Roles, other_path: Path, other: 
     """A function that holds a block of one file's times against the other's."""
     if mine.time is None or theirs.time is None:
         return lambda row, ours, others: None
-    factors = [_seconds(one, roles.time) for one, roles in ((log, mine), (other, theirs)) if roles.time is not None]
+    factors = [
+        _seconds(one, roles.time)
+        for one, roles in ((log, mine), (other, theirs))
+        if roles.time is not None
+    ]
     rounding = max(log.quantum(mine.time) * factors[0], other.quantum(theirs.time) * factors[1])
 
     def compare(row: int, ours: Array, others: Array) -> None:
         a, b = np.asarray(ours, float) * factors[0], np.asarray(others, float) * factors[1]
         step = abs(a[-1] - a[0]) / max(1, len(a) - 1)
-        apart = ~(np.abs(a - b) <= max(STEPS * step, 1.01 * rounding, 4 * np.spacing(np.abs(a[-1])))) & ~(np.isnan(a) & np.isnan(b))
+        apart = ~(
+            np.abs(a - b) <= max(STEPS * step, 1.01 * rounding, 4 * np.spacing(np.abs(a[-1])))
+        ) & ~(np.isnan(a) & np.isnan(b))
         if apart.any():
             at = int(np.argmax(apart))
             raise HrgError(
-                f"{other_path}: {other.where(row + at)}: its time is {b[at]:.12g} s, that of {path} is {a[at]:.12g} s; "
-                "both channels of one recording were expected: save them from the same acquisition"
+                f"{other_path}: {other.where(row + at)}: its time is {b[at]:.12g} s, that of {path}"
+                f" is {a[at]:.12g} s; both channels of one recording were expected: save them from"
+                " the same acquisition"
             )
 
     return compare
@@ -138,8 +166,11 @@ def _seconds(log: Log, index: int) -> float:
     return channel.scale_factor * (time_factor(channel.units) if known else 1.0)
 
 
-def _together(path: Path, left: Blocks, other_path: Path, right: Blocks) -> Iterator[tuple[list[Array], list[Array]]]:
-    """Blocks of both with the same rows, however each file is cut. HrgError: one ends before the other."""
+def _together(
+    path: Path, left: Blocks, other_path: Path, right: Blocks
+) -> Iterator[tuple[list[Array], list[Array]]]:
+    """Blocks of both with the same rows, however each file is cut. HrgError: one ends before the
+    other."""
     a: list[Array] | None = None
     b: list[Array] | None = None
     rows = 0
@@ -151,7 +182,8 @@ def _together(path: Path, left: Blocks, other_path: Path, right: Blocks) -> Iter
         if a is None or b is None:
             short, longer = (path, other_path) if a is None else (other_path, path)
             raise HrgError(
-                f"{short}: ends after {rows} samples, {longer} goes on; both channels of one recording were expected: save them again"
+                f"{short}: ends after {rows} samples, {longer} goes on; both channels of one"
+                " recording were expected: save them again"
             )
         count = min(len(a[0]), len(b[0]))
         if count:

@@ -33,11 +33,27 @@ def open_parquet(path: Path) -> Log:
         channels = []
         for index, field in enumerate(schema):
             types = pyarrow.types
-            number = types.is_integer(field.type) or types.is_floating(field.type) or types.is_boolean(field.type)
-            clock = types.is_timestamp(field.type) or types.is_duration(field.type) or types.is_time(field.type)
+            number = (
+                types.is_integer(field.type)
+                or types.is_floating(field.type)
+                or types.is_boolean(field.type)
+            )
+            clock = (
+                types.is_timestamp(field.type)
+                or types.is_duration(field.type)
+                or types.is_time(field.type)
+            )
             name, unit = split_name(field.name)
             rising = number and _rises(_numbers(head.column(index)))
-            channels.append(Channel(name, unit, kind="number" if number else "clock" if clock else "text", length=rows, rising=rising))
+            channels.append(
+                Channel(
+                    name,
+                    unit,
+                    kind="number" if number else "clock" if clock else "text",
+                    length=rows,
+                    rising=rising,
+                )
+            )
         start = _start(head, schema)
     return Log(
         format="parquet",
@@ -54,7 +70,15 @@ def _start(head: Any, schema: Any) -> str:
 
     for index, field in enumerate(schema):
         if pyarrow.types.is_timestamp(field.type) and head.column(index)[0].is_valid:
-            stamp = np.datetime64(int(head.column(index).cast(pyarrow.timestamp("ns", field.type.tz)).cast("int64")[0].as_py()), "ns")
+            stamp = np.datetime64(
+                int(
+                    head.column(index)
+                    .cast(pyarrow.timestamp("ns", field.type.tz))
+                    .cast("int64")[0]
+                    .as_py()
+                ),
+                "ns",
+            )
             text = str(np.datetime_as_string(stamp, unit="ns"))
             return text.rstrip("0").rstrip(".") + "Z"
     return ""
@@ -74,17 +98,26 @@ def _read(path: Path, names: Sequence[str]) -> Blocks:
 
 
 def _numbers(column: Any, origins: dict[str, int] | None = None, name: str = "") -> np.ndarray:
-    """Values as numbers; nulls become NaN, time stamps seconds since the first one (kept in `origins` for the blocks after)."""
+    """Values as numbers; nulls become NaN, time stamps seconds since the first one (kept in
+    `origins` for the blocks after)."""
     import pyarrow
 
     types = pyarrow.types
-    if types.is_timestamp(column.type) or types.is_duration(column.type) or types.is_time(column.type):
+    if (
+        types.is_timestamp(column.type)
+        or types.is_duration(column.type)
+        or types.is_time(column.type)
+    ):
         unit = getattr(column.type, "unit", "ns")
         scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[unit]
         whole = column.cast("int64" if column.type.bit_width == 64 else "int32")
         raw = whole.to_numpy(zero_copy_only=False)
         if column.null_count:
-            return np.where(np.isnan(raw), np.nan, (raw - origins.setdefault(name, 0)) * scale) if origins is not None else raw * scale
+            return (
+                np.where(np.isnan(raw), np.nan, (raw - origins.setdefault(name, 0)) * scale)
+                if origins is not None
+                else raw * scale
+            )
         origin = origins.setdefault(name, int(raw[0])) if origins is not None and len(raw) else 0
         return np.asarray((raw - origin) * scale)
     return np.asarray(column.to_numpy(zero_copy_only=False))

@@ -26,7 +26,11 @@ RATE = {
     1e-3: ("mrad/s",),
     1e-3 * DEGREE: ("mdps", "mdeg/s"),
 }
-PHASE = {1.0: ("rad", "radian", "radians"), DEGREE: ("deg", "°", "degree", "degrees"), 2 * math.pi: ("turns", "turn", "cycles", "rev")}
+PHASE = {
+    1.0: ("rad", "radian", "radians"),
+    DEGREE: ("deg", "°", "degree", "degrees"),
+    2 * math.pi: ("turns", "turn", "cycles", "rev"),
+}
 TEMPERATURE = {
     (1.0, 0.0): ("degc", "°c", "c", "celsius", "deg_c", "deg c"),
     (1.0, -273.15): ("k", "kelvin", "degk"),
@@ -65,12 +69,34 @@ CHANNEL = (
     "%",
     "1",
 )
-LEVELS = ("db", "dbm", "dbv", "dbmv", "dbuv", "dbµv", "dbu", "dbfs", "dbc", "dbw", "dbvrms", "dbrel")
+LEVELS = (
+    "db",
+    "dbm",
+    "dbv",
+    "dbmv",
+    "dbuv",
+    "dbµv",
+    "dbu",
+    "dbfs",
+    "dbc",
+    "dbw",
+    "dbvrms",
+    "dbrel",
+)
 """Units that are logarithms: 20 dB a decade of amplitude."""
 _KNOWN = (
-    set(LEVELS) | {spelling for table in (TIME, RATE, TEMPERATURE) for spellings in table.values() for spelling in spellings} | set(CHANNEL)
+    set(LEVELS)
+    | {
+        spelling
+        for table in (TIME, RATE, TEMPERATURE)
+        for spellings in table.values()
+        for spelling in spellings
+    }
+    | set(CHANNEL)
 )
-_SUFFIX = re.compile(r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv|db|dbm|dbv|dbfs)$", re.IGNORECASE)
+_SUFFIX = re.compile(
+    r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv|db|dbm|dbv|dbfs)$", re.IGNORECASE
+)
 
 
 def is_unit(text: str) -> bool:
@@ -89,9 +115,12 @@ def is_time(unit: str) -> bool:
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """Column title -> (name, unit): `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`, `rate_deg_s`; unit empty where none is seen."""
+    """Column title -> (name, unit): `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`,
+    `rate_deg_s`; unit empty where none is seen."""
     name = name.strip().strip('"').strip()
-    found = re.match(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$", name) or re.match(r"^(?:(.*?)\s)?in (\S+)$", name)
+    found = re.match(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$", name) or re.match(
+        r"^(?:(.*?)\s)?in (\S+)$", name
+    )
     if found and re.match(r"^ch\w*\s*\d$", found[2].strip(), re.IGNORECASE):
         return found[2].strip(), ""  # X(CH1): the bracket names the channel
     if found and (found[1] or is_unit(found[2])) and (name[-1] in "])" or is_unit(found[2])):
@@ -103,9 +132,15 @@ def split_name(name: str) -> tuple[str, str]:
     if head and is_unit(last) and len(last) > 1:
         return head.strip(), last.strip()
     found = _SUFFIX.match(name)
-    likely = {"s": ("time", "t", "elapsed", "timestamp"), "k": ("temp", "temperature"), "min": ("time", "t")}
+    likely = {
+        "s": ("time", "t", "elapsed", "timestamp"),
+        "k": ("temp", "temperature"),
+        "min": ("time", "t"),
+    }
     if found and found[1].lower() in likely.get(found[2].lower(), (found[1].lower(),)):
-        return found[1], found[2].replace("_s", "/s").replace("_h", "/h") if "_" in found[2] else found[2]
+        return found[1], found[2].replace("_s", "/s").replace("_h", "/h") if "_" in found[
+            2
+        ] else found[2]
     if name.lower().endswith("_c") and "temp" in name.lower():
         return name[:-2], "degC"
     return name, ""
@@ -113,7 +148,9 @@ def split_name(name: str) -> tuple[str, str]:
 
 def channel_unit(unit: str) -> str:
     """A channel's unit as files spell it; "1" where none is known."""
-    return {"volt": "V", "volts": "V", "": "1", "counts": "1", "lsb": "1", "adc": "1"}.get(unit.lower(), unit)
+    return {"volt": "V", "volts": "V", "": "1", "counts": "1", "lsb": "1", "adc": "1"}.get(
+        unit.lower(), unit
+    )
 
 
 def time_factor(unit: str) -> float:

@@ -20,13 +20,17 @@ READERS: tuple[Reader, ...] = (
     parquet.READER,
     text.READER,
 )
-"""To add a format: one file with a READER, one line here. The text reader stays last: it recognises anything readable."""
+"""To add a format: one file with a READER, one line here. The text reader stays last: it recognises
+anything readable."""
 
 EXPECTED = "a log was expected: CSV or other text, WAV, FLAC, MATLAB, TDMS, Parquet or HDF5"
 
 
-def open_log(path: Path | str, format: str = "", separator: str | None = None, decimal: str | None = None) -> Log:
-    """The log of `path` by its content (or by `format`). HrgError: missing, unreadable, of no known format, damaged."""
+def open_log(
+    path: Path | str, format: str = "", separator: str | None = None, decimal: str | None = None
+) -> Log:
+    """The log of `path` by its content (or by `format`). HrgError: missing, unreadable, of no known
+    format, damaged."""
     path = Path(path)
     head = _head(path)
     known = {reader.name: reader for reader in READERS}
@@ -34,7 +38,9 @@ def open_log(path: Path | str, format: str = "", separator: str | None = None, d
         raise HrgError(f"format is {format!r}, expected one of {', '.join(known)}")
     reader = known.get(format) or next((r for r in READERS if r.recognises(path, head)), None)
     if reader is None:
-        raise HrgError(f"{path}: is of no format known here (it begins with {head[:8]!r}); {EXPECTED}")
+        raise HrgError(
+            f"{path}: is of no format known here (it begins with {head[:8]!r}); {EXPECTED}"
+        )
     with guarded(path, reader.name):
         return reader.open(path, separator, decimal) if reader is text.READER else reader.open(path)
 
@@ -68,7 +74,10 @@ def guarded(path: Path, format: str) -> Iterator[None]:
     except FileNotFoundError as error:
         raise HrgError(f"{path}: vanished while it was read; copy it again") from error
     except MemoryError as error:
-        raise HrgError(f"{path}: claims more data than fits in memory; it is damaged or needs to be cut into parts") from error
+        raise HrgError(
+            f"{path}: claims more data than fits in memory; it is damaged or needs to be cut into"
+            " parts"
+        ) from error
     except (
         ValueError,
         OSError,
@@ -84,5 +93,6 @@ def guarded(path: Path, format: str) -> Iterator[None]:
     ) as error:
         said = str(error).strip("'\"").splitlines()[0][:140] if str(error) else type(error).__name__
         raise HrgError(
-            f"{path}: cannot be read as {format} ({said}); it is damaged or of a variant not known here: export it again"
+            f"{path}: cannot be read as {format} ({said}); it is damaged or of a variant not known"
+            " here: export it again"
         ) from error

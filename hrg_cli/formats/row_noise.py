@@ -1,8 +1,10 @@
-"""Noise of demodulated rows from their own scatter: its density where a long average feels it, and how far neighbours are correlated.
+"""Noise of demodulated rows from their own scatter: its density where a long average feels it, and
+how far neighbours are correlated.
 
-Behind a lock-in's filter the rows are not independent: a mean of g rows has the variance S₀/g, S₀ the noise's density at low frequency
-(unit² a row), not σ²/g. S₀ stands in the spectrum just above what the slow motion of the envelope fills, where the spectrum is level;
-κ = S₀/σ² is the number of rows that count as one. Of n one-pole filters of time constant τ the delay nτ is 0.5 to 0.6 κ rows.
+Behind a lock-in's filter the rows are not independent: a mean of g rows has the variance S₀/g, S₀
+the noise's density at low frequency (unit² a row), not σ²/g. S₀ stands in the spectrum just above
+what the slow motion of the envelope fills, where the spectrum is level; κ = S₀/σ² is the number of
+rows that count as one. Of n one-pole filters of time constant τ the delay nτ is 0.5 to 0.6 κ rows.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ DEGREE = 5
 """Of the polynomial by which the envelope may move within a piece."""
 
 LOW, HIGH = slice(5, 11), slice(11, 21)
-"""Bins just above what the polynomial takes and the Hann window spreads, and the octave above them."""
+"""Bins just above what the polynomial takes and the Hann window spreads, and the octave above
+them."""
 
 LEVEL = 1.3
 """Ratio of the two octaves up to which the spectrum is level, besides what chance allows."""
@@ -41,9 +44,11 @@ DELAY = 0.55
 
 @dataclass(frozen=True)
 class RowNoise:
-    """Of both channels: `density` (channel, 2) unit² a row, along the wave's phase and across it; `variance` (channel, 2) of a row.
+    """Of both channels: `density` (channel, 2) unit² a row, along the wave's phase and across it;
+    `variance` (channel, 2) of a row.
 
-    `level`: whether a level part of the spectrum was found; otherwise the lowest octave seen stands for it.
+    `level`: whether a level part of the spectrum was found; otherwise the lowest octave seen stands
+    for it.
     """
 
     density: Array
@@ -60,8 +65,9 @@ class RowNoise:
 def row_noise(looks: Sequence[Array]) -> RowNoise:
     """Noise of evenly spaced complex rows, looks of (channel, n) without gaps.
 
-    Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there, the shortest stands, unless a longer
-    one shows clearly more; a filter's S ≈ S₀(1 − cf²) is continued to f = 0 from both octaves.
+    Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there,
+    the shortest stands, unless a longer one shows clearly more; a filter's S ≈ S₀(1 − cf²) is
+    continued to f = 0 from both octaves.
     """
     longest = max(look.shape[1] for look in looks)
     tried: list[tuple[float, Array, Array, float]] = []
@@ -69,7 +75,14 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
     while rows <= min(longest, LONGEST):
         low, high, whole, count = _levels(looks, rows)
         if count >= FEWEST_PIECES or not tried:
-            tried.append((float(low.sum() / max(high.sum(), 1e-300)), low, whole, 1 / np.sqrt(6 * max(1, count))))
+            tried.append(
+                (
+                    float(low.sum() / max(high.sum(), 1e-300)),
+                    low,
+                    whole,
+                    1 / np.sqrt(6 * max(1, count)),
+                )
+            )
         rows *= 2
     tried = [one for one in tried if np.isfinite(one[0])]
     if not tried:
@@ -80,21 +93,38 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
         if one[1].sum() > (MORE + 2 * one[3]) * chosen[1].sum():
             chosen = one
     ratio, low, whole, _ = chosen
-    return RowNoise(low * max(1.0, min(ratio, LEVEL)) ** (1 / 3), np.maximum(whole, 1e-300), bool(level))
+    return RowNoise(
+        low * max(1.0, min(ratio, LEVEL)) ** (1 / 3), np.maximum(whole, 1e-300), bool(level)
+    )
 
 
 def _by_differences(looks: Sequence[Array]) -> RowNoise:
-    """Of a few rows: their third differences, as if independent: 20 times the variance; the median of |x|² is ln 2 of its mean."""
-    thirds = np.concatenate([np.diff(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1])), 3, axis=1) for look in looks], axis=1)
+    """Of a few rows: their third differences, as if independent: 20 times the variance; the median
+    of |x|² is ln 2 of its mean."""
+    thirds = np.concatenate(
+        [
+            np.diff(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1])), 3, axis=1)
+            for look in looks
+        ],
+        axis=1,
+    )
     thirds = thirds[:, np.isfinite(thirds).all(0)]
-    scatter = np.median(np.abs(thirds) ** 2, axis=1) / np.log(2) / 20 / 2 if thirds.shape[1] else np.full(looks[0].shape[0], np.nan)
+    scatter = (
+        np.median(np.abs(thirds) ** 2, axis=1) / np.log(2) / 20 / 2
+        if thirds.shape[1]
+        else np.full(looks[0].shape[0], np.nan)
+    )
     both = np.repeat(np.maximum(scatter, 1e-300)[:, None], 2, axis=1)
     return RowNoise(both, both, False)
 
 
 def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int]:
-    """Density (channel, 2) in both octaves and variance (channel, 2) of pieces of so many rows; their number."""
-    power = [np.abs(np.fft.rfft(np.stack([left.real, left.imag], 1), axis=-1)) ** 2 for left in _pieces(looks, rows)]
+    """Density (channel, 2) in both octaves and variance (channel, 2) of pieces of so many rows;
+    their number."""
+    power = [
+        np.abs(np.fft.rfft(np.stack([left.real, left.imag], 1), axis=-1)) ** 2
+        for left in _pieces(looks, rows)
+    ]
     if not power:
         nothing = np.full((looks[0].shape[0], 2), np.nan)
         return nothing, nothing, nothing, 0
@@ -105,22 +135,30 @@ def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int
 
 
 def passed(looks: Sequence[Array]) -> float:
-    """Gain of the filter at the oscillation over that at the reference, from the noise of both places; 1 where it cannot be told."""
+    """Gain of the filter at the oscillation over that at the reference, from the noise of both
+    places; 1 where it cannot be told."""
     rows = min(max(look.shape[1] for look in looks) // FEWEST_PIECES, LONGEST)
     rows = 1 << int(np.log2(max(rows, 1)))
-    power = [np.abs(np.fft.fft(left, axis=-1)).sum(0) ** 2 for left in _pieces(looks, rows)] if rows >= SHORTEST else []
+    power = (
+        [np.abs(np.fft.fft(left, axis=-1)).sum(0) ** 2 for left in _pieces(looks, rows)]
+        if rows >= SHORTEST
+        else []
+    )
     turn = float(np.median([_turn(look) for look in looks]))
     place = round(-turn / (2 * np.pi) * rows)
     if len(power) < FEWEST_PIECES or abs(place) < 2 * LOW.stop:
         return 1.0
     spectrum = np.median(power, axis=0)
     here = np.median(np.concatenate([spectrum[LOW], spectrum[-LOW.stop : -LOW.start]]))
-    there = np.median(np.take(spectrum, np.arange(place - LOW.stop, place + LOW.stop + 1), mode="wrap"))
+    there = np.median(
+        np.take(spectrum, np.arange(place - LOW.stop, place + LOW.stop + 1), mode="wrap")
+    )
     return float(min(1.0, np.sqrt(here / there)))
 
 
 def _pieces(looks: Sequence[Array], rows: int) -> Iterator[Array]:
-    """What a moving envelope leaves of pieces (channel, rows), in the stronger channel's phase, under a Hann window of power 1."""
+    """What a moving envelope leaves of pieces (channel, rows), in the stronger channel's phase,
+    under a Hann window of power 1."""
     basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, rows), DEGREE))[0]
     window = np.hanning(rows + 2)[1:-1]
     window = window / np.sqrt((window**2).sum())
@@ -131,7 +169,11 @@ def _pieces(looks: Sequence[Array], rows: int) -> Iterator[Array]:
             if np.isfinite(u).all():
                 fit = (u @ basis) @ basis.T
                 along = fit[np.argmax((np.abs(fit) ** 2).sum(1))]
-                yield (u - fit) * np.where(along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300)) * window
+                yield (
+                    (u - fit)
+                    * np.where(along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300))
+                    * window
+                )
 
 
 def _median_of(count: int) -> float:

@@ -24,10 +24,12 @@ FIELD = {
 
 
 class SlowLog:
-    """Takes the slow columns block by block beside the channels and hands over auxiliary rows in SI units.
+    """Takes the slow columns block by block beside the channels and hands over auxiliary rows in SI
+    units.
 
-    Columns as long as the channels are averaged over groups of rows so that about `most` rows remain; columns with times of
-    their own go out with the first block; constants stand at the first and last time.
+    Columns as long as the channels are averaged over groups of rows so that about `most` rows
+    remain; columns with times of their own go out with the first block; constants stand at the
+    first and last time.
     """
 
     def __init__(
@@ -45,7 +47,9 @@ class SlowLog:
         self.constants = {role: value for role, value in constants.items() if value is not None}
         for role in self.constants:
             if role in roles.auxiliary():
-                raise HrgError(f"a {role} column and constant_{FIELD[role]} were both given; leave one out")
+                raise HrgError(
+                    f"a {role} column and constant_{FIELD[role]} were both given; leave one out"
+                )
         self.scales: dict[str, tuple[float, float]] = {}
         for role, index in roles.auxiliary().items():
             channel = log.channels[index]
@@ -54,9 +58,13 @@ class SlowLog:
                 factor = rate_scale_factor * rate_factor(rate_units or channel.units or "rad/s")
             if role == "temperature":
                 factor, offset = temperature_scale(temperature_units or channel.units or "degC")
-            self.scales[role] = (factor * channel.scale_factor, factor * channel.add_offset + offset)
+            self.scales[role] = (
+                factor * channel.scale_factor,
+                factor * channel.add_offset + offset,
+            )
         own = roles.auxiliary_time is not None or any(
-            log.channels[i].length != log.channels[roles.c].length for i in roles.auxiliary().values()
+            log.channels[i].length != log.channels[roles.c].length
+            for i in roles.auxiliary().values()
         )
         self.own = own and bool(self.scales)
         self.indexes = [] if self.own else list(roles.auxiliary().values())
@@ -64,13 +72,27 @@ class SlowLog:
         self.left: list[Array] | None = None
 
     def block(
-        self, path: Path, timing: Timing, times: Array, columns: list[Array], first: bool, last: bool, shift_s: float = 0.0
+        self,
+        path: Path,
+        timing: Timing,
+        times: Array,
+        columns: list[Array],
+        first: bool,
+        last: bool,
+        shift_s: float = 0.0,
     ) -> dict[str, Array]:
-        """Auxiliary rows of one block: field name -> values; `shift_s` is the log's time that became t = 0."""
+        """Auxiliary rows of one block: field name -> values; `shift_s` is the log's time that
+        became t = 0."""
         if self.own:
-            return self._with_constants(self._own_rows(path, timing, shift_s) if first else [np.empty(0)] * (1 + len(self.scales)))
+            return self._with_constants(
+                self._own_rows(path, timing, shift_s)
+                if first
+                else [np.empty(0)] * (1 + len(self.scales))
+            )
         if not self.indexes:
-            rows = ([times[0]] if first else []) + ([times[-1]] if last and not (first and len(times) == 1) else [])
+            rows = ([times[0]] if first else []) + (
+                [times[-1]] if last and not (first and len(times) == 1) else []
+            )
             return self._with_constants([np.array(rows, float)]) if self.constants else {}
         stacked = [times, *self.converted(columns)]
         if self.left is not None:
@@ -91,28 +113,44 @@ class SlowLog:
 
     def converted(self, columns: list[Array]) -> list[Array]:
         """Slow columns in SI units."""
-        return [np.asarray(values, float) * factor + offset for values, (factor, offset) in zip(columns, self.scales.values())]
+        return [
+            np.asarray(values, float) * factor + offset
+            for values, (factor, offset) in zip(columns, self.scales.values())
+        ]
 
     def _with_constants(self, stacked: list[Array]) -> dict[str, Array]:
-        found = {"auxiliary_time_s": stacked[0], **{FIELD[role]: values for role, values in zip(self.scales, stacked[1:])}}
-        return found | {FIELD[role]: np.full(len(stacked[0]), value) for role, value in self.constants.items()}
+        found = {
+            "auxiliary_time_s": stacked[0],
+            **{FIELD[role]: values for role, values in zip(self.scales, stacked[1:])},
+        }
+        return found | {
+            FIELD[role]: np.full(len(stacked[0]), value) for role, value in self.constants.items()
+        }
 
     def _own_rows(self, path: Path, timing: Timing, shift_s: float) -> list[Array]:
         indexes = list(self.roles.auxiliary().values())
         clock = self.roles.auxiliary_time
         rows = self.log.channels[indexes[0]].length or 0
         if rows > MOST_OWN_ROWS:
-            raise HrgError(f"{path}: its slow columns have {rows} rows, {MOST_OWN_ROWS} at the most were expected; thin them out")
+            raise HrgError(
+                f"{path}: its slow columns have {rows} rows, {MOST_OWN_ROWS} at the most were"
+                " expected; thin them out"
+            )
         with guarded(path, self.log.format):
             blocks = list(self.log.read([*indexes, *([] if clock is None else [clock])]))
-        joined = [np.concatenate([np.asarray(b[k], float) for b in blocks]) for k in range(len(blocks[0]))]
+        joined = [
+            np.concatenate([np.asarray(b[k], float) for b in blocks]) for k in range(len(blocks[0]))
+        ]
         if clock is None:
             times = np.arange(rows) / (self.log.channels[indexes[0]].sample_rate_hz or 1.0)
         else:
             times = joined.pop() * timing.factor - timing.first
         if len(times) > 1 and not np.all(np.diff(times) > 0):
             row = int(np.argmin(np.diff(times) > 0)) + 2
-            raise HrgError(f"{path}: the times of its slow columns do not rise at their row {row}; sort the log or leave the columns out")
+            raise HrgError(
+                f"{path}: the times of its slow columns do not rise at their row {row}; sort the"
+                " log or leave the columns out"
+            )
         return [times - shift_s, *self.converted(joined)]
 
 
@@ -122,5 +160,8 @@ def _means(values: Array, every: int) -> Array:
         return values
     starts = np.arange(0, len(values), every)
     finite = np.isfinite(values)
-    sums, counts = np.add.reduceat(np.where(finite, values, 0.0), starts), np.add.reduceat(finite.astype(int), starts)
+    sums, counts = (
+        np.add.reduceat(np.where(finite, values, 0.0), starts),
+        np.add.reduceat(finite.astype(int), starts),
+    )
     return np.divide(sums, counts, out=np.full(len(starts), np.nan), where=counts > 0)

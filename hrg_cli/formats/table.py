@@ -14,10 +14,14 @@ LARGEST_TABLE = 1 << 28
 """Most values a table may hold in memory."""
 
 
-def read_table(path: Path | str, *, separator: str | None = None, decimal: str | None = None) -> Any:
-    """A pandas DataFrame of all columns of numbers or times (times in seconds); titles as in the log, units in `attrs["units"]`.
+def read_table(
+    path: Path | str, *, separator: str | None = None, decimal: str | None = None
+) -> Any:
+    """A pandas DataFrame of all columns of numbers or times (times in seconds); titles as in the
+    log, units in `attrs["units"]`.
 
-    HrgError: not readable, no numbers, a broken line, columns of different length, more than 2^28 values.
+    HrgError: not readable, no numbers, a broken line, columns of different length, more than 2^28
+    values.
     """
     import pandas as pd
 
@@ -27,21 +31,33 @@ def read_table(path: Path | str, *, separator: str | None = None, decimal: str |
     lengths = {log.channels[i].length for i in chosen}
     if len(lengths) > 1:
         shown = ", ".join(f"{log.channels[i].name} {log.channels[i].length}" for i in chosen)
-        raise HrgError(f"{path}: its columns differ in length ({shown}); columns of one length were expected")
+        raise HrgError(
+            f"{path}: its columns differ in length ({shown}); columns of one length were expected"
+        )
     blocks, size = [], 0
     with guarded(path, log.format):
         for block in log.read(chosen):
             size += sum(len(column) for column in block)
             if size > LARGEST_TABLE:
-                raise HrgError(f"{path}: holds more than {LARGEST_TABLE} values; import it with `hrg import`, which streams")
+                raise HrgError(
+                    f"{path}: holds more than {LARGEST_TABLE} values; import it with `hrg import`,"
+                    " which streams"
+                )
             blocks.append(block)
     names = [log.channels[i].name for i in chosen]
-    titles = [name if names.count(name) == 1 else f"{name} ({i + 1})" for i, name in zip(chosen, names)]
-    joined = [np.concatenate([b[k] for b in blocks]) if blocks else np.empty(0) for k in range(len(chosen))]
+    titles = [
+        name if names.count(name) == 1 else f"{name} ({i + 1})" for i, name in zip(chosen, names)
+    ]
+    joined = [
+        np.concatenate([b[k] for b in blocks]) if blocks else np.empty(0)
+        for k in range(len(chosen))
+    ]
     scaled = [
-        v * log.channels[i].scale_factor + log.channels[i].add_offset
-        if log.channels[i].scale_factor != 1 or log.channels[i].add_offset
-        else v
+        (
+            v * log.channels[i].scale_factor + log.channels[i].add_offset
+            if log.channels[i].scale_factor != 1 or log.channels[i].add_offset
+            else v
+        )
         for i, v in zip(chosen, joined)
     ]
     table = pd.DataFrame({title: values for title, values in zip(titles, scaled)})

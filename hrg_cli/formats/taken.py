@@ -1,4 +1,5 @@
-"""What an import took of a log: columns and units, times and gaps, what was left out and where; and the cut by --from-s and --to-s."""
+"""What an import took of a log: columns and units, times and gaps, what was left out and where; and
+the cut by --from-s and --to-s."""
 
 from __future__ import annotations
 
@@ -33,7 +34,9 @@ GAPS_NAMED = 5
 def checked_range(from_s: float | None, to_s: float | None) -> None:
     """HrgError: an empty range."""
     if from_s is not None and to_s is not None and not from_s < to_s:
-        raise HrgError(f"from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the log was expected")
+        raise HrgError(
+            f"from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the log was expected"
+        )
 
 
 def moved(start_time: str, by_s: float) -> str:
@@ -72,7 +75,8 @@ class Taken:
     _last_read_s: float | None = None
 
     def block(self, times_s: Array) -> slice:
-        """The part of a block of the log (times from its first row on) that lies in the range asked for; looks for gaps."""
+        """The part of a block of the log (times from its first row on) that lies in the range asked
+        for; looks for gaps."""
         low = 0 if self.from_s is None else int(np.searchsorted(times_s, self.from_s))
         high = len(times_s) if self.to_s is None else int(np.searchsorted(times_s, self.to_s))
         self.outside += len(times_s) - max(0, high - low)
@@ -98,20 +102,25 @@ class Taken:
             self.longest_gap_s = max(self.longest_gap_s, float(steps[k]))
             if self.gaps <= GAPS_NAMED:
                 place = int(k) + row + (0 if before else 1)
-                self.gaps_named.append({"before": self.log.where(place), "length_s": float(steps[k])})
+                self.gaps_named.append(
+                    {"before": self.log.where(place), "length_s": float(steps[k])}
+                )
 
     def count_not_finite(self, bad: Array, row: int) -> None:
         """Samples (n,) of which one is not finite; `row` is the log's row of the first."""
         where = np.flatnonzero(bad)
         self.not_finite += len(where)
-        self.places += [self.log.where(row + int(k)) for k in where[: max(0, GAPS_NAMED - len(self.places))]]
+        self.places += [
+            self.log.where(row + int(k)) for k in where[: max(0, GAPS_NAMED - len(self.places))]
+        ]
 
     def check_range(self, path: str) -> None:
         """After the last block. HrgError: nothing of the log lies in the range asked for."""
         if self.rows == 0 and self.seen and (self.from_s is not None or self.to_s is not None):
             raise HrgError(
-                f"{path}: none of its rows lies between from_s = {self.from_s or 0:g} and "
-                f"to_s = {'its end' if self.to_s is None else format(self.to_s, 'g')}; it is {self._last_read_s or 0.0:.6g} s long"
+                f"{path}: none of its rows lies between from_s = {self.from_s or 0:g} and to_s ="
+                f" {'its end' if self.to_s is None else format(self.to_s, 'g')}; it is"
+                f" {self._last_read_s or 0.0:.6g} s long"
             )
 
     def verdicts(self) -> list[tuple[Status, str]]:
@@ -123,22 +132,51 @@ class Taken:
             share = lost / (lost + self.seen)
             few = lost <= FEW_ROWS and share < FEW_SHARE
             status: Status = "valid" if few else "refused" if share > REFUSED_SHARE else "suspect"
-            found.append((status, f"{lost} of {lost + self.seen} rows of the log could not be read and were left out: {told}"))
+            found.append(
+                (
+                    status,
+                    (
+                        f"{lost} of {lost + self.seen} rows of the log could not be read and were"
+                        f" left out: {told}"
+                    ),
+                )
+            )
         if self.not_finite:
             many = self.not_finite > MANY_NOT_FINITE * self.rows
             found.append(
                 (
                     "suspect" if many else "valid",
-                    f"{self.not_finite} of {self.rows} samples are not finite ({', '.join(self.places)}"
-                    f"{', …' if self.not_finite > len(self.places) else ''}); they are kept and will be flagged",
+                    (
+                        f"{self.not_finite} of {self.rows} samples are not finite"
+                        f" ({', '.join(self.places)}{', …' if self.not_finite > len(self.places) else ''});"
+                        " they are kept and will be flagged"
+                    ),
                 )
             )
         if self.gaps:
             found.append(
-                ("valid", f"the times have {self.gaps} gaps, the longest of {self.longest_gap_s:.4g} s before {self._longest_place()}")
+                (
+                    "valid",
+                    (
+                        f"the times have {self.gaps} gaps, the longest of {self.longest_gap_s:.4g}"
+                        f" s before {self._longest_place()}"
+                    ),
+                )
             )
-        if self.to_s is not None and self._last_read_s is not None and self.to_s > self._last_read_s + 1.5 * self._step():
-            found.append(("valid", f"to_s = {self.to_s:g} lies behind the end of the log at {self._last_read_s:.6g} s"))
+        if (
+            self.to_s is not None
+            and self._last_read_s is not None
+            and self.to_s > self._last_read_s + 1.5 * self._step()
+        ):
+            found.append(
+                (
+                    "valid",
+                    (
+                        f"to_s = {self.to_s:g} lies behind the end of the log at"
+                        f" {self._last_read_s:.6g} s"
+                    ),
+                )
+            )
         return found
 
     def _longest_place(self) -> str:
@@ -154,7 +192,11 @@ class Taken:
         facts: dict[str, Any] = {
             "format": self.log.format,
             "columns": {
-                role: {"column": index + 1, "name": channels[index].name, "units": self.units.get(role, channels[index].units)}
+                role: {
+                    "column": index + 1,
+                    "name": channels[index].name,
+                    "units": self.units.get(role, channels[index].units),
+                }
                 for role, index in self.columns.items()
             },
             "samples": self.rows,
@@ -165,7 +207,13 @@ class Taken:
             "left_out": [_plain(part) for part in self.log.left_out],
         }
         if self.from_s is not None or self.to_s is not None:
-            facts["cut"] = {"from_s": self.from_s, "to_s": self.to_s, "first_s": self.first_s, "last_s": self.last_s, "rows": self.outside}
+            facts["cut"] = {
+                "from_s": self.from_s,
+                "to_s": self.to_s,
+                "first_s": self.first_s,
+                "last_s": self.last_s,
+                "rows": self.outside,
+            }
         return facts
 
     def details(self) -> str:

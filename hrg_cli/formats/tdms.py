@@ -1,4 +1,5 @@
-"""NI TDMS (npTDMS): channels of all groups, streamed; a file cut short is refused, npTDMS itself would only warn."""
+"""NI TDMS (npTDMS): channels of all groups, streamed; a file cut short is refused, npTDMS itself
+would only warn."""
 
 from __future__ import annotations
 
@@ -28,12 +29,21 @@ def open_tdms(path: Path) -> Log:
     with TdmsFile.open(str(path)) as file:
         status = file.file_status
         _complete(path, status)
-        found = [channel for group in file.groups() for channel in group.channels() if channel.data_type is not None]
+        found = [
+            channel
+            for group in file.groups()
+            for channel in group.channels()
+            if channel.data_type is not None
+        ]
         found = [channel for channel in found if len(channel) > 0]
         channels, rates, starts = [], [], []
         for channel in found:
             kind = np.dtype(channel.dtype).kind
-            unit = str(channel.properties.get("unit_string", channel.properties.get("NI_UnitDescription", "")))
+            unit = str(
+                channel.properties.get(
+                    "unit_string", channel.properties.get("NI_UnitDescription", "")
+                )
+            )
             step = channel.properties.get("wf_increment")
             rate = 1 / float(step) if isinstance(step, int | float) and step > 0 else None
             rates.append(rate)
@@ -53,7 +63,10 @@ def open_tdms(path: Path) -> Log:
     if not channels:
         raise HrgError(f"{path}: holds no channel with samples; record again")
     known = [rate for rate in rates if rate is not None]
-    start = next((np.datetime_as_string(np.datetime64(s), unit="ms") + "Z" for s in starts if s is not None), "")
+    start = next(
+        (np.datetime_as_string(np.datetime64(s), unit="ms") + "Z" for s in starts if s is not None),
+        "",
+    )
     return Log(
         format="tdms",
         channels=tuple(channels),
@@ -72,7 +85,10 @@ def _complete(path: Path, status: Any) -> None:
         for name, state in (status.channel_statuses or {}).items()
         if state.read_length != state.expected_length
     ]
-    raise HrgError(f"{path}: its last segment is cut short ({', '.join(short) or 'samples are missing'}); copy or record it again")
+    raise HrgError(
+        f"{path}: its last segment is cut short ({', '.join(short) or 'samples are missing'}); copy"
+        " or record it again"
+    )
 
 
 def _rises(head: Any) -> bool:
@@ -88,7 +104,10 @@ def _read(path: Path, names: Sequence[tuple[str, str]]) -> Blocks:
         firsts = [channel.read_data(offset=0, length=1)[0] for channel in channels]
         for start in range(0, len(channels[0]), BLOCK_ROWS):
             length = min(BLOCK_ROWS, len(channels[0]) - start)
-            yield [_numbers(channel.read_data(offset=start, length=length), first) for channel, first in zip(channels, firsts)]
+            yield [
+                _numbers(channel.read_data(offset=start, length=length), first)
+                for channel, first in zip(channels, firsts)
+            ]
 
 
 def _numbers(values: Any, first: Any) -> np.ndarray:

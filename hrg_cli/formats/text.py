@@ -1,7 +1,9 @@
-"""Text logs: CSV of any separator, of oscilloscopes and of lock-in amplifiers, streamed by blocks with flat memory.
+"""Text logs: CSV of any separator, of oscilloscopes and of lock-in amplifiers, streamed by blocks
+with flat memory.
 
-Every block is cut at a line end, its separators are counted line by line (a broken line is named by its number), and pandas'
-C parser turns it into columns. Nothing is guessed after the first part of the file: a later cell of another kind is an error.
+Every block is cut at a line end, its separators are counted line by line (a broken line is named by
+its number), and pandas' C parser turns it into columns. Nothing is guessed after the first part of
+the file: a later cell of another kind is an error.
 """
 
 from __future__ import annotations
@@ -42,11 +44,18 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
     )
     layout = understood(path, dialect, channels)
     start = next(
-        (Clock("date", row[i], str(path)).start_time() for row in dialect.sample[:1] for i, k in enumerate(dialect.kinds) if k == "date"),
+        (
+            Clock("date", row[i], str(path)).start_time()
+            for row in dialect.sample[:1]
+            for i, k in enumerate(dialect.kinds)
+            if k == "date"
+        ),
         "",
     )
     row_bytes = max(1, len(head) // max(1, head.count(b"\n")))
-    last = tail.decode(dialect.encoding if dialect.encoding != "utf-16" else "latin-1", "replace").splitlines()[-2:]
+    last = tail.decode(
+        dialect.encoding if dialect.encoding != "utf-16" else "latin-1", "replace"
+    ).splitlines()[-2:]
     return Log(
         format="text",
         channels=layout.channels,
@@ -73,13 +82,19 @@ def _rising(dialect: Dialect) -> list[bool]:
                     values.append(float(row[index].replace(",", ".")))
                 except ValueError:
                     values.append(np.nan)
-        rising.append(len(values) > 2 and bool(np.all(np.diff(values) >= 0)) and values[-1] > values[0])
+        rising.append(
+            len(values) > 2 and bool(np.all(np.diff(values) >= 0)) and values[-1] > values[0]
+        )
     return rising
 
 
 def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
     texts = [row[index] for row in dialect.sample]
-    texts += [cells[index] for line in last if len(cells := split_line(line, dialect.separator)) == len(dialect.kinds)]
+    texts += [
+        cells[index]
+        for line in last
+        if len(cells := split_line(line, dialect.separator)) == len(dialect.kinds)
+    ]
     if dialect.kinds[index] != "number":
         return min((quantum(text) for text in texts if text), default=0.0)
     exponents = any("e" in text.lower() for text in texts)
@@ -88,9 +103,14 @@ def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
 
 
 def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
-    """Blocks of whole lines (line number of the first, bytes in UTF-8 or Latin-1), from the first data line on."""
+    """Blocks of whole lines (line number of the first, bytes in UTF-8 or Latin-1), from the first
+    data line on."""
     with open(path, "rb") as file:
-        decoder = codecs.getincrementaldecoder("utf-16")("replace") if dialect.encoding == "utf-16" else None
+        decoder = (
+            codecs.getincrementaldecoder("utf-16")("replace")
+            if dialect.encoding == "utf-16"
+            else None
+        )
         left, number, started, first = b"", 0, False, True
         while True:
             chunk = file.read(BLOCK_BYTES)
@@ -104,7 +124,10 @@ def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
             if not chunk:
                 cut = len(block)
             elif cut == 0 and len(block) > max(LONGEST_LINE, BLOCK_BYTES):
-                raise HrgError(f"{path}: line {number + 1} is longer than {LONGEST_LINE} bytes; a log has a row a sample")
+                raise HrgError(
+                    f"{path}: line {number + 1} is longer than {LONGEST_LINE} bytes; a log has a"
+                    " row a sample"
+                )
             whole, left = block[:cut], block[cut:]
             if not started and whole:
                 parts = whole.split(b"\n", dialect.first_line)
@@ -130,7 +153,9 @@ def _read(path: Path, dialect: Dialect, indexes: tuple[int, ...]) -> Blocks:
                 clock = clocks.get(index)
                 if clock is None:
                     first = str(values.iloc[0])
-                    clock = clocks[index] = Clock(dialect.kinds[index], first, f"{path}: line {number + 1}")
+                    clock = clocks[index] = Clock(
+                        dialect.kinds[index], first, f"{path}: line {number + 1}"
+                    )
                 columns.append(clock.seconds(values.to_numpy(object)))
             else:
                 columns.append(values.to_numpy(float))
@@ -138,7 +163,8 @@ def _read(path: Path, dialect: Dialect, indexes: tuple[int, ...]) -> Blocks:
 
 
 def _check_shape(path: Path, dialect: Dialect, number: int, block: bytes) -> None:
-    """Every line has as many cells as the first rows; blank lines and comments may stand between."""
+    """Every line has as many cells as the first rows; blank lines and comments may stand
+    between."""
     if dialect.separator == " " or dialect.quoted:
         _check_shape_slowly(path, dialect, number, block)
         return
@@ -165,8 +191,9 @@ def _judge_line(path: Path, dialect: Dialect, number: int, line: bytes) -> None:
     cells = split_line(text, dialect.separator)
     if len(cells) != len(dialect.kinds):
         raise HrgError(
-            f"{path}: line {number + 1} has {len(cells)} cells ({text[:40]!r}), the lines above have {len(dialect.kinds)}; "
-            "the log is broken there: cut it before that line or record it again"
+            f"{path}: line {number + 1} has {len(cells)} cells ({text[:40]!r}), the lines above"
+            f" have {len(dialect.kinds)}; the log is broken there: cut it before that line or"
+            " record it again"
         )
 
 
@@ -194,20 +221,30 @@ def _parsed(path: Path, dialect: Dialect, indexes: tuple[int, ...], number: int,
         return None
     except (ValueError, OverflowError, pd.errors.ParserError) as error:
         _name_bad_cell(path, dialect, indexes, number, block)
-        raise HrgError(f"{path}: after line {number + 1}: cannot be read as columns of numbers ({str(error)[:100]})") from error
+        raise HrgError(
+            f"{path}: after line {number + 1}: cannot be read as columns of numbers"
+            f" ({str(error)[:100]})"
+        ) from error
 
 
-def _name_bad_cell(path: Path, dialect: Dialect, indexes: Sequence[int], number: int, block: bytes) -> None:
+def _name_bad_cell(
+    path: Path, dialect: Dialect, indexes: Sequence[int], number: int, block: bytes
+) -> None:
     for row, line in enumerate(block.split(b"\n")):
         text = line.decode("latin-1").strip("\r\n")
         if not text.strip() or (dialect.comment and text.lstrip().startswith(dialect.comment)):
             continue
         cells = split_line(text, dialect.separator)
         for index in indexes:
-            if index < len(cells) and dialect.kinds[index] == "number" and cell_kind(cells[index], dialect.decimal) not in ("number", ""):
+            if (
+                index < len(cells)
+                and dialect.kinds[index] == "number"
+                and cell_kind(cells[index], dialect.decimal) not in ("number", "")
+            ):
                 raise HrgError(
-                    f"{path}: line {number + row + 1}: {cells[index][:40]!r} in column {index + 1} ({dialect.names[index]}) "
-                    "is not a number; correct the line, or give separator and decimal"
+                    f"{path}: line {number + row + 1}: {cells[index][:40]!r} in column {index + 1}"
+                    f" ({dialect.names[index]}) is not a number; correct the line, or give"
+                    " separator and decimal"
                 )
 
 

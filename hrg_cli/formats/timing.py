@@ -26,14 +26,22 @@ class Timing:
 
 
 def timing_of(
-    log: Log, roles: Roles, path: Path, time_units: str | None, clock_hz: float | None, given: float | None, tolerance: float
+    log: Log,
+    roles: Roles,
+    path: Path,
+    time_units: str | None,
+    clock_hz: float | None,
+    given: float | None,
+    tolerance: float,
 ) -> Timing:
-    """Judge the time column, or take the rate that was given or that the log states. HrgError: none, or times that do not rise."""
+    """Judge the time column, or take the rate that was given or that the log states. HrgError:
+    none, or times that do not rise."""
     if roles.time is None:
         rate = given or log.sample_rate_hz
         if rate is None:
             raise HrgError(
-                f"{path}: neither a time column nor a sampling rate was found (columns: {listing(log)}); give time or sample_rate_hz"
+                f"{path}: neither a time column nor a sampling rate was found (columns:"
+                f" {listing(log)}); give time or sample_rate_hz"
             )
         return Timing(float(rate), 1.0)
     channel = log.channels[roles.time]
@@ -42,7 +50,10 @@ def timing_of(
     elif clock_hz or (log.clock_hz and time_units is None):
         factor = 1.0 / (clock_hz or log.clock_hz or 1.0)
     elif channel.units.lower() in ("ticks", "tick"):
-        raise HrgError(f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks a second; 60e6 for an MFLI)")
+        raise HrgError(
+            f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks"
+            " a second; 60e6 for an MFLI)"
+        )
     else:
         factor = time_factor(time_units or channel.units or "s")
     if given is not None:
@@ -56,19 +67,26 @@ def timing_of(
     if judge.rows == 0:
         raise HrgError(f"{path}: holds no rows of numbers; record again")
     if judge.rows == 1:
-        raise HrgError(f"{path}: holds one sample only; a sampling rate cannot be found: give sample_rate_hz")
+        raise HrgError(
+            f"{path}: holds one sample only; a sampling rate cannot be found: give sample_rate_hz"
+        )
     step, departure = judge.even_step()
     rounding = log.quantum(roles.time) * (1.0 if channel.kind == "clock" else factor)
     if single_precision:
-        rounding = max(rounding, float(np.spacing(np.float32(max(abs(judge.first), abs(judge.last))))))
-    allowed = max(tolerance * step, min(rounding, 0.5 * step) * 0.51, 4 * np.spacing(abs(judge.last)))
+        rounding = max(
+            rounding, float(np.spacing(np.float32(max(abs(judge.first), abs(judge.last)))))
+        )
+    allowed = max(
+        tolerance * step, min(rounding, 0.5 * step) * 0.51, 4 * np.spacing(abs(judge.last))
+    )
     if departure <= allowed:
         return Timing(float(_nice(1 / step, step, judge.rows, rounding)), factor, judge.first)
     return Timing(None, factor, judge.first)
 
 
 def _nice(rate: float, step: float, rows: int, rounding: float) -> float:
-    """The rate with the fewest digits within what the printed times can tell (10000, not 9999.9999)."""
+    """The rate with the fewest digits within what the printed times can tell (10000, not
+    9999.9999)."""
     error = rate * max(rounding / (step * max(rows - 1, 1)), 4e-16 * rows**0.5)
     for digits in range(1, 16):
         short = float(f"{rate:.{digits}g}")
@@ -78,7 +96,8 @@ def _nice(rate: float, step: float, rows: int, rounding: float) -> float:
 
 
 def _given(log: Log, roles: Roles, path: Path, factor: float, given: float) -> Timing:
-    """A given rate beats the log's times; where they disagree by more than their rounding and two steps, the recording is suspect."""
+    """A given rate beats the log's times; where they disagree by more than their rounding and two
+    steps, the recording is suspect."""
     assert roles.time is not None
     first = last = np.nan
     rows = 0
@@ -94,7 +113,7 @@ def _given(log: Log, roles: Roles, path: Path, factor: float, given: float) -> T
     if rows < 2 or not abs(span - expected) > 2 / given + rounding + 1e-4 * expected:
         return Timing(given, factor, first * factor)
     reason = (
-        f"the log's times span {span:.6g} s, {rows} samples at the given {given:g} Hz span {expected:.6g} s: "
-        "samples are missing or the rate is wrong"
+        f"the log's times span {span:.6g} s, {rows} samples at the given {given:g} Hz span"
+        f" {expected:.6g} s: samples are missing or the rate is wrong"
     )
     return Timing(given, factor, first * factor, (reason,))

@@ -1,9 +1,11 @@
-"""run_lot: the whole chain for every gyro of a lot, shared among processes or a cluster, resumable, one table at the end.
+"""run_lot: the whole chain for every gyro of a lot, shared among processes or a cluster, resumable,
+one table at the end.
 
-The folder: one folder a gyro with its periods, waves, resonator, calibration; `lot.csv` (and `lot.parquet` with pyarrow),
-`lot.html`, `lot.json`. The same lot gives the same results whatever the number of workers and however often it was interrupted; files
-differ in the stamp alone (`created`, the time in `history`, and the hashes of sources that bear one), and not even in that where the
-lot orders a time.
+The folder: one folder a gyro with its periods, waves, resonator, calibration; `lot.csv` (and
+`lot.parquet` with pyarrow), `lot.html`, `lot.json`. The same lot gives the same results whatever
+the number of workers and however often it was interrupted; files differ in the stamp alone
+(`created`, the time in `history`, and the hashes of sources that bear one), and not even in that
+where the lot orders a time.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ Progress = Callable[[float | None], None]
 
 
 def executor_for(jobs: int = 1, dask: bool = False, scheduler: str | None = None) -> OpenExecutor:
-    """The executor a command line asks for: local processes, Dask workers started here, or those of a running scheduler."""
+    """The executor a command line asks for: local processes, Dask workers started here, or those of
+    a running scheduler."""
     if scheduler is not None or dask:
         return partial(dask_workers, scheduler, jobs)
     return partial(local_processes, jobs)
@@ -53,10 +56,12 @@ def run_lot(
     over: dict[str, Any] | None = None,
     progress: Progress = lambda share: None,
 ) -> dict[str, Any]:
-    """Run the lot of a TOML file into a folder; the report as JSON. What is done already, unchanged, is not done again.
+    """Run the lot of a TOML file into a folder; the report as JSON. What is done already,
+    unchanged, is not done again.
 
-    A recording or gyro that fails is reported and does not stop the others. Status: valid (every gyro passed), suspect (some did
-    not), refused (none did). HrgError: a wrong lot file, no recordings, a folder that holds something else (unless `force`).
+    A recording or gyro that fails is reported and does not stop the others. Status: valid (every
+    gyro passed), suspect (some did not), refused (none did). HrgError: a wrong lot file, no
+    recordings, a folder that holds something else (unless `force`).
     """
     from ..reporting.lot_page import lot_page
 
@@ -75,13 +80,27 @@ def run_lot(
             done = [result or _killed(task) for task, result in zip(first, waves)]
             second = _gyro_tasks(lot, first, done, command)
             results = run_tasks(work_gyro, second, open_executor, count_of.gyros_done)
-        found = [result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED} for task, result in zip(second, results)]
-        rows = judged_rows(lot, [_plain(r, folder, path) for r in failed + done], [_plain(r, folder, path) for r in found])
+        found = [
+            result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED}
+            for task, result in zip(second, results)
+        ]
+        rows = judged_rows(
+            lot,
+            [_plain(r, folder, path) for r in failed + done],
+            [_plain(r, folder, path) for r in found],
+        )
         store.remove_stale(folder, below=True)  # of workers that were killed
         report = _report(lot, rows, failed + done)
         write_table(folder, rows)
-        _write_text(folder / "lot.html", lot_page(report, {t.gyro_id: Path(t.folder).name for t in first if Path(t.folder).is_dir()}))
-        _write_text(folder / MARK, json.dumps(report, indent=1, sort_keys=True, ensure_ascii=False) + "\n")
+        _write_text(
+            folder / "lot.html",
+            lot_page(
+                report, {t.gyro_id: Path(t.folder).name for t in first if Path(t.folder).is_dir()}
+            ),
+        )
+        _write_text(
+            folder / MARK, json.dumps(report, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+        )
     return report | {"output": str(folder), "elapsed_s": round(time.monotonic() - started, 3)}
 
 
@@ -107,12 +126,16 @@ class _Count:
         self._progress((self.waves + self.done) / (self.recordings + self.gyros))
 
     def sentence(self) -> str:
-        return f"{self.done} of {self.gyros} gyros and {self.waves} of {self.recordings} recordings done; the same command goes on"
+        return (
+            f"{self.done} of {self.gyros} gyros and {self.waves} of {self.recordings} recordings"
+            " done; the same command goes on"
+        )
 
 
 @contextlib.contextmanager
 def _saying_how_far(folder: Path, count: _Count) -> Iterator[None]:
-    """An interrupted lot says how far it came and cleans up after its workers; so does one whose disk is full."""
+    """An interrupted lot says how far it came and cleans up after its workers; so does one whose
+    disk is full."""
     try:
         yield
     except KeyboardInterrupt:
@@ -124,7 +147,8 @@ def _saying_how_far(folder: Path, count: _Count) -> Iterator[None]:
 
 
 def _command(path: Path, assignments: Sequence[str], over: Mapping[str, Any] | None) -> str:
-    """The command as histories keep it: what it was told, not where or by how many processes it was done."""
+    """The command as histories keep it: what it was told, not where or by how many processes it was
+    done."""
     words = ["hrg", "batch", path.name, *(word for text in assignments for word in ("--set", text))]
     added = f", settings over it {settings.to_toml({'batch': over}).strip()!r}" if over else ""
     return f"{shlex.join(words)}; {path.name} has SHA-256 {store.sha256(path)}{added}"
@@ -144,9 +168,13 @@ def _claim(folder: Path, force: bool) -> None:
         try:
             folder.mkdir()
         except OSError as error:
-            raise HrgError(f"{folder}: cannot be made ({error.strerror}); choose another --output") from error
+            raise HrgError(
+                f"{folder}: cannot be made ({error.strerror}); choose another --output"
+            ) from error
     elif not force and any(folder.iterdir()) and not (folder / MARK).exists():
-        raise HrgError(f"{folder}: holds files that are not of a lot; name an empty folder or give --force")
+        raise HrgError(
+            f"{folder}: holds files that are not of a lot; name an empty folder or give --force"
+        )
     store.check_output(folder / MARK, force=True)
     if not (folder / MARK).exists():
         _write_text(folder / MARK, '{"kind": "lot", "status": "unfinished"}\n')
@@ -160,14 +188,17 @@ def _only_writer(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise HrgError(f"{folder}: another program works on this lot; wait until it has ended") from error
+            raise HrgError(
+                f"{folder}: another program works on this lot; wait until it has ended"
+            ) from error
         yield
     finally:
         os.close(handle)
 
 
 def _epoch(lot: LotSettings) -> int | None:
-    """The time that all files of the lot bear, s since 1970, where the lot or SOURCE_DATE_EPOCH orders one; None: the true one."""
+    """The time that all files of the lot bear, s since 1970, where the lot or SOURCE_DATE_EPOCH
+    orders one; None: the true one."""
     if lot.created:
         return int(datetime.fromisoformat(lot.created.replace("Z", "+00:00")).timestamp())
     fixed = os.environ.get("SOURCE_DATE_EPOCH")
@@ -175,9 +206,14 @@ def _epoch(lot: LotSettings) -> int | None:
 
 
 def safe_name(text: str) -> str:
-    """A file name that stays in its folder whatever the text; texts that had to be changed stay distinct."""
+    """A file name that stays in its folder whatever the text; texts that had to be changed stay
+    distinct."""
     plain = re.sub(r"[^A-Za-z0-9_+.-]", "_", text).lstrip(".")[:60]
-    return plain if plain == text and plain else f"{plain or 'gyro'}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return (
+        plain
+        if plain == text and plain
+        else f"{plain or 'gyro'}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    )
 
 
 def _recording_tasks(
@@ -187,15 +223,27 @@ def _recording_tasks(
     tasks: list[RecordingTask] = []
     failed: list[dict[str, Any]] = []
     used: set[tuple[str, str]] = set()
-    second = partners([file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file"))
+    second = partners(
+        [file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file")
+    )
     for named, file in recordings:
         if file in second:
             continue
         foreign = _is_foreign(file)
         try:
-            gyro = named or (str(lot.table("import", file.name).get("gyro_id", "")) if foreign else _gyro_of(file)) or file.parent.name
+            gyro = (
+                named
+                or (
+                    str(lot.table("import", file.name).get("gyro_id", ""))
+                    if foreign
+                    else _gyro_of(file)
+                )
+                or file.parent.name
+            )
         except HrgError as error:
-            failed.append({"gyro_id": named or "", "name": file.name, "status": "failed", "error": str(error)})
+            failed.append(
+                {"gyro_id": named or "", "name": file.name, "status": "failed", "error": str(error)}
+            )
             continue
         name = safe_name(file.stem)
         if (gyro, name) in used:
@@ -204,7 +252,19 @@ def _recording_tasks(
         stages = (*(["import"] if foreign else []), *PER_RECORDING)
         values = {stage: lot.values(stage, file.name) for stage in stages}
         target = folder.absolute() / safe_name(gyro)
-        tasks.append(RecordingTask(str(file), str(target), name, gyro, _epoch(lot), values, foreign, lot.lot_id, command))
+        tasks.append(
+            RecordingTask(
+                str(file),
+                str(target),
+                name,
+                gyro,
+                _epoch(lot),
+                values,
+                foreign,
+                lot.lot_id,
+                command,
+            )
+        )
     return tasks, failed
 
 
@@ -227,23 +287,38 @@ def _gyro_of(file: Path) -> str:
         return recording.gyro_id
 
 
-def _gyro_tasks(lot: LotSettings, tasks: list[RecordingTask], done: list[dict[str, Any]], command: str) -> list[GyroTask]:
+def _gyro_tasks(
+    lot: LotSettings, tasks: list[RecordingTask], done: list[dict[str, Any]], command: str
+) -> list[GyroTask]:
     """One task a gyro, in the order of the gyros' names."""
     waves: dict[tuple[str, str], dict[str, list[str]]] = {}
     for task, result in zip(tasks, done):
         by_mode = waves.setdefault((task.gyro_id, task.folder), {"free": [], "forced": []})
         if result["status"] != "failed":
             by_mode[result["mode"]].append(result["wave"])
-    stages: tuple[str, ...] = tuple(stage for stage in ("identify", "calibrate", "diagnose") if stage in lot.stages)
+    stages: tuple[str, ...] = tuple(
+        stage for stage in ("identify", "calibrate", "diagnose") if stage in lot.stages
+    )
     values = {stage: lot.values(stage) for stage in stages}
     return [
-        GyroTask(gyro, folder, tuple(sorted(m["free"])), tuple(sorted(m["forced"])), _epoch(lot), stages, values, lot.limits, command)
+        GyroTask(
+            gyro,
+            folder,
+            tuple(sorted(m["free"])),
+            tuple(sorted(m["forced"])),
+            _epoch(lot),
+            stages,
+            values,
+            lot.limits,
+            command,
+        )
         for (gyro, folder), m in sorted(waves.items())
     ]
 
 
 def _plain(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict[str, Any]:
-    """A result whose sentences name files relative to the lot, so that the table does not depend on where it lies."""
+    """A result whose sentences name files relative to the lot, so that the table does not depend on
+    where it lies."""
 
     def strip(value: Any) -> Any:
         if isinstance(value, str):
@@ -257,9 +332,13 @@ def _plain(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict[str,
     return {key: strip(value) for key, value in result.items()}
 
 
-def _report(lot: LotSettings, rows: list[dict[str, Any]], recordings: list[dict[str, Any]]) -> dict[str, Any]:
+def _report(
+    lot: LotSettings, rows: list[dict[str, Any]], recordings: list[dict[str, Any]]
+) -> dict[str, Any]:
     passed = [row for row in rows if row["passed"]]
-    reasons = [f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in rows if not row["passed"]]
+    reasons = [
+        f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in rows if not row["passed"]
+    ]
     return {
         "kind": "lot",
         "status": "valid" if len(passed) == len(rows) else "suspect" if passed else "refused",

@@ -1,4 +1,5 @@
-"""The file of a lot: which recordings, which stages, which settings, which limits; checked whole before any work begins."""
+"""The file of a lot: which recordings, which stages, which settings, which limits; checked whole
+before any work begins."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ class GyroSettings(BaseModel):
 
 
 class LotSettings(BaseModel):
-    """A lot: patterns or names of recordings (hrg files or foreign logs), relative to the lot's file."""
+    """A lot: patterns or names of recordings (hrg files or foreign logs), relative to the lot's
+    file."""
 
     model_config = _STRICT
     lot_id: str = ""
@@ -63,7 +65,8 @@ class LotSettings(BaseModel):
         return [value] if isinstance(value, str) else value
 
     def table(self, stage: str, file_name: str = "") -> Table:
-        """The settings given for a stage: the lot's, then those of every pattern that fits the file's name."""
+        """The settings given for a stage: the lot's, then those of every pattern that fits the
+        file's name."""
         attribute = "import_" if stage == "import" else stage
         given = dict(getattr(self, attribute))
         for pattern, run in self.runs.items():
@@ -74,11 +77,18 @@ class LotSettings(BaseModel):
     def values(self, stage: str, file_name: str = "") -> Table:
         """The whole checked settings of a stage."""
         function = import_log if stage == "import" else STAGES[stage].function()
-        checked = settings.validate(settings.model_of(function), self.table(stage, file_name), "the lot's file", prefix=f"{stage}.")
+        checked = settings.validate(
+            settings.model_of(function),
+            self.table(stage, file_name),
+            "the lot's file",
+            prefix=f"{stage}.",
+        )
         return {key: getattr(checked, key) for key in type(checked).model_fields}
 
 
-def read_lot(path: Path | str, assignments: tuple[str, ...] = (), over: Table | None = None) -> LotSettings:
+def read_lot(
+    path: Path | str, assignments: tuple[str, ...] = (), over: Table | None = None
+) -> LotSettings:
     """The lot of a TOML file, the keys of `over` and then `--set` assignments applied.
 
     HrgError: not TOML, unknown keys, wrong values, no recordings named.
@@ -90,7 +100,9 @@ def read_lot(path: Path | str, assignments: tuple[str, ...] = (), over: Table | 
         settings.assign(tree, *settings.parse_assignment(text))
     lot: LotSettings = settings.validate(LotSettings, tree, str(path))
     if not lot.recordings and not lot.gyro:
-        raise HrgError(f'{path}: names no recordings; write recordings = "data/*.h5" or [[gyro]] tables')
+        raise HrgError(
+            f'{path}: names no recordings; write recordings = "data/*.h5" or [[gyro]] tables'
+        )
     for stage in ("import", *PER_RECORDING, *lot.stages):
         lot.values(stage)
         for pattern in lot.runs:
@@ -99,7 +111,8 @@ def read_lot(path: Path | str, assignments: tuple[str, ...] = (), over: Table | 
 
 
 def recordings_of(lot: LotSettings, base: Path) -> list[tuple[str | None, Path]]:
-    """(gyro or None, file) of every recording, sorted, none twice. HrgError: a name or pattern that no file fits."""
+    """(gyro or None, file) of every recording, sorted, none twice. HrgError: a name or pattern that
+    no file fits."""
     found: dict[Path, str | None] = {}
     for gyro, patterns in [(None, lot.recordings), *((g.gyro_id, g.recordings) for g in lot.gyro)]:
         for pattern in patterns:
@@ -116,7 +129,13 @@ def _matching(base: Path, pattern: str) -> list[Path]:
     if whole.is_file():
         return [whole.absolute()]
     try:
-        root, relative = (Path(whole.anchor), str(whole.relative_to(whole.anchor))) if Path(pattern).is_absolute() else (base, pattern)
+        root, relative = (
+            (Path(whole.anchor), str(whole.relative_to(whole.anchor)))
+            if Path(pattern).is_absolute()
+            else (base, pattern)
+        )
         return sorted(p.absolute() for p in root.glob(relative) if p.is_file())
     except (ValueError, NotImplementedError, OSError) as error:
-        raise HrgError(f"{base}: {pattern!r} is no pattern of files ({error}); write e.g. data/*.h5") from error
+        raise HrgError(
+            f"{base}: {pattern!r} is no pattern of files ({error}); write e.g. data/*.h5"
+        ) from error

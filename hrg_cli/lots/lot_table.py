@@ -1,4 +1,5 @@
-"""The table of a lot: a row a gyro with its parameters, their errors, pass or fail, and how far it stands from the lot."""
+"""The table of a lot: a row a gyro with its parameters, their errors, pass or fail, and how far it
+stands from the lot."""
 
 from __future__ import annotations
 
@@ -18,16 +19,25 @@ NO_ORDER = ("damping_axis_rad", "stiffness_axis_rad")
 """Axes lie at random; none of them stands out."""
 
 
-def judged_rows(lot: LotSettings, recordings: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def judged_rows(
+    lot: LotSettings, recordings: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]
+) -> list[dict[str, Any]]:
     """Rows in the order of the gyros' names; every row has the same keys.
 
-    Robust distance of a parameter x from the lot: z = (x − median) / √((1.4826·MAD)² + σ²), MAD the median absolute deviation of
-    the lot and σ the gyro's own standard deviation; beyond `outlier_z` it is named in `outliers`. A gyro passes when all its
-    stages gave a result that is not refused, none of its recordings failed and every limit holds.
+    Robust distance of a parameter x from the lot: z = (x − median) / √((1.4826·MAD)² + σ²), MAD the
+    median absolute deviation of the lot and σ the gyro's own standard deviation; beyond `outlier_z`
+    it is named in `outliers`. A gyro passes when all its stages gave a result that is not refused,
+    none of its recordings failed and every limit holds.
     """
-    rows = [_row(gyro, [r for r in recordings if r["gyro_id"] == gyro["gyro_id"]]) for gyro in gyros]
+    rows = [
+        _row(gyro, [r for r in recordings if r["gyro_id"] == gyro["gyro_id"]]) for gyro in gyros
+    ]
     known = {gyro["gyro_id"] for gyro in gyros}
-    rows += [_row({"gyro_id": r["gyro_id"], "status": "failed", "error": ""}, [r]) for r in recordings if r["gyro_id"] not in known]
+    rows += [
+        _row({"gyro_id": r["gyro_id"], "status": "failed", "error": ""}, [r])
+        for r in recordings
+        if r["gyro_id"] not in known
+    ]
     columns = list(dict.fromkeys(key for row in rows for key in row["figures"]))
     for name in columns:
         _distances(rows, name, lot.outlier_z)
@@ -49,7 +59,11 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
     broken = [c for c in gyro.get("checks", []) if not c["passed"]]
     why = [gyro.get("error") or ""]
     why += [r["error"] if r["name"] in r["error"] else f"{r['name']}: {r['error']}" for r in failed]
-    why += [f"{stage} is refused: {'; '.join(r['status_reasons'])}" for stage, r in results.items() if r["status"] == "refused"]
+    why += [
+        f"{stage} is refused: {'; '.join(r['status_reasons'])}"
+        for stage, r in results.items()
+        if r["status"] == "refused"
+    ]
     why += [c["sentence"] for c in broken]
     if not results and not failed and not gyro.get("error"):
         why.append("no stage had runs to work on: identify needs free runs, calibrate forced ones")
@@ -73,7 +87,11 @@ def _number(value: Any) -> float:
 
 
 def _distances(rows: list[dict[str, Any]], name: str, limit: float) -> None:
-    values = [row["figures"][name][0] for row in rows if name in row["figures"] and math.isfinite(row["figures"][name][0])]
+    values = [
+        row["figures"][name][0]
+        for row in rows
+        if name in row["figures"] and math.isfinite(row["figures"][name][0])
+    ]
     if name in NO_ORDER or len(values) < FEWEST:
         return
     middle = median(values)
@@ -90,20 +108,44 @@ def _distances(rows: list[dict[str, Any]], name: str, limit: float) -> None:
 
 
 def _flat(row: Mapping[str, Any], columns: Sequence[str]) -> dict[str, Any]:
-    flat = {key: row[key] for key in ("gyro_id", "status", "passed", "why", "runs", "runs_failed", "chi2_per_dof", "verdict")}
+    flat = {
+        key: row[key]
+        for key in (
+            "gyro_id",
+            "status",
+            "passed",
+            "why",
+            "runs",
+            "runs_failed",
+            "chi2_per_dof",
+            "verdict",
+        )
+    }
     flat["outliers"] = " ".join(row.get("far", []))
     for name in columns:
         value, std = row["figures"].get(name, (math.nan, math.nan))
         flat |= {name: value, f"{name}_std": std, f"{name}_z": row["distances"].get(name, math.nan)}
-    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in flat.items()}
+    return {
+        key: None if isinstance(value, float) and math.isnan(value) else value
+        for key, value in flat.items()
+    }
 
 
 def write_table(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """`lot.csv`, and `lot.parquet` where pyarrow is installed; columns without a single value are left out."""
+    """`lot.csv`, and `lot.parquet` where pyarrow is installed; columns without a single value are
+    left out."""
     import pandas as pd
 
-    table = pd.DataFrame([{spreadsheet(name): spreadsheet(value) for name, value in row.items()} for row in rows]).convert_dtypes()
-    table = table.drop(columns=[name for name in table if table[name].isna().all() and str(name).endswith(("_std", "_z"))])
+    table = pd.DataFrame(
+        [{spreadsheet(name): spreadsheet(value) for name, value in row.items()} for row in rows]
+    ).convert_dtypes()
+    table = table.drop(
+        columns=[
+            name
+            for name in table
+            if table[name].isna().all() and str(name).endswith(("_std", "_z"))
+        ]
+    )
     with store.atomic_path(folder / "lot.csv", force=True) as temporary:
         table.to_csv(temporary, index=False, lineterminator="\n")
     try:

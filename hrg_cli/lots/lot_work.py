@@ -1,8 +1,10 @@
-"""The two units of work of a lot: one recording to its wave, and the waves of one gyro to its results.
+"""The two units of work of a lot: one recording to its wave, and the waves of one gyro to its
+results.
 
-Each takes paths and settings, writes its own files atomically and returns a small dictionary; a failure is a result too. What
-was done is remembered beside the outputs with a key made of the inputs' content, the settings and the version, so that work
-already done is not done again, and anything that changed is.
+Each takes paths and settings, writes its own files atomically and returns a small dictionary; a
+failure is a result too. What was done is remembered beside the outputs with a key made of the
+inputs' content, the settings and the version, so that work already done is not done again, and
+anything that changed is.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ _ONE_AT_A_TIME = threading.Lock()
 
 @dataclass(frozen=True)
 class RecordingTask:
-    """One recording: the file, what it is called in the folder, the settings of import, demodulate and estimate."""
+    """One recording: the file, what it is called in the folder, the settings of import, demodulate
+    and estimate."""
 
     source: str
     folder: str
@@ -57,38 +60,68 @@ class GyroTask:
 
 def line(task: RecordingTask | GyroTask, stage: str, inputs: Sequence[Path], output: Path) -> str:
     """The line of `history`: the step as a command of its own, and the command that ran it."""
-    return f"hrg {stage} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in: {task.command})"
+    return (
+        f"hrg {stage} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in:"
+        f" {task.command})"
+    )
 
 
 def work_recording(task: RecordingTask) -> dict[str, Any]:
-    """Import (a foreign log), demodulate, estimate: {gyro_id, name, wave, mode, status, reasons, error}."""
+    """Import (a foreign log), demodulate, estimate: {gyro_id, name, wave, mode, status, reasons,
+    error}."""
     folder = Path(task.folder)
-    told = {"gyro_id": task.gyro_id, "name": task.name, "wave": str(folder / f"{task.name}.wave.h5")}
+    told = {
+        "gyro_id": task.gyro_id,
+        "name": task.name,
+        "wave": str(folder / f"{task.name}.wave.h5"),
+    }
     with _stamped(task.epoch), _reporting(told) as result:
         if not Path(task.source).is_file():
             raise HrgError(f"{task.source}: vanished; the lot's file names it")
         folder.mkdir(parents=True, exist_ok=True)
         settings = {**task.settings}
         if task.foreign:
-            settings["import"] = {**settings["import"], "gyro_id": task.gyro_id, "lot_id": task.lot_id}
+            settings["import"] = {
+                **settings["import"],
+                "gyro_id": task.gyro_id,
+                "lot_id": task.lot_id,
+            }
         work = chain.Work(folder, settings, same_if=[task.epoch], command_line=partial(line, task))
         logs = _logs(task) if task.foreign else []
-        steps = list(chain.recording_to_wave(work, Path(task.source), task.name, logs, [task.gyro_id, task.lot_id]))
+        steps = list(
+            chain.recording_to_wave(
+                work, Path(task.source), task.name, logs, [task.gyro_id, task.lot_id]
+            )
+        )
         if steps[-1].status == "failed":
             raise HrgError(steps[-1].reasons[0])
         reasons = list(dict.fromkeys(reason for step in steps for reason in step.reasons))
-        result |= {"mode": str(steps[-1].json["mode"]), "status": steps[-1].status, "reasons": reasons, "error": ""}
+        result |= {
+            "mode": str(steps[-1].json["mode"]),
+            "status": steps[-1].status,
+            "reasons": reasons,
+            "error": "",
+        }
     return result
 
 
 def work_gyro(task: GyroTask) -> dict[str, Any]:
-    """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage: JSON}, checks, error}."""
+    """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage:
+    JSON}, checks, error}."""
     results: dict[str, Any] = {}
     errors: list[str] = []
     checks: list[dict[str, Any]] = []
     with _stamped(task.epoch), _reporting({}) as failed:
-        work = chain.Work(Path(task.folder), task.settings, task.limits, [task.epoch], command_line=partial(line, task))
-        for step in chain.waves_to_results(work, [Path(p) for p in task.free], [Path(p) for p in task.forced], task.stages):
+        work = chain.Work(
+            Path(task.folder),
+            task.settings,
+            task.limits,
+            [task.epoch],
+            command_line=partial(line, task),
+        )
+        for step in chain.waves_to_results(
+            work, [Path(p) for p in task.free], [Path(p) for p in task.forced], task.stages
+        ):
             if step.status == "failed":
                 errors.append(f"{step.name}: {step.reasons[0]}")
                 continue
@@ -113,7 +146,8 @@ def _logs(task: RecordingTask) -> list[Path]:
 
 
 def _worst(results: Mapping[str, Any], errors: list[str]) -> str:
-    """The worst status of a gyro's results; "failed" where a stage could not be done or there was nothing to do."""
+    """The worst status of a gyro's results; "failed" where a stage could not be done or there was
+    nothing to do."""
     if errors or not results:
         return "failed"
     order = ("valid", "suspect", "refused")
@@ -122,7 +156,8 @@ def _worst(results: Mapping[str, Any], errors: list[str]) -> str:
 
 @contextlib.contextmanager
 def _stamped(epoch: int | None) -> Iterator[None]:
-    """A lot's files bear the time that was ordered, where one was, else the true one; one task at a time in a process."""
+    """A lot's files bear the time that was ordered, where one was, else the true one; one task at a
+    time in a process."""
     if epoch is None:
         yield
         return
@@ -144,11 +179,16 @@ def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     result: dict[str, Any] = dict(told)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of numpy in steps that are judged by their result
+            warnings.simplefilter(
+                "ignore", RuntimeWarning
+            )  # of numpy in steps that are judged by their result
             yield result
     except DiskFullError:  # no verdict on the gyro: the whole lot stops
         raise
     except HrgError as error:
         result |= {"status": "failed", "error": str(error)}
     except Exception as error:
-        result |= {"status": "failed", "error": f"internal error: {type(error).__name__}: {str(error)[:200]}"}
+        result |= {
+            "status": "failed",
+            "error": f"internal error: {type(error).__name__}: {str(error)[:200]}",
+        }

@@ -1,6 +1,8 @@
-"""A plant in its environment as functions of time: coefficients, exact propagators of the linear motion, envelopes of a state.
+"""A plant in its environment as functions of time: coefficients, exact propagators of the linear
+motion, envelopes of a state.
 
-State of the fast engine: displacement z and momentum p = z' − KΩJz, for which the Euler term is gone (`fast_engine`).
+State of the fast engine: displacement z and momentum p = z' − KΩJz, for which the Euler term is
+gone (`fast_engine`).
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ _LONGEST_STRIDE = 1024
 
 
 class Coefficients:
-    """N, W, K, Ω and temperature of a plant in its environment, at any times; linear between the grid's rows."""
+    """N, W, K, Ω and temperature of a plant in its environment, at any times; linear between the
+    grid's rows."""
 
     def __init__(self, environment: Environment, plant: Plant) -> None:
         self._t = np.asarray(environment.time_s, float)
@@ -29,7 +32,9 @@ class Coefficients:
         self._rate = np.broadcast_to(environment.rate_rad_s, (k,))
         self._temperature = np.broadcast_to(environment.temperature_degc, (k,))
         mean_omega = np.sqrt((self._w[:, 0] + self._w[:, 3]) / 2)
-        rates = np.column_stack([self._n, self._w / (2 * mean_omega[:, None]), self._k * self._rate])
+        rates = np.column_stack(
+            [self._n, self._w / (2 * mean_omega[:, None]), self._k * self._rate]
+        )
         steps = np.diff(self._t)
         slopes = np.diff(rates, axis=0) / np.where(steps > 0, steps, np.inf)[:, None]
         self._slope = float(np.abs(slopes).max()) if slopes.size else 0.0
@@ -71,13 +76,21 @@ class Coefficients:
         return np.stack([self._row(t, values[:, i]) for i in range(4)], -1).reshape(-1, 2, 2)
 
     def knot_stride(self, h: float) -> int:
-        """Steps between knots, so that the chord of the exponential errs by less than `_CHORD_ERROR_1_S` a second."""
+        """Steps between knots, so that the chord of the exponential errs by less than
+        `_CHORD_ERROR_1_S` a second."""
         if not self.moving:
             return _LONGEST_STRIDE
-        return int(np.clip(math.sqrt(8 * _CHORD_ERROR_1_S / h**3) / max(self._slope, 1e-300), 1, _LONGEST_STRIDE))
+        return int(
+            np.clip(
+                math.sqrt(8 * _CHORD_ERROR_1_S / h**3) / max(self._slope, 1e-300),
+                1,
+                _LONGEST_STRIDE,
+            )
+        )
 
     def knots(self, first: int, steps: int, h: float, stride: int) -> Array:
-        """Step numbers at which exponentials are made: multiples of `stride` and both sides of each corner of the environment."""
+        """Step numbers at which exponentials are made: multiples of `stride` and both sides of each
+        corner of the environment."""
         if not self.moving:
             return np.array([first])
         start, stop = first // stride, (first + steps) // stride + 1
@@ -88,9 +101,11 @@ class Coefficients:
         return everything[(everything >= regular[0]) & (everything <= regular[-1])]
 
     def propagators(self, knots: Array, h: float, scale: float) -> tuple[Array, Array]:
-        """exp(hA) (m, 4, 4) of the state (z, p/scale) at the middle of the step of each knot, and what the loop needs there (m, 14).
+        """exp(hA) (m, 4, 4) of the state (z, p/scale) at the middle of the step of each knot, and
+        what the loop needs there (m, 14).
 
-        That is ω, N, KΩ and, of p = Re[G q], (Im G)⁻¹ and Re G: the analytic signal q = z − j (Im G)⁻¹ (p − Re G z) as `analytic` has it.
+        That is ω, N, KΩ and, of p = Re[G q], (Im G)⁻¹ and Re G: the analytic signal q = z − j (Im
+        G)⁻¹ (p − Re G z) as `analytic` has it.
         """
         t = (knots + 0.5) * h
         N, W, k = self.damping(t), self.stiffness(t), self.turning(t)[:, None, None]
@@ -101,12 +116,21 @@ class Coefficients:
         A[:, 2:, 2:] = -2 * N + k * J
         G = _momentum_matrix(self, t, scale)
         mean = np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2)
-        local = np.column_stack([mean, N.reshape(-1, 4), k[:, 0, 0], np.linalg.inv(G.imag).reshape(-1, 4), G.real.reshape(-1, 4)])
+        local = np.column_stack(
+            [
+                mean,
+                N.reshape(-1, 4),
+                k[:, 0, 0],
+                np.linalg.inv(G.imag).reshape(-1, 4),
+                G.real.reshape(-1, 4),
+            ]
+        )
         return _exponential(A * h), local
 
 
 def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) -> Array:
-    """u e^{jω_r t} (n, 2) of displacement z (n, 2) and `v_over_omega` w (n, 2): exact for the linear resonator.
+    """u e^{jω_r t} (n, 2) of displacement z (n, 2) and `v_over_omega` w (n, 2): exact for the
+    linear resonator.
 
     z = Re q, p = Re[(jω_r + L − kJ) q] with L the solvent; solved for q.
     """
@@ -117,14 +141,19 @@ def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) 
 
 
 def state_of(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[Array, Array]:
-    """Displacement and `v_over_omega` (n, 2) of the analytic signal q = u e^{jω_r t} (n, 2): the inverse of `analytic`."""
+    """Displacement and `v_over_omega` (n, 2) of the analytic signal q = u e^{jω_r t} (n, 2): the
+    inverse of `analytic`."""
     p = np.einsum("nij,nj->ni", _momentum_matrix(table, t, omega_r), q).real
     return q.real, (p + np.einsum("nij,nj->ni", table.damping(t), q.real)) / table.omega(t)[:, None]
 
 
 def _momentum_matrix(table: Coefficients, t: Array, omega_r: float) -> Array:
     turning = table.turning(t)[:, None, None] * J
-    return 1j * omega_r * IDENTITY + solvent(table.damping(t) - turning, table.stiffness(t), omega_r) - turning
+    return (
+        1j * omega_r * IDENTITY
+        + solvent(table.damping(t) - turning, table.stiffness(t), omega_r)
+        - turning
+    )
 
 
 def _exponential(A: Array) -> Array:

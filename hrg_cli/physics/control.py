@@ -1,9 +1,11 @@
-"""The loops and the drive seen by the envelopes, for the slow engine; the fast engine has its own form at the sample.
+"""The loops and the drive seen by the envelopes, for the slow engine; the fast engine has its own
+form at the sample.
 
 Force drive, resonant with the main wave (seed A (7), PHYSICS §1(c)):
     f = D e^{jφ}(a_ΦA e^{−jΔφ_A} e_A − j a_ΦB e^{−jΔφ_B} e_B) + f_parasitic e^{jφ}
-Parametric drive of one ring electrode (PHYSICS M3p, C8): f = D p e^{−jΔφ_A} e^{2jφ} u*, so ȧ_A = +p a_A and ȧ_B = −p a_B.
-Electric spring: jσR(2mθ + 90°) u, so ṙ = −σ and neither φ nor θ moves at r = 0.
+Parametric drive of one ring electrode (PHYSICS M3p, C8): f = D p e^{−jΔφ_A} e^{2jφ} u*, so ȧ_A = +p
+a_A and ȧ_B = −p a_B. Electric spring: jσR(2mθ + 90°) u, so ṙ = −σ and neither φ nor θ moves at r =
+0.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ Array = np.ndarray
 
 @dataclass
 class Drive:
-    """What the loops do at one instant: du/dt, the commanded force and (a_ΦA, a_ΦB), and the change of the two integrals."""
+    """What the loops do at one instant: du/dt, the commanded force and (a_ΦA, a_ΦB), and the change
+    of the two integrals."""
 
     du: Array
     """(2,) everything the control adds to du/dt: drive with its defects, and the spring."""
@@ -40,30 +43,48 @@ def is_on(control: Control, time_s: float) -> bool:
 
 
 def principal(u: Array, near: Array) -> tuple[float, float, Array, Array, complex]:
-    """(a_A, a_B, e_A, e_B, e^{jφ}) of one pair of envelopes (2,); of the two signs of e_A the one nearer `near`."""
+    """(a_A, a_B, e_A, e_B, e^{jφ}) of one pair of envelopes (2,); of the two signs of e_A the one
+    nearer `near`."""
     s0, s1, s2, s3 = stokes(u)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
     electrical = np.arctan2(s2, s1) / 2
     e_A = np.array([np.cos(electrical), np.sin(electrical)])
     if e_A @ near < 0:
         e_A = -e_A
-    return float(a_A), float(s3 / (2 * a_A)), e_A, np.array([-e_A[1], e_A[0]]), complex(e_A @ u / a_A)
+    return (
+        float(a_A),
+        float(s3 / (2 * a_A)),
+        e_A,
+        np.array([-e_A[1], e_A[0]]),
+        complex(e_A @ u / a_A),
+    )
 
 
-def drive(control: Control, feed_forward_1_s: float, u: Array, integral: Array, near: Array) -> Drive:
-    """The control's action on envelopes u (2,); `integral`: state of the amplitude and the quadrature loop; `near`: the last e_A."""
+def drive(
+    control: Control, feed_forward_1_s: float, u: Array, integral: Array, near: Array
+) -> Drive:
+    """The control's action on envelopes u (2,); `integral`: state of the amplitude and the
+    quadrature loop; `near`: the last e_A."""
     a_A, a_B, e_A, e_B, turn = principal(u, near)
     error = control.main_amplitude - a_A
-    main = feed_forward_1_s * control.main_amplitude + control.amplitude_gain_1_s * error + integral[0]
+    main = (
+        feed_forward_1_s * control.main_amplitude + control.amplitude_gain_1_s * error + integral[0]
+    )
     rate = np.array([control.amplitude_integral_1_s2 * error, 0.0])
     late = np.exp(-1j * control.main_phase_error_rad)
-    force = main / a_A * late * turn**2 * np.conj(u) if control.drive == "parametric" else main * late * turn * e_A
+    force = (
+        main / a_A * late * turn**2 * np.conj(u)
+        if control.drive == "parametric"
+        else main * late * turn * e_A
+    )
     spring = np.zeros(2, complex)
     quadrature = 0.0
     if control.quadrature_loop == "finite":
         quadrature = -control.quadrature_gain_1_s * a_B - integral[1]
         rate[1] = control.quadrature_integral_1_s2 * a_B
-        force = force - 1j * turn * np.exp(-1j * control.quadrature_phase_error_rad) * quadrature * e_B
+        force = (
+            force - 1j * turn * np.exp(-1j * control.quadrature_phase_error_rad) * quadrature * e_B
+        )
     elif control.quadrature_loop == "spring":
         sigma = control.quadrature_gain_1_s * a_B / a_A + integral[1]
         rate[1] = control.quadrature_integral_1_s2 * a_B / a_A

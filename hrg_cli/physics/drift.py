@@ -1,7 +1,8 @@
-"""The drift D of m·dθ/dt = −KΩ + D: seed A (8), (9), the tangent law and the Adams integration, with the errata of PHYSICS §4.
+"""The drift D of m·dθ/dt = −KΩ + D: seed A (8), (9), the tangent law and the Adams integration,
+with the errata of PHYSICS §4.
 
-Angles: χ = 2m(θ − θ_μ), ζ = 2m(θ − θ_ω), r = a_B/a_A. Forces are envelope rates a_ΦA, a_ΦB with phase errors Δφ_A, Δφ_B; both
-control terms enter as (a_Φ/a_A)·Δφ.
+Angles: χ = 2m(θ − θ_μ), ζ = 2m(θ − θ_ω), r = a_B/a_A. Forces are envelope rates a_ΦA, a_ΦB with
+phase errors Δφ_A, Δφ_B; both control terms enter as (a_Φ/a_A)·Δφ.
 """
 
 from __future__ import annotations
@@ -20,70 +21,126 @@ Angle = float | Array
 
 def _angles(mechanics: Mechanics, wave_angle_rad: Angle) -> tuple[Angle, Angle]:
     m2 = 2 * mechanics.mode_number
-    return m2 * (wave_angle_rad - mechanics.damping_axis_rad), m2 * (wave_angle_rad - mechanics.stiffness_axis_rad)
+    return m2 * (wave_angle_rad - mechanics.damping_axis_rad), m2 * (
+        wave_angle_rad - mechanics.stiffness_axis_rad
+    )
 
 
-def drift(mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle = 0.0, quadrature_force: Angle = 0.0, main_force: Angle = 0.0) -> Array:
+def drift(
+    mechanics: Mechanics,
+    wave_angle_rad: Angle,
+    ratio: Angle = 0.0,
+    quadrature_force: Angle = 0.0,
+    main_force: Angle = 0.0,
+) -> Array:
     """D [rad/s] exactly, for any |r| < 1   (PHYSICS §4 to seed A (8)).
 
-    D = [νδμ sin χ (1 + r²) − 2r δω cos ζ − f_B + r f_A]/(1 − r²), f_A = a_ΦA Δφ_A/a_A, f_B = a_ΦB Δφ_B/a_A in 1/s.
+    D = [νδμ sin χ (1 + r²) − 2r δω cos ζ − f_B + r f_A]/(1 − r²), f_A = a_ΦA Δφ_A/a_A, f_B = a_ΦB
+    Δφ_B/a_A in 1/s.
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
     r = np.asarray(ratio, float)
     damping = mechanics.damping_split_1_s * np.sin(chi) * (1 + r**2)
-    return np.asarray((damping - 2 * r * mechanics.frequency_split_rad_s * np.cos(zeta) - quadrature_force + r * main_force) / (1 - r**2))
+    return np.asarray(
+        (
+            damping
+            - 2 * r * mechanics.frequency_split_rad_s * np.cos(zeta)
+            - quadrature_force
+            + r * main_force
+        )
+        / (1 - r**2)
+    )
 
 
-def quadrature_quasi_static(mechanics: Mechanics, wave_angle_rad: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
+def quadrature_quasi_static(
+    mechanics: Mechanics,
+    wave_angle_rad: Angle,
+    drive: str = "force",
+    quadrature_gain_1_s: float = 0.0,
+) -> Array:
     """r once it follows the wave angle: δω sin ζ/λ   (seed A after (9)), λ of `quadrature_decay`.
 
     For νt ≫ 1, δω ≪ ν and a wave that moves slowly against ν only.
     """
     _, zeta = _angles(mechanics, wave_angle_rad)
-    return np.asarray(mechanics.frequency_split_rad_s * np.sin(zeta) / quadrature_decay(mechanics, drive, quadrature_gain_1_s))
+    return np.asarray(
+        mechanics.frequency_split_rad_s
+        * np.sin(zeta)
+        / quadrature_decay(mechanics, drive, quadrature_gain_1_s)
+    )
 
 
-def drift_quasi_static(mechanics: Mechanics, wave_angle_rad: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
+def drift_quasi_static(
+    mechanics: Mechanics,
+    wave_angle_rad: Angle,
+    drive: str = "force",
+    quadrature_gain_1_s: float = 0.0,
+) -> Array:
     """D [rad/s] with the quasi-static quadrature: νδμ sin χ − (δω²/λ) sin 2ζ   (seed A (9); half of it with a parametric drive, M3p)."""
     chi, zeta = _angles(mechanics, wave_angle_rad)
-    split = mechanics.frequency_split_rad_s**2 / quadrature_decay(mechanics, drive, quadrature_gain_1_s)
+    split = mechanics.frequency_split_rad_s**2 / quadrature_decay(
+        mechanics, drive, quadrature_gain_1_s
+    )
     return np.asarray(mechanics.damping_split_1_s * np.sin(chi) - split * np.sin(2 * zeta))
 
 
-def drift_bound(mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
+def drift_bound(
+    mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0
+) -> Array:
     """D_max = νδμ + δω²/λ, rad/s   (seed A after the tangent law; λ of `quadrature_decay`)."""
-    split = np.square(mechanics.frequency_split_rad_s) / quadrature_decay(mechanics, drive, quadrature_gain_1_s)
+    split = np.square(mechanics.frequency_split_rad_s) / quadrature_decay(
+        mechanics, drive, quadrature_gain_1_s
+    )
     return np.asarray(np.abs(mechanics.damping_split_1_s) + split)
 
 
-def quadrature_decay(mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> float:
-    """λ, 1/s, that holds the quadrature back: ν (force drive), 2ν (parametric: the pump damps B, M3p), plus the loop's gain.
+def quadrature_decay(
+    mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0
+) -> float:
+    """λ, 1/s, that holds the quadrature back: ν (force drive), 2ν (parametric: the pump damps B,
+    M3p), plus the loop's gain.
 
-    In a free run-down r grows as δω sin ζ·t unchecked (M2); ν then stands for the growth until one time constant.
+    In a free run-down r grows as δω sin ζ·t unchecked (M2); ν then stands for the growth until one
+    time constant.
     """
     if drive not in ("free", "force", "parametric"):
         raise ValueError(f'drive is "free", "force" or "parametric", not {drive!r}')
     return mechanics.damping_rate_1_s * (2 if drive == "parametric" else 1) + quadrature_gain_1_s
 
 
-def quadrature_settled(mechanics: Mechanics, wave_angle_rad: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0) -> Array:
-    """r at which `quadrature_rate` vanishes at a fixed angle, for any split: beyond 1 with a force drive there is none.
+def quadrature_settled(
+    mechanics: Mechanics,
+    wave_angle_rad: Angle,
+    drive: str = "force",
+    quadrature_gain_1_s: float = 0.0,
+) -> Array:
+    """r at which `quadrature_rate` vanishes at a fixed angle, for any split: beyond 1 with a force
+    drive there is none.
 
-    Force: δω sin ζ/(ν − νδμ cos χ + k_q). Parametric: δω_s(1 − r²) = 2νr, so r = δω_s/(ν + √(ν² + δω_s²)), δω_s = δω sin ζ.
+    Force: δω sin ζ/(ν − νδμ cos χ + k_q). Parametric: δω_s(1 − r²) = 2νr, so r = δω_s/(ν + √(ν² +
+    δω_s²)), δω_s = δω sin ζ.
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
     nu, along = mechanics.damping_rate_1_s, mechanics.frequency_split_rad_s * np.sin(zeta)
     if drive == "parametric":
         return np.asarray(along / (nu + np.sqrt(nu**2 + along**2)))
-    return np.asarray(along / (nu - mechanics.damping_split_1_s * np.cos(chi) + quadrature_gain_1_s))
+    return np.asarray(
+        along / (nu - mechanics.damping_split_1_s * np.cos(chi) + quadrature_gain_1_s)
+    )
 
 
 def quadrature_rate(
-    mechanics: Mechanics, wave_angle_rad: Angle, ratio: Angle, drive: str = "force", quadrature_gain_1_s: float = 0.0
+    mechanics: Mechanics,
+    wave_angle_rad: Angle,
+    ratio: Angle,
+    drive: str = "force",
+    quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """dr/dt, 1/s: the first two of seed A (7) divided, exact in r; a_A falls freely, is held by a force along it, or pumped (M3p).
+    """dr/dt, 1/s: the first two of seed A (7) divided, exact in r; a_A falls freely, is held by a
+    force along it, or pumped (M3p).
 
-    Free: δω_s(1 + r²) + 2νδμ cos χ·r. Force: δω_s − (ν_B + k_q) r. Parametric, p = ν_A + δω_s r: δω_s(1 − r²) − 2νr.
+    Free: δω_s(1 + r²) + 2νδμ cos χ·r. Force: δω_s − (ν_B + k_q) r. Parametric, p = ν_A + δω_s r:
+    δω_s(1 − r²) − 2νr.
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
     r, along = np.asarray(ratio, float), mechanics.frequency_split_rad_s * np.sin(zeta)
@@ -95,21 +152,30 @@ def quadrature_rate(
     return np.asarray(along - (mechanics.damping_rate_1_s - friction + quadrature_gain_1_s) * r)
 
 
-def motion(mechanics: Mechanics, rate_rad_s: float, drive: str, quadrature_gain_1_s: float = 0.0) -> Callable[[float, Array], Array]:
-    """d(θ, r)/dt as a function of (t, (θ, r)): m·dθ/dt = −KΩ + D(θ, r) with `drift` and `quadrature_rate`; for `adams`."""
+def motion(
+    mechanics: Mechanics, rate_rad_s: float, drive: str, quadrature_gain_1_s: float = 0.0
+) -> Callable[[float, Array], Array]:
+    """d(θ, r)/dt as a function of (t, (θ, r)): m·dθ/dt = −KΩ + D(θ, r) with `drift` and
+    `quadrature_rate`; for `adams`."""
 
     def slope(_: float, state: Array) -> Array:
         angle, r = state
         swing = drift(mechanics, angle, r) - mechanics.scale_factor * rate_rad_s
         return np.stack(
-            np.broadcast_arrays(swing / mechanics.mode_number, quadrature_rate(mechanics, angle, r, drive, quadrature_gain_1_s))
+            np.broadcast_arrays(
+                swing / mechanics.mode_number,
+                quadrature_rate(mechanics, angle, r, drive, quadrature_gain_1_s),
+            )
         )
 
     return slope
 
 
-def motion_following(mechanics: Mechanics, rate_rad_s: float, quadrature_gain_1_s: float) -> Callable[[float, Array], Array]:
-    """dθ/dt of a gyro whose fast quadrature loop makes r follow the angle with the lag 1/λ: r = r_settled(θ + KΩ/mλ), right to (2KΩ/λ)²."""
+def motion_following(
+    mechanics: Mechanics, rate_rad_s: float, quadrature_gain_1_s: float
+) -> Callable[[float, Array], Array]:
+    """dθ/dt of a gyro whose fast quadrature loop makes r follow the angle with the lag 1/λ: r =
+    r_settled(θ + KΩ/mλ), right to (2KΩ/λ)²."""
     decay = quadrature_decay(mechanics, "force", quadrature_gain_1_s)
     turning = mechanics.scale_factor * rate_rad_s
 
@@ -141,8 +207,11 @@ def adams(rate: Callable[[float, Array], Array], start: Angle, step_s: float, st
     return np.stack([first, *islice(adams_steps(rate, first, step_s), steps)])
 
 
-def adams_steps(rate: Callable[[float, Array], Array], start: Array, step_s: float) -> Iterator[Array]:
-    """y after each step by the explicit four-point Adams method, error O(step⁴); the first three steps by Runge–Kutta.
+def adams_steps(
+    rate: Callable[[float, Array], Array], start: Array, step_s: float
+) -> Iterator[Array]:
+    """y after each step by the explicit four-point Adams method, error O(step⁴); the first three
+    steps by Runge–Kutta.
 
     y₄ = y₃ + Δt(55f₃ − 59f₂ + 37f₁ − 9f₀)/24   (seed A, after (10)).
     """

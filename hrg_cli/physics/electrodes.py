@@ -1,17 +1,20 @@
 """The capacitive pick-off of seed B: eight electrodes, four a channel, derived from their currents.
 
-Electrode k of a mode m stands at kπ/2m, so it sees ±C or ±S: the sign and the channel of `SIGNS`. Its gap is d_k − x_k with x_k the
-displacement towards it, its capacitance C_k = C₀(d/d_k)/(1 − x_k/d_k). The resonator is at the voltage U; an electrode at virtual
-ground carries i_k = d(C_k U)/dt, amplified g_k times; a channel is the sum of its electrodes with their signs.
+Electrode k of a mode m stands at kπ/2m, so it sees ±C or ±S: the sign and the channel of `SIGNS`.
+Its gap is d_k − x_k with x_k the displacement towards it, its capacitance C_k = C₀(d/d_k)/(1 −
+x_k/d_k). The resonator is at the voltage U; an electrode at virtual ground carries i_k = d(C_k
+U)/dt, amplified g_k times; a channel is the sum of its electrodes with their signs.
 
 Equal gaps, c = x/d: 1/(1 − c) − 1/(1 + c) = 2c/(1 − c²).
-- *alternating* U of constant amplitude: the current is d/dt[U·2c/(1 − c²)], whose demodulated envelope is that of c/(1 − c²) = c + c³ + …,
-  so the cubic factor of c(1 + γc²) is γ = 1.
-- *constant* U: i = U d/dt[2c/(1 − c²)] = 2Uċ(1 + c²)/(1 − c²)²: a velocity. The differentiated cubic ċ(1 + 3c²) has the fundamental
-  ωa(1 + ¾a²), as the derivative of c + c³ must: γ = 1 again, a quarter period later.
-- *printed*: the formula 2cU(1 + c²)/(1 − c²)² of seed B read with its dots lost, c as a displacement: γ = 3. No circuit does this; it
-  is kept for comparison with results that used it.
-A buffer of high impedance (constant charge) reads the voltage Q/C_k, linear in the gap: γ = 0, the `linear` model.
+- *alternating* U of constant amplitude: the current is d/dt[U·2c/(1 − c²)], whose demodulated
+  envelope is that of c/(1 − c²) = c + c³ + …, so the cubic factor of c(1 + γc²) is γ = 1.
+- *constant* U: i = U d/dt[2c/(1 − c²)] = 2Uċ(1 + c²)/(1 − c²)²: a velocity. The differentiated
+  cubic ċ(1 + 3c²) has the fundamental ωa(1 + ¾a²), as the derivative of c + c³ must: γ = 1 again, a
+  quarter period later.
+- *printed*: the formula 2cU(1 + c²)/(1 − c²)² of seed B read with its dots lost, c as a
+  displacement: γ = 3. No circuit does this; it is kept for comparison with results that used it.
+A buffer of high impedance (constant charge) reads the voltage Q/C_k, linear in the gap: γ = 0, the
+`linear` model.
 """
 
 from __future__ import annotations
@@ -31,17 +34,21 @@ def cubic_factor(law: str) -> float:
     return 3.0 if law == "printed" else 1.0
 
 
-def pick_off(law: str, gap: float, gaps: Array, gains: Array, displacement: Array, velocity_over_omega: Array) -> Array:
-    """What the channels give for displacements (2, n), in displacement units: a small wave and equal electrodes are unchanged.
+def pick_off(
+    law: str, gap: float, gaps: Array, gains: Array, displacement: Array, velocity_over_omega: Array
+) -> Array:
+    """What the channels give for displacements (2, n), in displacement units: a small wave and
+    equal electrodes are unchanged.
 
-    gap: mean gap d in displacement units; gaps, gains (8,): each electrode's, relative to it. HrgError: the wave reaches a gap.
+    gap: mean gap d in displacement units; gaps, gains (8,): each electrode's, relative to it.
+    HrgError: the wave reaches a gap.
     """
     c = displacement / gap
     reach = float(np.abs(c).max()) / float(gaps.min()) if c.size else 0.0
     if reach >= 1:
         raise HrgError(
-            f"readout.gap = {gap:g}: the displacement reaches {np.abs(displacement).max():g}, {reach:.3g} of the narrowest gap; it must "
-            "stay below the gap"
+            f"readout.gap = {gap:g}: the displacement reaches {np.abs(displacement).max():g},"
+            f" {reach:.3g} of the narrowest gap; it must stay below the gap"
         )
     if np.all(gaps == 1) and np.all(gains == 1):
         if law == "alternating":

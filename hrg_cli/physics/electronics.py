@@ -1,10 +1,12 @@
 """A gyro's electronics: loops that act on what a board knows of the wave, for the fast engine.
 
-At every step the board reads both displacements (with noise, through a converter of finite bits). Over a window of whole periods it
-demodulates them by least squares against its own oscillator, filters the envelopes, and takes from them amplitude, quadrature, angle
-and phase. From these: an amplitude loop (proportional and integral), a phase-locked loop that moves the oscillator, a quadrature loop
-by force or spring. Commands act after a delay, held until the next; force is made at the oscillator's phase by a converter of finite
-bits that saturates. With time-multiplexing the board reads for some periods and drives for some, its force stronger in proportion.
+At every step the board reads both displacements (with noise, through a converter of finite bits).
+Over a window of whole periods it demodulates them by least squares against its own oscillator,
+filters the envelopes, and takes from them amplitude, quadrature, angle and phase. From these: an
+amplitude loop (proportional and integral), a phase-locked loop that moves the oscillator, a
+quadrature loop by force or spring. Commands act after a delay, held until the next; force is made
+at the oscillator's phase by a converter of finite bits that saturates. With time-multiplexing the
+board reads for some periods and drives for some, its force stronger in proportion.
 """
 
 from __future__ import annotations
@@ -39,11 +41,13 @@ class Electronics:
     drive_periods: int = 0
     """Periods of driving after each window of reading; 0: both at once."""
     phase_product: bool = False
-    """The spring follows a_A a_B = a_C a_S sin(φ_C − φ_S) over the set amplitude squared, not a_B/a_A."""
+    """The spring follows a_A a_B = a_C a_S sin(φ_C − φ_S) over the set amplitude squared, not
+    a_B/a_A."""
 
 
 class Board(NamedTuple):
-    """The board as the compiled loop takes it; `kind` 0: neither board nor noise, 1: noise alone, 2: loops on the board."""
+    """The board as the compiled loop takes it; `kind` 0: neither board nor noise, 1: noise alone,
+    2: loops on the board."""
 
     kind: int
     settings: Array
@@ -51,13 +55,21 @@ class Board(NamedTuple):
     state: Array
     """(STATE,)"""
     waiting: Array
-    """(r, COMMAND): commands on their way, a ring: step from which it acts, main, quadrature, cos, sin, spring, frequency, amplitude."""
+    """(r, COMMAND): commands on their way, a ring: step from which it acts, main, quadrature, cos,
+    sin, spring, frequency, amplitude."""
 
 
 def board(
-    e: Electronics | None, control: Control, mechanics: Mechanics, h: float, phase_rad: float, angle_rad: float, noisy: bool
+    e: Electronics | None,
+    control: Control,
+    mechanics: Mechanics,
+    h: float,
+    phase_rad: float,
+    angle_rad: float,
+    noisy: bool,
 ) -> Board:
-    """The board at t = 0, locked to the wave (phase φ, electrical angle mθ); without electronics only its oscillator runs."""
+    """The board at t = 0, locked to the wave (phase φ, electrical angle mθ); without electronics
+    only its oscillator runs."""
     omega = mechanics.omega_rad_s
     state, settings = np.zeros(STATE), np.zeros(SETTINGS)
     state[0:2] = math.cos(phase_rad), math.sin(phase_rad)
@@ -109,19 +121,33 @@ def rounded(value: float, step: float, limit: float) -> float:
 
 
 def passed(amplitude: float, limit: float) -> float:
-    """Part of a sine's fundamental that clipping at ± limit lets through: (2/π)(arcsin x + x√(1 − x²)), x = limit/amplitude."""
+    """Part of a sine's fundamental that clipping at ± limit lets through: (2/π)(arcsin x + x√(1 −
+    x²)), x = limit/amplitude."""
     if limit <= 0 or amplitude <= limit:
         return 1.0
     x = limit / amplitude
     return 2 / math.pi * (math.asin(x) + x * math.sqrt(1 - x * x))
 
 
-def look(i: int, x: float, y: float, h: float, on: bool, kinds: Array, gains: Array, settings: Array, state: Array, waiting: Array) -> None:
-    """One reading of the board at step i; at a window's end the loops put a new command on its way. Acts on `state`.
+def look(
+    i: int,
+    x: float,
+    y: float,
+    h: float,
+    on: bool,
+    kinds: Array,
+    gains: Array,
+    settings: Array,
+    state: Array,
+    waiting: Array,
+) -> None:
+    """One reading of the board at step i; at a window's end the loops put a new command on its way.
+    Acts on `state`.
 
-    state: oscillator (0, 1), its step (2, 3), normal matrix and sums (4 … 10), steps read (11), 1 while driving (12), filtered envelopes
-    (13 … 16), 1 once filled (17), e_A (18, 19), integrals of amplitude, quadrature and phase loop (20, 21, 29), command that acts
-    (22 … 28: main, quadrature, cos, sin, spring, frequency, amplitude), ring's first and length (30, 31).
+    state: oscillator (0, 1), its step (2, 3), normal matrix and sums (4 … 10), steps read (11), 1
+    while driving (12), filtered envelopes (13 … 16), 1 once filled (17), e_A (18, 19), integrals of
+    amplitude, quadrature and phase loop (20, 21, 29), command that acts (22 … 28: main, quadrature,
+    cos, sin, spring, frequency, amplitude), ring's first and length (30, 31).
     """
     size = len(waiting)
     while state[31] > 0 and waiting[int(state[30]), 0] <= i:

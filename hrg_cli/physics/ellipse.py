@@ -1,4 +1,5 @@
-"""The standing wave as an ellipse: envelopes (C0, S0) <-> main amplitude, quadrature, wave angle, phase <-> Stokes vector.
+"""The standing wave as an ellipse: envelopes (C0, S0) <-> main amplitude, quadrature, wave angle,
+phase <-> Stokes vector.
 
 C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ)   (PHYSICS §0; seed A before (6))
 """
@@ -8,9 +9,18 @@ import numpy as np
 Array = np.ndarray
 
 
-def envelopes(main_amplitude: Array, quadrature_amplitude: Array, wave_angle_rad: Array, phase_rad: Array, mode_number: int = 2) -> Array:
+def envelopes(
+    main_amplitude: Array,
+    quadrature_amplitude: Array,
+    wave_angle_rad: Array,
+    phase_rad: Array,
+    mode_number: int = 2,
+) -> Array:
     """Complex envelopes (..., 2) of the channels C and S for a wave given by (a_A, a_B, θ, φ)."""
-    cos, sin = np.cos(mode_number * np.asarray(wave_angle_rad)), np.sin(mode_number * np.asarray(wave_angle_rad))
+    cos, sin = (
+        np.cos(mode_number * np.asarray(wave_angle_rad)),
+        np.sin(mode_number * np.asarray(wave_angle_rad)),
+    )
     turn = np.exp(1j * np.asarray(phase_rad))
     c0 = turn * (main_amplitude * cos + 1j * quadrature_amplitude * sin)
     s0 = turn * (main_amplitude * sin - 1j * quadrature_amplitude * cos)
@@ -18,7 +28,8 @@ def envelopes(main_amplitude: Array, quadrature_amplitude: Array, wave_angle_rad
 
 
 def stokes(u: Array) -> Array:
-    """Stokes vector (..., 4) of envelopes (..., 2): |C|²+|S|², then (a_A²−a_B²)·(cos 2mθ, sin 2mθ), then 2·Im(C0 S0*) = 2 a_A a_B."""
+    """Stokes vector (..., 4) of envelopes (..., 2): |C|²+|S|², then (a_A²−a_B²)·(cos 2mθ, sin 2mθ),
+    then 2·Im(C0 S0*) = 2 a_A a_B."""
     c, s = u[..., 0], u[..., 1]
     c2, s2, cross = np.abs(c) ** 2, np.abs(s) ** 2, c * np.conj(s)
     return np.stack([c2 + s2, c2 - s2, 2 * cross.real, 2 * cross.imag], axis=-1)
@@ -27,7 +38,8 @@ def stokes(u: Array) -> Array:
 def wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
     """(a_A, a_B, θ, φ) of envelopes (..., 2): a_A ≥ |a_B|, θ in (−π/2m, π/2m], φ in (−π, π].
 
-    a_A = √((S0+q)/2), a_B = S3/2a_A, θ = arg(S1+jS2)/2m with q = √(S1²+S2²); φ = arg(e_Aᵀu), where e_Aᵀu = a_A e^{jφ}.
+    a_A = √((S0+q)/2), a_B = S3/2a_A, θ = arg(S1+jS2)/2m with q = √(S1²+S2²); φ = arg(e_Aᵀu), where
+    e_Aᵀu = a_A e^{jφ}.
     """
     s0, s1, s2, s3 = np.moveaxis(stokes(u), -1, 0)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
@@ -38,7 +50,8 @@ def wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
 
 
 def unwrap(wave_angle_rad: Array, phase_rad: Array, mode_number: int = 2) -> tuple[Array, Array]:
-    """Continuous (θ, φ) along the first axis; (mθ, φ) and (mθ+π, φ+π) are the same wave. Rows that are not finite are stepped over."""
+    """Continuous (θ, φ) along the first axis; (mθ, φ) and (mθ+π, φ+π) are the same wave. Rows that
+    are not finite are stepped over."""
     angle, phase = np.array(wave_angle_rad, float), np.array(phase_rad, float)
     good = np.isfinite(angle) & np.isfinite(phase)
     electrical = np.unwrap(mode_number * angle[good], period=np.pi)

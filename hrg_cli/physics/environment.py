@@ -1,7 +1,7 @@
 """Programmes of temperature and rate, and the one time grid on which a run's environment stands.
 
-A programme is a function of time with its corners and the longest grid step that still draws it; between the rows of the grid
-the environment is linear, for both engines alike.
+A programme is a function of time with its corners and the longest grid step that still draws it;
+between the rows of the grid the environment is linear, for both engines alike.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from .plant import Environment
 
 Array = np.ndarray
 _ROWS = 1000
-"""Fewest rows of a moving environment, so that coefficients that bend with temperature are drawn well."""
+"""Fewest rows of a moving environment, so that coefficients that bend with temperature are drawn
+well."""
 _MOST_ROWS = 1_000_000
 _ROWS_A_PERIOD = 400
 _FEWEST_ROWS_A_PERIOD = 24
@@ -25,7 +26,8 @@ _FEWEST_ROWS_A_PERIOD = 24
 
 @dataclass(frozen=True)
 class Programme:
-    """A quantity's course: value(t), the times of its corners, and the period of its fastest smooth part."""
+    """A quantity's course: value(t), the times of its corners, and the period of its fastest smooth
+    part."""
 
     value: Callable[[Array], Array]
     corners: Array
@@ -47,20 +49,31 @@ def polyline(times: Sequence[float] | Array, values: Sequence[float] | Array) ->
 def levels(values: Sequence[float], dwell_s: float, transition_s: float) -> Programme:
     """Each value held for dwell_s, the next reached along a straight line of transition_s."""
     starts = np.arange(len(values)) * (dwell_s + transition_s)
-    return polyline(np.column_stack([starts, starts + dwell_s]).ravel(), np.repeat(np.asarray(values, float), 2))
+    return polyline(
+        np.column_stack([starts, starts + dwell_s]).ravel(), np.repeat(np.asarray(values, float), 2)
+    )
 
 
-def sine(amplitude: float, frequency_hz: float, phase_rad: float = 0.0, offset: float = 0.0) -> Programme:
+def sine(
+    amplitude: float, frequency_hz: float, phase_rad: float = 0.0, offset: float = 0.0
+) -> Programme:
     """offset + amplitude·sin(2πft + phase)."""
     omega = 2 * np.pi * frequency_hz
-    return Programme(lambda t: offset + amplitude * np.sin(omega * np.asarray(t) + phase_rad), np.zeros(0), 1 / frequency_hz)
+    return Programme(
+        lambda t: offset + amplitude * np.sin(omega * np.asarray(t) + phase_rad),
+        np.zeros(0),
+        1 / frequency_hz,
+    )
 
 
 def triangle(low: float, high: float, period_s: float, end_s: float) -> Programme:
     """From low to high in half a period and back, again and again until end_s."""
     count = int(np.ceil(2 * end_s / period_s)) + 2
     if count > _MOST_ROWS:
-        raise HrgError(f"environment: a cycle of {period_s:g} s turns too often in {end_s:g} s; lengthen the period or shorten the run")
+        raise HrgError(
+            f"environment: a cycle of {period_s:g} s turns too often in {end_s:g} s; lengthen the"
+            " period or shorten the run"
+        )
     return polyline(np.arange(count) * period_s / 2, np.where(np.arange(count) % 2, high, low))
 
 
@@ -80,12 +93,18 @@ def earth_rate(latitude_rad: float) -> float:
 
 
 def environment(
-    temperature: Programme, rate: Programme, unlogged_rate_rad_s: float, duration_s: float, sample_s: float, fine: bool = False
+    temperature: Programme,
+    rate: Programme,
+    unlogged_rate_rad_s: float,
+    duration_s: float,
+    sample_s: float,
+    fine: bool = False,
 ) -> Environment:
-    """The environment of a run on its grid; the log holds the truth but for `unlogged_rate_rad_s`, which is part of `rate`.
+    """The environment of a run on its grid; the log holds the truth but for `unlogged_rate_rad_s`,
+    which is part of `rate`.
 
-    fine: a full grid even where nothing moves, dense enough for effects that follow the turned angle.
-    HrgError: a sine too fast for the run's length to be drawn on a million rows.
+    fine: a full grid even where nothing moves, dense enough for effects that follow the turned
+    angle. HrgError: a sine too fast for the run's length to be drawn on a million rows.
     """
     end = duration_s * (1 + 1e-3) + 2 * sample_s
     times = np.array([0.0, end])
@@ -94,11 +113,13 @@ def environment(
         rows = max(_ROWS, int(min(np.ceil(_ROWS_A_PERIOD * end / period), _MOST_ROWS)))
         if rows * period < _FEWEST_ROWS_A_PERIOD * end:
             raise HrgError(
-                f"environment: a sine of {1 / period:g} Hz over {duration_s:g} s needs more than {_MOST_ROWS} grid rows; "
-                "lower its frequency or shorten the run"
+                f"environment: a sine of {1 / period:g} Hz over {duration_s:g} s needs more than"
+                f" {_MOST_ROWS} grid rows; lower its frequency or shorten the run"
             )
         corners = np.concatenate([temperature.corners, rate.corners])
-        times = np.unique(np.concatenate([np.linspace(0, end, rows), corners[(corners > 0) & (corners < end)]]))
+        times = np.unique(
+            np.concatenate([np.linspace(0, end, rows), corners[(corners > 0) & (corners < end)]])
+        )
         if fine:
             turn = 2 * np.pi / max(float(np.abs(rate.value(times)).max()), 1e-12)
             rows = int(min(_ROWS_A_PERIOD / 2 * end / turn, _MOST_ROWS))

@@ -1,4 +1,5 @@
-"""The fast engine's loop over the samples: kick, exact step, loops of the control; compiled by numba where it is installed."""
+"""The fast engine's loop over the samples: kick, exact step, loops of the control; compiled by
+numba where it is installed."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ _extra: Any = _no_extra
 
 
 class Motion(NamedTuple):
-    """Steps to make and the linear motion over them: knots (step numbers), exact propagators and what the loops need there."""
+    """Steps to make and the linear motion over them: knots (step numbers), exact propagators and
+    what the loops need there."""
 
     first: int
     """Number of the first step since t = 0."""
@@ -41,9 +43,11 @@ class Motion(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Kicks that no loop makes: polynomial terms (9,), whether these or a further acceleration act, and random ones a step (n, 2).
+    """Kicks that no loop makes: polynomial terms (9,), whether these or a further acceleration act,
+    and random ones a step (n, 2).
 
-    `thermal` act always, `rough` (of the drive's electronics) while the drive is on; changes of the momentum over `scale`, empty for none.
+    `thermal` act always, `rough` (of the drive's electronics) while the drive is on; changes of the
+    momentum over `scale`, empty for none.
     """
 
     polynomial: Array
@@ -53,7 +57,8 @@ class Forces(NamedTuple):
 
 
 class Loops(NamedTuple):
-    """The control: kinds (driven, drive, quadrature loop), gains (10,), drive matrix, parasitic force, intervals without drive."""
+    """The control: kinds (driven, drive, quadrature loop), gains (10,), drive matrix, parasitic
+    force, intervals without drive."""
 
     kinds: Array
     gains: Array
@@ -63,9 +68,11 @@ class Loops(NamedTuple):
 
 
 class Disturbance(NamedTuple):
-    """Electronic noise over the same steps: white (n, 2), and knots of 1/f envelopes (k, 8) with their stride and first step.
+    """Electronic noise over the same steps: white (n, 2), and knots of 1/f envelopes (k, 8) with
+    their stride and first step.
 
-    Columns of the knots: read-out C, S in phase and in quadrature, then the drive's likewise. Without noise the arrays are empty.
+    Columns of the knots: read-out C, S in phase and in quadrature, then the drive's likewise.
+    Without noise the arrays are empty.
     """
 
     white: Array
@@ -75,7 +82,8 @@ class Disturbance(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What is kept of every sample: displacement, velocity over ω, force, command, read-out noise, (2, n) each."""
+    """What is kept of every sample: displacement, velocity over ω, force, command, read-out noise,
+    (2, n) each."""
 
     z: Array
     v: Array
@@ -84,8 +92,11 @@ class Rows(NamedTuple):
     noise: Array
 
 
-def _disturbed(i: int, d: Disturbance, cos: float, sin: float) -> tuple[float, float, complex, complex]:
-    """Read-out noise of both channels at step i of the block, and the drive's envelope noise, 1/f parts at the oscillator's phase."""
+def _disturbed(
+    i: int, d: Disturbance, cos: float, sin: float
+) -> tuple[float, float, complex, complex]:
+    """Read-out noise of both channels at step i of the block, and the drive's envelope noise, 1/f
+    parts at the oscillator's phase."""
     nx, ny, fx, fy = 0.0, 0.0, 0j, 0j
     if len(d.white) > 0:
         nx, ny = d.white[i, 0], d.white[i, 1]
@@ -99,27 +110,60 @@ def _disturbed(i: int, d: Disturbance, cos: float, sin: float) -> tuple[float, f
         e3 = d.knots[k, 3] + f * (d.knots[k + 1, 3] - d.knots[k, 3])
         nx += e0 * cos - e1 * sin
         ny += e2 * cos - e3 * sin
-        fx = d.knots[k, 4] + f * (d.knots[k + 1, 4] - d.knots[k, 4]) + 1j * (d.knots[k, 5] + f * (d.knots[k + 1, 5] - d.knots[k, 5]))
-        fy = d.knots[k, 6] + f * (d.knots[k + 1, 6] - d.knots[k, 6]) + 1j * (d.knots[k, 7] + f * (d.knots[k + 1, 7] - d.knots[k, 7]))
+        fx = (
+            d.knots[k, 4]
+            + f * (d.knots[k + 1, 4] - d.knots[k, 4])
+            + 1j * (d.knots[k, 5] + f * (d.knots[k + 1, 5] - d.knots[k, 5]))
+        )
+        fy = (
+            d.knots[k, 6]
+            + f * (d.knots[k + 1, 6] - d.knots[k, 6])
+            + 1j * (d.knots[k, 7] + f * (d.knots[k + 1, 7] - d.knots[k, 7]))
+        )
     return nx, ny, fx, fy
 
 
-def _acceleration(t: float, x: float, y: float, vx: float, vy: float, c: Array) -> tuple[float, float]:
+def _acceleration(
+    t: float, x: float, y: float, vx: float, vy: float, c: Array
+) -> tuple[float, float]:
     """The terms of `plant.POLYNOMIAL` with coefficients c, plus the further acceleration."""
     r2, v2, zv = x * x + y * y, vx * vx + vy * vy, x * vx + y * vy
     along_z = c[0] * r2 + c[1] * r2 * r2 + c[2] * v2 + c[4] * zv
     along_v = c[3] * zv + c[5] * r2 + c[6] * v2
     qa, qb = x * x * x - 3 * x * y * y, 3 * x * x * y - y * y * y
     ax, ay = _extra(t, x, y, vx, vy)
-    return ax + along_z * x + along_v * vx + c[7] * qa + c[8] * qb, ay + along_z * y + along_v * vy - c[7] * qb + c[8] * qa
+    return ax + along_z * x + along_v * vx + c[7] * qa + c[
+        8
+    ] * qb, ay + along_z * y + along_v * vy - c[7] * qb + c[8] * qa
 
 
-def advance(memory: Array, motion: Motion, forces: Forces, loops: Loops, board: Board, disturbance: Disturbance, rows: Rows) -> None:
-    """The samples of `motion`; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last e_A and force."""
-    first, n, substeps, h, scale = motion.first, motion.samples, motion.substeps, motion.h, motion.scale
+def advance(
+    memory: Array,
+    motion: Motion,
+    forces: Forces,
+    loops: Loops,
+    board: Board,
+    disturbance: Disturbance,
+    rows: Rows,
+) -> None:
+    """The samples of `motion`; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last
+    e_A and force."""
+    first, n, substeps, h, scale = (
+        motion.first,
+        motion.samples,
+        motion.substeps,
+        motion.h,
+        motion.scale,
+    )
     knots, propagators, local = motion.knots, motion.propagators, motion.local
     polynomial, nonlinear, thermal = forces.polynomial, forces.nonlinear, forces.thermal
-    kinds, gains, drive_matrix, parasitic, off = loops.kinds, loops.gains, loops.drive_matrix, loops.parasitic, loops.off
+    kinds, gains, drive_matrix, parasitic, off = (
+        loops.kinds,
+        loops.gains,
+        loops.drive_matrix,
+        loops.parasitic,
+        loops.off,
+    )
     z, v, drive, command = rows.z, rows.v, rows.drive, rows.command
     brownian, rough = len(thermal) > 0, len(forces.rough) > 0
     settings, state = board.settings, board.state
@@ -138,7 +182,9 @@ def advance(memory: Array, motion: Motion, forces: Forces, loops: Loops, board: 
             f = (i - knots[at]) / (knots[at + 1] - knots[at])
             for a in range(4):
                 for b in range(4):
-                    P[a, b] = propagators[at, a, b] + f * (propagators[at + 1, a, b] - propagators[at, a, b])
+                    P[a, b] = propagators[at, a, b] + f * (
+                        propagators[at + 1, a, b] - propagators[at, a, b]
+                    )
             for a in range(len(q)):
                 q[a] = local[at, a] + f * (local[at + 1, a] - local[at, a])
         omega = q[0]
@@ -158,10 +204,22 @@ def advance(memory: Array, motion: Motion, forces: Forces, loops: Loops, board: 
                 gap += 1
             on = not (gap < len(off) and t >= off[gap, 0])
             if board.kind == 2:
-                look(first + i, x + noise_x, y + noise_y, h, on, kinds, gains, settings, state, board.waiting)
+                look(
+                    first + i,
+                    x + noise_x,
+                    y + noise_y,
+                    h,
+                    on,
+                    kinds,
+                    gains,
+                    settings,
+                    state,
+                    board.waiting,
+                )
             if on:
-                # The loops look at the middle of the kick, as expected from the last one. There the momentum holds the force's
-                # part of u' too, by a factor that sampling makes ωh·cot ωh; left inside, it would ripple at 2ω through the gains.
+                # The loops look at the middle of the kick, as expected from the last one. There the
+                # momentum holds the force's part of u' too, by a factor that sampling makes ωh·cot
+                # ωh; left inside, it would ripple at 2ω through the gains.
                 angle = omega * h
                 sampled = angle / math.tan(angle)
                 step = math.cos(angle) + 1j * math.sin(angle)
@@ -194,8 +252,12 @@ def advance(memory: Array, motion: Motion, forces: Forces, loops: Loops, board: 
                         c2, s2e = cos * cos - sin * sin, 2 * cos * sin
                         ax -= 2 * omega * spring * (-s2e * x + c2 * y)
                         ay -= 2 * omega * spring * (c2 * x + s2e * y)
-                    hx = (drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy) * acting + (parasitic[0] + rough_x) * turn
-                    hy = (drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy) * acting + (parasitic[1] + rough_y) * turn
+                    hx = (drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy) * acting + (
+                        parasitic[0] + rough_x
+                    ) * turn
+                    hy = (drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy) * acting + (
+                        parasitic[1] + rough_y
+                    ) * turn
                     ax -= 2 * omega * rounded(hx.imag, settings[10], settings[11])
                     ay -= 2 * omega * rounded(hy.imag, settings[10], settings[11])
                     hx, hy = hx * passed(abs(hx), settings[11]), hy * passed(abs(hy), settings[11])
@@ -234,8 +296,16 @@ def advance(memory: Array, motion: Motion, forces: Forces, loops: Loops, board: 
                         side = -1j * turn * (gains[8] - 1j * gains[9]) * quadrature
                         fx -= side * sin
                         fy += side * cos
-                    hx = drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy + (parasitic[0] + rough_x) * turn
-                    hy = drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy + (parasitic[1] + rough_y) * turn
+                    hx = (
+                        drive_matrix[0, 0] * fx
+                        + drive_matrix[0, 1] * fy
+                        + (parasitic[0] + rough_x) * turn
+                    )
+                    hy = (
+                        drive_matrix[1, 0] * fx
+                        + drive_matrix[1, 1] * fy
+                        + (parasitic[1] + rough_y) * turn
+                    )
                     ax -= 2 * omega * hx.imag
                     ay -= 2 * omega * hy.imag
         gx, gy = hx, hy
@@ -279,7 +349,8 @@ def advance(memory: Array, motion: Motion, forces: Forces, loops: Loops, board: 
 
 @functools.lru_cache(maxsize=16)
 def compiled(extra: Acceleration | None) -> Callable[..., None]:
-    """The loop with `extra` inside: compiled (and kept on disk where nothing of the caller's is inside), or plain Python."""
+    """The loop with `extra` inside: compiled (and kept on disk where nothing of the caller's is
+    inside), or plain Python."""
     try:
         from numba import njit
     except ImportError:
@@ -295,17 +366,25 @@ def compiled(extra: Acceleration | None) -> Callable[..., None]:
 
 
 def _bind_and_compile(jit: Any, extra: Any) -> Callable[..., None]:
-    return jit(_bound(advance, _acceleration=jit(_bound(_acceleration, _extra=extra)), **_board_parts()))
+    return jit(
+        _bound(advance, _acceleration=jit(_bound(_acceleration, _extra=extra)), **_board_parts())
+    )
 
 
 @functools.lru_cache(maxsize=1)
 def _board_parts() -> dict[str, Any]:
-    """What the loop calls of the board and its noise, compiled once whatever acceleration it is bound with."""
+    """What the loop calls of the board and its noise, compiled once whatever acceleration it is
+    bound with."""
     from numba import njit
 
     def made(jit: Any) -> dict[str, Any]:
         convert = jit(rounded)
-        parts = {"_disturbed": _disturbed, "passed": passed, "turn_oscillator": turn_oscillator, "look": _bound(look, rounded=convert)}
+        parts = {
+            "_disturbed": _disturbed,
+            "passed": passed,
+            "turn_oscillator": turn_oscillator,
+            "look": _bound(look, rounded=convert),
+        }
         return {"rounded": convert} | {name: jit(part) for name, part in parts.items()}
 
     try:

@@ -1,10 +1,12 @@
-"""Noise that physics asks for: the Brownian force of a damped resonator, and electronic noise with a 1/f corner about the resonance.
+"""Noise that physics asks for: the Brownian force of a damped resonator, and electronic noise with
+a 1/f corner about the resonance.
 
-Brownian force (fluctuation–dissipation): the acceleration of z'' = −2N z' − … is white with two-sided density 4(k_B T/M)N, so that
-each mode keeps ½M⟨v²⟩ = ½k_B T; a force of density 4k_B TνM (PHYSICS M18). In the envelopes it turns the wave, whatever the loops do:
+Brownian force (fluctuation–dissipation): the acceleration of z'' = −2N z' − … is white with
+two-sided density 4(k_B T/M)N, so that each mode keeps ½M⟨v²⟩ = ½k_B T; a force of density 4k_B TνM
+(PHYSICS M18). In the envelopes it turns the wave, whatever the loops do:
     angle random walk = √(2νk_B T/M)/(ωaK),   rad/√s of input angle.
-Electronic noise near the resonance has the one-sided density S₀(1 + f_c/|f − f₀|): each quadrature of the demodulated signal has
-2S₀(1 + f_c/f).
+Electronic noise near the resonance has the one-sided density S₀(1 + f_c/|f − f₀|): each quadrature
+of the demodulated signal has 2S₀(1 + f_c/f).
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ _KNOTS_A_TIME = 4.0
 
 @dataclass(frozen=True)
 class Noise:
-    """What is noisy: resonator (k_B T/M in displacement units²/s²), read-out (σ a sample, corner), drive (density, corner)."""
+    """What is noisy: resonator (k_B T/M in displacement units²/s²), read-out (σ a sample, corner),
+    drive (density, corner)."""
 
     thermal_velocity2: float = 0.0
     """k_B T/M, (displacement unit/s)²."""
@@ -38,8 +41,11 @@ class Noise:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing here is for the engine: the plain white noise of the read-out is added after it."""
-        return not (self.thermal_velocity2 or self.readout_corner_hz * self.readout or self.drive_density)
+        """Whether nothing here is for the engine: the plain white noise of the read-out is added
+        after it."""
+        return not (
+            self.thermal_velocity2 or self.readout_corner_hz * self.readout or self.drive_density
+        )
 
 
 def thermal_velocity2(temperature_k: float, mass_kg: float, metres_per_unit: float = 1.0) -> float:
@@ -48,21 +54,33 @@ def thermal_velocity2(temperature_k: float, mass_kg: float, metres_per_unit: flo
 
 
 def thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
-    """R (2, 2): R·(two standard normals) is the change of the velocity in a step h, R Rᵀ = 2(k_B T/M)(e^{2Nh} − 1) ≈ 4(k_B T/M) N h.
+    """R (2, 2): R·(two standard normals) is the change of the velocity in a step h, R Rᵀ = 2(k_B
+    T/M)(e^{2Nh} − 1) ≈ 4(k_B T/M) N h.
 
-    The exponential keeps the energy exact at any step: what a kick adds before the samples' next look decays by e^{−2Nh} between two.
+    The exponential keeps the energy exact at any step: what a kick adds before the samples' next
+    look decays by e^{−2Nh} between two.
     """
     value, vector = np.linalg.eigh(mechanics.damping_matrix())
-    return np.asarray(vector * np.sqrt(2 * noise.thermal_velocity2 * np.expm1(2 * np.maximum(value, 0.0) * h)))
+    return np.asarray(
+        vector * np.sqrt(2 * noise.thermal_velocity2 * np.expm1(2 * np.maximum(value, 0.0) * h))
+    )
 
 
 def angle_random_walk(mechanics: Mechanics, noise: Noise, amplitude: float) -> float:
     """Angle random walk of the input angle by Brownian force and white drive noise, rad/√s.
 
-    d⟨(mθ)²⟩/dt = 2ν(k_B T/M)/(ωa)² + S_d/2a², S_d the one-sided density of the drive's force along the quadrature wave.
+    d⟨(mθ)²⟩/dt = 2ν(k_B T/M)/(ωa)² + S_d/2a², S_d the one-sided density of the drive's force along
+    the quadrature wave.
     """
-    thermal = 2 * mechanics.damping_rate_1_s * noise.thermal_velocity2 / (mechanics.omega_rad_s * amplitude) ** 2
-    return float(np.sqrt(thermal + noise.drive_density**2 / (2 * amplitude**2)) / mechanics.scale_factor)
+    thermal = (
+        2
+        * mechanics.damping_rate_1_s
+        * noise.thermal_velocity2
+        / (mechanics.omega_rad_s * amplitude) ** 2
+    )
+    return float(
+        np.sqrt(thermal + noise.drive_density**2 / (2 * amplitude**2)) / mechanics.scale_factor
+    )
 
 
 def flicker_bias(density2_at_1_hz: float) -> float:
@@ -71,14 +89,20 @@ def flicker_bias(density2_at_1_hz: float) -> float:
 
 
 class Flicker:
-    """Real series (n, channels) of one-sided density h/f each, on knots of a spacing, drawn in order.
+    """Real series (n, channels) of one-sided density h/f each, on knots of a spacing, drawn in
+    order.
 
-    A sum of first-order processes with time constants an octave apart and equal variances h·ln 2 (van der Ziel).
+    A sum of first-order processes with time constants an octave apart and equal variances h·ln 2
+    (van der Ziel).
     """
 
-    def __init__(self, h: Array, corner_hz: float, duration_s: float, random: np.random.Generator) -> None:
+    def __init__(
+        self, h: Array, corner_hz: float, duration_s: float, random: np.random.Generator
+    ) -> None:
         slowest, fastest = _BELOW_RUN / max(duration_s, 1 / corner_hz), _ABOVE_CORNER * corner_hz
-        self._tau = 1 / (2 * np.pi * slowest * 2.0 ** np.arange(int(np.ceil(np.log2(fastest / slowest))) + 1))
+        self._tau = 1 / (
+            2 * np.pi * slowest * 2.0 ** np.arange(int(np.ceil(np.log2(fastest / slowest))) + 1)
+        )
         self._std = np.sqrt(np.asarray(h, float) * _OCTAVE)
         self._random = random
         self._state = random.standard_normal((len(self._tau), len(self._std)))
@@ -94,12 +118,15 @@ class Flicker:
         out = np.empty((count, len(self._std)))
         for k in range(count):
             out[k] = self._state.sum(axis=0)
-            self._state = keep * self._state + fresh * self._random.standard_normal(self._state.shape)
+            self._state = keep * self._state + fresh * self._random.standard_normal(
+                self._state.shape
+            )
         return np.asarray(out * self._std)
 
 
 class Series:
-    """`Flicker` on knots at multiples of `stride` steps, handed out for ranges of steps that follow each other."""
+    """`Flicker` on knots at multiples of `stride` steps, handed out for ranges of steps that follow
+    each other."""
 
     def __init__(self, source: Flicker, h: float) -> None:
         self.stride = max(1, int(source.knot_s() / h))
@@ -108,10 +135,15 @@ class Series:
         self._first = 0
 
     def over(self, first: int, steps: int) -> tuple[Array, int]:
-        """Knots (k, channels) that enclose steps first … first + steps, and the step of the first of them."""
+        """Knots (k, channels) that enclose steps first … first + steps, and the step of the first
+        of them."""
         begin, end = first // self.stride, (first + steps) // self.stride + 2
         fresh = end - self._first - len(self._knots)
         drawn = self._source.draw(fresh, self.stride * self._h)
-        self._knots = np.concatenate([self._knots, drawn])[begin - self._first :] if len(self._knots) else drawn
+        self._knots = (
+            np.concatenate([self._knots, drawn])[begin - self._first :]
+            if len(self._knots)
+            else drawn
+        )
         self._first = begin
         return self._knots[: end - begin], begin * self.stride

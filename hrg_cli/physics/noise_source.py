@@ -14,13 +14,25 @@ _NO_KNOTS = np.zeros((0, 8))
 
 
 class NoiseSource:
-    """Brownian kicks and electronic noise of consecutive blocks of steps, each from a stream of its own."""
+    """Brownian kicks and electronic noise of consecutive blocks of steps, each from a stream of its
+    own."""
 
     def __init__(
-        self, noise: Noise, mechanics: Mechanics, h: float, substeps: int, steps: int, random: np.random.Generator, board: bool
+        self,
+        noise: Noise,
+        mechanics: Mechanics,
+        h: float,
+        substeps: int,
+        steps: int,
+        random: np.random.Generator,
+        board: bool,
     ) -> None:
         self._brownian, self._rough, self._white, flicker = random.spawn(4)
-        self._kicks = thermal_kicks(mechanics, noise, h) / mechanics.omega_rad_s if noise.thermal_velocity2 else None
+        self._kicks = (
+            thermal_kicks(mechanics, noise, h) / mechanics.omega_rad_s
+            if noise.thermal_velocity2
+            else None
+        )
         self._drive = noise.drive_density * np.sqrt(h)
         self._std = noise.readout * np.sqrt(substeps)
         self._series = self._flicker(noise, h, substeps, steps, flicker)
@@ -29,8 +41,11 @@ class NoiseSource:
         self.electronic = self.readout or self._series is not None
 
     @staticmethod
-    def _flicker(noise: Noise, h: float, substeps: int, steps: int, random: np.random.Generator) -> Series | None:
-        """1/f envelopes: read-out 2S₀f_c/f a quadrature, S₀ = 2σ²/f_s; drive S_d f_c/f a quadrature."""
+    def _flicker(
+        noise: Noise, h: float, substeps: int, steps: int, random: np.random.Generator
+    ) -> Series | None:
+        """1/f envelopes: read-out 2S₀f_c/f a quadrature, S₀ = 2σ²/f_s; drive S_d f_c/f a
+        quadrature."""
         corner = max(noise.readout_corner_hz, noise.drive_corner_hz)
         if not corner:
             return None
@@ -39,12 +54,20 @@ class NoiseSource:
         return Series(Flicker(np.repeat([readout, drive], 4), corner, steps * h, random), h)
 
     def kicks(self, steps: int) -> tuple[Array, Array]:
-        """Changes of the momentum (over ω) at the next steps (n, 2) by Brownian force, and by white drive noise; empty without.
+        """Changes of the momentum (over ω) at the next steps (n, 2) by Brownian force, and by white
+        drive noise; empty without.
 
-        A velocity kick σ_v changes each quadrature of u by σ_v²/2ω² in the mean: density S_d of the drive makes σ_v = ωS_d√h.
+        A velocity kick σ_v changes each quadrature of u by σ_v²/2ω² in the mean: density S_d of the
+        drive makes σ_v = ωS_d√h.
         """
-        brownian = _NOTHING if self._kicks is None else self._brownian.standard_normal((steps, 2)) @ self._kicks.T
-        return brownian, self._drive * self._rough.standard_normal((steps, 2)) if self._drive else _NOTHING
+        brownian = (
+            _NOTHING
+            if self._kicks is None
+            else self._brownian.standard_normal((steps, 2)) @ self._kicks.T
+        )
+        return brownian, self._drive * self._rough.standard_normal(
+            (steps, 2)
+        ) if self._drive else _NOTHING
 
     def electronics(self, first: int, steps: int) -> Disturbance:
         """White and 1/f noise of the steps first … first + steps of the run."""

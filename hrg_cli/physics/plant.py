@@ -1,9 +1,11 @@
-"""What a simulated gyro is made of: one plain description that both engines integrate and that effects change.
+"""What a simulated gyro is made of: one plain description that both engines integrate and that
+effects change.
 
-A simulation file becomes an `Environment` (what the world does), a `Plant` (resonator), a `Control` (loops and drive) and a
-`Readout` (pick-off, converter). The fast engine integrates the second-order equations from them sample by sample, the slow
-engine the envelopes; an effect adds its fast term through `Plant`, `Control`, `Readout`, `Environment` and its slow term
-by its own formula, so that one mistake cannot hide in both.
+A simulation file becomes an `Environment` (what the world does), a `Plant` (resonator), a `Control`
+(loops and drive) and a `Readout` (pick-off, converter). The fast engine integrates the second-order
+equations from them sample by sample, the slow engine the envelopes; an effect adds its fast term
+through `Plant`, `Control`, `Readout`, `Environment` and its slow term by its own formula, so that
+one mistake cannot hide in both.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ POLYNOMIAL = (
     "quartic_c",  # ∇ Re(x + jy)⁴ / 4 = (x³ − 3xy², y³ − 3x²y): anisotropic cubic spring
     "quartic_s",  # ∇ Im(x + jy)⁴ / 4 = (3x²y − y³, x³ − 3xy²)
 )
-"""Names of the polynomial accelerations, in the order of `Plant.polynomial`: z'' = … + Σ coefficient × term."""
+"""Names of the polynomial accelerations, in the order of `Plant.polynomial`: z'' = … + Σ
+coefficient × term."""
 
 Acceleration = Callable[[float, float, float, float, float], tuple[float, float]]
 """(t, x, y, vx, vy) -> (ax, ay): a further acceleration, compiled with numba where it is there."""
@@ -37,7 +40,8 @@ Acceleration = Callable[[float, float, float, float, float], tuple[float, float]
 
 @dataclass
 class Environment:
-    """The world on one time grid (k rows, linear in between): true temperature of the resonator, true rate, and what is logged."""
+    """The world on one time grid (k rows, linear in between): true temperature of the resonator,
+    true rate, and what is logged."""
 
     time_s: Array
     temperature_degc: Array
@@ -48,10 +52,12 @@ class Environment:
 
 @dataclass
 class Plant:
-    """The resonator on the environment's grid: z'' = −2(N − KΩJ) z' − (W − KΩ'J) z + polynomial + extra + drive.
+    """The resonator on the environment's grid: z'' = −2(N − KΩJ) z' − (W − KΩ'J) z + polynomial +
+    extra + drive.
 
-    damping N (k, 2, 2) [1/s]; stiffness W (k, 2, 2) [rad²/s²], neither need be symmetric; scale_factor K (k,); polynomial (9,)
-    as `POLYNOMIAL`, in the displacement's unit. `mechanics` is the linear resonator at the reference temperature.
+    damping N (k, 2, 2) [1/s]; stiffness W (k, 2, 2) [rad²/s²], neither need be symmetric;
+    scale_factor K (k,); polynomial (9,) as `POLYNOMIAL`, in the displacement's unit. `mechanics` is
+    the linear resonator at the reference temperature.
     """
 
     mechanics: Mechanics
@@ -68,9 +74,11 @@ class Plant:
         self.extra = further if self.extra is None else together(self.extra, further)
 
     def retuned(self, factor: Array) -> Array:
-        """W of a frequency `factor` (k,) times as high, the split in rad/s as it was (so measured over temperature, PHYSICS M9).
+        """W of a frequency `factor` (k,) times as high, the split in rad/s as it was (so measured
+        over temperature, PHYSICS M9).
 
-        W = ω²I + 2ωδω R, so the part common to both axes goes with the factor's square and their difference with the factor.
+        W = ω²I + 2ωδω R, so the part common to both axes goes with the factor's square and their
+        difference with the factor.
         """
         factor = np.asarray(factor)[:, None, None]
         common = np.trace(self.stiffness, axis1=1, axis2=2)[:, None, None] / 2 * IDENTITY
@@ -97,7 +105,8 @@ def together(first: Acceleration, second: Acceleration) -> Acceleration:
 
 @dataclass(frozen=True)
 class ThermalCourses:
-    """Relative changes with temperature about `reference_degc`: value(T) = value·(1 + c₁ΔT + c₂ΔT² + …), c as given a quantity."""
+    """Relative changes with temperature about `reference_degc`: value(T) = value·(1 + c₁ΔT + c₂ΔT²
+    + …), c as given a quantity."""
 
     reference_degc: float = 20.0
     frequency: tuple[float, ...] = ()
@@ -118,8 +127,12 @@ class ThermalCourses:
             mechanics,
             frequency_hz=float(mechanics.frequency_hz * self.factor(self.frequency, T)),
             damping_rate_1_s=float(mechanics.damping_rate_1_s * self.factor(self.damping_rate, T)),
-            damping_split_1_s=float(mechanics.damping_split_1_s * self.factor(self.damping_split, T)),
-            frequency_split_rad_s=float(mechanics.frequency_split_rad_s * self.factor(self.frequency_split, T)),
+            damping_split_1_s=float(
+                mechanics.damping_split_1_s * self.factor(self.damping_split, T)
+            ),
+            frequency_split_rad_s=float(
+                mechanics.frequency_split_rad_s * self.factor(self.frequency_split, T)
+            ),
             scale_factor=float(mechanics.scale_factor * self.factor(self.scale_factor, T)),
         )
 
@@ -128,14 +141,19 @@ def linear_plant(mechanics: Mechanics, courses: ThermalCourses, environment: Env
     """The linear resonator on the environment's grid (true temperature)."""
     T = environment.temperature_degc
     omega = (mechanics.omega_rad_s * courses.factor(courses.frequency, T))[:, None, None]
-    split = (mechanics.frequency_split_rad_s * courses.factor(courses.frequency_split, T))[:, None, None]
+    split = (mechanics.frequency_split_rad_s * courses.factor(courses.frequency_split, T))[
+        :, None, None
+    ]
     damping = (mechanics.damping_rate_1_s * courses.factor(courses.damping_rate, T))[:, None, None]
-    damping_split = (mechanics.damping_split_1_s * courses.factor(courses.damping_split, T))[:, None, None]
+    damping_split = (mechanics.damping_split_1_s * courses.factor(courses.damping_split, T))[
+        :, None, None
+    ]
     m = mechanics.mode_number
     return Plant(
         mechanics,
         damping * IDENTITY + damping_split * reflection(2 * m * mechanics.damping_axis_rad),
-        (omega**2 + split**2) * IDENTITY + 2 * omega * split * reflection(2 * m * mechanics.stiffness_axis_rad),
+        (omega**2 + split**2) * IDENTITY
+        + 2 * omega * split * reflection(2 * m * mechanics.stiffness_axis_rad),
         mechanics.scale_factor * courses.factor(courses.scale_factor, T),
     )
 
@@ -145,11 +163,13 @@ class Control:
     """Drive and loops; nothing acts in a free run, nor while the drive is off.
 
     Force on the envelope, a second (PHYSICS §1(c); u = e^{jφ}(a_A e_A − j a_B e_B)):
-        f = D e^{jφ}(a_ΦA e^{−jΔφ_A} e_A − j a_ΦB e^{−jΔφ_B} e_B) + f_parasitic e^{jφ}, D = `drive_matrix`
-    so ȧ_A = a_ΦA − …, ȧ_B = a_ΦB − …. The amplitude loop makes a_ΦA (proportional and integral, the loss at the reference
-    temperature fed forward); the finite quadrature loop a_ΦB = −k_q a_B (and its integral); the spring loop adds jσR to the
-    slow generator instead, σ = k_q r (and its integral), its axis 45° (electrical 90°) from the wave. The parametric drive
-    pumps with one ring electrode, f = D p e^{−jΔφ_A} e^{2jφ} u*, p = a_ΦA/a_A: it feeds a_A and damps a_B alike.
+        f = D e^{jφ}(a_ΦA e^{−jΔφ_A} e_A − j a_ΦB e^{−jΔφ_B} e_B) + f_parasitic e^{jφ}, D =
+        `drive_matrix`
+    so ȧ_A = a_ΦA − …, ȧ_B = a_ΦB − …. The amplitude loop makes a_ΦA (proportional and integral, the
+    loss at the reference temperature fed forward); the finite quadrature loop a_ΦB = −k_q a_B (and
+    its integral); the spring loop adds jσR to the slow generator instead, σ = k_q r (and its
+    integral), its axis 45° (electrical 90°) from the wave. The parametric drive pumps with one ring
+    electrode, f = D p e^{−jΔφ_A} e^{2jφ} u*, p = a_ΦA/a_A: it feeds a_A and damps a_B alike.
     """
 
     forced: bool = False
@@ -170,7 +190,8 @@ class Control:
 
 @dataclass
 class Samples:
-    """A block of samples on its way through the read-out; the analytic signal u e^{jω_r t} is z − j·v_over_omega."""
+    """A block of samples on its way through the read-out; the analytic signal u e^{jω_r t} is z −
+    j·v_over_omega."""
 
     time_s: Array
     """(n,) true time."""
@@ -179,16 +200,19 @@ class Samples:
     v_over_omega: Array
     """(2, n) velocity over ω, seen from axes that turn with the wave's own rotation KΩ."""
     drive: Array
-    """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f e^{jω_r t}, amplitude a second."""
+    """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f
+    e^{jω_r t}, amplitude a second."""
     temperature_degc: Array
     rate_rad_s: Array
     noise: Array | None = None
-    """(2, n) read-out noise where the engine drew it (the loops saw the same); None: the pick-off chain draws its own."""
+    """(2, n) read-out noise where the engine drew it (the loops saw the same); None: the pick-off
+    chain draws its own."""
 
 
 @dataclass
 class Block:
-    """What an engine makes of a stretch of time: samples, the loops' commands (a_ΦA, a_ΦB) (2, n), and the truth."""
+    """What an engine makes of a stretch of time: samples, the loops' commands (a_ΦA, a_ΦB) (2, n),
+    and the truth."""
 
     samples: Samples
     command: Array
@@ -220,16 +244,19 @@ class Readout:
     full_scale: float = 1.0
     clock_error: float = 0.0
     dropped: list[tuple[float, float]] = field(default_factory=list)
-    """(time_s, lost_s): whole samples of that total length are lost there; those after it are of later instants, closed up."""
+    """(time_s, lost_s): whole samples of that total length are lost there; those after it are of
+    later instants, closed up."""
 
 
 @dataclass
 class SlowState:
-    """What an effect's slow term may look at, beside the envelopes u (..., 2): all of shape (...) that broadcasts with u's.
+    """What an effect's slow term may look at, beside the envelopes u (..., 2): all of shape (...)
+    that broadcasts with u's.
 
-    `slow_environment(p, state) -> SlowState` may return a changed copy (true temperature and rate from the logged ones);
-    `slow(p, u, state) -> du/dt (..., 2)` adds to the envelope equation; `slow_readout(p, u, state) -> u` is the static read-out;
-    `slow_jump(p, state) -> (time_s, jump of u)` is what happens at one instant.
+    `slow_environment(p, state) -> SlowState` may return a changed copy (true temperature and rate
+    from the logged ones); `slow(p, u, state) -> du/dt (..., 2)` adds to the envelope equation;
+    `slow_readout(p, u, state) -> u` is the static read-out; `slow_jump(p, state) -> (time_s, jump
+    of u)` is what happens at one instant.
     """
 
     mechanics: Mechanics
@@ -242,11 +269,13 @@ class SlowState:
     table_angle_rad: Array
     """∫Ω dt of the run, from 0."""
     drive: Array
-    """Commanded force on the envelopes (..., 2) complex, amplitude a second, before any drive defect; zero in a free run."""
+    """Commanded force on the envelopes (..., 2) complex, amplitude a second, before any drive
+    defect; zero in a free run."""
     forced: Array
     """1 where the drive is on, else 0."""
     phase_rad: Array
-    """Phase φ of the main wave near which u's own φ is to be taken: (mθ, φ) and (mθ + π, φ + π) are the same wave."""
+    """Phase φ of the main wave near which u's own φ is to be taken: (mθ, φ) and (mθ + π, φ + π) are
+    the same wave."""
     omega_r_rad_s: float
     """Reference frequency of the envelopes."""
     run: Array | None = None

@@ -1,4 +1,5 @@
-"""The pick-off chain of a simulated gyro: displacement -> steps of the effects -> electrodes -> carrier -> noise -> converter.
+"""The pick-off chain of a simulated gyro: displacement -> steps of the effects -> electrodes ->
+carrier -> noise -> converter.
 
 Electrodes: `electrodes.pick_off`. Carrier: y·(−2 sin(ω_c t + ψ)), so that the coefficients at
 ω_c ∓ ω are exactly those of PHYSICS §3 (1) with A the displacement's amplitude.
@@ -15,14 +16,17 @@ Array = np.ndarray
 
 
 def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> Array:
-    """What the converter sees of a block, in displacement units: (2, n), fewer where a step loses samples."""
+    """What the converter sees of a block, in displacement units: (2, n), fewer where a step loses
+    samples."""
     y = samples.z
     for step in readout.steps:
         y = step(samples, y)
     if readout.model == "full":
         y = pick_off(readout.law, readout.gap, readout.gaps, readout.gains, y, samples.v_over_omega)
     if readout.kind == "carrier":
-        turns = np.mod(readout.carrier_hz / (1 + readout.clock_error) * samples.time_s, 1.0)  # carrier and converter share a clock
+        turns = np.mod(
+            readout.carrier_hz / (1 + readout.clock_error) * samples.time_s, 1.0
+        )  # carrier and converter share a clock
         y = y * (-2 * np.sin(2 * np.pi * turns + readout.carrier_phase_rad))
     if samples.noise is not None:
         y = y + samples.noise
@@ -34,7 +38,8 @@ def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> 
 
 
 def convert(readout: Readout, y: Array) -> Array:
-    """Raw numbers: counts of an `adc_bits` converter that clips at ± full scale, or the values themselves with 0 bits."""
+    """Raw numbers: counts of an `adc_bits` converter that clips at ± full scale, or the values
+    themselves with 0 bits."""
     if readout.adc_bits == 0:
         return y
     top = 2 ** (readout.adc_bits - 1)

@@ -1,4 +1,5 @@
-"""The linear resonator: second-order equations of motion, their slow generator exact to second order, and its propagator.
+"""The linear resonator: second-order equations of motion, their slow generator exact to second
+order, and its propagator.
 
 Fast, in the instrument axes z = (C, S)   (seed A (3) at θ_x = 0, with the Euler term of PHYSICS M14):
     z'' + 2(N − KΩ J) z' + (W − KΩ' J) z = force,   N = ν I + ν δμ R(2mθ_μ),   W = (ω² + δω²) I + 2 ω δω R(2mθ_ω)
@@ -29,7 +30,8 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class Mechanics:
-    """The linear resonator's parameters: f, ν = 1/τ, νδμ, θ_μ, δω = (ω_p − ω_q)/2, θ_ω, K, and the mode number m."""
+    """The linear resonator's parameters: f, ν = 1/τ, νδμ, θ_μ, δω = (ω_p − ω_q)/2, θ_ω, K, and the
+    mode number m."""
 
     frequency_hz: float
     damping_rate_1_s: float
@@ -47,12 +49,16 @@ class Mechanics:
 
     def damping_matrix(self) -> Array:
         """N, 1/s."""
-        return self.damping_rate_1_s * IDENTITY + self.damping_split_1_s * reflection(2 * self.mode_number * self.damping_axis_rad)
+        return self.damping_rate_1_s * IDENTITY + self.damping_split_1_s * reflection(
+            2 * self.mode_number * self.damping_axis_rad
+        )
 
     def stiffness_matrix(self) -> Array:
         """W, rad²/s²: eigenvalues (ω ± δω)²."""
         omega, split = self.omega_rad_s, self.frequency_split_rad_s
-        return (omega**2 + split**2) * IDENTITY + 2 * omega * split * reflection(2 * self.mode_number * self.stiffness_axis_rad)
+        return (omega**2 + split**2) * IDENTITY + 2 * omega * split * reflection(
+            2 * self.mode_number * self.stiffness_axis_rad
+        )
 
 
 def reflection(alpha: float | Array) -> Array:
@@ -62,23 +68,34 @@ def reflection(alpha: float | Array) -> Array:
 
 
 def generator(
-    mechanics: Mechanics, rate_rad_s: float | Array = 0.0, reference_frequency_hz: float | None = None, second_order: float = 1.0
+    mechanics: Mechanics,
+    rate_rad_s: float | Array = 0.0,
+    reference_frequency_hz: float | None = None,
+    second_order: float = 1.0,
 ) -> Array:
     """Slow generator L (..., 2, 2) complex, 1/s, for a constant rate (shape ...).
 
-    second_order: 1 for the solvent, exact to O(L³/ω²); 0 for plain averaging. The envelope is taken against the reference frequency.
+    second_order: 1 for the solvent, exact to O(L³/ω²); 0 for plain averaging. The envelope is taken
+    against the reference frequency.
     """
-    omega_r = 2 * np.pi * (mechanics.frequency_hz if reference_frequency_hz is None else reference_frequency_hz)
+    omega_r = (
+        2
+        * np.pi
+        * (mechanics.frequency_hz if reference_frequency_hz is None else reference_frequency_hz)
+    )
     turning = mechanics.scale_factor * np.asarray(rate_rad_s, float)[..., None, None] * J
     damping = mechanics.damping_matrix() - turning
     if second_order == 0:
-        split = mechanics.frequency_split_rad_s * reflection(2 * mechanics.mode_number * mechanics.stiffness_axis_rad)
+        split = mechanics.frequency_split_rad_s * reflection(
+            2 * mechanics.mode_number * mechanics.stiffness_axis_rad
+        )
         return -damping + 1j * (split + (mechanics.omega_rad_s - omega_r) * IDENTITY)
     return solvent(damping, mechanics.stiffness_matrix(), omega_r, second_order)
 
 
 def solvent(damping: Array, stiffness: Array, omega_r: float, second_order: float = 1.0) -> Array:
-    """L with (jω_r + L)² + 2Γ(jω_r + L) + W = 0 near −Γ + j(W − ω_r²)/2ω_r: Γ = `damping`, W = `stiffness` (..., 2, 2)."""
+    """L with (jω_r + L)² + 2Γ(jω_r + L) + W = 0 near −Γ + j(W − ω_r²)/2ω_r: Γ = `damping`, W =
+    `stiffness` (..., 2, 2)."""
     first = -damping + 1j * (stiffness - omega_r**2 * IDENTITY) / (2 * omega_r)
     L = first
     for _ in range(3):
@@ -94,7 +111,9 @@ def exponential(L: Array, time_s: float | Array) -> Array:
     t = np.asarray(time_s)[..., None, None]
     half = (L[..., 0, 0] + L[..., 1, 1])[..., None, None] / 2
     rest = L - half * IDENTITY
-    d = np.sqrt((rest[..., 0, 0] ** 2 + rest[..., 0, 1] * rest[..., 1, 0]).astype(complex))[..., None, None]
+    d = np.sqrt((rest[..., 0, 0] ** 2 + rest[..., 0, 1] * rest[..., 1, 0]).astype(complex))[
+        ..., None, None
+    ]
     x = d * t
     small = np.abs(x) < 1e-4
     safe = np.where(small, 1.0, x)

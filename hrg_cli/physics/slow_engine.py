@@ -1,8 +1,10 @@
-"""The slow engine: the envelopes' equation u' = L(t) u + control + slow terms of the effects, turned into samples.
+"""The slow engine: the envelopes' equation u' = L(t) u + control + slow terms of the effects,
+turned into samples.
 
-L is the solvent of the second-order equation (`resonator.solvent`), so both engines follow the same physics to second order in
-the small rates over ω. The linear part is stepped by its exact exponential, the rest by the Runge–Kutta rule of fourth order
-around it (Lawson); samples between the steps come from the cubic through values and derivatives.
+L is the solvent of the second-order equation (`resonator.solvent`), so both engines follow the same
+physics to second order in the small rates over ω. The linear part is stepped by its exact
+exponential, the rest by the Runge–Kutta rule of fourth order around it (Lawson); samples between
+the steps come from the cubic through values and derivatives.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ _DERIVATIVE_S = 1e-3
 
 @dataclass
 class SlowTerms:
-    """The effects' slow terms: of the environment (true from logged), of the motion and of the read-out."""
+    """The effects' slow terms: of the environment (true from logged), of the motion and of the
+    read-out."""
 
     environment: Sequence[Callable[[SlowState], SlowState]] = ()
     motion: Sequence[SlowTerm] = ()
@@ -45,17 +48,23 @@ class SlowTerms:
 
 
 class _Clock:
-    """The environment as an effect may see it at any times: temperature with its slope and branch, rate and turned angle."""
+    """The environment as an effect may see it at any times: temperature with its slope and branch,
+    rate and turned angle."""
 
     def __init__(self, environment: Environment, plant: Plant) -> None:
-        self._t, self._T = np.asarray(environment.time_s, float), np.asarray(environment.temperature_degc, float)
+        self._t, self._T = (
+            np.asarray(environment.time_s, float),
+            np.asarray(environment.temperature_degc, float),
+        )
         self._rate = np.asarray(environment.rate_rad_s, float)
         steps = np.diff(self._t)
         self._slope = np.diff(self._T) / np.where(steps > 0, steps, np.inf)
         signs = np.sign(self._slope)
         last = np.maximum.accumulate(np.where(signs != 0, np.arange(len(signs)), -1))
         self._branch = np.where(last >= 0, signs[np.maximum(last, 0)], 0.0)
-        self._angle = np.concatenate([[0.0], np.cumsum(steps * (self._rate[1:] + self._rate[:-1]) / 2)])
+        self._angle = np.concatenate(
+            [[0.0], np.cumsum(steps * (self._rate[1:] + self._rate[:-1]) / 2)]
+        )
         self._plant = plant
 
     def state(self, t: Array) -> SlowState:
@@ -82,12 +91,16 @@ def run(
     count: int,
     start_angle_rad: float = 0.0,
 ) -> Iterator[Block]:
-    """As `fast_engine.run`, from the envelopes. plant_at: the linear plant in any environment, as the effects may change it."""
+    """As `fast_engine.run`, from the envelopes. plant_at: the linear plant in any environment, as
+    the effects may change it."""
     motion = _Motion(environment, plant_at, control, terms)
     omega_r = motion.plant.mechanics.omega_rad_s
     stride = _stride(environment, motion.plant, control, step_s)
     h = stride * step_s
-    u, memory = np.asarray(start, complex), _Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
+    u, memory = (
+        np.asarray(start, complex),
+        _Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)])),
+    )
     for first in range(0, count, CHUNK):
         n = min(CHUNK, count - first)
         steps = -(-n // stride)
@@ -98,7 +111,11 @@ def run(
         at_nodes, at_middles = motion.state(t), motion.state(t[:-1] + h / 2)
         path, slope = np.empty((steps + 1, 2), complex), np.empty((steps + 1, 2), complex)
         jumps: list[tuple[int, float, Array]] = []
-        force, command, phase = np.zeros((steps + 1, 2), complex), np.zeros((steps + 1, 2)), np.zeros(steps + 1)
+        force, command, phase = (
+            np.zeros((steps + 1, 2), complex),
+            np.zeros((steps + 1, 2)),
+            np.zeros(steps + 1),
+        )
         for k in range(steps + 1):
             du, action, phase[k] = motion.look(_row(at_nodes, k), u, memory, corrections[k])
             path[k], slope[k] = u, nodes[k] @ u + du
@@ -111,7 +128,14 @@ def run(
                 u = motion.across(t[k], t[k + 1], inside, u, memory)
             elif motion.lively:
                 moments = _row(at_nodes, k), _row(at_middles, k), _row(at_nodes, k + 1)
-                u = motion.step(h, moments, (halves[0][k], halves[1][k]), (corrections[k], middle[k], corrections[k + 1]), u, memory)
+                u = motion.step(
+                    h,
+                    moments,
+                    (halves[0][k], halves[1][k]),
+                    (corrections[k], middle[k], corrections[k + 1]),
+                    u,
+                    memory,
+                )
             else:
                 u = halves[1][k] @ (halves[0][k] @ u)
             for instant, jump in motion.jumps:
@@ -123,7 +147,8 @@ def run(
         x = (part / stride)[:, None]
         values = _hermite(path, slope * h, cell, x)
         for k, instant, jump in jumps:
-            # the cubic is drawn to where the cell would have ended; what jumps within it goes on from there
+            # the cubic is drawn to where the cell would have ended; what jumps within it goes on
+            # from there
             end = path.copy()
             end[k + 1] -= exponential(nodes[k], t[k + 1] - instant) @ jump
             bent = slope.copy()
@@ -131,16 +156,25 @@ def run(
             own = cell == k
             values[own] = _hermite(end, bent * h, cell[own], x[own])
             late = own & (times >= instant)
-            values[late] += np.einsum("nij,j->ni", exponential(nodes[k], times[late] - instant), jump)
+            values[late] += np.einsum(
+                "nij,j->ni", exponential(nodes[k], times[late] - instant), jump
+            )
         drives = force[cell] * (1 - x) + force[cell + 1] * x
         commands = command[cell] * (1 - x) + command[cell + 1] * x
-        state = replace(motion.state(times), drive=drives, forced=np.any(commands != 0, axis=1).astype(float), phase_rad=phase[cell])
+        state = replace(
+            motion.state(times),
+            drive=drives,
+            forced=np.any(commands != 0, axis=1).astype(float),
+            phase_rad=phase[cell],
+        )
         seen = values
         for term in terms.readout:
             seen = term(seen, state)
         turn = np.exp(1j * np.mod(omega_r * times, 2 * np.pi))[:, None]
         q = (seen * turn).T
-        samples = Samples(times, q.real, -q.imag, (drives * turn).T, state.temperature_degc, state.rate_rad_s)
+        samples = Samples(
+            times, q.real, -q.imag, (drives * turn).T, state.temperature_degc, state.rate_rad_s
+        )
         yield Block(samples, commands.T, values.__getitem__)
 
 
@@ -153,9 +187,12 @@ class _Memory:
 
 
 class _Motion:
-    """The right-hand side u' = L u + control + slow terms in its environment, and one step of it."""
+    """The right-hand side u' = L u + control + slow terms in its environment, and one step of
+    it."""
 
-    def __init__(self, environment: Environment, plant_at: PlantAt, control: Control, terms: SlowTerms) -> None:
+    def __init__(
+        self, environment: Environment, plant_at: PlantAt, control: Control, terms: SlowTerms
+    ) -> None:
         self._plant_at, self._control, self._terms = plant_at, control, terms
         self.plant = plant_at(environment)
         self._clock = _Clock(environment, self.plant)
@@ -163,10 +200,14 @@ class _Motion:
         self.lively = control.forced or len(terms.motion) > 0
         self.switches = np.unique(control.on_off) if control.forced else np.zeros(0)
         self.jumps = [jump(self._clock.state(np.zeros(1))) for jump in terms.jumps]
-        self.jumps = sorted(((at, np.reshape(change, 2)) for at, change in self.jumps if at > 0), key=lambda one: one[0])
+        self.jumps = sorted(
+            ((at, np.reshape(change, 2)) for at, change in self.jumps if at > 0),
+            key=lambda one: one[0],
+        )
 
     def state(self, t: Array) -> SlowState:
-        """What the effects see at times t, the environment made true by theirs; nothing of the wave or the drive yet."""
+        """What the effects see at times t, the environment made true by theirs; nothing of the wave
+        or the drive yet."""
         state = self._clock.state(t)
         for change in self._terms.environment:
             state = change(state)
@@ -175,24 +216,41 @@ class _Motion:
     def generators(self, t: Array) -> tuple[Array, Array]:
         """L (n, 2, 2) at times t, and the matrix by which a force's envelope is corrected, f + C f.
 
-        With frequency and damping that move, L² + 2ΓL gains L' − (KΩ)'J = −N' + jW'/2ω. A force enters as
-        (2jω_r + 2Γ + L)⁻¹(2jωf − f'), f' ≈ KΩJ f + j(ω − ω_r) f: f turns with the wave.
+        With frequency and damping that move, L² + 2ΓL gains L' − (KΩ)'J = −N' + jW'/2ω. A force
+        enters as (2jω_r + 2Γ + L)⁻¹(2jωf − f'), f' ≈ KΩJ f + j(ω − ω_r) f: f turns with the wave.
         """
         omega_r = self.plant.mechanics.omega_rad_s
         matrices = []
         for moment in (t, t - _DERIVATIVE_S, t + _DERIVATIVE_S):
             state = self.state(moment)
-            there = self._plant_at(Environment(moment, state.temperature_degc, state.rate_rad_s, state.temperature_degc, state.rate_rad_s))
-            matrices.append((there.damping, there.stiffness, (there.scale_factor * state.rate_rad_s)[:, None, None] * J))
+            there = self._plant_at(
+                Environment(
+                    moment,
+                    state.temperature_degc,
+                    state.rate_rad_s,
+                    state.temperature_degc,
+                    state.rate_rad_s,
+                )
+            )
+            matrices.append(
+                (
+                    there.damping,
+                    there.stiffness,
+                    (there.scale_factor * state.rate_rad_s)[:, None, None] * J,
+                )
+            )
         (N, W, turning), before, after = matrices
         L = solvent(N - turning, W, omega_r)
         omega = np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2)[:, None, None]
-        moved = (1j * (after[1] - before[1]) / (2 * omega) - (after[0] - before[0])) / (2 * _DERIVATIVE_S)
+        moved = (1j * (after[1] - before[1]) / (2 * omega) - (after[0] - before[0])) / (
+            2 * _DERIVATIVE_S
+        )
         L = L - moved / (2j * omega)
         return L, -(2 * N - turning + L - 1j * (omega - omega_r) * np.eye(2)) / (2j * omega)
 
     def propagator(self, t: Array, h: float) -> Array:
-        """The linear motion from t to t + h (n, 2, 2): Magnus, fourth order, (L₁+L₂)/2 + (√3 h/12)[L₂, L₁] at the Gauss points."""
+        """The linear motion from t to t + h (n, 2, 2): Magnus, fourth order, (L₁+L₂)/2 + (√3
+        h/12)[L₂, L₁] at the Gauss points."""
         offset = h / (2 * np.sqrt(3))
         L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
         return exponential((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
@@ -206,12 +264,16 @@ class _Motion:
         if self._terms.motion:
             force = action.force if action else np.zeros(2, complex)
             phase = np.angle(near @ u)
-            state = replace(moment, drive=force[None], forced=np.array([float(on)]), phase_rad=np.array([phase]))
+            state = replace(
+                moment, drive=force[None], forced=np.array([float(on)]), phase_rad=np.array([phase])
+            )
             for term in self._terms.motion:
                 du = du + term(u[None], state)[0]
         return du, action.integral_rate if action else np.zeros(2), action
 
-    def look(self, moment: SlowState, u: Array, memory: _Memory, correction: Array) -> tuple[Array, Drive | None, float]:
+    def look(
+        self, moment: SlowState, u: Array, memory: _Memory, correction: Array
+    ) -> tuple[Array, Drive | None, float]:
         """du/dt beside L u, the drive and the wave's phase at a node."""
         _, _, memory.near, _, turn = principal(u, memory.near)
         if not self.lively:
@@ -221,9 +283,16 @@ class _Motion:
         return du, action, float(np.angle(turn))
 
     def step(
-        self, h: float, moments: Sequence[SlowState], halves: Sequence[Array], corrections: Sequence[Array], u: Array, memory: _Memory
+        self,
+        h: float,
+        moments: Sequence[SlowState],
+        halves: Sequence[Array],
+        corrections: Sequence[Array],
+        u: Array,
+        memory: _Memory,
     ) -> Array:
-        """u after h, the drive on or off throughout: the fourth-order Runge–Kutta rule around two half exponentials, integrals too."""
+        """u after h, the drive on or off throughout: the fourth-order Runge–Kutta rule around two
+        half exponentials, integrals too."""
         I, near = memory.integral, memory.near
         begin, middle, end = zip(moments, corrections)
         on = is_on(self._control, float(moments[1].time_s[0]))
@@ -236,7 +305,9 @@ class _Motion:
         memory.integral = I + h / 6 * (i1 + 2 * i2 + 2 * i3 + i4)
         return E2 @ (base + h / 6 * (E1 @ k1) + h / 3 * (k2 + k3)) + h / 6 * k4
 
-    def across(self, start: float, stop: float, switches: Array, u: Array, memory: _Memory) -> Array:
+    def across(
+        self, start: float, stop: float, switches: Array, u: Array, memory: _Memory
+    ) -> Array:
         """u after a step within which the drive is switched."""
         edges = np.concatenate([[start], switches, [stop]])
         for a, b in pairwise(edges):
@@ -245,7 +316,9 @@ class _Motion:
             _, corrections = self.generators(t)
             states = self.state(t)
             halves = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)
-            u = self.step(h, [_row(states, k) for k in range(3)], list(halves), list(corrections), u, memory)
+            u = self.step(
+                h, [_row(states, k) for k in range(3)], list(halves), list(corrections), u, memory
+            )
         return u
 
 
@@ -268,7 +341,8 @@ def _row(state: SlowState, k: int) -> SlowState:
 
 
 def _hermite(path: Array, step: Array, cell: Array, x: Array) -> Array:
-    """The cubic through the values and the derivatives (times the step) at both ends of each cell, at 0 ≤ x < 1."""
+    """The cubic through the values and the derivatives (times the step) at both ends of each cell,
+    at 0 ≤ x < 1."""
     a, b, da, db = path[cell], path[cell + 1], step[cell], step[cell + 1]
     return a + x * (da + x * (3 * (b - a) - 2 * da - db + x * (2 * (a - b) + da + db)))
 
@@ -277,12 +351,20 @@ def _stride(environment: Environment, plant: Plant, control: Control, step_s: fl
     """Samples a slow step: a power of two, so that a chunk holds whole steps."""
     table = Coefficients(environment, plant)
     t = np.asarray(environment.time_s, float)
-    L = solvent(table.damping(t) - table.turning(t)[:, None, None] * J, table.stiffness(t), plant.mechanics.omega_rad_s)
+    L = solvent(
+        table.damping(t) - table.turning(t)[:, None, None] * J,
+        table.stiffness(t),
+        plant.mechanics.omega_rad_s,
+    )
     fastest = float(np.abs(L).sum(-1).max())
     if control.forced:
         fastest = max(fastest, control.amplitude_gain_1_s, control.quadrature_gain_1_s)
     longest = max(_LONGEST_STEP_S, _LONGEST_STEP_PERIODS / plant.mechanics.frequency_hz)
-    longest = min(longest, _STEP_ANGLE / max(fastest, 1e-9), np.sqrt(8 * _CORNER_ERROR / max(table.corner, 1e-9)))
+    longest = min(
+        longest,
+        _STEP_ANGLE / max(fastest, 1e-9),
+        np.sqrt(8 * _CORNER_ERROR / max(table.corner, 1e-9)),
+    )
     if len(control.on_off):
         longest = min(longest, _SWITCHED_STEP_S)
     return int(2 ** np.clip(np.floor(np.log2(max(longest / step_s, 1.0))), 0, np.log2(CHUNK)))

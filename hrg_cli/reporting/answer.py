@@ -1,7 +1,8 @@
 """The answer: what the results of one gyro say, once, for terminal, page, JSON and JUnit alike.
 
-Two words that are easily mixed up are kept apart: the gyro's *health* ("sound", "fault found", "bench fault", "in doubt", "not examined")
-and the fit's *validity* ("valid", "suspect", "refused"). A gyro with a fault that was found and taken in has a valid fit.
+Two words that are easily mixed up are kept apart: the gyro's *health* ("sound", "fault found",
+"bench fault", "in doubt", "not examined") and the fit's *validity* ("valid", "suspect", "refused").
+A gyro with a fault that was found and taken in has a valid fit.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ SURE = ("adequate", "explained")
 
 @dataclass(frozen=True)
 class Requirement:
-    """A figure against its limit: what was found, what was wanted, how many σ lie between, and whether it passes."""
+    """A figure against its limit: what was found, what was wanted, how many σ lie between, and
+    whether it passes."""
 
     name: str
     value: str
@@ -88,15 +90,24 @@ class Answer:
         return dataclasses.asdict(self)
 
 
-def answer(records: Sequence[Record], rows: Sequence[Row] = (), names: Mapping[str, str] | None = None) -> Answer | None:
+def answer(
+    records: Sequence[Record], rows: Sequence[Row] = (), names: Mapping[str, str] | None = None
+) -> Answer | None:
     """The answer of one gyro's results; None where none of the records is a result.
 
-    rows: figures held against limits; names: kind -> name of its file, for the commands. The last record of a kind speaks for it.
+    rows: figures held against limits; names: kind -> name of its file, for the commands. The last
+    record of a kind speaks for it.
     """
     of_kind = {record.kind: record for record in records}
-    diagnosis, resonator, calibration = of_kind.get("diagnosis"), of_kind.get("resonator"), of_kind.get("calibration")
+    diagnosis, resonator, calibration = (
+        of_kind.get("diagnosis"),
+        of_kind.get("resonator"),
+        of_kind.get("calibration"),
+    )
     assert not isinstance(diagnosis, Record) or isinstance(diagnosis, Diagnosis)
-    results = [r for r in (diagnosis, calibration, resonator, of_kind.get("compensated")) if r is not None]
+    results = [
+        r for r in (diagnosis, calibration, resonator, of_kind.get("compensated")) if r is not None
+    ]
     if not results:
         return None
     report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
@@ -116,7 +127,9 @@ def answer(records: Sequence[Record], rows: Sequence[Row] = (), names: Mapping[s
     moved = _moved(report)
     if moved and not causes:
         far = max(moved, key=lambda m: abs(m.sigma))
-        sentence += f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
+        sentence += (
+            f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
+        )
     named = dict(names or {})
     return Answer(
         gyro_id=plain(next((g for r in results if (g := getattr(r, "gyro_id", ""))), "")),
@@ -136,7 +149,9 @@ def answer(records: Sequence[Record], rows: Sequence[Row] = (), names: Mapping[s
         stability=answer_words.stability(report),
         next_runs=answer_words.next_runs(report),
         equation=answer_use.equation(calibration is not None, [c.name for c in causes]),
-        snippet=answer_use.snippet(report, calibration if isinstance(calibration, Calibration) else None, parameters),
+        snippet=answer_use.snippet(
+            report, calibration if isinstance(calibration, Calibration) else None, parameters
+        ),
         commands=answer_use.commands(named, bool(report), calibration is not None),
     )
 
@@ -152,7 +167,8 @@ def _health(verdict: str | None, causes: Sequence[Cause]) -> str:
 
 
 def _validity(verdict: str | None, examined: Sequence[Record]) -> str:
-    """The worst status of the results that decide; a diagnosis that leaves something open is suspect."""
+    """The worst status of the results that decide; a diagnosis that leaves something open is
+    suspect."""
     order = ("valid", "suspect", "refused")
     worst = max((record.status for record in examined), key=order.index)
     return "suspect" if worst == "valid" and verdict is not None and verdict not in SURE else worst
@@ -163,7 +179,12 @@ def _why(report: Mapping[str, Any], examined: Sequence[Record]) -> tuple[str, ..
     failed = [answer_words.failed_check(c) for c in checks if c.get("passed") is False]
     if checks and not failed:
         failed = [f"all {len(checks)} closing checks passed"]
-    reasons = [plain(reason) for record in examined if record.status != "valid" for reason in record.status_reasons]
+    reasons = [
+        plain(reason)
+        for record in examined
+        if record.status != "valid"
+        for reason in record.status_reasons
+    ]
     said = [plain(c.get("sentence") or "") for c in checks if c.get("passed") is False]
     reasons = [reason for reason in reasons if not any(one and one in reason for one in said)]
     return tuple(dict.fromkeys([*failed, *reasons]))
@@ -174,24 +195,43 @@ def requirement(row: Row) -> Requirement:
     if row.words is not None:
         return Requirement(row.name, *row.words, None, row.passed)
     units = row.units
-    bounds = [f"≥ {quantity(row.name, row.minimum, None, units)}"] if row.minimum is not None else []
-    bounds += [f"≤ {quantity(row.name, row.maximum, None, units)}"] if row.maximum is not None else []
-    value = "not in the file" if row.value is None else quantity(row.name, row.value, row.std, units)
+    bounds = (
+        [f"≥ {quantity(row.name, row.minimum, None, units)}"] if row.minimum is not None else []
+    )
+    bounds += (
+        [f"≤ {quantity(row.name, row.maximum, None, units)}"] if row.maximum is not None else []
+    )
+    value = (
+        "not in the file" if row.value is None else quantity(row.name, row.value, row.std, units)
+    )
     return Requirement(row.name, value, " and ".join(bounds), row.margin_sigma, row.passed)
 
 
-def _parameters(diagnosis: Record | None, resonator: Record | None) -> tuple[tuple[Parameter, ...], str]:
-    """Those beside the causes where there is a diagnosis, else the identified ones; and whose they are."""
+def _parameters(
+    diagnosis: Record | None, resonator: Record | None
+) -> tuple[tuple[Parameter, ...], str]:
+    """Those beside the causes where there is a diagnosis, else the identified ones; and whose they
+    are."""
     report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
     if entries(report, "values"):
-        rows = [(str(v.get("name")), v.get("value"), v.get("std"), str(v.get("units", ""))) for v in entries(report, "values")]
+        rows = [
+            (str(v.get("name")), v.get("value"), v.get("std"), str(v.get("units", "")))
+            for v in entries(report, "values")
+        ]
         of = "extended model" if entries(report, "effects") else "model"
     elif isinstance(resonator, Resonator):
         rows, of = [(name, *row) for name, row in resonator.parameters().items()], "resonator"
     else:
         return (), ""
     found = [
-        Parameter(plain(name), LABELS.get(name, plain(name)), parameter(name, value, std, units), float(value), float(std), plain(units))
+        Parameter(
+            plain(name),
+            LABELS.get(name, plain(name)),
+            parameter(name, value, std, units),
+            float(value),
+            float(std),
+            plain(units),
+        )
         for name, value, std, units in rows
         if isinstance(value, int | float) and isinstance(std, int | float)
     ]
@@ -206,22 +246,41 @@ def _moved(report: Mapping[str, Any]) -> tuple[Moved, ...]:
             name, units = str(v.get("name")), str(v.get("units", ""))
             value, std, believed, sigma = (float(n) for n in numbers)  # type: ignore[arg-type]
             said = parameter(name, value, std, units)
-            found.append(Moved(plain(name), LABELS.get(name, plain(name)), parameter(name, believed, 0.0, units), said, sigma))
+            found.append(
+                Moved(
+                    plain(name),
+                    LABELS.get(name, plain(name)),
+                    parameter(name, believed, 0.0, units),
+                    said,
+                    sigma,
+                )
+            )
     return tuple(found)
 
 
 def _of_tables(calibration: Calibration) -> str:
     """What the tables gain, from the rms of the rate errors."""
     said = _gains(*calibration_rms(calibration.details))
-    return f"The tables take {' and '.join(said)} on data held out." if said else "The tables are made."
+    return (
+        f"The tables take {' and '.join(said)} on data held out."
+        if said
+        else "The tables are made."
+    )
 
 
 def _gains(drift: Mapping[str, Any], scale: Mapping[str, Any]) -> list[str]:
     found = []
-    for rms, words, factor, unit in ((drift, "the drift", 1 / DEGREE_PER_HOUR, "°/h"), (scale, "the scale factor's error", 1.0, "ppm")):
-        before, after = (figure_of_merit(rms.get(key))[0] * factor for key in ("before", "held_out"))
+    for rms, words, factor, unit in (
+        (drift, "the drift", 1 / DEGREE_PER_HOUR, "°/h"),
+        (scale, "the scale factor's error", 1.0, "ppm"),
+    ):
+        before, after = (
+            figure_of_merit(rms.get(key))[0] * factor for key in ("before", "held_out")
+        )
         if before == before and after == after:
-            found.append(f"{words} from {answer_words.short(before)} to {answer_words.short(after)} {unit}")
+            found.append(
+                f"{words} from {answer_words.short(before)} to {answer_words.short(after)} {unit}"
+            )
     return found
 
 
@@ -230,10 +289,17 @@ def _of_resonator(record: Record) -> str:
         known = record.parameters()
         said = [
             f"{label} {parameter(name, *known[name])}"
-            for name, label in (("frequency_hz", "f ="), ("damping_rate_1_s", "τ ="), ("frequency_split_rad_s", "Δf ="))
+            for name, label in (
+                ("frequency_hz", "f ="),
+                ("damping_rate_1_s", "τ ="),
+                ("frequency_split_rad_s", "Δf ="),
+            )
             if name in known
         ]
-        return f"The resonator: {', '.join(said)}; whether the runs hold more than it says is for hrg diagnose."
+        return (
+            f"The resonator: {', '.join(said)}; whether the runs hold more than it says is for hrg"
+            " diagnose."
+        )
     if isinstance(record, Compensated):
         return "The tables were applied to a run; the page shows the rate error that is left."
     return ""

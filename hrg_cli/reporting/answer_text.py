@@ -1,4 +1,5 @@
-"""The answer in a terminal: the sentence, the two words, then short tables; nothing longer than two lines."""
+"""The answer in a terminal: the sentence, the two words, then short tables; nothing longer than two
+lines."""
 
 from __future__ import annotations
 
@@ -10,20 +11,39 @@ from .text import number
 def show(found: Answer) -> None:
     """Print the answer."""
     print(found.sentence)
-    print(f"gyro: {found.health}; fit: {found.validity}" + (f"; verdict: {found.verdict}" if found.verdict else ""))
+    print(
+        f"gyro: {found.health}; fit: {found.validity}"
+        + (f"; verdict: {found.verdict}" if found.verdict else "")
+    )
     for reason in found.why:
         print(f"  {reason}")
     if found.requirements:
-        required = [(r.name, r.value, r.limit, _margin(r.margin_sigma), "yes" if r.passed else "NO") for r in found.requirements]
+        required = [
+            (r.name, r.value, r.limit, _margin(r.margin_sigma), "yes" if r.passed else "NO")
+            for r in found.requirements
+        ]
         print_table("", ("requirement", "value", "limit", "margin, σ", "passed"), required)
     if found.causes:
         causes = [
-            (c.words, c.size, _share(c.drift_deg_h), _share(c.amplitude_ppm), number(abs(c.z), 3), ", ".join(c.rivals).replace("_", " "))
+            (
+                c.words,
+                c.size,
+                _share(c.drift_deg_h),
+                _share(c.amplitude_ppm),
+                number(abs(c.z), 3),
+                ", ".join(c.rivals).replace("_", " "),
+            )
             for c in found.causes
         ]
-        print_table("", ("cause", "size", "drift, °/h", "amplitude, ppm", "σ", "cannot be told from"), causes)
+        print_table(
+            "",
+            ("cause", "size", "drift, °/h", "amplitude, ppm", "σ", "cannot be told from"),
+            causes,
+        )
     if found.parameters:
-        print_table("", (f"{found.parameters_of}", ""), [(p.label, p.text) for p in found.parameters])
+        print_table(
+            "", (f"{found.parameters_of}", ""), [(p.label, p.text) for p in found.parameters]
+        )
     if found.moved:
         moved = [(m.label, m.believed, m.measured, number(m.sigma, 3)) for m in found.moved]
         print_table("", ("wrong in the supplied model", "believed", "measured", "σ"), moved)

@@ -1,4 +1,5 @@
-"""What to do with the answer: the equation it stands for, a few lines of C with the numbers in them, and the commands."""
+"""What to do with the answer: the equation it stands for, a few lines of C with the numbers in
+them, and the commands."""
 
 from __future__ import annotations
 
@@ -26,21 +27,35 @@ def equation(tables: bool, causes: Sequence[str]) -> str:
 
 
 def matrix_of(found: Mapping[str, Mapping[str, float]]) -> Array | None:
-    """1 + E (2, 2) of the linear read-out causes among these, names with values; None where there is none.
+    """1 + E (2, 2) of the linear read-out causes among these, names with values; None where there
+    is none.
 
-    Each column is what the effect's slow read-out makes of a unit signal, so that an effect of the catalogue needs no code here.
+    Each column is what the effect's slow read-out makes of a unit signal, so that an effect of the
+    catalogue needs no code here.
     """
     total = np.eye(2, dtype=complex)
     linear = False
     for effect in EFFECTS:
-        if effect.name not in found or effect.slow_readout is same_signal or effect.slow is not no_term:
+        if (
+            effect.name not in found
+            or effect.slow_readout is same_signal
+            or effect.slow is not no_term
+        ):
             continue
-        values = effect.values({p.name: found[effect.name].get(p.name, p.typical) for p in effect.parameters})
-        columns = [_seen(effect, values, size * unit) for unit in np.eye(2, dtype=complex) for size in (1.0, 2.0, 1j)]
+        values = effect.values(
+            {p.name: found[effect.name].get(p.name, p.typical) for p in effect.parameters}
+        )
+        columns = [
+            _seen(effect, values, size * unit)
+            for unit in np.eye(2, dtype=complex)
+            for size in (1.0, 2.0, 1j)
+        ]
         if any(c is None for c in columns):
             continue
         one, two, turned = (np.stack([columns[k], columns[k + 3]], axis=1) for k in range(3))  # type: ignore[list-item]
-        if np.allclose(two, 2 * one, rtol=1e-12, atol=1e-15) and np.allclose(turned, 1j * one, rtol=1e-12, atol=1e-15):
+        if np.allclose(two, 2 * one, rtol=1e-12, atol=1e-15) and np.allclose(
+            turned, 1j * one, rtol=1e-12, atol=1e-15
+        ):
             total, linear = one @ total, True
     return total if linear else None
 
@@ -53,14 +68,21 @@ def _seen(effect: Any, values: Mapping[str, float], u: Array) -> Array | None:
         return None
 
 
-def snippet(report: Mapping[str, Any], calibration: Calibration | None, parameters: Sequence[Any]) -> str:
-    """C with the numbers: the tables, which were made of the channels as they are; else the channels put right, then the rate."""
+def snippet(
+    report: Mapping[str, Any], calibration: Calibration | None, parameters: Sequence[Any]
+) -> str:
+    """C with the numbers: the tables, which were made of the channels as they are; else the
+    channels put right, then the rate."""
     if calibration is not None:
         include = '#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */'
         return f"{include}\ndouble rate_rad_s = hrg_rate_rad_s(x, theta, dtheta_dt, 0.0);"
     lines = []
     found = {
-        str(e.get("name")): {k: as_float(p.get("value")) for k, p in child(e, "parameters").items() if isinstance(p, dict)}
+        str(e.get("name")): {
+            k: as_float(p.get("value"))
+            for k, p in child(e, "parameters").items()
+            if isinstance(p, dict)
+        }
         for e in entries(dict(report), "effects")
     }
     matrix = matrix_of(found)
@@ -70,12 +92,17 @@ def snippet(report: Mapping[str, Any], calibration: Calibration | None, paramete
             a = inverse.real
             lines += [
                 "/* channels as they would be without the read-out's fault */",
-                f"double c1 = {a[0, 0]:.9g} * c + {a[0, 1]:.9g} * s, s1 = {a[1, 0]:.9g} * c + {a[1, 1]:.9g} * s;",
+                (
+                    f"double c1 = {a[0, 0]:.9g} * c + {a[0, 1]:.9g} * s, s1 = {a[1, 0]:.9g} * c +"
+                    f" {a[1, 1]:.9g} * s;"
+                ),
             ]
     known = {p.name: p.value for p in parameters}
     if {"damping_split_1_s", "damping_axis_rad", "scale_factor"} <= set(known):
         m = int(as_float(report.get("mode_number"))) if report.get("mode_number") else 2
-        split, axis, factor = (known[k] for k in ("damping_split_1_s", "damping_axis_rad", "scale_factor"))
+        split, axis, factor = (
+            known[k] for k in ("damping_split_1_s", "damping_axis_rad", "scale_factor")
+        )
         lines += [
             f"double drift = {split:.9g} * sin({2 * m} * (theta - {axis:.9g}));  /* rad/s */",
             f"double rate_rad_s = (drift - {m} * dtheta_dt) / {factor:.9g};",

@@ -1,6 +1,8 @@
-"""The answer in words: the departure before and after, the causes by their share, forecast, doubts and the next run.
+"""The answer in words: the departure before and after, the causes by their share, forecast, doubts
+and the next run.
 
-A diagnosis is read without trusting its shape: files of an earlier version lack some keys, and what is missing is not said.
+A diagnosis is read without trusting its shape: files of an earlier version lack some keys, and what
+is missing is not said.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ BETTER = 1.3
 
 @dataclass(frozen=True)
 class Departure:
-    """By how much the runs depart from the model: a quantity with its unit, without and with the causes."""
+    """By how much the runs depart from the model: a quantity with its unit, without and with the
+    causes."""
 
     key: str
     words: str
@@ -39,7 +42,8 @@ class Departure:
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause found: name, words, size, significance, its share of the departure, and what it cannot be told from."""
+    """A cause found: name, words, size, significance, its share of the departure, and what it
+    cannot be told from."""
 
     name: str
     words: str
@@ -59,7 +63,8 @@ QUANTITIES = (
     ("frequency_hz", "frequency", "Hz", ""),
     ("angle_ppm", "wave angle", "ppm of a radian", "angle_error_ppm"),
 )
-"""Key of a share, its words and unit, its key among the held-out errors; the first that the causes change is told."""
+"""Key of a share, its words and unit, its key among the held-out errors; the first that the causes
+change is told."""
 
 
 def short(value: float) -> str:
@@ -68,7 +73,8 @@ def short(value: float) -> str:
 
 
 def departure_of(record: Diagnosis) -> Departure | None:
-    """The quantity that tells most: held-out errors where the file has them, else those of the fitted rows."""
+    """The quantity that tells most: held-out errors where the file has them, else those of the
+    fitted rows."""
     from .json_text import json_object
 
     report = json_object(record.report)
@@ -77,7 +83,9 @@ def departure_of(record: Diagnosis) -> Departure | None:
     if len(record) and np.ndim(record.measured) == 2 and np.shape(record.measured)[1] == 4:
         run, time_s = np.asarray(record.run), np.asarray(record.time_s)
         both = (record.simulated_before, record.simulated_after)
-        fitted = [figures(difference(record.measured, simulated), run, time_s) for simulated in both]
+        fitted = [
+            figures(difference(record.measured, simulated), run, time_s) for simulated in both
+        ]
     found = []
     for key, words, unit, held in QUANTITIES:
         out = child(gain, held) if held else {}
@@ -95,12 +103,16 @@ def causes_of(report: Mapping[str, Any], departure: Departure | None) -> tuple[C
     found = []
     for effect in entries(dict(report), "effects"):
         share = child(effect, "share")
-        parts = {key: None if math.isnan(v := as_float(share.get(key))) else v for key, *_ in QUANTITIES}
+        parts = {
+            key: None if math.isnan(v := as_float(share.get(key))) else v for key, *_ in QUANTITIES
+        }
         name = plain(effect.get("name"))
         rivals = effect.get("indistinguishable_from")
         others = tuple(plain(r) for r in rivals) if isinstance(rivals, list) else ()
         family, z = FAMILY.get(name, "own"), as_float(effect.get("z"))
-        found.append(Cause(name, in_words(name), size_of(effect), family, z, rivals=others, **parts))
+        found.append(
+            Cause(name, in_words(name), size_of(effect), family, z, rivals=others, **parts)
+        )
     key = departure.key if departure else "drift_deg_h"
     return tuple(sorted(found, key=lambda cause: -(getattr(cause, key) or 0.0)))
 
@@ -122,32 +134,79 @@ def size_of(effect: Mapping[str, Any]) -> str:
     return ", ".join(plain(quantity(name, value, std, units)) for name, value, std, units in shown)
 
 
-def sentence(verdict: str, report: Mapping[str, Any], departure: Departure | None, causes: Sequence[Cause], runs: int) -> str:
+def sentence(
+    verdict: str,
+    report: Mapping[str, Any],
+    departure: Departure | None,
+    causes: Sequence[Cause],
+    runs: int,
+) -> str:
     """The one sentence."""
     them = f"all {runs} runs" if runs > 1 else "the run"
     if verdict == "adequate":
-        left = f" the {departure.words} error left is {short(departure.after)} {departure.unit}." if departure else ""
-        return f"The model describes {them} within the noise and no fault was found;{left}" if left else f"The model describes {them}."
-    off = f"The {departure.words} is {short(departure.before)} {departure.unit} off" if departure else "The runs depart from the model"
+        left = (
+            f" the {departure.words} error left is {short(departure.after)} {departure.unit}."
+            if departure
+            else ""
+        )
+        return (
+            f"The model describes {them} within the noise and no fault was found;{left}"
+            if left
+            else f"The model describes {them}."
+        )
+    off = (
+        f"The {departure.words} is {short(departure.before)} {departure.unit} off"
+        if departure
+        else "The runs depart from the model"
+    )
     rest = _left(report)
     if not causes:
         return f"{off} and no known cause explains it{f': what is left is {rest}' if rest else ''}."
     named = _named(causes, departure)
-    taken = "with it taken in" if len(causes) == 1 else "with both taken in" if len(causes) == 2 else f"with all {len(causes)} taken in"
+    taken = (
+        "with it taken in"
+        if len(causes) == 1
+        else "with both taken in"
+        if len(causes) == 2
+        else f"with all {len(causes)} taken in"
+    )
     left = f"; {taken} {short(departure.after)} {departure.unit} are left" if departure else ""
-    close = ", which is the noise" if verdict == "explained" else f", and more than noise ({rest})" if rest else ", and more than noise"
+    close = (
+        ", which is the noise"
+        if verdict == "explained"
+        else f", and more than noise ({rest})"
+        if rest
+        else ", and more than noise"
+    )
     return f"{off}: {named}{left}{close if left else ''}."
 
 
 def _named(causes: Sequence[Cause], departure: Departure | None) -> str:
-    """The causes with how much of the departure is theirs: what the errors' squares lose where the cause alone is taken in."""
+    """The causes with how much of the departure is theirs: what the errors' squares lose where the
+    cause alone is taken in."""
     first, rest = causes[0], causes[1:]
     share = getattr(first, departure.key) if departure else None
-    part = min(1.0, share / departure.before) if share is not None and departure and departure.before > 0 else math.nan
-    how = "nearly all of it is" if part > 0.9 else "most of it is" if part > 0.6 else "part of it is" if part == part else "the cause is"
+    part = (
+        min(1.0, share / departure.before)
+        if share is not None and departure and departure.before > 0
+        else math.nan
+    )
+    how = (
+        "nearly all of it is"
+        if part > 0.9
+        else "most of it is"
+        if part > 0.6
+        else "part of it is"
+        if part == part
+        else "the cause is"
+    )
     text = f"{how} a {first.words} of {first.size}" if first.size else f"{how} a {first.words}"
     if rest:
-        text += f", then a {rest[0].words} of {rest[0].size}" if rest[0].size else f", then a {rest[0].words}"
+        text += (
+            f", then a {rest[0].words} of {rest[0].size}"
+            if rest[0].size
+            else f", then a {rest[0].words}"
+        )
     return text + (f" and {len(rest) - 1} more" if len(rest) > 1 else "")
 
 
@@ -165,14 +224,24 @@ def forecast(report: Mapping[str, Any]) -> str:
     if math.isfinite(before) and math.isfinite(after) and told.get("unit"):
         unit = plain(str(told["unit"]).replace("deg_h", "°/h"))
         factor, unit = (1e6, f"µ{unit}") if unit == "V" and before < 1e-2 else (1.0, unit)
-        by = f", {short(ratio)} times smaller ({short(low)} … {short(high)})" if all(map(math.isfinite, (ratio, low, high))) else ""
-        return f"forecast of data left out: error {short(before * factor)} → {short(after * factor)} {unit}{by}"
+        by = (
+            f", {short(ratio)} times smaller ({short(low)} … {short(high)})"
+            if all(map(math.isfinite, (ratio, low, high)))
+            else ""
+        )
+        return (
+            f"forecast of data left out: error {short(before * factor)} → {short(after * factor)}"
+            f" {unit}{by}"
+        )
     if isinstance(told.get("sentence"), str):
         return plain(told["sentence"])
     gain = child(report, "gain")
     ratio, std = as_float(gain.get("ratio")), as_float(gain.get("std"))
     if math.isfinite(ratio) and ratio > 1 and math.isfinite(std):
-        return f"{plain(gain.get('held_out', 'data'))} left out of the fit are predicted {short(ratio)} ± {number(std, 2)} times better"
+        return (
+            f"{plain(gain.get('held_out', 'data'))} left out of the fit are predicted"
+            f" {short(ratio)} ± {number(std, 2)} times better"
+        )
     return ""
 
 
@@ -183,21 +252,32 @@ def failed_check(check: Mapping[str, Any]) -> str:
     said = plain(check.get("sentence") or "")
     if not said:
         return f"check failed: {figures}"
-    return f"check failed: {said}" if check.get("limit") == 1.0 and check.get("value") == 0.0 else f"check failed: {said} ({figures})"
+    return (
+        f"check failed: {said}"
+        if check.get("limit") == 1.0 and check.get("value") == 0.0
+        else f"check failed: {said} ({figures})"
+    )
 
 
 def _value(value: Any) -> str:
-    return short(float(value)) if isinstance(value, int | float) and not isinstance(value, bool) else plain(value)
+    return (
+        short(float(value))
+        if isinstance(value, int | float) and not isinstance(value, bool)
+        else plain(value)
+    )
 
 
 def suspect_run(run: Mapping[str, Any]) -> str:
     """A run that stands out, and by what."""
     evidence = run.get("evidence")
-    return f"run {plain(run.get('run_id'))}: {plain(run.get('what', 'stands out'))}" + (f" ({_value(evidence)})" if evidence else "")
+    return f"run {plain(run.get('run_id'))}: {plain(run.get('what', 'stands out'))}" + (
+        f" ({_value(evidence)})" if evidence else ""
+    )
 
 
 def stability(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """Where the causes' names change with the windows or on a shortened record; one sentence where none does."""
+    """Where the causes' names change with the windows or on a shortened record; one sentence where
+    none does."""
     rows = entries(dict(report), "stability")
     usual = sorted(str(e.get("name")) for e in entries(dict(report), "effects"))
     changed = []
@@ -205,14 +285,18 @@ def stability(report: Mapping[str, Any]) -> tuple[str, ...]:
         names = row.get("effects")
         there = sorted(str(n) for n in names) if isinstance(names, list) else []
         if there != usual:
-            changed.append(f"with {plain(row.get('change'))} the causes are {', '.join(map(plain, map(in_words, there))) or 'none'}")
+            changed.append(
+                f"with {plain(row.get('change'))} the causes are"
+                f" {', '.join(map(plain, map(in_words, there))) or 'none'}"
+            )
     if rows and not changed:
         return (f"the same causes under all {len(rows)} changes of the evaluation",)
     return tuple(changed)
 
 
 def next_runs(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """What to run next: what would tell a cause found from its rivals; else what would pin it down; each sentence once."""
+    """What to run next: what would tell a cause found from its rivals; else what would pin it down;
+    each sentence once."""
     found = []
     for effect in entries(dict(report), "effects"):
         rivals, run = effect.get("indistinguishable_from"), effect.get("next_experiment")
@@ -220,5 +304,8 @@ def next_runs(report: Mapping[str, Any]) -> tuple[str, ...]:
             names = " or ".join(in_words(plain(n)) for n in (effect.get("name"), *rivals))
             found.append(f"to tell {names}: {plain(str(run).split(';')[0])}")
     if not found and str(report.get("verdict")) in ("partly explained", "unexplained"):
-        found.append("repeat the run whose residual is largest; what comes back is the gyro's, what does not is the bench's")
+        found.append(
+            "repeat the run whose residual is largest; what comes back is the gyro's, what does not"
+            " is the bench's"
+        )
     return tuple(dict.fromkeys(found))

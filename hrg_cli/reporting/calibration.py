@@ -1,4 +1,5 @@
-"""What a person sees of a calibration beside its residuals: the variants held against each other, the choice, repeats, coefficients."""
+"""What a person sees of a calibration beside its residuals: the variants held against each other,
+the choice, repeats, coefficients."""
 
 from __future__ import annotations
 
@@ -22,12 +23,17 @@ def show(report: Mapping[str, Any]) -> None:
     noise = report.get("noise") or {}
     if noise.get("white_over_stated") is not None:
         walk = noise["angle_random_walk_rad_sqrt_s"]
-        beside = f", beside it an angle random walk of {to_deg_per_hour(walk) / 60:.3g} °/√h" if walk > 0 else ""
+        beside = (
+            f", beside it an angle random walk of {to_deg_per_hour(walk) / 60:.3g} °/√h"
+            if walk > 0
+            else ""
+        )
         print(f"noise: {noise['white_over_stated']:.3g} times what the windows state{beside}")
 
 
 def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """Every model tried: what it leaves of data left out, its coefficients, and whether it passes its checks."""
+    """Every model tried: what it leaves of data left out, its coefficients, and whether it passes
+    its checks."""
     rows = []
     for row in report.get("variants", []):
         drift = row["drift_rms_rad_s"]
@@ -41,30 +47,65 @@ def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any
                 "fits" if row["passed"] else row["why_not"][0],
             )
         )
-    return ("model (* written)", "drift left out, °/h", "scale factor, ppm", "χ² a row", "coefficients", "checks"), rows
+    return (
+        "model (* written)",
+        "drift left out, °/h",
+        "scale factor, ppm",
+        "χ² a row",
+        "coefficients",
+        "checks",
+    ), rows
 
 
 def stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """Harmonics between programmes: own size, scatter, and the chance of that scatter if they repeat."""
+    """Harmonics between programmes: own size, scatter, and the chance of that scatter if they
+    repeat."""
     found = report.get("stability") or {}
     rows = []
     for row in found.get("harmonics", []):
         drift = row["kind"] == "drift"
-        sizes = (to_deg_per_hour(row[key]) if drift else 1e6 * row[key] for key in ("amplitude", "scatter"))
-        rows.append((row["name"], *sizes, "°/h" if drift else "ppm", row["p_value"], "repeats" if row["repeats"] else "does not repeat"))
-    return ("harmonic", "size", "scatter", "unit", "p", f"between programmes ({found.get('told_by', '')})"), rows
+        sizes = (
+            to_deg_per_hour(row[key]) if drift else 1e6 * row[key]
+            for key in ("amplitude", "scatter")
+        )
+        rows.append(
+            (
+                row["name"],
+                *sizes,
+                "°/h" if drift else "ppm",
+                row["p_value"],
+                "repeats" if row["repeats"] else "does not repeat",
+            )
+        )
+    return (
+        "harmonic",
+        "size",
+        "scatter",
+        "unit",
+        "p",
+        f"between programmes ({found.get('told_by', '')})",
+    ), rows
 
 
 def coefficients(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """The resonators' coefficients over temperature or frequency."""
     rows = []
     for row in report.get("resonator") or []:
-        place = next((row[key] for key in ("temperature_degc", "frequency_hz") if row.get(key) is not None), None)
-        rows += [(name, place, row[name], row[f"{name}_std"]) for name in row if f"{name}_std" in row]
+        place = next(
+            (row[key] for key in ("temperature_degc", "frequency_hz") if row.get(key) is not None),
+            None,
+        )
+        rows += [
+            (name, place, row[name], row[f"{name}_std"]) for name in row if f"{name}_std" in row
+        ]
     return ("coefficient", "at", "value", "std"), rows
 
 
 def moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """What an update moved: each coefficient before and now, and the change in its standard deviation."""
-    rows = [(row["name"], row["before"], row["now"], row["std"], row["moved_sigma"]) for row in report.get("moved", [])]
+    """What an update moved: each coefficient before and now, and the change in its standard
+    deviation."""
+    rows = [
+        (row["name"], row["before"], row["now"], row["std"], row["moved_sigma"])
+        for row in report.get("moved", [])
+    ]
     return ("coefficient", "before", "now", "std of the change", "moved, σ"), rows

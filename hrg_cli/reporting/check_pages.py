@@ -1,4 +1,5 @@
-"""What a check says to machines and to a merge request: JUnit XML and a table in Markdown, with the answer's sentence on top."""
+"""What a check says to machines and to a merge request: JUnit XML and a table in Markdown, with the
+answer's sentence on top."""
 
 from __future__ import annotations
 
@@ -34,20 +35,36 @@ def missed(one: Judged) -> list[str]:
 def cells(row: Row) -> tuple[str, str, str, str, str]:
     """Figure, value, limit, margin in σ, passed."""
     shown = requirement(row)
-    return plain(shown.name), shown.value, shown.limit, number(shown.margin_sigma, 2), "yes" if shown.passed else "NO"
+    return (
+        plain(shown.name),
+        shown.value,
+        shown.limit,
+        number(shown.margin_sigma, 2),
+        "yes" if shown.passed else "NO",
+    )
 
 
 def junit(files: Sequence[Judged], found: Answer | None) -> str:
-    """JUnit XML: a suite a file, a case a figure and one for the baseline; the sentence as the suite's output."""
+    """JUnit XML: a suite a file, a case a figure and one for the baseline; the sentence as the
+    suite's output."""
     root = ElementTree.Element("testsuites", name="hrg check")
     for one in files:
         cases = [(row.name, None if row.passed else row.sentence()) for row in one.rows]
         if one.moved is not None:
             cases.append(("baseline", "; ".join(one.moved) or None))
         failures = sum(why is not None for _, why in cases)
-        suite = ElementTree.SubElement(root, "testsuite", name=str(one.path), tests=str(len(cases)), failures=str(failures), errors="0")
+        suite = ElementTree.SubElement(
+            root,
+            "testsuite",
+            name=str(one.path),
+            tests=str(len(cases)),
+            failures=str(failures),
+            errors="0",
+        )
         for name, why in cases:
-            case = ElementTree.SubElement(suite, "testcase", classname=f"{one.record.kind}.{one.path.stem}", name=plain(name))
+            case = ElementTree.SubElement(
+                suite, "testcase", classname=f"{one.record.kind}.{one.path.stem}", name=plain(name)
+            )
             if why is not None:
                 ElementTree.SubElement(case, "failure", message=plain(why)).text = plain(why)
         if found is not None and one.record.kind in ("diagnosis", "resonator", "calibration"):
@@ -64,12 +81,24 @@ def markdown(files: Sequence[Judged], found: Answer | None) -> str:
     passed = not any(missed(one) for one in files)
     lines = [f"### hrg check: {'passed' if passed else 'FAILED'}", ""]
     if found is not None:
-        lines += [_escaped(found.sentence), "", f"gyro: **{found.health}**; fit: **{found.validity}**", ""]
+        lines += [
+            _escaped(found.sentence),
+            "",
+            f"gyro: **{found.health}**; fit: **{found.validity}**",
+            "",
+        ]
     rows = [(one.path.name, *cells(row)) for one in files for row in one.rows]
     if rows:
-        lines += ["| file | figure | value | limit | margin, σ | passed |", "|---|---|---|---|---|---|"]
+        lines += [
+            "| file | figure | value | limit | margin, σ | passed |",
+            "|---|---|---|---|---|---|",
+        ]
         lines += ["| " + " | ".join(_escaped(c) for c in row) + " |" for row in rows]
-    lines += [f"* {_escaped(one.path.name)}: {_escaped(reason)}" for one in files for reason in one.moved or []]
+    lines += [
+        f"* {_escaped(one.path.name)}: {_escaped(reason)}"
+        for one in files
+        for reason in one.moved or []
+    ]
     return "\n".join(lines) + "\n"
 
 

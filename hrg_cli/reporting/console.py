@@ -1,4 +1,5 @@
-"""What a person sees in the shell: results on standard output, progress and messages on standard error."""
+"""What a person sees in the shell: results on standard output, progress and messages on standard
+error."""
 
 from __future__ import annotations
 
@@ -52,7 +53,9 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
         table.add_column(name, justify="left" if words else "right", overflow="fold")
     for row in rows:
         table.add_row(*(cell(v) for v in row))
-    console = Console(markup=False, highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160)
+    console = Console(
+        markup=False, highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160
+    )
     try:
         console.print(table)
     except SystemExit:  # rich's answer to a reader that left

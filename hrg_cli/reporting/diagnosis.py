@@ -1,4 +1,5 @@
-"""What `hrg diagnose` shows a person: the answer; and the held-out errors that the page's tables hold."""
+"""What `hrg diagnose` shows a person: the answer; and the held-out errors that the page's tables
+hold."""
 
 from __future__ import annotations
 
@@ -30,7 +31,13 @@ def show(record: Diagnosis, report: Mapping[str, Any]) -> None:
 def gains(gain: Mapping[str, Any]) -> Rows:
     """Held-out errors before and after in physical units, with their standard deviations."""
     return [
-        (words, *(f"{number(part.get(when), 4)} ± {number(part.get(f'{when}_std'), 2)}" for when in ("before", "after")))
+        (
+            words,
+            *(
+                f"{number(part.get(when), 4)} ± {number(part.get(f'{when}_std'), 2)}"
+                for when in ("before", "after")
+            ),
+        )
         for key, words in QUANTITIES
         if (part := child(gain, key))
     ]

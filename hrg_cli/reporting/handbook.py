@@ -1,5 +1,6 @@
-"""The generated parts of the documentation, so that its tables cannot lie: `python -m hrg_cli.reporting.handbook README.md docs`
-renews them in the files named and in every page of a folder named."""
+"""The generated parts of the documentation, so that its tables cannot lie: `python -m
+hrg_cli.reporting.handbook README.md docs` renews them in the files named and in every page of a
+folder named."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from ..records import KINDS
+from .text import first_paragraph
 
 
 def commands() -> str:
@@ -23,7 +25,7 @@ def commands() -> str:
     rows = ["| command | what it does | example |", "|---|---|---|"]
     for name, entry in group.commands.items():  # type: ignore[attr-defined]
         example = (entry.epilog or "").removeprefix("Example: ")
-        rows.append(f"| `{name}` | {(entry.help or '').splitlines()[0]} | `{example}` |")
+        rows.append(f"| `{name}` | {first_paragraph(entry.help)} | `{example}` |")
     return "\n".join(rows)
 
 
@@ -37,7 +39,10 @@ def file_format() -> str:
             place = f"{spec.group or '/' + kind.kind}/{spec.name or field_name}"
             size = f"({', '.join(spec.dims)})" if spec.dims else "attribute"
             unit = {"any": "the signal's", None: ""}.get(spec.units, spec.units)
-            rows.append(f"| `{place}` {size}{', optional' if spec.optional else ''} | {unit} | {spec.meaning} |")
+            rows.append(
+                f"| `{place}` {size}{', optional' if spec.optional else ''} | {unit} |"
+                f" {spec.meaning} |"
+            )
         parts.append("\n".join(rows) + "\n")
     return "\n".join(parts).rstrip()
 
@@ -49,30 +54,46 @@ def effects() -> str:
     rows = ["| effect | parameter | unit | typical size |", "|---|---|---|---|"]
     for effect in EFFECTS:
         for parameter in effect.parameters:
-            rows.append(f"| `{effect.name}` | `{parameter.name}` | {parameter.units} | {parameter.typical:g} |")
+            rows.append(
+                f"| `{effect.name}` | `{parameter.name}` | {parameter.units} |"
+                f" {parameter.typical:g} |"
+            )
     return "\n".join(rows)
 
 
 def constants(path: Path) -> Iterator[tuple[str, str, str]]:
-    """Name, value as it is written and meaning of every documented constant of a module, in its order."""
+    """Name, value as it is written and meaning of every documented constant of a module, in its
+    order."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
     for statement, following in pairwise(body):
         documented = (
-            isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant) and isinstance(following.value.value, str)
+            isinstance(following, ast.Expr)
+            and isinstance(following.value, ast.Constant)
+            and isinstance(following.value.value, str)
         )
-        if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name) and documented:
-            yield statement.targets[0].id, ast.unparse(statement.value), " ".join(following.value.value.split())  # type: ignore[attr-defined]
+        if (
+            isinstance(statement, ast.Assign)
+            and isinstance(statement.targets[0], ast.Name)
+            and documented
+        ):
+            yield (
+                statement.targets[0].id,
+                ast.unparse(statement.value),
+                " ".join(following.value.value.split()),  # type: ignore[attr-defined]
+            )
 
 
 def thresholds() -> str:
-    """Every constant that decides a verdict: those of the diagnosis, then those of the checks that all stages share."""
+    """Every constant that decides a verdict: those of the diagnosis, then those of the checks that
+    all stages share."""
     from ..fitting import checks
     from ..stages.diagnosis import thresholds as diagnosis
 
     rows = ["| name | value | meaning |", "|---|---|---|"]
     for module in (diagnosis, checks):
         rows += [
-            f"| `{name}` | {value} | {meaning.replace('|', '&#124;')} |" for name, value, meaning in constants(Path(str(module.__file__)))
+            f"| `{name}` | {value} | {meaning.replace('|', '&#124;')} |"
+            for name, value, meaning in constants(Path(str(module.__file__)))
         ]
     return "\n".join(rows)
 
@@ -97,7 +118,11 @@ def renewed(text: str) -> str:
 
 def pages(places: Iterable[Path]) -> list[Path]:
     """The files named, and every Markdown page below the folders named."""
-    return [page for place in places for page in (sorted(place.rglob("*.md")) if place.is_dir() else [place])]
+    return [
+        page
+        for place in places
+        for page in (sorted(place.rglob("*.md")) if place.is_dir() else [place])
+    ]
 
 
 if __name__ == "__main__":

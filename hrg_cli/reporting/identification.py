@@ -1,4 +1,5 @@
-"""What `hrg identify` shows a person beside the parameters: the methods side by side, intervals, modes, and what these runs cannot tell."""
+"""What `hrg identify` shows a person beside the parameters: the methods side by side, intervals,
+modes, and what these runs cannot tell."""
 
 from __future__ import annotations
 
@@ -18,10 +19,16 @@ def show(report: Mapping[str, Any]) -> None:
         for row in details["methods"]:
             for sentence in [row["refused"]] if row["refused"] else row["warnings"]:
                 say(f"{row['method']}: {sentence}")
-    intervals = {"profile": details.get("profile"), "bootstrap": (details.get("bootstrap") or {}).get("intervals")}
+    intervals = {
+        "profile": details.get("profile"),
+        "bootstrap": (details.get("bootstrap") or {}).get("intervals"),
+    }
     for name, found in intervals.items():
         if found:
-            rows = [(parameter, *(f"{v['68'][k]:.6g} … {v['95'][k]:.6g}" for k in (0, 1))) for parameter, v in found.items()]
+            rows = [
+                (parameter, *(f"{v['68'][k]:.6g} … {v['95'][k]:.6g}" for k in (0, 1)))
+                for parameter, v in found.items()
+            ]
             print_table("", (f"{name} interval", "lower 68 … 95 %", "upper 68 … 95 %"), rows)
     for name, value in _facts(details):
         say(f"{name} = {value}")
@@ -30,12 +37,21 @@ def show(report: Mapping[str, Any]) -> None:
 
 
 def methods(table: list[dict[str, Any]], names: list[str]) -> tuple[tuple[str, ...], Rows]:
-    """Head and rows of the comparison: value ± standard deviation of every parameter that a method gives."""
+    """Head and rows of the comparison: value ± standard deviation of every parameter that a method
+    gives."""
     shown = [n for n in names if n != "frequency_hz"]
     rows: Rows = []
     for row in table:
         cells = row["parameters"]
-        rows.append((row["method"], *(f"{cells[n]['value']:.5g} ± {cells[n]['std']:.1g}" if n in cells else None for n in shown)))
+        rows.append(
+            (
+                row["method"],
+                *(
+                    f"{cells[n]['value']:.5g} ± {cells[n]['std']:.1g}" if n in cells else None
+                    for n in shown
+                ),
+            )
+        )
     return ("method", *shown), rows
 
 
@@ -43,13 +59,31 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Modes, an unknown rate, and the figures of the working mode, in words."""
     found = []
     for mode in details.get("modes", []):
-        found.append(("mode", f"{mode['frequency_hz']:.8g} Hz, decay {mode['damping_rate_1_s']:.5g} ± {mode['std_1_s']:.1g} 1/s"))
+        found.append(
+            (
+                "mode",
+                (
+                    f"{mode['frequency_hz']:.8g} Hz, decay {mode['damping_rate_1_s']:.5g} ±"
+                    f" {mode['std_1_s']:.1g} 1/s"
+                ),
+            )
+        )
     for axis in details.get("stiffness_axes", []):
-        found.append(("stiffness axis where a_B changes sign", f"{axis['value']:.5g} ± {axis['std']:.1g} rad"))
+        found.append(
+            (
+                "stiffness axis where a_B changes sign",
+                f"{axis['value']:.5g} ± {axis['std']:.1g} rad",
+            )
+        )
     whole = details.get("stiffness_axis_of_crossings")
     if whole:
-        found.append(("stiffness axis of all crossings", f"{whole['value']:.6g} ± {whole['std']:.2g} rad"))
-    for key, words in (("rate_rad_s", "fitted rate, rad/s"), ("quadrature_damping_1_s", "damping of the quadrature, 1/s")):
+        found.append(
+            ("stiffness axis of all crossings", f"{whole['value']:.6g} ± {whole['std']:.2g} rad")
+        )
+    for key, words in (
+        ("rate_rad_s", "fitted rate, rad/s"),
+        ("quadrature_damping_1_s", "damping of the quadrature, 1/s"),
+    ):
         if key in details:
             found.append((words, f"{details[key]['value']:.6g} ± {details[key]['std']:.2g}"))
     return found

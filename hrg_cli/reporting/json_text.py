@@ -40,19 +40,29 @@ def child(report: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 def as_float(value: Any) -> float:
     """A JSON number; anything else is NaN."""
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else float("nan")
+    return (
+        float(value)
+        if isinstance(value, int | float) and not isinstance(value, bool)
+        else float("nan")
+    )
 
 
 def figure_of_merit(value: Any) -> tuple[float, float, float]:
-    """Value, low and high of a figure kept as a number or as {value, low, high}; NaN where unknown."""
+    """Value, low and high of a figure kept as a number or as {value, low, high}; NaN where
+    unknown."""
     if isinstance(value, dict):
         return as_float(value.get("value")), as_float(value.get("low")), as_float(value.get("high"))
     return as_float(value), float("nan"), float("nan")
 
 
 def calibration_rms(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """rms drift [rad/s] and scale factor [ppm] left before, after and held out, from a calibration's details."""
+    """rms drift [rad/s] and scale factor [ppm] left before, after and held out, from a
+    calibration's details."""
     content = json_object(text)
     figures = child(content, "figures")
-    drift = child(content, "drift_rms_rad_s") or child(figures, "drift") or child(content, "residual_rms_rad_s")
+    drift = (
+        child(content, "drift_rms_rad_s")
+        or child(figures, "drift")
+        or child(content, "residual_rms_rad_s")
+    )
     return drift, child(content, "scale_factor_rms_ppm") or child(figures, "scale")

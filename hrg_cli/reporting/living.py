@@ -1,6 +1,8 @@
-"""The living figure's data: what is left of every run with each set of causes taken in, computed beforehand and drawn by the page's script.
+"""The living figure's data: what is left of every run with each set of causes taken in, computed
+beforehand and drawn by the page's script.
 
-Every set was fitted anew when the diagnosis was made (`simulated_without`), so that switching is exact; nothing is computed on the page.
+Every set was fitted anew when the diagnosis was made (`simulated_without`), so that switching is
+exact; nothing is computed on the page.
 """
 
 from __future__ import annotations
@@ -27,9 +29,17 @@ FEWEST = 9
 
 
 def living_data(record: Diagnosis) -> dict[str, Any] | None:
-    """Causes, and for every set of causes taken in: the angle's residual a run, rms figures, Allan deviation; None without causes."""
-    sets = [tuple(map(str, names)) for names in json_list(record.left_out) if isinstance(names, list)]
-    if record.simulated_without is None or not sets or np.ndim(record.simulated_without) != 3 or not len(record):
+    """Causes, and for every set of causes taken in: the angle's residual a run, rms figures, Allan
+    deviation; None without causes."""
+    sets = [
+        tuple(map(str, names)) for names in json_list(record.left_out) if isinstance(names, list)
+    ]
+    if (
+        record.simulated_without is None
+        or not sets
+        or np.ndim(record.simulated_without) != 3
+        or not len(record)
+    ):
         return None
     found = [str(e.get("name")) for e in entries(json_object(record.report), "effects")]
     causes = [name for name in found if any(name in names for names in sets)]
@@ -64,7 +74,9 @@ def as_text(data: dict[str, Any]) -> str:
 
 
 def _thin(values: Array) -> Array:
-    return values[np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS)).round().astype(int))]
+    return values[
+        np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS)).round().astype(int))
+    ]
 
 
 def _numbers(values: Array) -> list[float | None]:
@@ -72,7 +84,8 @@ def _numbers(values: Array) -> list[float | None]:
 
 
 def _allan(angle: Array, run: Array, time_s: Array) -> tuple[Array, Array]:
-    """Allan deviation of the drift error m·dθ/dt in °/h: variances of the runs averaged where their averaging times agree."""
+    """Allan deviation of the drift error m·dθ/dt in °/h: variances of the runs averaged where their
+    averaging times agree."""
     pooled: dict[float, list[float]] = {}
     for k in np.unique(run):
         rows = np.flatnonzero((run == k) & np.isfinite(angle))

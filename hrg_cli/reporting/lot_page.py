@@ -1,4 +1,5 @@
-"""The page of a lot: who passed, who stands out, how every parameter is distributed; one HTML file that needs no network.
+"""The page of a lot: who passed, who stands out, how every parameter is distributed; one HTML file
+that needs no network.
 
 The same rows give the same bytes. Links lead to the gyros' folders beside the page.
 """
@@ -20,7 +21,19 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import __version__
-from .figures.drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, note, panels, style, svg
+from .figures.drawing import (
+    INK,
+    MUTED,
+    SERIES,
+    Plot,
+    dots,
+    labels,
+    legend,
+    note,
+    panels,
+    style,
+    svg,
+)
 from .text import number, plain
 
 FOLDER = Path(__file__).parent
@@ -36,7 +49,8 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Cell:
-    """A parameter of a gyro in the table: value, standard deviation, and the distance where it stands out."""
+    """A parameter of a gyro in the table: value, standard deviation, and the distance where it
+    stands out."""
 
     value: str
     std: str
@@ -44,21 +58,37 @@ class Cell:
 
 
 def lot_page(report: Mapping[str, Any], folders: Mapping[str, str]) -> str:
-    """The page of a lot's report (`hrg_cli.lots.batch.run_lot`); folders: the folder of each gyro, relative to the page."""
+    """The page of a lot's report (`hrg_cli.lots.batch.run_lot`); folders: the folder of each gyro,
+    relative to the page."""
     rows: Sequence[Row] = report["rows"]
     names = parameters(rows)
     with style():
-        pictures = [(plot, Markup(svg(plot, plot.key))) for plot in (distribution(rows, name) for name in names) if plot is not None]
+        pictures = [
+            (plot, Markup(svg(plot, plot.key)))
+            for plot in (distribution(rows, name) for name in names)
+            if plot is not None
+        ]
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     environment = Environment(
-        loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     return environment.get_template("lot.html").render(
         report=report,
         names=names,
-        lines=[(row, _link(folders.get(row["gyro_id"])), [_cell(row, name) for name in names]) for row in rows],
+        lines=[
+            (row, _link(folders.get(row["gyro_id"])), [_cell(row, name) for name in names])
+            for row in rows
+        ],
         failed=[row for row in rows if not row["passed"]],
-        outliers=[(row["gyro_id"], name, row[name], row[f"{name}_z"]) for row in rows for name in row["outliers"].split()],
+        outliers=[
+            (row["gyro_id"], name, row[name], row[f"{name}_z"])
+            for row in rows
+            for name in row["outliers"].split()
+        ],
         pictures=pictures,
         version=__version__,
         css=Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
@@ -76,7 +106,8 @@ def parameters(rows: Sequence[Row]) -> list[str]:
 
 
 def distribution(rows: Sequence[Row], name: str) -> Plot | None:
-    """The share of gyros at or below each value, with standard deviations, against a normal distribution of the same median and MAD."""
+    """The share of gyros at or below each value, with standard deviations, against a normal
+    distribution of the same median and MAD."""
     known = sorted((row for row in rows if row.get(name) is not None), key=lambda row: row[name])
     if not known:
         return None
@@ -94,10 +125,24 @@ def distribution(rows: Sequence[Row], name: str) -> Plot | None:
     if spread > 0:
         at = np.linspace(-3.5, 3.5, 60)
         expected = [100 * NormalDist().cdf(z) for z in at]
-        ax.plot(middle - origin + spread * at, expected, color=MUTED, lw=0.9, ls="--", label="normal, same median and MAD")
+        ax.plot(
+            middle - origin + spread * at,
+            expected,
+            color=MUTED,
+            lw=0.9,
+            ls="--",
+            label="normal, same median and MAD",
+        )
     off = value - origin
     if len(value) <= BARS:
-        ax.errorbar(off, share, xerr=np.where(np.isfinite(std), std, 0.0), fmt="none", ecolor=MUTED, elinewidth=0.7)
+        ax.errorbar(
+            off,
+            share,
+            xerr=np.where(np.isfinite(std), std, 0.0),
+            fmt="none",
+            ecolor=MUTED,
+            elinewidth=0.7,
+        )
     dots(ax, off[~far], share[~far], 0, points=len(value), size=4.0, alpha=0.9)
     dots(ax, off[far], share[far], 1, points=len(value), size=6.0, alpha=1.0)
     ax.plot([], [], "o", color=SERIES[0], ms=3, label="gyro")
@@ -122,19 +167,29 @@ def distribution(rows: Sequence[Row], name: str) -> Plot | None:
     legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
     named = ", ".join(plain(row["gyro_id"]) for row, out in zip(known, far) if out)
     words = (
-        f"{len(value)} gyros from {number(value[0], digits)} to {number(value[-1], digits)}{said}, median {number(middle, digits)}, "
-        f"robust spread {number(spread, 2)}; "
-        + (f"{int(far.sum())} outlier{'s' if far.sum() > 1 else ''}: {named}." if far.any() else "no outlier.")
+        f"{len(value)} gyros from {number(value[0], digits)} to {number(value[-1], digits)}{said},"
+        f" median {number(middle, digits)}, robust spread {number(spread, 2)}; "
+        + (
+            f"{int(far.sum())} outlier{'s' if far.sum() > 1 else ''}: {named}."
+            if far.any()
+            else "no outlier."
+        )
     )
     return Plot(name.replace("_", "-"), f"Distribution of {title}", words, figure)
 
 
 def _worded(name: str) -> tuple[str, str]:
     """A figure's name in words, and its unit."""
-    name, _, when = name.partition("_rms_rad_s_") if "_rms_rad_s_" in name else name.partition("_rms_ppm_")
+    name, _, when = (
+        name.partition("_rms_rad_s_") if "_rms_rad_s_" in name else name.partition("_rms_ppm_")
+    )
     if when:
-        return f"{name.replace('_', ' ')} rms {when.replace('_', ' ')}", "ppm" if name.startswith("scale") else "rad/s"
-    suffix, unit = next(((suffix, unit) for suffix, unit in UNITS if name.endswith(suffix)), ("", ""))
+        return f"{name.replace('_', ' ')} rms {when.replace('_', ' ')}", (
+            "ppm" if name.startswith("scale") else "rad/s"
+        )
+    suffix, unit = next(
+        ((suffix, unit) for suffix, unit in UNITS if name.endswith(suffix)), ("", "")
+    )
     return name.removesuffix(suffix).replace("_", " "), unit
 
 

@@ -1,4 +1,5 @@
-"""The man page, made from the commands themselves: `python -m hrg_cli.reporting.manual hrg_cli/hrg.1` renews it."""
+"""The man page, made from the commands themselves: `python -m hrg_cli.reporting.manual
+hrg_cli/hrg.1` renews it."""
 
 from __future__ import annotations
 
@@ -9,13 +10,31 @@ from typing import Any
 
 EXIT_STATUSES = (
     ("0", "Done, and the result is valid (or suspect, without --strict)."),
-    ("1", "The input or the run failed. One line says which file, what was found and what was expected; no output exists."),
+    (
+        "1",
+        (
+            "The input or the run failed. One line says which file, what was found and what was"
+            " expected; no output exists."
+        ),
+    ),
     ("2", "Usage: no such command, option or value."),
     ("3", "Finished, but the result is refused (or suspect, with --strict)."),
 )
 FILES = (
-    ("*.h5", "Every record is an HDF5 file with its history, settings, sources, status and reasons in root attributes."),
-    ("*.toml", "Settings (--config), simulations, lots, limits and menus of runs; hrg never executes what they hold."),
+    (
+        "*.h5",
+        (
+            "Every record is an HDF5 file with its history, settings, sources, status and reasons"
+            " in root attributes."
+        ),
+    ),
+    (
+        "*.toml",
+        (
+            "Settings (--config), simulations, lots, limits and menus of runs; hrg never executes"
+            " what they hold."
+        ),
+    ),
 )
 ENVIRONMENT = (
     ("NO_COLOR", "When set, nothing is coloured."),
@@ -44,7 +63,10 @@ def _lines(group: Any, version: str) -> Iterator[str]:
     yield r"\fICOMMAND\fR [\fIOPTION\fR]... [\fIFILE\fR]..."
     yield ".SH DESCRIPTION"
     yield _text(group.epilog)
-    yield "Every step reads and writes files that carry their own history, settings, units and validity."
+    yield (
+        "Every step reads and writes files that carry their own history, settings, units and"
+        " validity."
+    )
     yield "Progress and messages go to standard error, results to standard output."
     yield ".SH COMMANDS"
     for name, command in group.commands.items():
@@ -55,7 +77,11 @@ def _lines(group: Any, version: str) -> Iterator[str]:
     for parameter in common.params:
         if parameter.name not in ("install_completion", "show_completion"):
             yield from _option(common, parameter)
-    for title, rows in (("EXIT STATUS", EXIT_STATUSES), ("FILES", FILES), ("ENVIRONMENT", ENVIRONMENT)):
+    for title, rows in (
+        ("EXIT STATUS", EXIT_STATUSES),
+        ("FILES", FILES),
+        ("ENVIRONMENT", ENVIRONMENT),
+    ):
         yield f".SH {title}"
         for term, meaning in rows:
             yield from (".TP", rf".B {_text(term)}", _text(meaning))
@@ -68,7 +94,9 @@ def _command(name: str, command: Any) -> Iterator[str]:
     arguments = [p for p in command.params if p.param_type_name == "argument"]
     yield f".SS {_text(name)}"
     yield rf".B hrg {_text(name)}"
-    yield " ".join([r"[\fIOPTION\fR]...", *(rf"\fI{_text(p.metavar or p.name.upper())}\fR" for p in arguments)])
+    yield " ".join(
+        [r"[\fIOPTION\fR]...", *(rf"\fI{_text(p.metavar or p.name.upper())}\fR" for p in arguments)]
+    )
     for paragraph in (command.help or "").split("\n\n"):
         yield from (".PP", _text(" ".join(paragraph.split())))
     shared = {parameter.name: parameter.help for parameter in _common().params}
@@ -76,7 +104,16 @@ def _command(name: str, command: Any) -> Iterator[str]:
         if parameter.param_type_name != "argument" and shared.get(parameter.name) != parameter.help:
             yield from _option(command, parameter)
     if command.epilog:
-        yield from (".PP", "Example:", ".PP", ".RS", ".nf", _text(command.epilog.removeprefix("Example: ")), ".fi", ".RE")
+        yield from (
+            ".PP",
+            "Example:",
+            ".PP",
+            ".RS",
+            ".nf",
+            _text(command.epilog.removeprefix("Example: ")),
+            ".fi",
+            ".RE",
+        )
 
 
 def _common() -> Any:
@@ -100,7 +137,18 @@ def _option(command: Any, parameter: Any) -> Iterator[str]:
     yield from (".TP", rf"\fB{_text(written)}\fR", _text(parameter.help or ""))
 
 
-PLAIN = {"°": " deg", "…": "...", "–": "-", "−": "-", "×": "x", "²": "^2", "θ": "theta", "Ω": "Omega", "χ": "chi", "σ": "sigma"}
+PLAIN = {
+    "°": " deg",
+    "…": "...",
+    "–": "-",
+    "−": "-",
+    "×": "x",
+    "²": "^2",
+    "θ": "theta",
+    "Ω": "Omega",
+    "χ": "chi",
+    "σ": "sigma",
+}
 """A terminal without Unicode shows these so."""
 
 

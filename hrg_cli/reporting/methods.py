@@ -1,4 +1,5 @@
-"""A paragraph for a report: what was done to these data, with whose methods, in words that may be copied."""
+"""A paragraph for a report: what was done to these data, with whose methods, in words that may be
+copied."""
 
 from __future__ import annotations
 
@@ -9,9 +10,14 @@ from ..records import Calibration, Diagnosis, Record, Resonator
 from .json_text import entries, json_list, json_object
 
 CITATIONS = (
-    "D. D. Lynch, Vibratory gyro analysis by the method of averaging, 2nd St. Petersburg Int. Conf. on Gyroscopic Technology (1995)",
-    "K. V. Shishakov, Algorithmic enhancement of the accuracy of solid-state wave gyroscopes' signals (in Russian, 2022),"
-    " doi:10.22213/2410-9304-2022-4-34-47",
+    (
+        "D. D. Lynch, Vibratory gyro analysis by the method of averaging, 2nd St. Petersburg Int."
+        " Conf. on Gyroscopic Technology (1995)"
+    ),
+    (
+        "K. V. Shishakov, Algorithmic enhancement of the accuracy of solid-state wave gyroscopes'"
+        " signals (in Russian, 2022), doi:10.22213/2410-9304-2022-4-34-47"
+    ),
     "JCGM 100:2008, Guide to the expression of uncertainty in measurement, 7.2.2",
 )
 
@@ -24,13 +30,14 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
     if runs:
         were = "recording was" if runs == 1 else "recordings were"
         said.append(
-            f"{runs} {were} demodulated by least squares in windows at the oscillation frequency, and each window's envelopes resolved into"
-            " the standing wave's main amplitude, quadrature, angle and phase with their standard deviations."
+            f"{runs} {were} demodulated by least squares in windows at the oscillation frequency,"
+            " and each window's envelopes resolved into the standing wave's main amplitude,"
+            " quadrature, angle and phase with their standard deviations."
         )
     if isinstance(of.get("resonator"), Resonator):
         said.append(
-            "Damping and frequency split, their axes and the scale factor were fitted to all free runs together by maximum likelihood"
-            " on the averaged (slow) equations of motion [1]."
+            "Damping and frequency split, their axes and the scale factor were fitted to all free"
+            " runs together by maximum likelihood on the averaged (slow) equations of motion [1]."
         )
     diagnosis = of.get("diagnosis")
     if isinstance(diagnosis, Diagnosis):
@@ -38,15 +45,19 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
         tested, found = len(entries(report, "tested")), len(entries(report, "effects"))
         taken = len(json_list(diagnosis.run_ids))
         said.append(
-            f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested} further effects;"
-            f" {found} {'was' if found == 1 else 'were'} taken in, each significant after correction for the number tried"
-            " and judged on data held out. A cause's share is the wave's difference between the fits with and without it,"
+            f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested}"
+            f" further effects; {found} {'was' if found == 1 else 'were'} taken in, each"
+            " significant after correction for the number tried and judged on data held out. A"
+            " cause's share is the wave's difference between the fits with and without it,"
             " everything else fitted anew."
         )
     if isinstance(of.get("calibration"), Calibration):
         said.append(
-            "Drift and scale factor were tabulated as Fourier series of the wave angle over temperature from forced whole-angle runs;"
-            " residuals are stated for runs held out [2]."
+            "Drift and scale factor were tabulated as Fourier series of the wave angle over"
+            " temperature from forced whole-angle runs; residuals are stated for runs held out [2]."
         )
-    said.append(f"Values are given with their standard deviation in the last digits [3]. Computed with hrg {__version__}.")
+    said.append(
+        "Values are given with their standard deviation in the last digits [3]. Computed with hrg"
+        f" {__version__}."
+    )
     return " ".join(said)

@@ -1,7 +1,8 @@
-"""The report: one HTML page that needs no network, or its figures alone as PNG, for any set of hrg files.
+"""The report: one HTML page that needs no network, or its figures alone as PNG, for any set of hrg
+files.
 
-Identical files give identical bytes: the page holds no date of its own and its figures no random ids. Whatever a file says
-(names, history, reasons) is text on the page, never markup.
+Identical files give identical bytes: the page holds no date of its own and its figures no random
+ids. Whatever a file says (names, history, reasons) is text on the page, never markup.
 """
 
 from __future__ import annotations
@@ -22,7 +23,17 @@ from markupsafe import Markup
 from .. import __version__, store
 from ..errors import HrgError
 from ..limits import Row
-from ..records import KINDS, Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
+from ..records import (
+    KINDS,
+    Calibration,
+    Compensated,
+    Diagnosis,
+    Periods,
+    Record,
+    Recording,
+    Resonator,
+    Wave,
+)
 from .answer import Answer, answer
 from .figures import calibration, diagnosis, recording, result, wave
 from .figures.answer import before_and_after
@@ -40,10 +51,24 @@ DRAWN_OF_A_KIND = 4
 """Files of one kind whose figures are drawn; the others are in the tables."""
 ROWS_HELD = 200_000
 """Rows of a series held in memory for its figures; of longer ones every k-th is taken."""
-RESULTS_FIRST = ("diagnosis", "calibration", "resonator", "compensated", "wave", "recording", "periods")
+RESULTS_FIRST = (
+    "diagnosis",
+    "calibration",
+    "resonator",
+    "compensated",
+    "wave",
+    "recording",
+    "periods",
+)
 
 
-SHADES = {"sound": "valid", "fault found": "refused", "bench fault": "suspect", "in doubt": "suspect", "not examined": "skipped"}
+SHADES = {
+    "sound": "valid",
+    "fault found": "refused",
+    "bench fault": "suspect",
+    "in doubt": "suspect",
+    "not examined": "skipped",
+}
 """Health of a gyro -> the page's colour for it."""
 
 
@@ -86,18 +111,22 @@ class Entry:
 
 @dataclass(frozen=True)
 class Beside:
-    """What the other files on the page say about a file: truth by run, and the runs whose periods are shown."""
+    """What the other files on the page say about a file: truth by run, and the runs whose periods
+    are shown."""
 
     truths: dict[str, Recording]
     demodulated: frozenset[str]
 
 
-def build_report(paths: Sequence[Path], *, truth: bool = False, full: bool = False, rows: Sequence[Row] = ()) -> str:
-    """The page of these files as HTML: the answer of every gyro first; runs, files and history folded behind it.
+def build_report(
+    paths: Sequence[Path], *, truth: bool = False, full: bool = False, rows: Sequence[Row] = ()
+) -> str:
+    """The page of these files as HTML: the answer of every gyro first; runs, files and history
+    folded behind it.
 
-    truth: also show what a simulation knows (the truth of a recording, over the wave of the same run); full: draw the figures of every
-    file, too (`truth` does); rows: figures held against limits.
-    HrgError: no file, a file is missing, damaged or not an hrg file.
+    truth: also show what a simulation knows (the truth of a recording, over the wave of the same
+    run); full: draw the figures of every file, too (`truth` does); rows: figures held against
+    limits. HrgError: no file, a file is missing, damaged or not an hrg file.
     """
     full = full or truth
     entries = [_entry(path, index, full) for index, path in enumerate(_unique(paths))]
@@ -136,7 +165,8 @@ def _picture(plot: Plot, anchor: str) -> Picture:
 
 @dataclass(frozen=True)
 class Shown:
-    """The answer of one gyro on the page: its figures, the living one's data, the paragraph for a report."""
+    """The answer of one gyro on the page: its figures, the living one's data, the paragraph for a
+    report."""
 
     answer: Answer
     anchor: str
@@ -151,13 +181,22 @@ def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -
     counts: dict[str, dict[str, int]] = {}
     for path, entry in zip(paths, entries):
         gyro = str(getattr(entry.record, "gyro_id", ""))
-        counts.setdefault(gyro, {})[entry.record.kind] = counts.get(gyro, {}).get(entry.record.kind, 0) + 1
-        if entry.record.kind in ("diagnosis", "calibration", "resonator", "compensated") and not _is_extended(entry.record):
+        counts.setdefault(gyro, {})[entry.record.kind] = (
+            counts.get(gyro, {}).get(entry.record.kind, 0) + 1
+        )
+        if entry.record.kind in (
+            "diagnosis",
+            "calibration",
+            "resonator",
+            "compensated",
+        ) and not _is_extended(entry.record):
             gyros.setdefault(gyro, {})[entry.record.kind] = path
     found = []
     for place, (gyro, files) in enumerate(gyros.items(), start=1):
         records = {kind: store.read_any(path) for kind, path in files.items()}
-        made = answer(list(records.values()), rows, {kind: path.name for kind, path in files.items()})
+        made = answer(
+            list(records.values()), rows, {kind: path.name for kind, path in files.items()}
+        )
         if made is None:
             continue
         pictures, living = [], None
@@ -169,8 +208,18 @@ def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -
                 living = data
             if isinstance(tables_of := records.get("calibration"), Calibration):
                 drawn += calibration.calibration_plots(tables_of, first_only=True)
-            pictures = [_picture(plot, f"answer-{place}-{plot.key}") for plot in drawn if plot is not None]
-        found.append(Shown(made, f"answer-{place}", pictures, living, methods(list(records.values()), counts[gyro])))
+            pictures = [
+                _picture(plot, f"answer-{place}-{plot.key}") for plot in drawn if plot is not None
+            ]
+        found.append(
+            Shown(
+                made,
+                f"answer-{place}",
+                pictures,
+                living,
+                methods(list(records.values()), counts[gyro]),
+            )
+        )
     return found
 
 
@@ -180,14 +229,18 @@ def _is_extended(record: Record) -> bool:
 
 
 def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -> list[Path]:
-    """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths written. HrgError: as `build_report`."""
+    """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths
+    written. HrgError: as `build_report`."""
     folder = Path(folder)
     entries = [_entry(path, index, False) for index, path in enumerate(_unique(paths))]
     beside = _beside(paths, entries, truth)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise HrgError(f"{folder}: is no folder and cannot be made one ({error.strerror}); choose another --output") from error
+        raise HrgError(
+            f"{folder}: is no folder and cannot be made one ({error.strerror}); choose another"
+            " --output"
+        ) from error
     written: list[Path] = []
     used: set[str] = set()
     for path in _unique(paths):
@@ -209,7 +262,9 @@ def _answer_plot(path: Path) -> Iterator[Plot]:
         record = store.read(path, Diagnosis)
         made = answer([record])
         with style():
-            plot = before_and_after(record, made.departure, made.causes) if made is not None else None
+            plot = (
+                before_and_after(record, made.departure, made.causes) if made is not None else None
+            )
             if plot is not None:
                 yield plot
 
@@ -239,12 +294,24 @@ def _entry(path: Path, index: int, full: bool) -> Entry:
         kept = record
         found_tables = tables(kept) if full else []
     bare = _bare(kept)
-    return Entry(plain(path.name), f"file-{index + 1}", bare, path.stat().st_size, store.sha256(path), shown, found_tables)
+    return Entry(
+        plain(path.name),
+        f"file-{index + 1}",
+        bare,
+        path.stat().st_size,
+        store.sha256(path),
+        shown,
+        found_tables,
+    )
 
 
 def _bare(record: Record) -> Record:
     """The record without its rows."""
-    nothing: dict[str, Any] = {name: np.empty((0,) * len(spec.dims)) for name, spec in record.columns().items() if spec.dims}
+    nothing: dict[str, Any] = {
+        name: np.empty((0,) * len(spec.dims))
+        for name, spec in record.columns().items()
+        if spec.dims
+    }
     return replace(record, **nothing)
 
 
@@ -253,7 +320,11 @@ def _thinned(record: Record) -> Record:
     if isinstance(record, Recording):
         return record
     step = max(1, -(-len(record) // ROWS_HELD))
-    columns = [name for name, spec in record.columns().items() if spec.dims and spec.dims[0] == "row" and getattr(record, name) is not None]
+    columns = [
+        name
+        for name, spec in record.columns().items()
+        if spec.dims and spec.dims[0] == "row" and getattr(record, name) is not None
+    ]
     if not columns:
         return record
     parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
@@ -261,7 +332,9 @@ def _thinned(record: Record) -> Record:
     for start in range(0, len(record), block):
         for name in columns:
             parts[name].append(np.asarray(getattr(record, name)[start : start + block])[::step])
-    joined: dict[str, Any] = {name: np.concatenate(values) for name, values in parts.items() if values}
+    joined: dict[str, Any] = {
+        name: np.concatenate(values) for name, values in parts.items() if values
+    }
     return replace(record, **joined)
 
 
@@ -271,8 +344,13 @@ def _beside(paths: Sequence[Path], entries: list[Entry], truth: bool) -> Beside:
         if truth and isinstance(entry.record, Recording):
             with store.open_record(path, Recording) as record:
                 if record.truth_time_s is not None and len(record.truth_time_s):
-                    truths[record.run_id] = replace(record, c=np.empty(0), s=np.empty(0), time_s=None)
-    return Beside(truths, frozenset(entry.record.run_id for entry in entries if isinstance(entry.record, Periods)))
+                    truths[record.run_id] = replace(
+                        record, c=np.empty(0), s=np.empty(0), time_s=None
+                    )
+    return Beside(
+        truths,
+        frozenset(entry.record.run_id for entry in entries if isinstance(entry.record, Periods)),
+    )
 
 
 def _plots(path: Path, beside: Beside) -> Iterator[Plot]:
@@ -286,7 +364,9 @@ def _plots(path: Path, beside: Beside) -> Iterator[Plot]:
 _DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
     Recording: lambda r, beside: recording.plots(r, bool(beside.truths)),
     Periods: lambda r, _: recording.period_plots(r),
-    Wave: lambda r, beside: wave.plots(r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated),
+    Wave: lambda r, beside: wave.plots(
+        r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated
+    ),
     Resonator: lambda r, _: result.resonator_plots(r),
     Calibration: lambda r, _: calibration.calibration_plots(r),
     Compensated: lambda r, _: result.compensated_plots(r),
@@ -303,16 +383,28 @@ def _link_sources(entries: list[Entry]) -> None:
             if source.sha256 in by_hash:
                 said = f"is {by_hash[source.sha256].name} on this page"
             else:
-                said = "a file of this name on this page has other content" if plain(source.name) in names else "not on this page"
-            entry.sources.append((plain(source.name), plain(source.kind), plain(source.sha256), said))
+                said = (
+                    "a file of this name on this page has other content"
+                    if plain(source.name) in names
+                    else "not on this page"
+                )
+            entry.sources.append(
+                (plain(source.name), plain(source.kind), plain(source.sha256), said)
+            )
 
 
 def _render(entries: list[Entry], answers: list[Shown], truth: bool, full: bool) -> str:
     environment = Environment(
-        loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     environment.filters["size"] = _size
-    script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in ("page.js", "living.js"))
+    script = "".join(
+        (FOLDER / name).read_text(encoding="utf-8") for name in ("page.js", "living.js")
+    )
     order = ["valid", "suspect", "refused"]
     kinds = [cls.kind for cls in KINDS]
     groups = [(kind, [e for e in entries if e.record.kind == kind]) for kind in kinds]
@@ -344,7 +436,8 @@ def _render(entries: list[Entry], answers: list[Shown], truth: bool, full: bool)
 
 
 def _reasons(entries: list[Entry]) -> list[tuple[str, str, list[str]]]:
-    """Every reason once: (status, reason, the files that give it); what a result inherits from its inputs is told at the input."""
+    """Every reason once: (status, reason, the files that give it); what a result inherits from its
+    inputs is told at the input."""
     doubted = {entry.name for entry in entries if entry.record.status != "valid"}
     found: dict[tuple[str, str], list[str]] = {}
     for entry in entries:

@@ -1,4 +1,5 @@
-"""What the page says in words and tables: steps of the chain, headline, parameters for people, method comparison."""
+"""What the page says in words and tables: steps of the chain, headline, parameters for people,
+method comparison."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ STEPS = (
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the chain: `state` is "run", "suspect", "failed" or "skipped", `note` says why."""
+    """One step of the chain: `state` is "run", "suspect", "failed" or "skipped", `note` says
+    why."""
 
     name: str
     state: str
@@ -117,11 +119,26 @@ def tables(record: Record) -> list[Table]:
 def _resonator(record: Resonator) -> list[Table]:
     parameters = record.parameters()
     frequency = parameters.get("frequency_hz", (None,))[0]
-    rows = [(plain(n), number(v, 8), number(s, 2), plain(u), for_people(n, v, s, frequency)) for n, (v, s, u) in parameters.items()]
-    found = [Table("Parameters with standard deviations", ("parameter", "value", "σ", "unit", "for people"), rows)]
+    rows = [
+        (plain(n), number(v, 8), number(s, 2), plain(u), for_people(n, v, s, frequency))
+        for n, (v, s, u) in parameters.items()
+    ]
+    found = [
+        Table(
+            "Parameters with standard deviations",
+            ("parameter", "value", "σ", "unit", "for people"),
+            rows,
+        )
+    ]
     flat = json_list(record.flat_directions)
     if flat:
-        found.append(Table("What these runs cannot tell", ("direction",), [(plain(sentence),) for sentence in flat]))
+        found.append(
+            Table(
+                "What these runs cannot tell",
+                ("direction",),
+                [(plain(sentence),) for sentence in flat],
+            )
+        )
     return found + _figures("Details", json_object(record.details))
 
 
@@ -130,7 +147,11 @@ def _calibration(record: Calibration) -> list[Table]:
     found = []
     if drift or scale:
         rows = [
-            (key.replace("_", " "), _range(drift.get(key), 1 / DEGREE_PER_HOUR), _range(scale.get(key), 1.0))
+            (
+                key.replace("_", " "),
+                _range(drift.get(key), 1 / DEGREE_PER_HOUR),
+                _range(scale.get(key), 1.0),
+            )
             for key in ("before", "after", "held_out")
         ]
         found.append(Table("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
@@ -153,13 +174,22 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
             (
                 plain(v.get("name")),
                 number(v["believed"], 8),
-                f"{number(v.get('value'), 8)} ± {number(v.get('std'), 2)} {plain(v.get('units', ''))}",
+                (
+                    f"{number(v.get('value'), 8)} ± {number(v.get('std'), 2)}"
+                    f" {plain(v.get('units', ''))}"
+                ),
                 number(v.get("sigma"), 3),
                 "wrong" if v.get("wrong") else "agrees",
             )
             for v in values
         ]
-        found.append(Table("Values of the supplied model", ("parameter", "believed", "measured", "moved by, σ", ""), moved))
+        found.append(
+            Table(
+                "Values of the supplied model",
+                ("parameter", "believed", "measured", "moved by, σ", ""),
+                moved,
+            )
+        )
     if entries(report, "effects"):
         rows = []
         for effect in entries(report, "effects"):
@@ -184,44 +214,99 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
                     )
                 )
             )
-        found.append(Table("Causes found", ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"), rows))
+        found.append(
+            Table(
+                "Causes found",
+                ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"),
+                rows,
+            )
+        )
     found += _gain_tables(report)
     if child(report, "remainder"):
-        found.append(Table("What is left unexplained", ("", ""), [(plain(k), cell(v)) for k, v in child(report, "remainder").items()]))
+        found.append(
+            Table(
+                "What is left unexplained",
+                ("", ""),
+                [(plain(k), cell(v)) for k, v in child(report, "remainder").items()],
+            )
+        )
     if entries(report, "not_separable"):
         rows = [tuple(cell(v) for v in e.values()) for e in entries(report, "not_separable")]
-        found.append(Table("What these runs cannot tell apart", [plain(k) for k in entries(report, "not_separable")[0]], rows))
+        found.append(
+            Table(
+                "What these runs cannot tell apart",
+                [plain(k) for k in entries(report, "not_separable")[0]],
+                rows,
+            )
+        )
     tested = entries(report, "tested")
     if tested:
-        rows = [tuple(map(plain, (e.get("name"), cell(e.get("z")), cell(e.get("upper_limit")), e.get("units", "")))) for e in tested]
+        rows = [
+            tuple(
+                map(
+                    plain,
+                    (
+                        e.get("name"),
+                        cell(e.get("z")),
+                        cell(e.get("upper_limit")),
+                        e.get("units", ""),
+                    ),
+                )
+            )
+            for e in tested
+        ]
         found.append(Table("Causes tested", ("effect", "z", "upper limit", "unit"), rows))
     return found
 
 
-FORECAST = (("angle_deg", "wave angle, °"), ("amplitude_percent", "amplitude, %"), ("quadrature_percent", "quadrature, % of the amplitude"))
+FORECAST = (
+    ("angle_deg", "wave angle, °"),
+    ("amplitude_percent", "amplitude, %"),
+    ("quadrature_percent", "quadrature, % of the amplitude"),
+)
 
 
 def _gain_tables(report: dict[str, Any]) -> list[Table]:
-    """What the extended model gains where it was not fitted: held-out errors in physical units, the forecast cause by cause."""
+    """What the extended model gains where it was not fitted: held-out errors in physical units, the
+    forecast cause by cause."""
     found, gain, forecast = [], child(report, "gain"), child(report, "forecast")
     rows = gains(gain)
     if rows:
-        found.append(Table(f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms", ("quantity", "before", "after"), rows))
+        found.append(
+            Table(
+                f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms",
+                ("quantity", "before", "after"),
+                rows,
+            )
+        )
     if forecast:
-        rows = [(name, *(cell(part.get(key)) for key, _ in FORECAST)) for name, part in forecast_parts(forecast)]
+        rows = [
+            (name, *(cell(part.get(key)) for key, _ in FORECAST))
+            for name, part in forecast_parts(forecast)
+        ]
         held = plain(forecast.get("held_out", "time"))
-        found.append(Table(f"Forecast of {held} left out, rms errors", ("model", *(words for _, words in FORECAST)), rows))
+        found.append(
+            Table(
+                f"Forecast of {held} left out, rms errors",
+                ("model", *(words for _, words in FORECAST)),
+                rows,
+            )
+        )
     return found
 
 
 def forecast_parts(forecast: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """The forecast's errors by the wave's quantities, without and with the causes."""
     parts = child(forecast, "parts") or forecast
-    return [(words, child(parts, when)) for words, when in (("without the causes", "before"), ("with the causes", "after"))]
+    return [
+        (words, child(parts, when))
+        for words, when in (("without the causes", "before"), ("with the causes", "after"))
+    ]
 
 
 def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
-    """Tables of a JSON object: its numbers and sentences in one, each comparison (objects of one shape) in its own."""
+    """Tables of a JSON object: its numbers and sentences in one, each comparison (objects of one
+    shape) in its own."""
     if not isinstance(content, Mapping):
         return []
     single, found = [], []
@@ -236,12 +321,24 @@ def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
         elif isinstance(value, list) and all(isinstance(v, Mapping) for v in value):
             head = list(dict.fromkeys(k for v in value for k in v))[:10]
             found.append(
-                Table(title, [plain(h).replace("_", " ") for h in head], [tuple(_short(v.get(k)) for k in head) for v in value][:60])
+                Table(
+                    title,
+                    [plain(h).replace("_", " ") for h in head],
+                    [tuple(_short(v.get(k)) for k in head) for v in value][:60],
+                )
             )
-        elif isinstance(value, Mapping) and depth < 2 and any(isinstance(v, Mapping) or _objects(v) for v in value.values()):
+        elif (
+            isinstance(value, Mapping)
+            and depth < 2
+            and any(isinstance(v, Mapping) or _objects(v) for v in value.values())
+        ):
             found += _figures(title, value, depth + 1)
         elif isinstance(value, Mapping):
-            single += [(f"{title}: {plain(k).replace('_', ' ')}", _short(v)) for k, v in value.items() if v is not None]
+            single += [
+                (f"{title}: {plain(k).replace('_', ' ')}", _short(v))
+                for k, v in value.items()
+                if v is not None
+            ]
         else:
             single.append((title, _short(value)))
     return ([Table(caption, ("figure", "value"), single[:80])] if single else []) + found

@@ -1,7 +1,9 @@
-"""Numbers for people: rounded by their standard deviation, in the units of the trade (°/h, ppm, °, mHz).
+"""Numbers for people: rounded by their standard deviation, in the units of the trade (°/h, ppm, °,
+mHz).
 
-The concise notation of the GUM (7.2.2): 1003.7000003(10) Hz is 1003.700 000 3 Hz with a standard deviation of 0.000 001 0 Hz. The number of
-digits of σ follows the Particle Data Group: two where its leading digits are 10 … 35, else one; 95 … 99 count as 100.
+The concise notation of the GUM (7.2.2): 1003.7000003(10) Hz is 1003.700 000 3 Hz with a standard
+deviation of 0.000 001 0 Hz. The number of digits of σ follows the Particle Data Group: two where
+its leading digits are 10 … 35, else one; 95 … 99 count as 100.
 """
 
 from __future__ import annotations
@@ -14,11 +16,13 @@ from ..units import DEGREE, DEGREE_PER_HOUR
 from .text import number, ten
 
 TWO_DIGITS = 354
-"""Three leading digits of σ up to which two of them are kept; beyond, one, which for 950 and more rounds to 10."""
+"""Three leading digits of σ up to which two of them are kept; beyond, one, which for 950 and more
+rounds to 10."""
 
 
 def rounded(value: Any, std: Any) -> str:
-    """A value with its standard deviation in brackets, in units of the last digit shown; a value without a σ has six digits."""
+    """A value with its standard deviation in brackets, in units of the last digit shown; a value
+    without a σ has six digits."""
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "–"
     if not isinstance(std, int | float) or not math.isfinite(std) or std <= 0:
@@ -29,7 +33,9 @@ def rounded(value: Any, std: Any) -> str:
     if -5 < power < 7 and last <= 1:
         return _concise(value, std, last).replace("-", "−")
     shift = power
-    return f"{_concise(value / 10.0**shift, std / 10.0**shift, last - shift)}×{ten(shift)}".replace("-", "−")
+    return f"{_concise(value / 10.0**shift, std / 10.0**shift, last - shift)}×{ten(shift)}".replace(
+        "-", "−"
+    )
 
 
 def _last_digit(std: float) -> int:
@@ -47,7 +53,8 @@ def _concise(value: float, std: float, last: int) -> str:
 
 
 def quantity(name: str, value: Any, std: Any, units: str) -> str:
-    """A value as people say it: unit and power chosen by what it is and how large it is, rounded by its σ."""
+    """A value as people say it: unit and power chosen by what it is and how large it is, rounded by
+    its σ."""
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "–"
     factor, unit = unit_for(name, float(value), units)
@@ -96,7 +103,9 @@ _BY_UNIT: dict[str, Callable[[float], tuple[float, str]]] = {
     "degC": lambda size: (1.0, "°C"),
     "K-1": lambda size: (1e6, "ppm/K") if size < 1e-2 else (1e2, "%/K"),
     "amplitude": lambda size: (1e6, "ppm of the unit amplitude"),
-    "Hz": lambda size: (1.0, "Hz") if size >= 0.1 or size == 0 else (1e3, "mHz") if size >= 1e-5 else (1e6, "µHz"),
+    "Hz": lambda size: (
+        (1.0, "Hz") if size >= 0.1 or size == 0 else (1e3, "mHz") if size >= 1e-5 else (1e6, "µHz")
+    ),
 }
 
 
@@ -133,7 +142,8 @@ LABELS = {
 
 
 def parameter(name: str, value: float, std: float, units: str) -> str:
-    """A resonator's parameter for people: the damping as decay time, the damping split as the drift it makes."""
+    """A resonator's parameter for people: the damping as decay time, the damping split as the drift
+    it makes."""
     if name == "damping_rate_1_s" and value > 0:
         return f"{rounded(1 / value, std / value**2)} s"
     if name == "damping_split_1_s":

@@ -7,7 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Calibration, Compensated, Diagnosis, Periods, Record, Recording, Resonator, Wave
+from ..records import (
+    Calibration,
+    Compensated,
+    Diagnosis,
+    Periods,
+    Record,
+    Recording,
+    Resonator,
+    Wave,
+)
 from ..units import to_deg_per_hour, to_trade
 from . import calibration, diagnosis, identification
 from .console import print_table
@@ -30,18 +39,27 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
             print_table("", head, rows)
 
 
-def table(record: Record, report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def table(
+    record: Record, report: Mapping[str, Any]
+) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Head and rows of a record's table."""
     if isinstance(record, Resonator):
-        return ("parameter", "value", "std", "unit"), [(n, v, s, u) for n, (v, s, u) in record.parameters().items()]
+        return ("parameter", "value", "std", "unit"), [
+            (n, v, s, u) for n, (v, s, u) in record.parameters().items()
+        ]
     if isinstance(record, Calibration):
         return _calibration(report)
     rows = [
         (key, value)
         for key, value in report.items()
-        if key not in ("kind", "status", "status_reasons", "output") and not isinstance(value, dict | list)
+        if key not in ("kind", "status", "status_reasons", "output")
+        and not isinstance(value, dict | list)
     ]
-    rows += [_trade(key, value) for key, value in (report.get("trade") or {}).items() if value is not None]
+    rows += [
+        _trade(key, value)
+        for key, value in (report.get("trade") or {}).items()
+        if value is not None
+    ]
     return ("figure", "value"), rows
 
 
@@ -50,13 +68,20 @@ def facts(record: Record) -> dict[str, Any]:
     found: dict[str, Any] = {"rows": len(record)} if len(record) else {}
     for name, spec in record.columns().items():
         value = getattr(record, name)
-        if spec.dims is None and value not in (None, "") and spec.group != "/truth" and not (isinstance(value, str) and len(value) > 60):
+        if (
+            spec.dims is None
+            and value not in (None, "")
+            and spec.group != "/truth"
+            and not (isinstance(value, str) and len(value) > 60)
+        ):
             found[name] = value
     if isinstance(record, Recording):
         last = record.times(len(record) - 1)
         found["duration_s"] = float(last[-1]) if len(last) else 0.0
         found["auxiliary"] = [
-            n for n in ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature") if getattr(record, n) is not None
+            n
+            for n in ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
+            if getattr(record, n) is not None
         ]
     if isinstance(record, Periods | Wave):
         flags = np.asarray(record.flags[:])
@@ -68,7 +93,9 @@ def facts(record: Record) -> dict[str, Any]:
     if isinstance(record, Resonator):
         found |= {name: value for name, (value, _, _) in record.parameters().items()}
     if isinstance(record, Calibration):
-        found |= {k: v for k, v in json_object(record.details).items() if isinstance(v, int | float | str)}
+        found |= {
+            k: v for k, v in json_object(record.details).items() if isinstance(v, int | float | str)
+        }
     if isinstance(record, Compensated):
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
     return found
@@ -79,14 +106,28 @@ def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
     drift, scale = report.get("drift_rms_rad_s", {}), report.get("scale_factor_rms_ppm", {})
     for key in ("before", "after", "held_out"):
         d = drift.get(key)
-        rows.append((key.replace("_", " "), None if d is None else to_deg_per_hour(d), scale.get(key)))
+        rows.append(
+            (key.replace("_", " "), None if d is None else to_deg_per_hour(d), scale.get(key))
+        )
     for stage in report.get("ladder", []):
         d = stage.get("drift_rms_rad_s")
-        rows.append((str(stage.get("stage")), None if d is None else to_deg_per_hour(d), stage.get("scale_factor_rms_ppm")))
+        rows.append(
+            (
+                str(stage.get("stage")),
+                None if d is None else to_deg_per_hour(d),
+                stage.get("scale_factor_rms_ppm"),
+            )
+        )
     for key, value in report.get("trade", {}).items():
         if value is None or not key.endswith(("_rad_s", "_ppm")):
             continue
-        rows.append((_words(key), to_deg_per_hour(value) if key.endswith("_rad_s") else "", "" if key.endswith("_rad_s") else value))
+        rows.append(
+            (
+                _words(key),
+                to_deg_per_hour(value) if key.endswith("_rad_s") else "",
+                "" if key.endswith("_rad_s") else value,
+            )
+        )
     return ("rms residual", "drift, °/h", "scale factor, ppm"), rows
 
 
@@ -95,11 +136,18 @@ def _faults(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any,
     rows = [(r["name"], r["value"], r["std"], r["units"]) for r in report.get("loops", [])]
     seen = report.get("readout_matrix") or {}
     rows += [
-        (name.removesuffix("_rad"), seen[name], seen[f"{name}_std"], "rad" if name.endswith("_rad") else "1")
+        (
+            name.removesuffix("_rad"),
+            seen[name],
+            seen[f"{name}_std"],
+            "rad" if name.endswith("_rad") else "1",
+        )
         for name in ("gain_mismatch", "electrode_nonorthogonality_rad")
         if name in seen
     ]
-    return ("fault", "value", "unit", "z"), [(n, f"{v:.4g} ± {s:.2g}", u, f"{v / s:.3g}") for n, v, s, u in rows if s > 0]
+    return ("fault", "value", "unit", "z"), [
+        (n, f"{v:.4g} ± {s:.2g}", u, f"{v / s:.3g}") for n, v, s, u in rows if s > 0
+    ]
 
 
 def _trade(key: str, value: float) -> tuple[str, float]:
@@ -109,13 +157,16 @@ def _trade(key: str, value: float) -> tuple[str, float]:
 
 
 def _allan(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """Noise coefficients of IEEE Std 952 with their 95 % intervals; one that is not told from zero has an upper limit only."""
+    """Noise coefficients of IEEE Std 952 with their 95 % intervals; one that is not told from zero
+    has an upper limit only."""
     rows = []
     for key, found in (report.get("allan") or {}).items():
         if isinstance(found, Mapping):
             words, value, unit = to_trade(key, found["value"])
             low, high = (to_trade(key, found[end])[1] for end in ("low", "high"))
-            rows.append((words, value if value > 0 else None, low if value > 0 else None, high, unit))
+            rows.append(
+                (words, value if value > 0 else None, low if value > 0 else None, high, unit)
+            )
     return ("noise of the rate (IEEE 952)", "value", "95 % from", "to", "unit"), rows
 
 

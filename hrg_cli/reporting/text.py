@@ -7,8 +7,11 @@ import re
 from numbers import Real
 from typing import Any
 
-UNREADABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ufffe\uffff\ud800-\udfff]")
-"""Control characters (also those that move a terminal's cursor) and those that turn the direction of text."""
+UNREADABLE = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ufffe\uffff\ud800-\udfff]"
+)
+"""Control characters (also those that move a terminal's cursor) and those that turn the direction
+of text."""
 
 FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 """Signs that begin a formula in a spreadsheet."""
@@ -21,8 +24,14 @@ def plain(value: Any) -> str:
     return UNREADABLE.sub("\ufffd", str(value))
 
 
+def first_paragraph(text: str | None) -> str:
+    """What a docstring or a help text says first, in one line."""
+    return " ".join((text or "").strip().split("\n\n")[0].split())
+
+
 def spreadsheet(value: Any) -> Any:
-    """A cell for a spreadsheet: text that it would take for a formula gets an apostrophe before it, which shows it as text."""
+    """A cell for a spreadsheet: text that it would take for a formula gets an apostrophe before it,
+    which shows it as text."""
     if not isinstance(value, str):
         return value
     text = plain(value)
@@ -30,7 +39,8 @@ def spreadsheet(value: Any) -> Any:
 
 
 def c_comment(value: Any) -> str:
-    """Text that stays inside a C comment: one line of ASCII that neither ends the comment nor opens another."""
+    """Text that stays inside a C comment: one line of ASCII that neither ends the comment nor opens
+    another."""
     text = " ".join(plain(value).split())[:LONGEST_COMMENT]
     text = re.sub(r"\*(?=/)", "* ", re.sub(r"/(?=\*)", "/ ", text))
     text = text.replace("\\", "/ ").encode("ascii", "replace").decode().replace("*/", "* /")
@@ -38,7 +48,8 @@ def c_comment(value: Any) -> str:
 
 
 def number(value: Any, digits: int = 4) -> str:
-    """A number as a person reads it: plain between 1e-4 and 1e7, else as a power of ten; a dash for anything else."""
+    """A number as a person reads it: plain between 1e-4 and 1e7, else as a power of ten; a dash for
+    anything else."""
     if not isinstance(value, Real) or not math.isfinite(value):
         return "–"
     if value == 0:

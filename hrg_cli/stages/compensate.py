@@ -1,4 +1,5 @@
-"""`hrg compensate`: rate and angle of another run with the tables, Ω = (D − m·dθ/dt)/K, never outside what they were made for."""
+"""`hrg compensate`: rate and angle of another run with the tables, Ω = (D − m·dθ/dt)/K, never
+outside what they were made for."""
 
 from __future__ import annotations
 
@@ -28,17 +29,29 @@ def compensate(
     calibration: Calibration,
     *,
     windows_per_increment: Annotated[
-        int, Field(ge=1, description="windows averaged to one end of an increment; more: less noise, coarser time")
+        int,
+        Field(
+            ge=1,
+            description=(
+                "windows averaged to one end of an increment; more: less noise, coarser time"
+            ),
+        ),
     ] = 1,
     earth_rate_rad_s: Annotated[
-        float, Field(description="component of the Earth's rate about the sensitive axis; part of the true rate")
+        float,
+        Field(
+            description=(
+                "component of the Earth's rate about the sensitive axis; part of the true rate"
+            )
+        ),
     ] = 0.0,
 ) -> Iterator[Compensated]:
-    """Rate estimate of each increment and its integral, in a stream of blocks: Ω_i = (∫w D dt − m Δθ_i) / ∫w K dt.
+    """Rate estimate of each increment and its integral, in a stream of blocks: Ω_i = (∫w D dt − m
+    Δθ_i) / ∫w K dt.
 
-    Where the rate was logged, the residuals with a constant scale factor alone and with the tables are kept beside it.
-    HrgError: another gyro or mode number, refused tables, a temperature outside the tables, a run that was compensated before, a
-    rate log of the wrong sign.
+    Where the rate was logged, the residuals with a constant scale factor alone and with the tables
+    are kept beside it. HrgError: another gyro or mode number, refused tables, a temperature outside
+    the tables, a run that was compensated before, a rate log of the wrong sign.
     """
     _guard(wave, calibration)
     return _stream(wave, calibration, windows_per_increment, earth_rate_rad_s)
@@ -51,28 +64,42 @@ def summary(record: Compensated) -> dict[str, Any]:
 
 def _guard(wave: Wave, calibration: Calibration) -> None:
     if isinstance(wave, Compensated):
-        raise HrgError("the input is compensated already; compensate the wave file it was made from")
+        raise HrgError(
+            "the input is compensated already; compensate the wave file it was made from"
+        )
     name = f"run {wave.run_id or '?'}"
     if any(" compensate " in line for line in wave.provenance.history):
-        raise HrgError(f"{name}: is compensated already (its history says so); compensate the wave file it was made from")
+        raise HrgError(
+            f"{name}: is compensated already (its history says so); compensate the wave file it was"
+            " made from"
+        )
     if wave.gyro_id and calibration.gyro_id and wave.gyro_id != calibration.gyro_id:
-        raise HrgError(f"{name}: is of gyro {wave.gyro_id}, the tables are of gyro {calibration.gyro_id}; use the tables of {wave.gyro_id}")
+        raise HrgError(
+            f"{name}: is of gyro {wave.gyro_id}, the tables are of gyro {calibration.gyro_id}; use"
+            f" the tables of {wave.gyro_id}"
+        )
     if wave.mode_number != calibration.mode_number:
         raise HrgError(
-            f"{name}: has mode_number {wave.mode_number}, the tables have {calibration.mode_number}; use tables of the same mode"
+            f"{name}: has mode_number {wave.mode_number}, the tables have"
+            f" {calibration.mode_number}; use tables of the same mode"
         )
     if calibration.correction != CORRECTION:
         raise HrgError(
-            f'the calibration asks for the correction "{calibration.correction}", this hrg applies "{CORRECTION}"; make the tables again'
+            f'the calibration asks for the correction "{calibration.correction}", this hrg applies'
+            f' "{CORRECTION}"; make the tables again'
         )
     if calibration.status == "refused":
         why = "; ".join(calibration.status_reasons) or "no reason is given"
-        raise HrgError(f"the calibration is refused ({why}); complete its programme and calibrate again")
+        raise HrgError(
+            f"the calibration is refused ({why}); complete its programme and calibrate again"
+        )
     if len(wave) < 3:
         raise HrgError(f"{name}: has {len(wave)} windows, at least three are needed")
 
 
-def _stream(wave: Wave, calibration: Calibration, windows: int, earth_rate: float) -> Iterator[Compensated]:
+def _stream(
+    wave: Wave, calibration: Calibration, windows: int, earth_rate: float
+) -> Iterator[Compensated]:
     name = f"run {wave.run_id or '?'}"
     known = wave.rate_rad_s is not None
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
@@ -86,12 +113,17 @@ def _stream(wave: Wave, calibration: Calibration, windows: int, earth_rate: floa
         kept = _good_blocks(piece, windows)
         if len(kept) < 2:
             continue
-        # the next piece begins with this one's last good block, so that no increment is lost between them
+        # the next piece begins with this one's last good block, so that no increment is lost
+        # between them
         begin += int(kept[-1]) * windows
-        path = path_of(piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False)
+        path = path_of(
+            piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
+        )
         blocks = path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
         in_range(calibration, blocks, name)
-        drift, scale = values(calibration, path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad))
+        drift, scale = values(
+            calibration, path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad)
+        )
         drift = drift + measured_drift(calibration, path)
         time = path.interval_s
         rate = (drift - path.turn / time) / scale
@@ -99,7 +131,11 @@ def _stream(wave: Wave, calibration: Calibration, windows: int, earth_rate: floa
         slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
         middle = angle + np.cumsum(rate * time) - rate * time / 2
         angle += float((rate * time).sum())
-        before, after = (-path.turn / time / scale_factor - path.rate_rad_s, rate - path.rate_rad_s) if known else (None, None)
+        before, after = (
+            (-path.turn / time / scale_factor - path.rate_rad_s, rate - path.rate_rad_s)
+            if known
+            else (None, None)
+        )
         if before is not None and after is not None:
             totals.add(path, before, after)
         record = Compensated(
@@ -108,7 +144,9 @@ def _stream(wave: Wave, calibration: Calibration, windows: int, earth_rate: floa
             gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
             status=wave.status, status_reasons=wave.status_reasons, details=json.dumps(totals.figures() if known else {}),
         )  # fmt: skip
-        yield _judged(record, calibration, totals if known else None, scale_factor, slowest, fastest, name)
+        yield _judged(
+            record, calibration, totals if known else None, scale_factor, slowest, fastest, name
+        )
     if not np.isfinite(slowest):
         raise HrgError(f"{name}: has no good windows; see its flags, and demodulate again")
 
@@ -127,7 +165,8 @@ def _smooth(rate: Array, increments: int = 200) -> Array:
 
 
 class _Totals:
-    """Sums over the run: squares of the residuals, their means in cells of wave angle, and how the wave follows the rate log."""
+    """Sums over the run: squares of the residuals, their means in cells of wave angle, and how the
+    wave follows the rate log."""
 
     def __init__(self, cells: Array, together: int) -> None:
         self.cells, self.together = cells, together
@@ -138,8 +177,12 @@ class _Totals:
 
     def add(self, path: Path, before: Array, after: Array) -> None:
         period = np.pi / path.mode_number
-        cell = (np.mod(path.middle(path.angle_rad), period) / period * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
-        for row, weight in enumerate((path.interval_s, before * path.interval_s, after * path.interval_s)):
+        cell = (np.mod(path.middle(path.angle_rad), period) / period * CELLS_A_PERIOD).astype(
+            int
+        ) % CELLS_A_PERIOD
+        for row, weight in enumerate(
+            (path.interval_s, before * path.interval_s, after * path.interval_s)
+        ):
             self.cells[row] += np.bincount(cell, weight, CELLS_A_PERIOD)
         whole = len(after) // self.together * self.together
         self.errors.append(after[:whole].reshape(-1, self.together).mean(axis=1))
@@ -166,7 +209,8 @@ class _Totals:
         }
 
     def trade(self) -> dict[str, dict[str, Any]]:
-        """Bias residual and Allan coefficients of the compensated rate's error (None: not seen), then these with 95 % intervals.
+        """Bias residual and Allan coefficients of the compensated rate's error (None: not seen),
+        then these with 95 % intervals.
 
         Empty for a short run.
         """
@@ -185,10 +229,21 @@ class _Totals:
 
 
 def _judged(
-    record: Compensated, calibration: Calibration, totals: _Totals | None, scale_factor: float, slowest: float, fastest: float, name: str
+    record: Compensated,
+    calibration: Calibration,
+    totals: _Totals | None,
+    scale_factor: float,
+    slowest: float,
+    fastest: float,
+    name: str,
 ) -> Compensated:
-    """Refuse rates of the wrong sign, doubt rates outside those calibrated; a stream keeps the last record's verdict."""
-    reasons = [f"the tables are suspect: {reason}" for reason in calibration.status_reasons] if calibration.status == "suspect" else []
+    """Refuse rates of the wrong sign, doubt rates outside those calibrated; a stream keeps the last
+    record's verdict."""
+    reasons = (
+        [f"the tables are suspect: {reason}" for reason in calibration.status_reasons]
+        if calibration.status == "suspect"
+        else []
+    )
     if totals is not None and np.isfinite(totals.scale_factor_seen):
         seen = totals.scale_factor_seen
         rms_rate = np.sqrt(totals.turned / max(totals.rows, 1)) / max(
@@ -197,15 +252,22 @@ def _judged(
         strong = rms_rate > 20 * float(np.abs(calibration.drift_rad_s).max()) / abs(scale_factor)
         if strong and seen * scale_factor < 0:
             raise HrgError(
-                f"{name}: the wave turns with the logged rate (K = {seen:.3g}), the tables have K = {scale_factor:.3g}; "
-                f"the sign of the rate log or of a channel is reversed"
+                f"{name}: the wave turns with the logged rate (K = {seen:.3g}), the tables have K ="
+                f" {scale_factor:.3g}; the sign of the rate log or of a channel is reversed"
             )
         if strong and abs(seen / scale_factor - 1) > 0.05:
-            reasons.append(f"the run's own scale factor {seen:.4g} differs from the tables' {scale_factor:.4g} by more than 5 %")
+            reasons.append(
+                f"the run's own scale factor {seen:.4g} differs from the tables' {scale_factor:.4g}"
+                " by more than 5 %"
+            )
     span = calibration.rate_max_rad_s - calibration.rate_min_rad_s
-    if fastest > calibration.rate_max_rad_s + 0.1 * span or slowest < calibration.rate_min_rad_s - 0.1 * span:
+    if (
+        fastest > calibration.rate_max_rad_s + 0.1 * span
+        or slowest < calibration.rate_min_rad_s - 0.1 * span
+    ):
         reasons.append(
-            f"rates from {slowest:.4g} to {fastest:.4g} rad/s go beyond those calibrated, {calibration.rate_min_rad_s:.4g} to "
-            f"{calibration.rate_max_rad_s:.4g} rad/s; the scale factor was not tested there"
+            f"rates from {slowest:.4g} to {fastest:.4g} rad/s go beyond those calibrated,"
+            f" {calibration.rate_min_rad_s:.4g} to {calibration.rate_max_rad_s:.4g} rad/s; the"
+            " scale factor was not tested there"
         )
     return record.judged(reasons)

@@ -1,9 +1,11 @@
-"""demodulate: samples of the two channels -> least-squares signals a window, against one constant reference frequency.
+"""demodulate: samples of the two channels -> least-squares signals a window, against one constant
+reference frequency.
 
-C = c_cos·cos ω_r t + c_sin·sin ω_r t (CONTRACT), so C0 = c_cos − j·c_sin at the window's centre. Every window of a fixed
-number of samples shares one least-squares basis about its centre at the local frequency; one matrix product serves a
-chunk, one turn by the reference phase at each centre makes the signals. No whole periods are needed and nothing leaks.
-With a carrier the basis has the two side bands |ω_c ∓ ω| and the carrier's leakage: eight signals (PHYSICS §3, seed B (1)).
+C = c_cos·cos ω_r t + c_sin·sin ω_r t (CONTRACT), so C0 = c_cos − j·c_sin at the window's centre.
+Every window of a fixed number of samples shares one least-squares basis about its centre at the
+local frequency; one matrix product serves a chunk, one turn by the reference phase at each centre
+makes the signals. No whole periods are needed and nothing leaks. With a carrier the basis has the
+two side bands |ω_c ∓ ω| and the carrier's leakage: eight signals (PHYSICS §3, seed B (1)).
 """
 
 from __future__ import annotations
@@ -22,10 +24,19 @@ from ..fitting.samples.even import even_rows
 from ..fitting.samples.run_down import RunDown, run_down
 from ..fitting.samples.survey import Survey, survey
 from ..fitting.samples.uneven import uneven_rows
-from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods, Recording
+from ..records import (
+    FLAG_CLIPPED,
+    FLAG_GAP,
+    FLAG_NOT_FINITE,
+    FLAG_SETTLING,
+    Array,
+    Periods,
+    Recording,
+)
 
 SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1
-"""A settling start has a residual so many times the run's, absolutely and relative to the wave, and is at most this part of the run."""
+"""A settling start has a residual so many times the run's, absolutely and relative to the wave, and
+is at most this part of the run."""
 
 AUXILIARY = ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
 
@@ -33,24 +44,48 @@ AUXILIARY = ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
 def demodulate(
     recording: Recording,
     *,
-    periods_per_window: Annotated[float, Field(gt=0, description="oscillation periods a window, any fraction")] = 1.0,
+    periods_per_window: Annotated[
+        float, Field(gt=0, description="oscillation periods a window, any fraction")
+    ] = 1.0,
     moving_envelope: Annotated[
-        bool | None, Field(description="let the envelope move linearly within a window (t·cos, t·sin); by default from 3 periods a window")
+        bool | None,
+        Field(
+            description=(
+                "let the envelope move linearly within a window (t·cos, t·sin); by default from 3"
+                " periods a window"
+            )
+        ),
     ] = None,
     nominal_frequency_hz: Annotated[
-        float | None, Field(gt=0, description="look for the oscillation near this frequency; the recording's own where not given")
+        float | None,
+        Field(
+            gt=0,
+            description=(
+                "look for the oscillation near this frequency; the recording's own where not given"
+            ),
+        ),
     ] = None,
-    from_s: Annotated[float | None, Field(ge=0, description="time from the recording's first sample on at which to begin")] = None,
-    to_s: Annotated[float | None, Field(gt=0, description="time from the recording's first sample on at which to end")] = None,
-    block_samples: Annotated[int, Field(gt=0, description="samples worked on at once; memory depends on it, results do not")] = 1 << 20,
+    from_s: Annotated[
+        float | None,
+        Field(ge=0, description="time from the recording's first sample on at which to begin"),
+    ] = None,
+    to_s: Annotated[
+        float | None,
+        Field(gt=0, description="time from the recording's first sample on at which to end"),
+    ] = None,
+    block_samples: Annotated[
+        int,
+        Field(gt=0, description="samples worked on at once; memory depends on it, results do not"),
+    ] = 1 << 20,
 ) -> Iterator[Periods]:
-    """Signals a window as a stream of Periods; memory does not grow with the recording; the last block holds spectrum and status.
+    """Signals a window as a stream of Periods; memory does not grow with the recording; the last
+    block holds spectrum and status.
 
-    With `from_s`, `to_s` the rest is as if it had not been recorded, but rows keep the times of the whole recording, to which the
-    reference phase, the auxiliary log and `start_time` belong.
+    With `from_s`, `to_s` the rest is as if it had not been recorded, but rows keep the times of the
+    whole recording, to which the reference phase, the auxiliary log and `start_time` belong.
 
-    HrgError: an empty part, no samples, unequal or constant channels, a nominal frequency not below half the sampling rate, times that do
-    not increase, too short for one window.
+    HrgError: an empty part, no samples, unequal or constant channels, a nominal frequency not below
+    half the sampling rate, times that do not increase, too short for one window.
     """
     name = _checked(recording)
     recording, notes = _part(recording, name, from_s, to_s)
@@ -86,19 +121,32 @@ def demodulate(
 
 
 SUMMARY_ROWS = 1 << 17
-"""Rows that a median of the summary looks at; longer files are thinned, their flags counted block by block."""
+"""Rows that a median of the summary looks at; longer files are thinned, their flags counted block
+by block."""
 
 
 def summary(periods: Periods) -> dict[str, Any]:
-    """What a person or another program wants to know of demodulated signals: windows, frequency, noise, flags, the strongest lines."""
-    names = {"clipped": FLAG_CLIPPED, "gap": FLAG_GAP, "not_finite": FLAG_NOT_FINITE, "settling": FLAG_SETTLING}
+    """What a person or another program wants to know of demodulated signals: windows, frequency,
+    noise, flags, the strongest lines."""
+    names = {
+        "clipped": FLAG_CLIPPED,
+        "gap": FLAG_GAP,
+        "not_finite": FLAG_NOT_FINITE,
+        "settling": FLAG_SETTLING,
+    }
     every = max(1, len(periods) // SUMMARY_ROWS)
     rms = np.asarray(periods.residual_rms[::every])
     counts = dict.fromkeys(names, 0)
     for start in range(0, len(periods), SUMMARY_ROWS):
         flags = np.asarray(periods.flags[start : start + SUMMARY_ROWS])
-        counts = {name: counts[name] + int(np.count_nonzero(flags & bit)) for name, bit in names.items()}
-    where, amplitude, ratio = periods.spectrum_line_frequency_hz, periods.spectrum_line_amplitude, periods.spectrum_line_ratio
+        counts = {
+            name: counts[name] + int(np.count_nonzero(flags & bit)) for name, bit in names.items()
+        }
+    where, amplitude, ratio = (
+        periods.spectrum_line_frequency_hz,
+        periods.spectrum_line_amplitude,
+        periods.spectrum_line_ratio,
+    )
     lines = []
     if where is not None and amplitude is not None and ratio is not None:
         lines = [
@@ -110,8 +158,15 @@ def summary(periods: Periods) -> dict[str, Any]:
         "reference_frequency_hz": periods.reference_frequency_hz,
         "periods_per_window": periods.periods_per_window,
         "window_s": periods.window_s,
-        "duration_s": float(periods.time_s[-1] - periods.time_s[0]) + periods.window_s if len(periods) else 0.0,
-        "residual_rms": [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else None for column in rms.T],
+        "duration_s": (
+            float(periods.time_s[-1] - periods.time_s[0]) + periods.window_s
+            if len(periods)
+            else 0.0
+        ),
+        "residual_rms": [
+            float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else None
+            for column in rms.T
+        ],
         "flagged": counts,
         "residual_lines": lines,
     }
@@ -124,18 +179,28 @@ def _checked(recording: Recording) -> str:
     if c != s:
         raise HrgError(f"{name}: channel C has {c} samples and S {s}; equal lengths were expected")
     if recording.time_s is not None and len(recording.time_s) != c:
-        raise HrgError(f"{name}: time_s has {len(recording.time_s)} values for {c} samples; one time a sample was expected")
+        raise HrgError(
+            f"{name}: time_s has {len(recording.time_s)} values for {c} samples; one time a sample"
+            " was expected"
+        )
     rate = recording.sample_rate_hz
     if recording.time_s is None and not (rate is not None and np.isfinite(rate) and rate > 0):
-        raise HrgError(f"{name}: sample_rate_hz is {rate}; a positive number (or a time_s of every sample) was expected")
+        raise HrgError(
+            f"{name}: sample_rate_hz is {rate}; a positive number (or a time_s of every sample) was"
+            " expected"
+        )
     if recording.readout not in ("direct", "carrier"):
         raise HrgError(f"{name}: read-out is {recording.readout!r}; direct or carrier was expected")
     if recording.readout == "carrier" and recording.carrier_hz is None:
-        raise HrgError(f"{name}: read-out is by carrier, but carrier_hz is missing; add it to the recording")
+        raise HrgError(
+            f"{name}: read-out is by carrier, but carrier_hz is missing; add it to the recording"
+        )
     return name
 
 
-def _part(recording: Recording, name: str, from_s: float | None, to_s: float | None) -> tuple[Recording, list[str]]:
+def _part(
+    recording: Recording, name: str, from_s: float | None, to_s: float | None
+) -> tuple[Recording, list[str]]:
     """The samples from_s ≤ t − t_first < to_s, and notes. HrgError: nothing lies between them."""
     if from_s is None and to_s is None:
         return recording, []
@@ -144,15 +209,29 @@ def _part(recording: Recording, name: str, from_s: float | None, to_s: float | N
         return recording, []
     begin, end = (float(recording.times(k, k + 1)[0]) for k in (0, n - 1))
     if from_s is not None and to_s is not None and not from_s < to_s:
-        raise HrgError(f"{name}: from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the recording was expected")
+        raise HrgError(
+            f"{name}: from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the recording"
+            " was expected"
+        )
     if from_s is not None and begin + from_s > end:
-        raise HrgError(f"{name}: from_s = {from_s:g} lies behind its end; it is {end - begin:.6g} s long")
+        raise HrgError(
+            f"{name}: from_s = {from_s:g} lies behind its end; it is {end - begin:.6g} s long"
+        )
     notes = []
     if to_s is not None and begin + to_s > end + 1.5 * (end - begin) / max(1, n - 1):
-        notes.append(f"to_s = {to_s:g} lies behind the recording's end at {end - begin:.6g} s; it was taken up to there")
-    start, stop = (fallback if at is None else _row_at(recording, begin + at) for at, fallback in ((from_s, 0), (to_s, n)))
+        notes.append(
+            f"to_s = {to_s:g} lies behind the recording's end at {end - begin:.6g} s; it was taken"
+            " up to there"
+        )
+    start, stop = (
+        fallback if at is None else _row_at(recording, begin + at)
+        for at, fallback in ((from_s, 0), (to_s, n))
+    )
     last = min(end - begin, to_s or np.inf)
-    notes.append(f"samples {start + 1} to {stop} of {n} were taken: {from_s or 0:.6g} s to {last:.6g} s of the recording")
+    notes.append(
+        f"samples {start + 1} to {stop} of {n} were taken: {from_s or 0:.6g} s to {last:.6g} s of"
+        " the recording"
+    )
     return recording.part(start, stop), notes
 
 
@@ -173,11 +252,16 @@ def _row_at(recording: Recording, time_s: float) -> int:
     """The first row whose time is not before `time_s`."""
     if recording.time_s is None:
         assert recording.sample_rate_hz is not None
-        return min(len(recording.c), max(0, int(np.ceil(time_s * recording.sample_rate_hz - 1e-6)) - recording.first_sample))
+        return min(
+            len(recording.c),
+            max(0, int(np.ceil(time_s * recording.sample_rate_hz - 1e-6)) - recording.first_sample),
+        )
     low, high = 0, len(recording.c)
     while low < high:
         middle = (low + high) // 2
-        low, high = (middle + 1, high) if recording.times(middle, middle + 1)[0] < time_s else (low, middle)
+        low, high = (
+            (middle + 1, high) if recording.times(middle, middle + 1)[0] < time_s else (low, middle)
+        )
     return low
 
 
@@ -231,21 +315,32 @@ class _Judge:
         self.log: dict[str, Course] = {}
         if self.log_time is not None:
             if (np.diff(self.log_time) <= 0).any():
-                raise HrgError(f"{self.run.name}: the times of its auxiliary log do not increase; strictly increasing times were expected")
+                raise HrgError(
+                    f"{self.run.name}: the times of its auxiliary log do not increase; strictly"
+                    " increasing times were expected"
+                )
             logged = {name: getattr(recording, name) for name in AUXILIARY}
-            self.log = {name: course(self.log_time, values) for name, values in logged.items() if values is not None}
+            self.log = {
+                name: course(self.log_time, values)
+                for name, values in logged.items()
+                if values is not None
+            }
 
     def outside(self, rows: Rows) -> Array:
         """Flag the rows that reach beyond the run-down; those before it (n,) bool."""
         if self.part is None:
             return np.zeros(len(rows["flags"]), bool)
         half = self.run.window_s / 2
-        before, behind = rows["time_s"] - half < self.part.begin_s, rows["time_s"] + half > self.part.end_s
+        before, behind = (
+            rows["time_s"] - half < self.part.begin_s,
+            rows["time_s"] + half > self.part.end_s,
+        )
         rows["flags"][before | behind] |= FLAG_SETTLING
         return np.asarray(before)
 
     def settling(self, rows: Rows) -> None:
-        """Flag the rows outside the run-down, and its leading ones whose residual is far above the run's, until the first that is not."""
+        """Flag the rows outside the run-down, and its leading ones whose residual is far above the
+        run's, until the first that is not."""
         before = self.outside(rows)
         if self.settled:
             return
@@ -253,7 +348,9 @@ class _Judge:
         residual2 = (rows["residual_rms"] ** 2).sum(1)
         wave2 = (rows["signals"] ** 2).sum(1) / 2
         least2 = max(self.run.least_variance(0), self.run.least_variance(1))
-        far = (residual2 > SETTLING_FACTOR**2 * max(power, least2)) & (residual2 > SETTLING_FACTOR**2 * relative * wave2)
+        far = (residual2 > SETTLING_FACTOR**2 * max(power, least2)) & (
+            residual2 > SETTLING_FACTOR**2 * relative * wave2
+        )
         far &= rows["time_s"] - self.begin_s < SETTLING_SHARE * (self.end_s - self.begin_s)
         far &= rows["flags"] & FLAG_CLIPPED == 0
         calm = np.flatnonzero(~far & ~before & np.isfinite(residual2))
@@ -271,7 +368,8 @@ class _Judge:
                 self.flagged[bit] = self.flagged.get(bit, 0) + int(np.count_nonzero(flags & bit))
 
     def auxiliary(self, times: Array) -> dict[str, Any]:
-        """The log at the windows' centres; up to one of its steps beyond its ends the end value, farther out NaN."""
+        """The log at the windows' centres; up to one of its steps beyond its ends the end value,
+        farther out NaN."""
         if self.log_time is None or not self.log:
             return {}
         log = self.log_time
@@ -288,27 +386,54 @@ class _Judge:
         """The last block with the reasons to note, suspect or refuse the whole."""
         found, recording = self.run.survey, self.run.recording
         notes, suspect, refused = list(self.run.notes), list(found.suspect), list(found.refused)
-        clipped, gaps, bad = (self.flagged.get(bit, 0) for bit in (FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE))
+        clipped, gaps, bad = (
+            self.flagged.get(bit, 0) for bit in (FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE)
+        )
         of = f"of {self.rows} windows"
         if clipped:
-            (suspect if clipped > 0.01 * self.rows else notes).append(f"{clipped} {of} hold clipped samples")
+            (suspect if clipped > 0.01 * self.rows else notes).append(
+                f"{clipped} {of} hold clipped samples"
+            )
         if gaps:
-            (suspect if gaps > 0.1 * self.rows else notes).append(f"{gaps} {of} lie in or beside gaps of the sampling")
+            (suspect if gaps > 0.1 * self.rows else notes).append(
+                f"{gaps} {of} lie in or beside gaps of the sampling"
+            )
         if bad:
-            (suspect if bad > 0.01 * self.rows else notes).append(f"{bad} {of} hold samples that are not finite")
+            (suspect if bad > 0.01 * self.rows else notes).append(
+                f"{bad} {of} hold samples that are not finite"
+            )
         if self.settle:
-            after = "" if self.part is None or not np.isfinite(self.part.begin_s) else " after the strike"
+            after = (
+                ""
+                if self.part is None or not np.isfinite(self.part.begin_s)
+                else " after the strike"
+            )
             notes.append(f"the first {self.settle} windows{after} settle")
         if self.outside_log:
-            notes.append(f"{self.outside_log} {of} lie outside the auxiliary log; their temperature and rate are NaN")
+            notes.append(
+                f"{self.outside_log} {of} lie outside the auxiliary log; their temperature and rate"
+                " are NaN"
+            )
         if recording.s_units != recording.c_units:
-            suspect.append(f"channel C is in {recording.c_units!r} and S in {recording.s_units!r}; the same unit was expected")
-        if self.run.bent > 2 * max(8, 0.01 * self.rows):
-            shorter = self.run.window_s * self.run.reference_hz * min(0.7, 0.5 * self.run.bent_by ** (-1 / 6))
-            advice = f"use periods_per_window of at most {shorter:.2g}" if shorter >= 1 else "another oscillation is near"
             suspect.append(
-                f"the envelope moves too much within windows of {self.run.window_s * self.run.reference_hz:.3g} periods: what the window's "
-                f"average leaves uncorrected is {self.run.bent_by:.2g} times the noise; {advice}"
+                f"channel C is in {recording.c_units!r} and S in {recording.s_units!r}; the same"
+                " unit was expected"
+            )
+        if self.run.bent > 2 * max(8, 0.01 * self.rows):
+            shorter = (
+                self.run.window_s
+                * self.run.reference_hz
+                * min(0.7, 0.5 * self.run.bent_by ** (-1 / 6))
+            )
+            advice = (
+                f"use periods_per_window of at most {shorter:.2g}"
+                if shorter >= 1
+                else "another oscillation is near"
+            )
+            suspect.append(
+                "the envelope moves too much within windows of"
+                f" {self.run.window_s * self.run.reference_hz:.3g} periods: what the window's"
+                f" average leaves uncorrected is {self.run.bent_by:.2g} times the noise; {advice}"
             )
         if bad == self.rows:
             refused.append("no window holds finite samples only")

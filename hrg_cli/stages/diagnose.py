@@ -1,7 +1,9 @@
-"""diagnose: where do measured runs depart from the simulation, which cause explains it, what remains, and what is gained.
+"""diagnose: where do measured runs depart from the simulation, which cause explains it, what
+remains, and what is gained.
 
-Steps: wrong values, adequacy of the base model, scores of every effect, forward selection with refit, adequacy of the extended model,
-open search for the rest, gain on data held out, upper limits of what was not found.
+Steps: wrong values, adequacy of the base model, scores of every effect, forward selection with
+refit, adequacy of the extended model, open search for the rest, gain on data held out, upper limits
+of what was not found.
 """
 
 from __future__ import annotations
@@ -36,7 +38,16 @@ from .diagnosis.orientation import oriented
 from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder
 from .diagnosis.report import report as report_of
-from .diagnosis.search import Search, Variant, gross, leaving_out, loosened, scored, select, variants
+from .diagnosis.search import (
+    Search,
+    Variant,
+    gross,
+    leaving_out,
+    loosened,
+    scored,
+    select,
+    variants,
+)
 from .diagnosis.shares import Shares, switched_off
 from .diagnosis.suspects import Suspicion, suspect_runs
 from .diagnosis.tones import taken_out
@@ -54,14 +65,24 @@ def diagnose(
     resonator: Resonator | None = None,
     extra_effects: Sequence[Effect] = (),
     *,
-    scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
-    most_effects: Annotated[int, Field(ge=0, le=12, description="most effects taken into the extended model")] = 5,
+    scale_factor: Annotated[
+        float | None, Field(gt=0, description="known scale factor K, held")
+    ] = None,
+    most_effects: Annotated[
+        int, Field(ge=0, le=12, description="most effects taken into the extended model")
+    ] = 5,
     blocks: Annotated[int, Field(ge=40, le=1500, description="fewest averaged rows a run")] = 120,
-    free_phase: Annotated[bool, Field(description="judge shape and angle alone: the phase wanders by causes outside the model")] = False,
+    free_phase: Annotated[
+        bool,
+        Field(
+            description="judge shape and angle alone: the phase wanders by causes outside the model"
+        ),
+    ] = False,
 ) -> Diagnosis:
     """Name what the base model gets wrong in these runs, or say that nothing fits and describe it.
 
-    waves: runs of one gyro, free and forced together; resonator: the values the user believes. HrgError: no usable run, several gyros.
+    waves: runs of one gyro, free and forced together; resonator: the values the user believes.
+    HrgError: no usable run, several gyros.
     """
     of_one_gyro(waves, "diagnose")
     waves = [_with_clipped(w) for w in waves]
@@ -80,8 +101,9 @@ def diagnose(
         base = fitted(pieces)
     except extended_fit.DivergedError as error:
         raise HrgError(
-            f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs together; "
-            "diagnose free and forced runs apart, or leave out the run that differs most"
+            f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs"
+            " together; diagnose free and forced runs apart, or leave out the run that differs"
+            " most"
         ) from error
     untouched, own = base, origin
     if steps:
@@ -107,18 +129,35 @@ def diagnose(
         remainder = rest(search.final, noise_factor)
     search, remainder = proven(search, remainder, noise_factor, candidates)
 
-    shown, lines = causes(waves, steps, tones, float(np.mean(search.final.frequency_hz)), [f.variant.effect.name for f in search.found])
+    shown, lines = causes(
+        waves,
+        steps,
+        tones,
+        float(np.mean(search.final.frequency_hz)),
+        [f.variant.effect.name for f in search.found],
+    )
     if not steps and not tones:
         untouched = search.base
     model, written = faithful(
-        lambda change: simulation_file(search.final, waves, pieces, origin, shown, change), search.final, origin, extra_effects
+        lambda change: simulation_file(search.final, waves, pieces, origin, shown, change),
+        search.final,
+        origin,
+        extra_effects,
     )
     closing = closing_checks(search, remainder, form, level or 1.0, written, shown)
-    ahead = forecast(search, candidates, noise_factor, most_effects, waves[0].units) if search.found else None
-    stability = _stability(search, candidates, noise_factor, most_effects, ahead, lambda: fitted(pieces, coarser=2))
+    ahead = (
+        forecast(search, candidates, noise_factor, most_effects, waves[0].units)
+        if search.found
+        else None
+    )
+    stability = _stability(
+        search, candidates, noise_factor, most_effects, ahead, lambda: fitted(pieces, coarser=2)
+    )
     verdict = word(bool(search.found or shown), not all(check.passed for check in closing))
     gain = held_out(untouched, search.final, own, origin)
-    report = report_of(verdict, search, remainder, gain, noise_factor, resonator, candidates, untouched)
+    report = report_of(
+        verdict, search, remainder, gain, noise_factor, resonator, candidates, untouched
+    )
     report |= {
         "effects": shown + [form.amended(e) if form else e for e in report["effects"]],
         "lines": lines,
@@ -138,9 +177,17 @@ def diagnose(
         report["remainder"] = form.completed(report["remainder"])
     failed = checks.failures(closing)
     if failed and report["remainder"] is None:
-        report["remainder"] = {"description": "; ".join(failed), "covariate": None, "harmonic": None, "formula": None, "terms": []}
+        report["remainder"] = {
+            "description": "; ".join(failed),
+            "covariate": None,
+            "harmonic": None,
+            "formula": None,
+            "terms": [],
+        }
     report, shares = switched_off(report, search.base, search.final)
-    return _with_shares(_record(search, waves, verdict, report, model), shares).judged(_doubts(verdict, failed))
+    return _with_shares(_record(search, waves, verdict, report, model), shares).judged(
+        _doubts(verdict, failed)
+    )
 
 
 def _with_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
@@ -151,14 +198,28 @@ def _with_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
 
 
 def _refused(
-    waves: Sequence[Wave], base: Fit, searched: Sequence[Effect], suspicions: Sequence[Suspicion], resonator: Resonator | None
+    waves: Sequence[Wave],
+    base: Fit,
+    searched: Sequence[Effect],
+    suspicions: Sequence[Suspicion],
+    resonator: Resonator | None,
 ) -> Diagnosis:
-    """The diagnosis of runs of which some are not what they say: these are named, and no physics is blamed."""
+    """The diagnosis of runs of which some are not what they say: these are named, and no physics is
+    blamed."""
     candidates = variants(searched, base)
     scores = tuple(s for s, _ in scored(base, candidates))
     search = Search(base, base, (), scores, scores)
     origin = list(range(len(waves)))
-    report = report_of("unexplained", search, None, held_out(base, base, origin, origin), 1.0, resonator, candidates, base)
+    report = report_of(
+        "unexplained",
+        search,
+        None,
+        held_out(base, base, origin, origin),
+        1.0,
+        resonator,
+        candidates,
+        base,
+    )
     sentences = [one.sentence for one in suspicions]
     closing = [checks.holds("runs_are_what_they_say", False, "; ".join(sentences))]
     report |= {
@@ -170,7 +231,13 @@ def _refused(
         "written_model": None,
         "suspect_runs": [one.table() for one in suspicions],
         "stability": [],
-        "remainder": {"description": "; ".join(sentences), "covariate": None, "harmonic": None, "formula": None, "terms": []},
+        "remainder": {
+            "description": "; ".join(sentences),
+            "covariate": None,
+            "harmonic": None,
+            "formula": None,
+            "terms": [],
+        },
     }
     return _record(search, waves, "unexplained", report, "").judged(sentences, "refused")
 
@@ -199,23 +266,40 @@ def proven(
         if reduced is None:
             continue
         left = tuple(other for other in search.found if other is not one)
-        search = replace(search, final=reduced, found=left, last=tuple(s for s, _ in scored(reduced, candidates)))
+        search = replace(
+            search, final=reduced, found=left, last=tuple(s for s, _ in scored(reduced, candidates))
+        )
         remainder = rest(reduced, noise_factor)
     return search, remainder
 
 
 def _stability(
-    search: Search, candidates: Sequence[Variant], noise_factor: float, most: int, ahead: dict[str, Any] | None, coarser: Callable[[], Fit]
+    search: Search,
+    candidates: Sequence[Variant],
+    noise_factor: float,
+    most: int,
+    ahead: dict[str, Any] | None,
+    coarser: Callable[[], Fit],
 ) -> list[dict[str, Any]]:
-    """The causes' names where the same runs are looked at otherwise: averaged to half as many rows, and on a part of the data."""
+    """The causes' names where the same runs are looked at otherwise: averaged to half as many rows,
+    and on a part of the data."""
     if not search.found:
         return []
     out: list[dict[str, Any]] = []
     with contextlib.suppress(extended_fit.DivergedError):
         again = select(coarser(), candidates, noise_factor, most)
-        out.append({"change": "averaged to half as many rows", "effects": [f.variant.effect.name for f in again.found]})
+        out.append(
+            {
+                "change": "averaged to half as many rows",
+                "effects": [f.variant.effect.name for f in again.found],
+            }
+        )
     if ahead is not None:
-        part = "half of the runs" if ahead["held_out"] == "runs" else f"the first {100 * ahead['train_fraction']:.0f} % of every run"
+        part = (
+            "half of the runs"
+            if ahead["held_out"] == "runs"
+            else f"the first {100 * ahead['train_fraction']:.0f} % of every run"
+        )
         out += [{"change": part, "effects": names} for names in ahead["chosen"]]
     return out
 
@@ -228,7 +312,8 @@ def _doubts(verdict: str, failed: Sequence[str]) -> list[str]:
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The contract's JSON keys of diagnose; `extended_model` is the TOML's path, which whoever writes the file fills in."""
+    """The contract's JSON keys of diagnose; `extended_model` is the TOML's path, which whoever
+    writes the file fills in."""
     return json.loads(diagnosis.report)
 
 
@@ -237,7 +322,9 @@ def _with_clipped(wave: Wave) -> Wave:
     return wave.replace(flags=np.where(wave.flags == 1, 0, wave.flags).astype(wave.flags.dtype))
 
 
-def _record(search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any], model: str) -> Diagnosis:
+def _record(
+    search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any], model: str
+) -> Diagnosis:
     series = search.base.series
     good = series.weight > 0
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]

@@ -1,4 +1,5 @@
-"""Earth's rate about a gyro's sensitive axis, from what a laboratory knows: the rate itself, or its latitude and how the axis stands."""
+"""Earth's rate about a gyro's sensitive axis, from what a laboratory knows: the rate itself, or its
+latitude and how the axis stands."""
 
 from __future__ import annotations
 
@@ -9,20 +10,35 @@ from ..physics.environment import EARTH_RATE_RAD_S
 
 
 def earth_rate_rad_s(
-    earth_rate_deg_h: float | None = None, latitude_deg: float | None = None, axis_tilt_deg: float = 0.0, axis_azimuth_deg: float = 0.0
+    earth_rate_deg_h: float | None = None,
+    latitude_deg: float | None = None,
+    axis_tilt_deg: float = 0.0,
+    axis_azimuth_deg: float = 0.0,
 ) -> float:
     """Component of the Earth's rotation along the axis, rad/s; 0 where nothing is given.
 
-    Ω_E (sin φ cos τ + cos φ sin τ cos α): latitude φ (north positive), the axis tilted by τ from the vertical (up positive) towards the
-    azimuth α from north. HrgError: both the rate and the latitude, a tilt without a latitude, an impossible latitude.
+    Ω_E (sin φ cos τ + cos φ sin τ cos α): latitude φ (north positive), the axis tilted by τ from
+    the vertical (up positive) towards the azimuth α from north. HrgError: both the rate and the
+    latitude, a tilt without a latitude, an impossible latitude.
     """
     if earth_rate_deg_h is not None and latitude_deg is not None:
-        raise HrgError("earth_rate_deg_h and latitude_deg are both given, one was expected: the first is the rate about the axis itself")
+        raise HrgError(
+            "earth_rate_deg_h and latitude_deg are both given, one was expected: the first is the"
+            " rate about the axis itself"
+        )
     if latitude_deg is None:
         if axis_tilt_deg or axis_azimuth_deg:
-            raise HrgError("axis_tilt_deg and axis_azimuth_deg turn the Earth's rate at a latitude, and none is given; add latitude_deg")
+            raise HrgError(
+                "axis_tilt_deg and axis_azimuth_deg turn the Earth's rate at a latitude, and none"
+                " is given; add latitude_deg"
+            )
         return 0.0 if earth_rate_deg_h is None else float(np.radians(earth_rate_deg_h)) / 3600
     if not -90 <= latitude_deg <= 90:
-        raise HrgError(f"latitude_deg = {latitude_deg:g}, −90 to 90 was expected; south is negative")
+        raise HrgError(
+            f"latitude_deg = {latitude_deg:g}, −90 to 90 was expected; south is negative"
+        )
     latitude, tilt, azimuth = np.radians([latitude_deg, axis_tilt_deg, axis_azimuth_deg])
-    return float(EARTH_RATE_RAD_S * (np.sin(latitude) * np.cos(tilt) + np.cos(latitude) * np.sin(tilt) * np.cos(azimuth)))
+    return float(
+        EARTH_RATE_RAD_S
+        * (np.sin(latitude) * np.cos(tilt) + np.cos(latitude) * np.sin(tilt) * np.cos(azimuth))
+    )

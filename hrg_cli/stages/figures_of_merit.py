@@ -1,6 +1,8 @@
-"""Figures of the trade in the standards' words (IEEE Std 1431, 952): scale factor, bias over angle and temperature, Allan deviation.
+"""Figures of the trade in the standards' words (IEEE Std 1431, 952): scale factor, bias over angle
+and temperature, Allan deviation.
 
-SI units and ppm; °/h and °/√h are for the screen. Rate figures are of input rate: drift divided by the scale factor.
+SI units and ppm; °/h and °/√h are for the screen. Rate figures are of input rate: drift divided by
+the scale factor.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ Array = np.ndarray
 
 
 def calibration_figures(calibration: Calibration) -> dict[str, float]:
-    """Bias (mean over angle and temperature), angle-dependent bias (half its range over the angle, worst node), temperature bias, and
-    the same of the scale factor in ppm; all of input rate, from the tables; residual figures held out."""
+    """Bias (mean over angle and temperature), angle-dependent bias (half its range over the angle,
+    worst node), temperature bias, and the same of the scale factor in ppm; all of input rate, from
+    the tables; residual figures held out."""
     drift, scale = np.asarray(calibration.drift_rad_s), np.asarray(calibration.scale_factor)
     bias = drift / scale
     mean = float(scale.mean())
@@ -46,7 +49,8 @@ def calibration_figures(calibration: Calibration) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class ScaleFactorFigures:
-    """Straight line through (rate, output): error against the tables, asymmetry and nonlinearity in ppm, bias in rad/s of input rate."""
+    """Straight line through (rate, output): error against the tables, asymmetry and nonlinearity in
+    ppm, bias in rad/s of input rate."""
 
     scale_factor: float
     scale_factor_std: float
@@ -59,21 +63,29 @@ class ScaleFactorFigures:
     residual_ppm: list[float]
 
 
-def scale_factor_figures(waves: Sequence[Wave | Path], calibration: Calibration | None = None) -> ScaleFactorFigures:
-    """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431: deviations from the straight line).
+def scale_factor_figures(
+    waves: Sequence[Wave | Path], calibration: Calibration | None = None
+) -> ScaleFactorFigures:
+    """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431:
+    deviations from the straight line).
 
-    Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the angle averages out (runs that turn less
-    are left out); with `calibration` each run is compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean,
-    slopes of both signs with a common bias (NaN where too few rates tell it from the bias).
-    Nonlinearity: largest residual from the line over the largest rate.
+    Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the
+    angle averages out (runs that turn less are left out); with `calibration` each run is
+    compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean, slopes of both
+    signs with a common bias (NaN where too few rates tell it from the bias). Nonlinearity: largest
+    residual from the line over the largest rate.
     """
     rates, outputs, errors = [], [], []
     for wave in waves:
         path = wave if isinstance(wave, Path) else path_of(wave, harmonics=4)
         turn, time = path.turn, path.interval_s
         if calibration is not None:
-            x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
-            drift, scale = values(calibration, x, path.middle(path.angle_rad), np.diff(path.angle_rad))
+            x = path.middle(
+                path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
+            )
+            drift, scale = values(
+                calibration, x, path.middle(path.angle_rad), np.diff(path.angle_rad)
+            )
             turn = (turn - drift * time) / scale
         span = abs(path.angle_rad[-1] - path.angle_rad[0]) / (np.pi / path.mode_number)
         stop = len(path)
@@ -102,11 +114,16 @@ def scale_factor_figures(waves: Sequence[Wave | Path], calibration: Calibration 
     halves = np.stack([np.maximum(rate, 0), np.minimum(rate, 0), np.ones_like(rate)], axis=1)
     if calibration is not None:
         halves = halves[:, :2]  # the tables took the bias away
-    if np.linalg.matrix_rank(halves / np.abs(halves).max(axis=0, initial=1e-300), tol=1e-3) == halves.shape[1]:
+    if (
+        np.linalg.matrix_rank(halves / np.abs(halves).max(axis=0, initial=1e-300), tol=1e-3)
+        == halves.shape[1]
+    ):
         found = np.linalg.lstsq(halves, output, rcond=None)[0]
         asymmetry = float(2 * (found[0] - found[1]) / (found[0] + found[1]) * 1e6)
         contrast = np.array([1.0, -1.0, 0.0])[: halves.shape[1]]
-        asymmetry_std = float(spread * np.sqrt(contrast @ np.linalg.inv(halves.T @ halves) @ contrast) / gain * 1e6)
+        asymmetry_std = float(
+            spread * np.sqrt(contrast @ np.linalg.inv(halves.T @ halves) @ contrast) / gain * 1e6
+        )
     ppm = residual / (gain * largest) * 1e6
     reference = 1.0 if calibration is not None else gain
     return ScaleFactorFigures(
@@ -116,20 +133,31 @@ def scale_factor_figures(waves: Sequence[Wave | Path], calibration: Calibration 
 
 
 def trade_figures(calibration: Calibration, paths: Sequence[Path]) -> dict[str, float | None]:
-    """The figures of a calibration that its JSON and its table show; None where the runs cannot tell."""
-    out: dict[str, float | None] = {k: v if np.isfinite(v) else None for k, v in calibration_figures(calibration).items()}
+    """The figures of a calibration that its JSON and its table show; None where the runs cannot
+    tell."""
+    out: dict[str, float | None] = {
+        k: v if np.isfinite(v) else None for k, v in calibration_figures(calibration).items()
+    }
     names = ("error_ppm", "asymmetry_ppm", "nonlinearity_ppm")
     try:
         compensated, raw = scale_factor_figures(paths, calibration), scale_factor_figures(paths)
     except HrgError:
         return out | {f"scale_factor_{name}": None for name in names}
-    found = {"error_ppm": compensated.error_ppm, "asymmetry_ppm": raw.asymmetry_ppm, "nonlinearity_ppm": raw.nonlinearity_ppm}
-    return out | {f"scale_factor_{name}": value if np.isfinite(value) else None for name, value in found.items()}
+    found = {
+        "error_ppm": compensated.error_ppm,
+        "asymmetry_ppm": raw.asymmetry_ppm,
+        "nonlinearity_ppm": raw.nonlinearity_ppm,
+    }
+    return out | {
+        f"scale_factor_{name}": value if np.isfinite(value) else None
+        for name, value in found.items()
+    }
 
 
 @dataclass(frozen=True)
 class AllanFigures:
-    """Allan deviation of a rate with the coefficients of IEEE Std 952 annex C; one that is not told from zero is 0 (see `intervals`)."""
+    """Allan deviation of a rate with the coefficients of IEEE Std 952 annex C; one that is not told
+    from zero is 0 (see `intervals`)."""
 
     time_s: Array
     deviation_rad_s: Array
@@ -151,7 +179,8 @@ ALLAN_UNITS = {
 
 
 def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
-    """Overlapping Allan deviation of an evenly sampled rate and its coefficients, fitted with the covariance of its values (`allan_terms`).
+    """Overlapping Allan deviation of an evenly sampled rate and its coefficients, fitted with the
+    covariance of its values (`allan_terms`).
 
     HrgError: fewer than 30 values, or values that are not finite.
     """
@@ -161,7 +190,8 @@ def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
     rate = np.asarray(rate_rad_s, float)
     if len(rate) < 30 or not np.isfinite(rate).all():
         raise HrgError(
-            f"an Allan deviation needs at least 30 finite rates, {int(np.isfinite(rate).sum())} are there; a longer run is needed"
+            f"an Allan deviation needs at least 30 finite rates, {int(np.isfinite(rate).sum())} are"
+            " there; a longer run is needed"
         )
     time, deviation, _ = allan_deviation(rate, interval_s)
     found = allan_terms(rate, interval_s)

@@ -1,7 +1,9 @@
-"""forecast: from a resonator alone, the drift a gyro will show, the way of its wave over hours, and the error between external fixes.
+"""forecast: from a resonator alone, the drift a gyro will show, the way of its wave over hours, and
+the error between external fixes.
 
-Seed A (8), (9), the tangent law, D_max and the Adams rule, each with the errata of PHYSICS §4 and with the standard deviation that the
-resonator's covariance makes. Three ways to run: free (M2), force drive with its amplitude held, one ring electrode (M3p).
+Seed A (8), (9), the tangent law, D_max and the Adams rule, each with the errata of PHYSICS §4 and
+with the standard deviation that the resonator's covariance makes. Three ways to run: free (M2),
+force drive with its amplitude held, one ring electrode (M3p).
 """
 
 from __future__ import annotations
@@ -16,7 +18,14 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import Check, at_most, covariance_is_one, failures
-from ..fitting.envelopes.resonator_spread import deviation, from_vector, mechanics_of, moved, vector_covariance, vector_of
+from ..fitting.envelopes.resonator_spread import (
+    deviation,
+    from_vector,
+    mechanics_of,
+    moved,
+    vector_covariance,
+    vector_of,
+)
 from ..physics import drift as law
 from ..physics.resonator import Mechanics
 from ..records import Resonator
@@ -31,7 +40,8 @@ STEP_ANGLE = 0.1
 """Fastest rate × step of the Adams rule."""
 MOST_STEPS = 400_000
 FAST_LOOP = 100.0
-"""λ over the rates of the motion from which r follows the angle, with its lag: the error is the square of the inverse."""
+"""λ over the rates of the motion from which r follows the angle, with its lag: the error is the
+square of the inverse."""
 SMALL_SPLIT = 0.3
 """δω/λ up to which seed A's (9) and D_max hold: their error is its square."""
 LARGEST_RATIO = 0.9
@@ -44,12 +54,14 @@ FADED = 1e-2
 
 @dataclass(frozen=True)
 class Forecast:
-    """The forecast: the map D(θ) with its parts, the table over time, and what was found of both; angles in rad, drift in rad/s of mθ."""
+    """The forecast: the map D(θ) with its parts, the table over time, and what was found of both;
+    angles in rad, drift in rad/s of mθ."""
 
     drive: str
     mechanics: Mechanics
     map: dict[str, Array]
-    """wave_angle_rad, drift_rad_s, drift_rad_s_std, damping_part_rad_s, split_part_rad_s, quadrature_ratio: (NODES,) each."""
+    """wave_angle_rad, drift_rad_s, drift_rad_s_std, damping_part_rad_s, split_part_rad_s,
+    quadrature_ratio: (NODES,) each."""
     table: dict[str, Array]
     """A row a time after an external fix; see `COLUMNS`."""
     figures: dict[str, dict[str, float]]
@@ -68,7 +80,13 @@ COLUMNS = (
     ("error_rad", "accumulated error of the input angle from this start, uncompensated"),
     ("error_rms_rad", "the same, rms over all start angles"),
     ("error_worst_rad", "the same, worst start angle"),
-    ("left_rms_rad", "what compensation with this resonator leaves: standard deviation of the error, rms over all start angles"),
+    (
+        "left_rms_rad",
+        (
+            "what compensation with this resonator leaves: standard deviation of the error, rms"
+            " over all start angles"
+        ),
+    ),
 )
 
 
@@ -76,19 +94,37 @@ def forecast(
     resonator: Resonator,
     *,
     drive: Annotated[
-        Literal["free", "force", "parametric"], Field(description="run-down, force drive, or one ring electrode (parametric)")
+        Literal["free", "force", "parametric"],
+        Field(description="run-down, force drive, or one ring electrode (parametric)"),
     ] = "force",
-    wave_angle_rad: Annotated[float, Field(description="wave angle at the start of the forecast")] = 0.0,
+    wave_angle_rad: Annotated[
+        float, Field(description="wave angle at the start of the forecast")
+    ] = 0.0,
     rate_rad_s: Annotated[float, Field(description="constant input rate")] = 0.0,
-    duration_s: Annotated[float, Field(gt=0, le=1e6, description="length of the forecast")] = 3600.0,
-    quadrature_gain_1_s: Annotated[float, Field(ge=0, description="gain of a quadrature loop by force (drive force only)")] = 0.0,
-    scale_factor: Annotated[float | None, Field(gt=0, description="K, where the resonator has none")] = None,
-    trim: Annotated[bool, Field(description="forecast the gyro as an electric spring along the stiffest axis leaves it")] = False,
-    trim_step_rad_s: Annotated[float | None, Field(gt=0, description="smallest step of the spring, of either electrode pair")] = None,
+    duration_s: Annotated[
+        float, Field(gt=0, le=1e6, description="length of the forecast")
+    ] = 3600.0,
+    quadrature_gain_1_s: Annotated[
+        float, Field(ge=0, description="gain of a quadrature loop by force (drive force only)")
+    ] = 0.0,
+    scale_factor: Annotated[
+        float | None, Field(gt=0, description="K, where the resonator has none")
+    ] = None,
+    trim: Annotated[
+        bool,
+        Field(
+            description="forecast the gyro as an electric spring along the stiffest axis leaves it"
+        ),
+    ] = False,
+    trim_step_rad_s: Annotated[
+        float | None,
+        Field(gt=0, description="smallest step of the spring, of either electrode pair"),
+    ] = None,
 ) -> Forecast:
     """The drift and its accumulation as this resonator makes them, nothing else being wrong.
 
-    HrgError: a refused resonator, no damping, no scale factor, a split that lets no force drive settle, a forecast of too many steps.
+    HrgError: a refused resonator, no damping, no scale factor, a split that lets no force drive
+    settle, a forecast of too many steps.
     """
     _usable(resonator, scale_factor, drive, quadrature_gain_1_s)
     whole = mechanics_of(resonator, scale_factor)
@@ -97,15 +133,24 @@ def forecast(
     x = trimmed if trim else x
     points = moved(x, covariance)
     gyros = from_vector(points, whole)
-    mechanics = Mechanics(**{k: float(np.ravel(v)[0]) for k, v in vars(gyros).items() if k != "mode_number"}, mode_number=whole.mode_number)
-    ratio = float(mechanics.frequency_split_rad_s / law.quadrature_decay(mechanics, drive, quadrature_gain_1_s))
+    mechanics = Mechanics(
+        **{k: float(np.ravel(v)[0]) for k, v in vars(gyros).items() if k != "mode_number"},
+        mode_number=whole.mode_number,
+    )
+    ratio = float(
+        mechanics.frequency_split_rad_s
+        / law.quadrature_decay(mechanics, drive, quadrature_gain_1_s)
+    )
     drawn = _map(gyros, drive, quadrature_gain_1_s)
     if drive == "force" and not np.max(np.abs(drawn["quadrature_ratio"])) < LARGEST_RATIO:
         raise HrgError(
-            f"{resonator.gyro_id or 'the resonator'}: δω/(ν + k_q) = {ratio:.3g}; a force drive lets its wave become a circle, so it has "
-            "no steady drift. Add a quadrature loop (--quadrature-gain-1-s), trim it (--trim) or forecast a run-down (--drive free)"
+            f"{resonator.gyro_id or 'the resonator'}: δω/(ν + k_q) = {ratio:.3g}; a force drive"
+            " lets its wave become a circle, so it has no steady drift. Add a quadrature loop"
+            " (--quadrature-gain-1-s), trim it (--trim) or forecast a run-down (--drive free)"
         )
-    table, error = _table(gyros, mechanics, drive, quadrature_gain_1_s, wave_angle_rad, rate_rad_s, duration_s)
+    table, error = _table(
+        gyros, mechanics, drive, quadrature_gain_1_s, wave_angle_rad, rate_rad_s, duration_s
+    )
     checks = (
         at_most(
             "small_split", ratio, SMALL_SPLIT,
@@ -114,12 +159,17 @@ def forecast(
         at_most("integration", error, INTEGRATION, f"halving the Adams step still moves the forecast by {error:.2g} of itself"),
         covariance_is_one(covariance, "the resonator's covariance is none; identify it again"),
     )  # fmt: skip
-    reasons = [*failures(checks), *(f"the resonator is {resonator.status}: {why}" for why in resonator.status_reasons[:1])]
+    reasons = [
+        *failures(checks),
+        *(f"the resonator is {resonator.status}: {why}" for why in resonator.status_reasons[:1]),
+    ]
     if len(table["time_s"]) < len(_times(duration_s)):
         reasons.append(_short(table, duration_s, drive))
     figures = _figures(gyros, drawn, drive, quadrature_gain_1_s, rate_rad_s)
     status = "suspect" if reasons else "valid"
-    return Forecast(drive, mechanics, drawn, table, figures, spring, trim, checks, status, tuple(reasons))
+    return Forecast(
+        drive, mechanics, drawn, table, figures, spring, trim, checks, status, tuple(reasons)
+    )
 
 
 def summary(made: Forecast) -> dict[str, Any]:
@@ -133,7 +183,10 @@ def summary(made: Forecast) -> dict[str, Any]:
         "figures": made.figures,
         "trim": asdict(made.trim),
         "drift": {name: values.tolist() for name, values in made.map.items()},
-        "table": [dict(zip(made.table, row, strict=True)) for row in np.column_stack(list(made.table.values())).tolist()],
+        "table": [
+            dict(zip(made.table, row, strict=True))
+            for row in np.column_stack(list(made.table.values())).tolist()
+        ],
         "checks": [check.table() for check in made.checks],
     }
 
@@ -145,19 +198,37 @@ def _usable(resonator: Resonator, scale_factor: float | None, drive: str, gain: 
         raise HrgError(f"{name}: is refused ({why}); identify it from better runs")
     values = resonator.parameters()
     if not values.get("damping_rate_1_s", (0.0, 0.0, ""))[0] > 0:
-        raise HrgError(f"{name}: has no positive damping_rate_1_s, which holds the quadrature back; identify it from run-downs")
+        raise HrgError(
+            f"{name}: has no positive damping_rate_1_s, which holds the quadrature back; identify"
+            " it from run-downs"
+        )
     if scale_factor is None and not values.get("scale_factor", (0.0, 0.0, ""))[0] > 0:
-        raise HrgError(f"{name}: has no scale_factor, so a drift is no input rate; give --scale-factor or identify it with rotated runs")
+        raise HrgError(
+            f"{name}: has no scale_factor, so a drift is no input rate; give --scale-factor or"
+            " identify it with rotated runs"
+        )
     if gain and drive != "force":
-        raise HrgError(f"a quadrature loop by force needs the force drive, not {drive!r}; leave --quadrature-gain-1-s out")
+        raise HrgError(
+            f"a quadrature loop by force needs the force drive, not {drive!r}; leave"
+            " --quadrature-gain-1-s out"
+        )
 
 
 def _map(gyros: Mechanics, drive: str, gain: float) -> dict[str, Array]:
-    """D over the wave angle: exact at the settled quadrature where the gyro is driven, after one time constant in a run-down."""
+    """D over the wave angle: exact at the settled quadrature where the gyro is driven, after one
+    time constant in a run-down."""
     angle = np.arange(NODES) * np.pi / gyros.mode_number / NODES
     damping = law.drift(gyros, angle)
-    r = law.quadrature_quasi_static(gyros, angle, drive) if drive == "free" else law.quadrature_settled(gyros, angle, drive, gain)
-    total = law.drift_quasi_static(gyros, angle, drive) if drive == "free" else law.drift(gyros, angle, r)
+    r = (
+        law.quadrature_quasi_static(gyros, angle, drive)
+        if drive == "free"
+        else law.quadrature_settled(gyros, angle, drive, gain)
+    )
+    total = (
+        law.drift_quasi_static(gyros, angle, drive)
+        if drive == "free"
+        else law.drift(gyros, angle, r)
+    )
     return {
         "wave_angle_rad": angle,
         "drift_rad_s": total[0],
@@ -168,7 +239,9 @@ def _map(gyros: Mechanics, drive: str, gain: float) -> dict[str, Array]:
     }
 
 
-def _figures(gyros: Mechanics, drawn: dict[str, Array], drive: str, gain: float, rate: float) -> dict[str, dict[str, float]]:
+def _figures(
+    gyros: Mechanics, drawn: dict[str, Array], drive: str, gain: float, rate: float
+) -> dict[str, dict[str, float]]:
     """Named figures with their standard deviations."""
     split = np.square(gyros.frequency_split_rad_s) / law.quadrature_decay(gyros, drive, gain)
     figures = {
@@ -178,11 +251,22 @@ def _figures(gyros: Mechanics, drawn: dict[str, Array], drive: str, gain: float,
         "drift_bound_input_rad_s": law.drift_bound(gyros, drive, gain) / gyros.scale_factor,
     }
     if rate:
-        turning, nu = 2 * gyros.scale_factor * rate, np.asarray(law.quadrature_decay(gyros, drive, gain))
-        figures["mean_drift_while_turning_rad_s"] = -turning * np.square(gyros.frequency_split_rad_s) / (nu**2 + turning**2)
-    out = {name: {"value": float(v[0, 0]), "std": float(deviation(v)[0])} for name, v in figures.items()}
+        turning, nu = (
+            2 * gyros.scale_factor * rate,
+            np.asarray(law.quadrature_decay(gyros, drive, gain)),
+        )
+        figures["mean_drift_while_turning_rad_s"] = (
+            -turning * np.square(gyros.frequency_split_rad_s) / (nu**2 + turning**2)
+        )
+    out = {
+        name: {"value": float(v[0, 0]), "std": float(deviation(v)[0])}
+        for name, v in figures.items()
+    }
     worst = int(np.argmax(np.abs(drawn["drift_rad_s"])))
-    out["drift_largest_rad_s"] = {"value": float(abs(drawn["drift_rad_s"][worst])), "std": float(drawn["drift_rad_s_std"][worst])}
+    out["drift_largest_rad_s"] = {
+        "value": float(abs(drawn["drift_rad_s"][worst])),
+        "std": float(drawn["drift_rad_s_std"][worst]),
+    }
     return out
 
 
@@ -191,15 +275,26 @@ def _times(duration_s: float) -> Array:
     decades = range(-6, 7)
     steps = [m * 10.0**k for k in decades for m in (1, 2, 5)]
     first = 1.0 if duration_s > 10 else duration_s / 1000
-    return np.unique([t for t in steps if first * (1 - 1e-9) <= t < duration_s * (1 - 1e-9)] + [duration_s])
+    return np.unique(
+        [t for t in steps if first * (1 - 1e-9) <= t < duration_s * (1 - 1e-9)] + [duration_s]
+    )
 
 
 def _table(
-    gyros: Mechanics, mechanics: Mechanics, drive: str, gain: float, start: float, rate: float, duration: float
+    gyros: Mechanics,
+    mechanics: Mechanics,
+    drive: str,
+    gain: float,
+    start: float,
+    rate: float,
+    duration: float,
 ) -> tuple[dict[str, Array], float]:
-    """The table over time, and the Adams rule's error against the largest error forecast (the same with twice the step, over 15)."""
+    """The table over time, and the Adams rule's error against the largest error forecast (the same
+    with twice the step, over 15)."""
     times = _times(duration)
-    angles = start + np.concatenate([[0.0], np.arange(STARTS) * np.pi / mechanics.mode_number / STARTS])
+    angles = start + np.concatenate(
+        [[0.0], np.arange(STARTS) * np.pi / mechanics.mode_number / STARTS]
+    )
     followed = _followed(gyros, angles, drive, gain, rate, times, STEP_ANGLE / 2)
     m, K = mechanics.mode_number, mechanics.scale_factor
     live = np.all(np.abs(followed[:, 1]) < LARGEST_RATIO, axis=(1, 2))
@@ -210,12 +305,25 @@ def _table(
         poorly = np.abs(followed[0, 1, 0]).max() < LARGEST_RATIO
         raise HrgError(
             f"within {times[0]:g} s the wave is a circle"
-            + (" for splits within a standard deviation of what was identified; identify the frequency split better" if poorly else "")
+            + (
+                " for splits within a standard deviation of what was identified; identify the"
+                " frequency split better"
+                if poorly
+                else ""
+            )
             + ", add a quadrature loop (--quadrature-gain-1-s) or forecast a shorter --duration-s"
         )
     times, followed = times[:count], followed[:count]
     error = -(m * (followed[:, 0] - angles) / K + rate * times[:, None, None])
-    coarse = _followed(from_vector(vector_of(mechanics)[None], mechanics), angles, drive, gain, rate, times[-1:], STEP_ANGLE)
+    coarse = _followed(
+        from_vector(vector_of(mechanics)[None], mechanics),
+        angles,
+        drive,
+        gain,
+        rate,
+        times[-1:],
+        STEP_ANGLE,
+    )
     off = float(np.max(np.abs(coarse[0, 0] - followed[-1, 0, :1]))) * m / K / 15
     spread = np.stack([deviation(e) for e in error])
     nominal = error[:, 0]
@@ -223,7 +331,9 @@ def _table(
         "time_s": times,
         "wave_angle_rad": followed[:, 0, 0, 0],
         "wave_angle_rad_std": np.stack([deviation(a[:, 0]) for a in followed[:, 0]]),
-        "tangent_law_rad": law.tangent_law(mechanics, start, times) if rate == 0 else np.full(count, np.nan),
+        "tangent_law_rad": (
+            law.tangent_law(mechanics, start, times) if rate == 0 else np.full(count, np.nan)
+        ),
         "error_rad": nominal[:, 0],
         "error_rms_rad": np.sqrt(np.mean(nominal[:, 1:] ** 2, axis=1)),
         "error_worst_rad": np.abs(nominal[:, 1:]).max(axis=1),
@@ -232,8 +342,17 @@ def _table(
     return table, off / max(float(table["error_worst_rad"][-1]), 1e-12)
 
 
-def _followed(gyros: Mechanics, angles: Array, drive: str, gain: float, rate: float, times: Array, step_angle: float) -> Array:
-    """(θ, r) at the times (t, 2, gyros, angles) by the Adams rule; the quadrature starts settled, in a run-down at zero."""
+def _followed(
+    gyros: Mechanics,
+    angles: Array,
+    drive: str,
+    gain: float,
+    rate: float,
+    times: Array,
+    step_angle: float,
+) -> Array:
+    """(θ, r) at the times (t, 2, gyros, angles) by the Adams rule; the quadrature starts settled,
+    in a run-down at zero."""
     turning = float(np.max(2 * gyros.scale_factor * abs(rate)))
     splits = float(np.max(2 * gyros.damping_split_1_s + 2 * gyros.frequency_split_rad_s))
     decay = float(np.max(law.quadrature_decay(gyros, drive, gain)))
@@ -242,20 +361,37 @@ def _followed(gyros: Mechanics, angles: Array, drive: str, gain: float, rate: fl
     step = float(times[0]) / math.ceil(float(times[0]) * fastest / step_angle)
     numbers = np.round(times / step).astype(int)
     if numbers[-1] > MOST_STEPS:
-        raise HrgError(f"a forecast of {times[-1]:g} s takes {numbers[-1]} steps of {step:.2g} s; shorten it (--duration-s) or its rate")
+        raise HrgError(
+            f"a forecast of {times[-1]:g} s takes {numbers[-1]} steps of {step:.2g} s; shorten it"
+            " (--duration-s) or its rate"
+        )
     begin = np.zeros((len(np.atleast_1d(gyros.damping_rate_1_s)), len(angles)))
-    settled = begin if drive == "free" else begin + law.quadrature_settled(gyros, angles, drive, gain)
-    slope = law.motion_following(gyros, rate, gain) if follows else law.motion(gyros, rate, drive, gain)
-    steps = law.adams_steps(slope, begin + angles if follows else np.stack([begin + angles, settled]), step)
+    settled = (
+        begin if drive == "free" else begin + law.quadrature_settled(gyros, angles, drive, gain)
+    )
+    slope = (
+        law.motion_following(gyros, rate, gain) if follows else law.motion(gyros, rate, drive, gain)
+    )
+    steps = law.adams_steps(
+        slope, begin + angles if follows else np.stack([begin + angles, settled]), step
+    )
     out, at = [], 0
     with np.errstate(all="ignore"):
         for number in numbers:
             state = next(islice(steps, int(number) - at - 1, None))
-            out.append(np.stack([state, law.quadrature_settled(gyros, state, drive, gain)]) if follows else state)
+            out.append(
+                np.stack([state, law.quadrature_settled(gyros, state, drive, gain)])
+                if follows
+                else state
+            )
             at = int(number)
     return np.where(np.isfinite(out), out, np.inf)
 
 
 def _short(table: dict[str, Array], duration: float, drive: str) -> str:
-    why = "the run-down has faded to a hundredth or its wave is nearly a circle" if drive == "free" else "the wave is nearly a circle"
+    why = (
+        "the run-down has faded to a hundredth or its wave is nearly a circle"
+        if drive == "free"
+        else "the wave is nearly a circle"
+    )
     return f"the forecast ends after {table['time_s'][-1]:g} s of {duration:g} s: {why} then"

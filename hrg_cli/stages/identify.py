@@ -1,4 +1,5 @@
-"""identify: free run-downs -> the resonator's mechanical parameters with covariance, and how far each can be trusted."""
+"""identify: free run-downs -> the resonator's mechanical parameters with covariance, and how far
+each can be trusted."""
 
 from __future__ import annotations
 
@@ -15,7 +16,16 @@ from ..fitting.envelopes.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
 from .earth_rate import earth_rate_rad_s
-from .identification.methods import RegressionMethod, by_likelihood, by_regression, compared, monitored, profiles, resampled, unknown_rate
+from .identification.methods import (
+    RegressionMethod,
+    by_likelihood,
+    by_regression,
+    compared,
+    monitored,
+    profiles,
+    resampled,
+    unknown_rate,
+)
 from .identification.verdict import Verdict
 from .one_gyro import of_one_gyro
 
@@ -28,32 +38,74 @@ def identify(
     waves: Sequence[Wave],
     *,
     method: Annotated[
-        Method, Field(description="method of identification; all: every one beside the likelihood, in one table")
+        Method,
+        Field(
+            description=(
+                "method of identification; all: every one beside the likelihood, in one table"
+            )
+        ),
     ] = "likelihood",
-    rate_rad_s: Annotated[float | None, Field(description="constant rate about the axis instead of the waves' own")] = None,
+    rate_rad_s: Annotated[
+        float | None, Field(description="constant rate about the axis instead of the waves' own")
+    ] = None,
     fit_rate: Annotated[
-        bool, Field(description="fit one unknown constant rate, added to the logged ones; K is held unless the logs hold several rates")
+        bool,
+        Field(
+            description=(
+                "fit one unknown constant rate, added to the logged ones; K is held unless the logs"
+                " hold several rates"
+            )
+        ),
     ] = False,
-    scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
+    scale_factor: Annotated[
+        float | None, Field(gt=0, description="known scale factor K, held")
+    ] = None,
     damping_axis_rad: Annotated[float | None, Field(description="known damping axis, held")] = None,
-    stiffness_axis_rad: Annotated[float | None, Field(description="known stiffness axis, held")] = None,
-    eliminate_rate: Annotated[bool, Field(description="seed A's elimination of the rate in fixed axes; halves the damping split")] = False,
+    stiffness_axis_rad: Annotated[
+        float | None, Field(description="known stiffness axis, held")
+    ] = None,
+    eliminate_rate: Annotated[
+        bool,
+        Field(
+            description="seed A's elimination of the rate in fixed axes; halves the damping split"
+        ),
+    ] = False,
     window: Annotated[
-        Literal["auto", "none"], Field(description="auto: cut free windows out of records whose drive switches off")
+        Literal["auto", "none"],
+        Field(description="auto: cut free windows out of records whose drive switches off"),
     ] = "auto",
-    most_different: Annotated[int | None, Field(ge=1, description="use only so many windows, the most different ones")] = None,
-    profile: Annotated[bool, Field(description="profile-likelihood intervals of every parameter")] = False,
-    bootstrap: Annotated[int, Field(ge=0, description="block-bootstrap draws for the errors, 0: none")] = 0,
+    most_different: Annotated[
+        int | None, Field(ge=1, description="use only so many windows, the most different ones")
+    ] = None,
+    profile: Annotated[
+        bool, Field(description="profile-likelihood intervals of every parameter")
+    ] = False,
+    bootstrap: Annotated[
+        int, Field(ge=0, description="block-bootstrap draws for the errors, 0: none")
+    ] = 0,
     seed: Annotated[int, Field(ge=0, description="seed of the bootstrap")] = 0,
-    blocks: Annotated[int, Field(ge=20, description="fewest averaged rows a run; more are taken as the wave turns")] = 300,
-    earth_rate_deg_h: Annotated[float | None, Field(description="Earth's rate about the axis, °/h, added to the logged rates")] = None,
-    latitude_deg: Annotated[float | None, Field(description="latitude from which the Earth's rate is taken instead")] = None,
-    axis_tilt_deg: Annotated[float, Field(description="tilt of the sensitive axis from the vertical")] = 0.0,
-    axis_azimuth_deg: Annotated[float, Field(description="direction of that tilt from north")] = 0.0,
+    blocks: Annotated[
+        int,
+        Field(ge=20, description="fewest averaged rows a run; more are taken as the wave turns"),
+    ] = 300,
+    earth_rate_deg_h: Annotated[
+        float | None,
+        Field(description="Earth's rate about the axis, °/h, added to the logged rates"),
+    ] = None,
+    latitude_deg: Annotated[
+        float | None, Field(description="latitude from which the Earth's rate is taken instead")
+    ] = None,
+    axis_tilt_deg: Annotated[
+        float, Field(description="tilt of the sensitive axis from the vertical")
+    ] = 0.0,
+    axis_azimuth_deg: Annotated[
+        float, Field(description="direction of that tilt from north")
+    ] = 0.0,
 ) -> Resonator:
     """Resonator parameters from free runs; every run keeps its own start and frequency.
 
-    HrgError: no usable run, mixed mode numbers or gyros, a run driven throughout (but for `working-mode`).
+    HrgError: no usable run, mixed mode numbers or gyros, a run driven throughout (but for
+    `working-mode`).
     """
     waves = list(waves)
     if not waves:
@@ -106,7 +158,9 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
         temperature_degc=temperature,
         temperature_span_degc=span,
         flat_directions=json.dumps(verdict.flat, ensure_ascii=False),
-        details=json.dumps(verdict.details | {"checks": [c.table() for c in verdict.checks]}, ensure_ascii=False),
+        details=json.dumps(
+            verdict.details | {"checks": [c.table() for c in verdict.checks]}, ensure_ascii=False
+        ),
         run=np.array([w.run_id for w in waves], dtype=object),
         run_chi2_per_dof=verdict.run_chi2_per_dof,
         run_residual_rms=verdict.run_residual_rms,
@@ -119,18 +173,25 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
 
 def _temperature(waves: Sequence[Wave]) -> tuple[float | None, float | None]:
     """Mean and range of the runs' logged temperatures, °C; None where a run logs none."""
-    logs = [np.zeros(0) if w.temperature_degc is None else np.asarray(w.temperature_degc[:], float) for w in waves]
+    logs = [
+        np.zeros(0) if w.temperature_degc is None else np.asarray(w.temperature_degc[:], float)
+        for w in waves
+    ]
     known = [log[np.isfinite(log)] for log in logs]
     if not known or any(len(log) == 0 for log in known):
         return None, None
-    return float(np.mean([log.mean() for log in known])), float(max(log.max() for log in known) - min(log.min() for log in known))
+    return float(np.mean([log.mean() for log in known])), float(
+        max(log.max() for log in known) - min(log.min() for log in known)
+    )
 
 
 def summary(resonator: Resonator) -> dict[str, Any]:
     """The contract's JSON keys of identify."""
     details = json.loads(resonator.details)
     return {
-        "parameters": {n: {"value": v, "std": s, "units": u} for n, (v, s, u) in resonator.parameters().items()},
+        "parameters": {
+            n: {"value": v, "std": s, "units": u} for n, (v, s, u) in resonator.parameters().items()
+        },
         "chi2_per_dof": resonator.chi2_per_dof if np.isfinite(resonator.chi2_per_dof) else None,
         "runs": [] if resonator.run is None else [str(r) for r in resonator.run],
         "identifiability": {

@@ -1,4 +1,5 @@
-"""Whether a simulated gyro's loops held its wave: what a recording made on real electronics says about itself."""
+"""Whether a simulated gyro's loops held its wave: what a recording made on real electronics says
+about itself."""
 
 from __future__ import annotations
 
@@ -33,12 +34,15 @@ class LoopWatch:
         if not np.all(np.isfinite(a_A)):
             at = time[np.argmin(np.isfinite(a_A))]
             raise HrgError(
-                f"simulation: run {self._settings.run_id}: the loops are unstable, the wave has no finite amplitude at {at:g} s; lower the "
-                "gains or the delay, or give electronics.drive_full_scale, at which the drive saturates"
+                f"simulation: run {self._settings.run_id}: the loops are unstable, the wave has no"
+                f" finite amplitude at {at:g} s; lower the gains or the delay, or give"
+                " electronics.drive_full_scale, at which the drive saturates"
             )
         full = self._settings.electronics.drive_full_scale if self._settings.electronics else None
         if full is not None:
-            self._beyond += int(np.sum(np.hypot(rows["drive_main"], rows["drive_quadrature"]) > full))
+            self._beyond += int(
+                np.sum(np.hypot(rows["drive_main"], rows["drive_quadrature"]) > full)
+            )
         self._count += len(time)
         late = (time >= self._settings.recording.duration_s / 2) & (rows["drive_main"] != 0)
         self._amplitude.append(a_A[late])
@@ -52,20 +56,28 @@ class LoopWatch:
             return []
         wanted = c.amplitude or self._settings.start.amplitude
         found = []
-        late_s = (e.periods_per_update + e.drive_periods + e.delay_periods) / self._settings.device.frequency_hz
+        late_s = (
+            e.periods_per_update + e.drive_periods + e.delay_periods
+        ) / self._settings.device.frequency_hz
         if np.abs(amplitude / wanted - 1).max() > HELD:
             found.append(
-                f"the loops do not hold the wave: in the second half its amplitude is {amplitude.min():.3g} to {amplitude.max():.3g} of "
-                f"a set {wanted:.3g} (gain × delay of the amplitude loop = {c.amplitude_gain_1_s * late_s:.2g}, of the phase loop "
-                f"{math.sqrt(2) * 2 * math.pi * e.phase_loop_hz * late_s:.2g}; a loop is unstable from about π/2)"
+                "the loops do not hold the wave: in the second half its amplitude is"
+                f" {amplitude.min():.3g} to {amplitude.max():.3g} of a set {wanted:.3g} (gain ×"
+                f" delay of the amplitude loop = {c.amplitude_gain_1_s * late_s:.2g}, of the phase"
+                f" loop {math.sqrt(2) * 2 * math.pi * e.phase_loop_hz * late_s:.2g}; a loop is"
+                " unstable from about π/2)"
             )
         ratio = np.concatenate(self._ratio)
         if c.quadrature_loop != "off" and ratio.max() > HELD:
             gain = 5.0 if c.quadrature_gain_1_s is None else c.quadrature_gain_1_s
             found.append(
-                f"the quadrature loop does not hold the quadrature: |a_B| reaches {ratio.max():.3g} of the main amplitude in the second "
-                f"half (quadrature gain × delay = {gain * late_s:.2g})"
+                f"the quadrature loop does not hold the quadrature: |a_B| reaches {ratio.max():.3g}"
+                " of the main amplitude in the second half (quadrature gain × delay ="
+                f" {gain * late_s:.2g})"
             )
         if self._beyond > SATURATED * self._count:
-            found.append(f"the drive saturates in {100 * self._beyond / self._count:.0f} % of the run (electronics.drive_full_scale)")
+            found.append(
+                f"the drive saturates in {100 * self._beyond / self._count:.0f} % of the run"
+                " (electronics.drive_full_scale)"
+            )
         return found

@@ -1,8 +1,10 @@
-"""The mismatch signals a control system acts on, from the estimate of the wave: what seed B's computing component hands to the loops.
+"""The mismatch signals a control system acts on, from the estimate of the wave: what seed B's
+computing component hands to the loops.
 
-Amplitude loop: A₀ − a_A. Quadrature loop: a_B. Phase loop: the wave's phase against the reference oscillator, φ taken to (−π, π].
-Angle: θ and its rate over the last two windows, for a loop that holds the wave (force to rebalance). Each has the noise of its window
-and is known only when the window has ended and the computer has worked: its delay is half a window and the time of computing.
+Amplitude loop: A₀ − a_A. Quadrature loop: a_B. Phase loop: the wave's phase against the reference
+oscillator, φ taken to (−π, π]. Angle: θ and its rate over the last two windows, for a loop that
+holds the wave (force to rebalance). Each has the noise of its window and is known only when the
+window has ended and the computer has worked: its delay is half a window and the time of computing.
 """
 
 from __future__ import annotations
@@ -21,29 +23,45 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Mismatch:
-    """A column a signal and its standard deviation (rows: windows), the loops' delay [s], and each signal's noise density."""
+    """A column a signal and its standard deviation (rows: windows), the loops' delay [s], and each
+    signal's noise density."""
 
     columns: dict[str, Array]
     delay_s: float
     noise_density: dict[str, float]
     """One-sided, the signal's unit/√Hz, up to half the rate of windows."""
     latency: list[dict[str, float]]
-    """Rate of the wave angle as the slope over n windows: its latency against its noise, expected and found."""
+    """Rate of the wave angle as the slope over n windows: its latency against its noise, expected
+    and found."""
 
 
 def mismatch(
     wave: Wave,
     *,
-    main_amplitude: Annotated[float | None, Field(gt=0, description="set amplitude A₀; the median of the run where not given")] = None,
-    computing_s: Annotated[float, Field(ge=0, description="time from a window's end until its signals are there")] = 0.0,
+    main_amplitude: Annotated[
+        float | None,
+        Field(gt=0, description="set amplitude A₀; the median of the run where not given"),
+    ] = None,
+    computing_s: Annotated[
+        float, Field(ge=0, description="time from a window's end until its signals are there")
+    ] = 0.0,
 ) -> Mismatch:
     """Mismatch signals of the good windows. HrgError: there is none."""
     good = np.asarray(wave.good())
     if not good.any():
-        raise HrgError(f"run {wave.run_id or '?'}: no good window, so no signal for a loop; look at its flags with `hrg info`")
+        raise HrgError(
+            f"run {wave.run_id or '?'}: no good window, so no signal for a loop; look at its flags"
+            " with `hrg info`"
+        )
     t, a_A, a_B, angle, phase = (
         np.asarray(v, float)[good]
-        for v in (wave.time_s, wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad)
+        for v in (
+            wave.time_s,
+            wave.main_amplitude,
+            wave.quadrature_amplitude,
+            wave.wave_angle_rad,
+            wave.phase_rad,
+        )
     )
     stds = {
         "amplitude_error": wave.main_amplitude_std,
@@ -67,14 +85,20 @@ def mismatch(
     columns["angle_rate_rad_s"] = np.diff(angle, prepend=np.nan) / step
     columns["angle_rate_rad_s_std"] = np.hypot(std, np.concatenate([[np.nan], std[:-1]])) / step
     spacing = float(np.median(np.diff(t))) if len(t) > 1 else wave.window_s
-    density = {name: float(np.sqrt(np.mean(columns[f"{name}_std"] ** 2) * 2 * spacing)) for name in values}
+    density = {
+        name: float(np.sqrt(np.mean(columns[f"{name}_std"] ** 2) * 2 * spacing)) for name in values
+    }
     return Mismatch(columns, delay, density, _latency(t, angle, std, wave.window_s, computing_s))
 
 
-def _latency(t: Array, angle: Array, std: Array, window_s: float, computing_s: float) -> list[dict[str, float]]:
-    """Least-squares slope of θ over n = 2, 4, 8 … windows: known n/2 windows late, with the noise √(12/(n³ − n))·σ/step.
+def _latency(
+    t: Array, angle: Array, std: Array, window_s: float, computing_s: float
+) -> list[dict[str, float]]:
+    """Least-squares slope of θ over n = 2, 4, 8 … windows: known n/2 windows late, with the noise
+    √(12/(n³ − n))·σ/step.
 
-    Found: the scatter of the slopes of neighbouring stretches, their second differences over √6, which a rate that moves evenly leaves out.
+    Found: the scatter of the slopes of neighbouring stretches, their second differences over √6,
+    which a rate that moves evenly leaves out.
     """
     step = float(np.median(np.diff(t))) if len(t) > 1 else window_s
     rows, n = [], 2

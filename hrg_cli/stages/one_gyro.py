@@ -1,4 +1,5 @@
-"""The check that comes before any fit of several runs: they are of one gyro, by what their files say."""
+"""The check that comes before any fit of several runs: they are of one gyro, by what their files
+say."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ from ..records import Resonator, Wave
 
 
 def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None = None) -> None:
-    """HrgError naming the runs of each gyro where the files name more than one; runs that name none go with any."""
+    """HrgError naming the runs of each gyro where the files name more than one; runs that name none
+    go with any."""
     runs: dict[str, list[str]] = {}
     for wave in waves:
         if wave.gyro_id:
@@ -17,8 +19,11 @@ def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None
     if resonator is not None and resonator.gyro_id:
         runs.setdefault(resonator.gyro_id, []).append("the resonator")
     if len(runs) > 1:
-        said = "; ".join(f"{gyro}: {', '.join(names[:4])}{' …' if len(names) > 4 else ''}" for gyro, names in sorted(runs.items()))
+        said = "; ".join(
+            f"{gyro}: {', '.join(names[:4])}{' …' if len(names) > 4 else ''}"
+            for gyro, names in sorted(runs.items())
+        )
         raise HrgError(
-            f"runs of {len(runs)} gyros were given ({said}), one was expected; {command} each gyro by itself, "
-            "or correct gyro_id of the recordings"
+            f"runs of {len(runs)} gyros were given ({said}), one was expected; {command} each gyro"
+            " by itself, or correct gyro_id of the recordings"
         )

@@ -1,4 +1,5 @@
-"""`hrg rate`: the rate a run shows, free or driven, from the identified resonator as reference model (seed A's last task)."""
+"""`hrg rate`: the rate a run shows, free or driven, from the identified resonator as reference
+model (seed A's last task)."""
 
 from __future__ import annotations
 
@@ -13,7 +14,13 @@ from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.checks import Check
 from ..fitting.envelopes.rate_driven import rate_driven
-from ..fitting.envelopes.rate_from_model import HOPELESS, SETTLED, TOO_COARSE, RateEstimate, rate_from_model
+from ..fitting.envelopes.rate_from_model import (
+    HOPELESS,
+    SETTLED,
+    TOO_COARSE,
+    RateEstimate,
+    rate_from_model,
+)
 from ..records import Compensated, Resonator, Wave
 from .earth_rate import earth_rate_rad_s
 
@@ -26,38 +33,69 @@ def rate(
     *,
     nodes: Annotated[
         int | None,
-        Field(ge=4, description="times at which the rate is fitted; by default 20 or more, as the run asks; fewer for a short one"),
+        Field(
+            ge=4,
+            description=(
+                "times at which the rate is fitted; by default 20 or more, as the run asks; fewer"
+                " for a short one"
+            ),
+        ),
     ] = None,
-    earth_rate_deg_h: Annotated[float | None, Field(description="Earth's rate about the axis, °/h, taken off the answer")] = None,
-    latitude_deg: Annotated[float | None, Field(description="latitude from which the Earth's rate is taken instead")] = None,
-    axis_tilt_deg: Annotated[float, Field(description="tilt of the sensitive axis from the vertical")] = 0.0,
-    axis_azimuth_deg: Annotated[float, Field(description="direction of that tilt from north")] = 0.0,
-    main_phase_error_rad: Annotated[float, Field(description="known phase error of the main force of a driven run")] = 0.0,
-    quadrature_phase_error_rad: Annotated[float, Field(description="known phase error of its quadrature force")] = 0.0,
+    earth_rate_deg_h: Annotated[
+        float | None, Field(description="Earth's rate about the axis, °/h, taken off the answer")
+    ] = None,
+    latitude_deg: Annotated[
+        float | None, Field(description="latitude from which the Earth's rate is taken instead")
+    ] = None,
+    axis_tilt_deg: Annotated[
+        float, Field(description="tilt of the sensitive axis from the vertical")
+    ] = 0.0,
+    axis_azimuth_deg: Annotated[
+        float, Field(description="direction of that tilt from north")
+    ] = 0.0,
+    main_phase_error_rad: Annotated[
+        float, Field(description="known phase error of the main force of a driven run")
+    ] = 0.0,
+    quadrature_phase_error_rad: Annotated[
+        float, Field(description="known phase error of its quadrature force")
+    ] = 0.0,
 ) -> Compensated:
-    """Ω(t) of a run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K, which has the drift in it.
+    """Ω(t) of a run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K,
+    which has the drift in it.
 
-    A gyro shows the rate against the stars; with the Earth's rate given the answer is the rate against the ground, as a table logs it.
+    A gyro shows the rate against the stars; with the Earth's rate given the answer is the rate
+    against the ground, as a table logs it.
 
-    HrgError: another gyro or mode number, a refused resonator or one without K, too few windows for the nodes.
+    HrgError: another gyro or mode number, a refused resonator or one without K, too few windows for
+    the nodes.
     """
     name = f"run {wave.run_id or '?'}"
     wave = _in_memory(wave)
     if wave.gyro_id and resonator.gyro_id and wave.gyro_id != resonator.gyro_id:
-        raise HrgError(f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify the same gyro")
+        raise HrgError(
+            f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify"
+            " the same gyro"
+        )
     if wave.mode_number != resonator.mode_number:
-        raise HrgError(f"{name}: has mode_number {wave.mode_number}, the resonator has {resonator.mode_number}; use one of the same mode")
+        raise HrgError(
+            f"{name}: has mode_number {wave.mode_number}, the resonator has"
+            f" {resonator.mode_number}; use one of the same mode"
+        )
     if resonator.status == "refused":
         why = "; ".join(resonator.status_reasons) or "no reason is given"
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
     if wave.mode == "forced":
-        found = rate_driven(wave, resonator, nodes, main_phase_error_rad, quadrature_phase_error_rad)
+        found = rate_driven(
+            wave, resonator, nodes, main_phase_error_rad, quadrature_phase_error_rad
+        )
     elif main_phase_error_rad or quadrature_phase_error_rad:
         raise HrgError(f"{name}: is a free run, which no force acts on; leave the phase errors out")
     else:
         found = rate_from_model(wave, resonator, nodes)
     earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
-    found = dataclasses.replace(found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth)
+    found = dataclasses.replace(
+        found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
+    )
     impossible, doubtful = closing(found)
     result = Compensated(
         time_s=found.time_s,
@@ -70,20 +108,29 @@ def rate(
         run_id=wave.run_id,
         lot_id=wave.lot_id,
         mode_number=wave.mode_number,
-        details=json.dumps(_figures(found, wave) | {"checks": [c.table() for c in (*impossible, *doubtful)]}),
+        details=json.dumps(
+            _figures(found, wave) | {"checks": [c.table() for c in (*impossible, *doubtful)]}
+        ),
     )
-    return result.judged(checks.failures(impossible), "refused").judged(checks.failures(doubtful), "suspect")
+    return result.judged(checks.failures(impossible), "refused").judged(
+        checks.failures(doubtful), "suspect"
+    )
 
 
 def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
     """The closing checks of a rate: (what refuses it, what makes it suspect)."""
     count = len(found.time_s)
     poor = (
-        f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise (another resonator, or a rate that "
-        f"changes faster than {count} nodes follow); the errors are inflated by it"
+        f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise"
+        f" (another resonator, or a rate that changes faster than {count} nodes follow); the errors"
+        " are inflated by it"
     )
     impossible = [
-        *checks.sound(found.covariance, found.converged or found.adequate, f"the rate did not settle on {count} nodes; give other nodes"),
+        *checks.sound(
+            found.covariance,
+            found.converged or found.adequate,
+            f"the rate did not settle on {count} nodes; give other nodes",
+        ),
         checks.at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
     ]
     doubtful = [
@@ -92,18 +139,25 @@ def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
             found.dof,
             [found.residual],
             sentence=poor,
-            coloured=f"what the reference model leaves is coloured: the rate changes within {count} nodes' distance, or the resonator "
-            "is another; the errors are those of white noise",
+            coloured=(
+                f"what the reference model leaves is coloured: the rate changes within {count}"
+                " nodes' distance, or the resonator is another; the errors are those of white"
+                " noise"
+            ),
         ),
         checks.at_most(
-            "row_truncation", found.truncation, 2 * SETTLED, f"averaging along the rate found still moves it by {found.truncation:.2g} σ"
+            "row_truncation",
+            found.truncation,
+            2 * SETTLED,
+            f"averaging along the rate found still moves it by {found.truncation:.2g} σ",
         ),
         checks.at_most(
             "nodes_follow",
             found.finer_z,
             TOO_COARSE,
-            f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by {found.finer_z:.2g} of its standard "
-            "deviations more than by chance, so the errors hold at smooth places only; ask for more nodes",
+            f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by"
+            f" {found.finer_z:.2g} of its standard deviations more than by chance, so the errors"
+            " hold at smooth places only; ask for more nodes",
         ),
     ]
     return impossible, doubtful
@@ -115,9 +169,16 @@ def summary(record: Compensated) -> dict[str, Any]:
 
 
 def _in_memory(wave: Wave) -> Wave:
-    """The wave with every column read: one run-down fits into memory, and the fit needs all of it at once."""
+    """The wave with every column read: one run-down fits into memory, and the fit needs all of it
+    at once."""
     columns = {f.name: getattr(wave, f.name) for f in dataclasses.fields(wave)}
-    return wave.replace(**{n: np.asarray(v[:]) for n, v in columns.items() if hasattr(v, "dtype") and getattr(v, "ndim", 0) > 0})
+    return wave.replace(
+        **{
+            n: np.asarray(v[:])
+            for n, v in columns.items()
+            if hasattr(v, "dtype") and getattr(v, "ndim", 0) > 0
+        }
+    )
 
 
 def _integral(values: Array, time_s: Array) -> Array:
@@ -134,13 +195,17 @@ def _less(estimate: Array, wave: Wave, time_s: Array) -> Array | None:
 
 
 def _figures(found: RateEstimate, wave: Wave) -> dict[str, Any]:
-    """Mean rate with its error, the plain estimate's, their difference (the drift), and what either leaves of the logged rate."""
+    """Mean rate with its error, the plain estimate's, their difference (the drift), and what either
+    leaves of the logged rate."""
     covariance, count = found.covariance, len(found.time_s)
     apart = found.plain_rate_rad_s - found.rate_rad_s
     figures: dict[str, Any] = {
         "nodes": count,
         "chi2_per_dof": found.chi2_per_dof,
-        "mean_rate_rad_s": {"value": float(found.rate_rad_s.mean()), "std": float(np.sqrt(covariance.sum()) / count)},
+        "mean_rate_rad_s": {
+            "value": float(found.rate_rad_s.mean()),
+            "std": float(np.sqrt(covariance.sum()) / count),
+        },
         "median_std_rad_s": float(np.median(found.rate_rad_s_std)),
         "plain_rate": {
             "equation": "-m*dtheta/dt/K",
@@ -149,7 +214,10 @@ def _figures(found: RateEstimate, wave: Wave) -> dict[str, Any]:
             "difference_rms_rad_s": float(np.sqrt(np.mean(apart**2))),
         },
     }
-    for name, values in (("plain_error_rms_rad_s", found.plain_rate_rad_s), ("error_rms_rad_s", found.rate_rad_s)):
+    for name, values in (
+        ("plain_error_rms_rad_s", found.plain_rate_rad_s),
+        ("error_rms_rad_s", found.rate_rad_s),
+    ):
         left = _less(values, wave, found.time_s)
         if left is not None:
             figures[name] = float(np.sqrt(np.mean(left**2)))

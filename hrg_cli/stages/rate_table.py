@@ -1,8 +1,9 @@
-"""Calibration of any rate gyro from a table of dwells: output against rate and temperature, or against temperature alone (bias).
+"""Calibration of any rate gyro from a table of dwells: output against rate and temperature, or
+against temperature alone (bias).
 
 output/S₀ = K(T)·Ω − D(T) + Σ_p c_p Ω^p,   p = 2, 3, …;   rate = (output/S₀ + D(T) − Σ c_p Ω^p)/K(T)
-S₀ is the nominal scale (output a rad/s) that makes K ≈ 1; the record is a `Calibration` without wave angle, −output/S₀ in the place
-of m·dθ/dt.
+S₀ is the nominal scale (output a rad/s) that makes K ≈ 1; the record is a `Calibration` without
+wave angle, −output/S₀ in the place of m·dθ/dt.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from ..records import Calibration
 
 Array = np.ndarray
 FOLDS, STRETCHES = 5, 25
-"""Every fifth of 25 stretches of the rows is left out together: neighbours stay together, and a sweep of temperature is not cut short."""
+"""Every fifth of 25 stretches of the rows is left out together: neighbours stay together, and a
+sweep of temperature is not cut short."""
 FEWEST_LEFT = 4
 """Rows beyond the coefficients from which the scatter of the rows is told."""
 FEWEST_FOR_SPIKES = 8
@@ -40,26 +42,55 @@ def rate_table(
     table: Mapping[str, Any],
     *,
     output: Annotated[str, Field(description="column of the gyro's output")],
-    rate: Annotated[str | None, Field(description="column of the rate in rad/s; none: at rest, the bias alone")] = None,
+    rate: Annotated[
+        str | None, Field(description="column of the rate in rad/s; none: at rest, the bias alone")
+    ] = None,
     temperature: Annotated[str | None, Field(description="column of the temperature")] = None,
     temperature_bits: Annotated[
-        int | None, Field(ge=8, le=32, description="the temperature column is a two's complement word of so many bits read as unsigned")
+        int | None,
+        Field(
+            ge=8,
+            le=32,
+            description=(
+                "the temperature column is a two's complement word of so many bits read as unsigned"
+            ),
+        ),
     ] = None,
-    temperature_scale: Annotated[float, Field(description="°C a unit of the temperature column")] = 1.0,
-    temperature_offset_degc: Annotated[float, Field(description="°C at 0 of the temperature column")] = 0.0,
-    nominal_scale: Annotated[float | None, Field(description="output a rad/s; none: fitted, or 1 at rest")] = None,
-    node_spacing_degc: Annotated[float, Field(gt=0, description="distance of the temperature nodes at most")] = 5.0,
-    interpolation: Annotated[Literal["linear", "cubic"], Field(description="between nodes")] = "cubic",
-    largest_power: Annotated[int, Field(ge=1, le=9, description="highest power of the rate that cross-validation tries")] = 7,
+    temperature_scale: Annotated[
+        float, Field(description="°C a unit of the temperature column")
+    ] = 1.0,
+    temperature_offset_degc: Annotated[
+        float, Field(description="°C at 0 of the temperature column")
+    ] = 0.0,
+    nominal_scale: Annotated[
+        float | None, Field(description="output a rad/s; none: fitted, or 1 at rest")
+    ] = None,
+    node_spacing_degc: Annotated[
+        float, Field(gt=0, description="distance of the temperature nodes at most")
+    ] = 5.0,
+    interpolation: Annotated[
+        Literal["linear", "cubic"], Field(description="between nodes")
+    ] = "cubic",
+    largest_power: Annotated[
+        int, Field(ge=1, le=9, description="highest power of the rate that cross-validation tries")
+    ] = 7,
     spike_sigma: Annotated[
-        float, Field(gt=0, description="rows further than this from the fit, in robust standard deviations, are spikes")
+        float,
+        Field(
+            gt=0,
+            description=(
+                "rows further than this from the fit, in robust standard deviations, are spikes"
+            ),
+        ),
     ] = 6.0,
     gyro_id: Annotated[str, Field(description="the gyro")] = "",
 ) -> Calibration:
-    """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used, spikes rejected and counted.
+    """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used,
+    spikes rejected and counted.
 
-    table: columns by name (a DataFrame serves). Held-out: every fifth of 25 stretches of rows. Standard deviations are inflated
-    by the correlation of neighbouring rows. HrgError: a missing column, too few finite rows, one rate only.
+    table: columns by name (a DataFrame serves). Held-out: every fifth of 25 stretches of rows.
+    Standard deviations are inflated by the correlation of neighbouring rows. HrgError: a missing
+    column, too few finite rows, one rate only.
     """
     y = _column(table, output)
     omega = np.zeros(len(y)) if rate is None else _column(table, rate)
@@ -67,12 +98,15 @@ def rate_table(
     if temperature is not None:
         word = _column(table, temperature)
         if temperature_bits is not None:
-            word = np.where(word >= 2.0 ** (temperature_bits - 1), word - 2.0**temperature_bits, word)
+            word = np.where(
+                word >= 2.0 ** (temperature_bits - 1), word - 2.0**temperature_bits, word
+            )
         degc = word * temperature_scale + temperature_offset_degc
     good = np.isfinite(y) & np.isfinite(omega) & np.isfinite(degc)
     if good.sum() < 10:
         raise HrgError(
-            f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected; check the columns' names and units"
+            f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected;"
+            " check the columns' names and units"
         )
     y, omega, degc = y[good], omega[good], degc[good]
     turning = bool(np.ptp(omega) > 0)
@@ -83,12 +117,18 @@ def rate_table(
         )
     scale = nominal_scale or (float(np.polyfit(omega, y, 1)[0]) if turning else 1.0)
     y = y / scale
-    nodes = _nodes(y, omega, degc, node_spacing_degc, interpolation, turning) if temperature is not None else np.zeros(1)
+    nodes = (
+        _nodes(y, omega, degc, node_spacing_degc, interpolation, turning)
+        if temperature is not None
+        else np.zeros(1)
+    )
     step = least_count(y)
     keep = np.ones(len(y), bool)
     too_many = 0
     for _ in range(20):
-        powers, scores = _choose_powers(y[keep], omega[keep], degc[keep], nodes, interpolation, turning, largest_power)
+        powers, scores = _choose_powers(
+            y[keep], omega[keep], degc[keep], nodes, interpolation, turning, largest_power
+        )
         X = _design(omega, degc, nodes, interpolation, turning, powers)
         fits = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
         now = ~_spikes(X, y - X @ fits, keep, spike_sigma, step)
@@ -96,7 +136,9 @@ def rate_table(
             break
         if (~now).sum() > LARGEST_SHARE * len(y):
             too_many, keep = int((~now).sum()), np.ones(len(y), bool)
-            powers, scores = _choose_powers(y, omega, degc, nodes, interpolation, turning, largest_power)
+            powers, scores = _choose_powers(
+                y, omega, degc, nodes, interpolation, turning, largest_power
+            )
             X = _design(omega, degc, nodes, interpolation, turning, powers)
             fits = np.linalg.lstsq(X, y, rcond=None)[0]
             break
@@ -107,11 +149,17 @@ def rate_table(
     gain = fits[count : 2 * count] if turning else np.ones(count)
     sizes = covariance[: 2 * count, : 2 * count] if turning else covariance[:count, :count]
     blocks = np.zeros((2 * count, 2 * count))
-    order = np.concatenate([2 * np.arange(count), 2 * np.arange(count) + 1]) if turning else 2 * np.arange(count)
+    order = (
+        np.concatenate([2 * np.arange(count), 2 * np.arange(count) + 1])
+        if turning
+        else 2 * np.arange(count)
+    )
     sign = np.concatenate([-np.ones(count), np.ones(count)])[: len(order)]
     blocks[np.ix_(order, order)] = sizes * np.outer(sign, sign)
     std = np.sqrt(np.maximum(np.diag(blocks), 0)).reshape(count, 2)
-    details = _details(y, omega, degc, keep, nodes, interpolation, turning, powers, fits, scores, scale)
+    details = _details(
+        y, omega, degc, keep, nodes, interpolation, turning, powers, fits, scores, scale
+    )
     record = Calibration(
         temperature_degc=nodes,
         wave_angle_rad=np.zeros(1),
@@ -136,60 +184,84 @@ def rate_table(
     remarks, doubts = [], []
     if not np.isfinite(covariance).all():
         doubts.append(
-            "the rows lie on the fitted curve to the last digit: what they scatter by cannot be known, and no standard deviation is "
-            "stated; give rows with more digits, or repeat the dwells"
+            "the rows lie on the fitted curve to the last digit: what they scatter by cannot be"
+            " known, and no standard deviation is stated; give rows with more digits, or repeat the"
+            " dwells"
         )
     if too_many:
         doubts.append(
-            f"{too_many} of {len(y)} rows lie beyond {spike_sigma:g} robust standard deviations: so many are no spikes, and none was left "
-            f"out; the table's curve is not the gyro's: give a smaller node_spacing_degc, or more rows"
+            f"{too_many} of {len(y)} rows lie beyond {spike_sigma:g} robust standard deviations: so"
+            " many are no spikes, and none was left out; the table's curve is not the gyro's: give"
+            " a smaller node_spacing_degc, or more rows"
         )
     if (~keep).any():
         remarks.append(
-            f"{int((~keep).sum())} of {len(keep)} rows are spikes (beyond {spike_sigma:g} robust standard deviations) and were left out"
+            f"{int((~keep).sum())} of {len(keep)} rows are spikes (beyond {spike_sigma:g} robust"
+            " standard deviations) and were left out"
         )
     if not turning:
-        remarks.append("the gyro did not turn: the table holds its bias only, the scale factor is the nominal one")
-    record = record.judged(remarks) if (~keep).mean() > 0.05 else record.replace(status_reasons=tuple(remarks))
+        remarks.append(
+            "the gyro did not turn: the table holds its bias only, the scale factor is the"
+            " nominal one"
+        )
+    record = (
+        record.judged(remarks)
+        if (~keep).mean() > 0.05
+        else record.replace(status_reasons=tuple(remarks))
+    )
     return record.judged(doubts)
 
 
 def rate_of(record: Calibration, output: Array, temperature_degc: Array | float = 0.0) -> Array:
-    """Rate [rad/s] of outputs at temperatures with a calibration of `rate_table`; the powers of the rate by fixed-point steps."""
+    """Rate [rad/s] of outputs at temperatures with a calibration of `rate_table`; the powers of the
+    rate by fixed-point steps."""
     details = json.loads(record.details)
     degc = np.broadcast_to(np.asarray(temperature_degc, float), np.shape(output))
     slack = 0.02 * (record.node_max - record.node_min)
-    if np.isfinite(record.node_min) and ((degc < record.node_min - slack) | (degc > record.node_max + slack)).any():
+    if (
+        np.isfinite(record.node_min)
+        and ((degc < record.node_min - slack) | (degc > record.node_max + slack)).any()
+    ):
         raise HrgError(
-            f"temperatures from {degc.min():.6g} to {degc.max():.6g} °C leave the table's {record.node_min:.6g} to "
-            f"{record.node_max:.6g} °C; calibrate over the wider range"
+            f"temperatures from {degc.min():.6g} to {degc.max():.6g} °C leave the table's"
+            f" {record.node_min:.6g} to {record.node_max:.6g} °C; calibrate over the wider range"
         )
     at = [
-        coefficients_at(degc.ravel(), record.node, np.asarray(t), record.interpolation)[:, 0].reshape(degc.shape)
+        coefficients_at(degc.ravel(), record.node, np.asarray(t), record.interpolation)[
+            :, 0
+        ].reshape(degc.shape)
         for t in (record.drift_rad_s, record.scale_factor)
     ]
     linear = np.asarray(output, float) / details["nominal_scale"] + at[0]
     rate = linear / at[1]
     for _ in range(20):
-        rate = (linear - sum(c * rate**p for p, c in zip(details["powers"], details["power_coefficients"]))) / at[1]
+        rate = (
+            linear
+            - sum(c * rate**p for p, c in zip(details["powers"], details["power_coefficients"]))
+        ) / at[1]
     return np.asarray(rate)
 
 
 def summary(record: Calibration) -> dict[str, Any]:
     """Figures of a table's calibration for the JSON: the keys of CONTRACT.md and the table's own.
 
-    `scale_factor_rms_ppm`: the residual as a part of the largest rate; nulls where the gyro did not turn.
+    `scale_factor_rms_ppm`: the residual as a part of the largest rate; nulls where the gyro did not
+    turn.
     """
     details = json.loads(record.details)
     residual = details["residual_rms_rad_s"]
     largest = max(abs(record.rate_min_rad_s), abs(record.rate_max_rad_s))
     return {
         "drift_rms_rad_s": residual,
-        "scale_factor_rms_ppm": {key: value / largest * 1e6 if largest > 0 else None for key, value in residual.items()},
+        "scale_factor_rms_ppm": {
+            key: value / largest * 1e6 if largest > 0 else None for key, value in residual.items()
+        },
         "harmonics": 0,
         "ladder": [],
         "nodes": [float(n) for n in record.node],
-        "trade": {key: details[key] for key in ("nonlinearity_ppm", "asymmetry_ppm") if key in details},
+        "trade": {
+            key: details[key] for key in ("nonlinearity_ppm", "asymmetry_ppm") if key in details
+        },
         **details,
     }
 
@@ -205,10 +277,14 @@ def _column(table: Mapping[str, Any], name: str) -> Array:
     return np.asarray(table[name], float)
 
 
-def _nodes(y: Array, omega: Array, degc: Array, spacing: float, interpolation: str, turning: bool) -> Array:
-    """Even nodes at most `spacing` apart, as many as the rows can carry: every one seen, and rows left over to tell their scatter.
+def _nodes(
+    y: Array, omega: Array, degc: Array, spacing: float, interpolation: str, turning: bool
+) -> Array:
+    """Even nodes at most `spacing` apart, as many as the rows can carry: every one seen, and rows
+    left over to tell their scatter.
 
-    Where the rows are few for the nodes that the spacing asks for, their number is that which predicts rows left out best.
+    Where the rows are few for the nodes that the spacing asks for, their number is that which
+    predicts rows left out best.
     """
     low, high = float(degc.min()), float(degc.max())
     if high - low < 1e-6:
@@ -230,22 +306,26 @@ def _nodes(y: Array, omega: Array, degc: Array, spacing: float, interpolation: s
 
 
 def least_count(y: Array) -> float:
-    """The step on whose multiples all values lie: the resolution of what measured them; 0 where there is none to be seen."""
+    """The step on whose multiples all values lie: the resolution of what measured them; 0 where
+    there is none to be seen."""
     steps = np.diff(np.unique(y))
     if len(steps) < 3:
         return 0.0
     step = float(steps.min())
     multiples = steps / step
-    on_grid = float(np.max(np.abs(multiples - np.round(multiples)) / np.maximum(multiples, 1))) < ON_GRID
+    on_grid = (
+        float(np.max(np.abs(multiples - np.round(multiples)) / np.maximum(multiples, 1))) < ON_GRID
+    )
     # values one step apart all along are a ramp, which looks the same without any grid
     return step if on_grid and multiples.max() > 1.5 else 0.0
 
 
 def _spikes(X: Array, residual: Array, keep: Array, limit: float, step: float) -> Array:
-    """Rows (n,) further from the fit than `limit` robust standard deviations, each held against its own error.
+    """Rows (n,) further from the fit than `limit` robust standard deviations, each held against its
+    own error.
 
-    A row that helps to fix the curve is pulled to it: its residual has the variance s²(1 − h). None is called a spike where too few
-    rows are left over to tell.
+    A row that helps to fix the curve is pulled to it: its residual has the variance s²(1 − h). None
+    is called a spike where too few rows are left over to tell.
     """
     left = int(keep.sum()) - X.shape[1]
     if left < FEWEST_FOR_SPIKES:
@@ -260,17 +340,28 @@ def _spikes(X: Array, residual: Array, keep: Array, limit: float, step: float) -
     return np.asarray(np.abs(residual) > limit * spread * error)
 
 
-def _design(omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int]) -> Array:
+def _design(
+    omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int]
+) -> Array:
     weights = node_weights(degc, nodes, interpolation)
     if not turning:
         return weights
-    return np.concatenate([weights, weights * omega[:, None], *((omega**p)[:, None] for p in powers)], axis=1)
+    return np.concatenate(
+        [weights, weights * omega[:, None], *((omega**p)[:, None] for p in powers)], axis=1
+    )
 
 
 def _choose_powers(
-    y: Array, omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, largest: int
+    y: Array,
+    omega: Array,
+    degc: Array,
+    nodes: Array,
+    interpolation: str,
+    turning: bool,
+    largest: int,
 ) -> tuple[list[int], dict[str, float]]:
-    """Powers 2…P with the smallest held-out residual over folds of stretches of the rows; scores by P."""
+    """Powers 2…P with the smallest held-out residual over folds of stretches of the rows; scores by
+    P."""
     if not turning:
         return [], {"1": held_out_rms(y, _design(omega, degc, nodes, interpolation, turning, []))}
     scores = {}
@@ -292,20 +383,33 @@ def held_out_rms(y: Array, X: Array) -> float:
 
 
 def _covariance(X: Array, residual: Array, step: float) -> Array:
-    """s²(XᵀX)⁻¹ times the inflation 1 + 2Σ(1 − k/K)ρ_k that neighbouring rows' correlation asks for, never less than one.
+    """s²(XᵀX)⁻¹ times the inflation 1 + 2Σ(1 − k/K)ρ_k that neighbouring rows' correlation asks
+    for, never less than one.
 
-    s² from the rows left over, at least a least count's step²/12, times n/(n − 2) for how little n of them tell it; NaN where the rows
-    lie on the curve to the last digit: what they scatter by is then not known.
+    s² from the rows left over, at least a least count's step²/12, times n/(n − 2) for how little n
+    of them tell it; NaN where the rows lie on the curve to the last digit: what they scatter by is
+    then not known.
     """
     left = max(len(X) - X.shape[1], 0)
     power = float(residual @ residual)
-    if left < 3 or (power / len(X) <= (ROUNDING * float(np.abs(X).max() + np.abs(residual).max())) ** 2 and step == 0):
+    if left < 3 or (
+        power / len(X) <= (ROUNDING * float(np.abs(X).max() + np.abs(residual).max())) ** 2
+        and step == 0
+    ):
         return np.full((X.shape[1], X.shape[1]), np.nan)
     variance = max(power / left, step**2 / 12) * left / (left - 2)
     lags = np.arange(1, max(2, min(len(X) // 10, 200)))
-    correlations = np.array([residual[k:] @ residual[:-k] for k in lags]) / power if power > 0 else np.zeros(len(lags))
+    correlations = (
+        np.array([residual[k:] @ residual[:-k] for k in lags]) / power
+        if power > 0
+        else np.zeros(len(lags))
+    )
     # sum up to the first lag without correlation: beyond it there is only noise to add
-    stop = int(np.argmax(correlations < 2 / np.sqrt(len(X)))) if (correlations < 2 / np.sqrt(len(X))).any() else len(lags)
+    stop = (
+        int(np.argmax(correlations < 2 / np.sqrt(len(X))))
+        if (correlations < 2 / np.sqrt(len(X))).any()
+        else len(lags)
+    )
     inflation = max(1.0, 1 + 2 * float(((1 - lags[:stop] / len(X)) * correlations[:stop]).sum()))
     return np.asarray(inflation * variance * np.linalg.pinv(X.T @ X))
 
@@ -316,7 +420,11 @@ def _details(
 ) -> dict[str, Any]:  # fmt: skip
     X = _design(omega, degc, nodes, interpolation, turning, powers)
     residual = (y - X @ fits)[keep]
-    plain = np.stack([np.ones(keep.sum()), omega[keep]], axis=1) if turning else np.ones((int(keep.sum()), 1))
+    plain = (
+        np.stack([np.ones(keep.sum()), omega[keep]], axis=1)
+        if turning
+        else np.ones((int(keep.sum()), 1))
+    )
     constant = y[keep] - plain @ np.linalg.lstsq(plain, y[keep], rcond=None)[0]
     out: dict[str, Any] = {
         "nominal_scale": scale,
@@ -335,13 +443,21 @@ def _details(
         gain = fits[len(nodes) : 2 * len(nodes)]
         largest = float(np.abs(omega).max())
         grid = np.linspace(omega.min(), omega.max(), 201)
-        bend = sum((c * grid**p for p, c in zip(powers, out["power_coefficients"])), np.zeros(len(grid)))
+        bend = sum(
+            (c * grid**p for p, c in zip(powers, out["power_coefficients"])), np.zeros(len(grid))
+        )
         straight = np.polyfit(grid, bend, 1)
-        out["nonlinearity_ppm"] = float(np.abs(bend - np.polyval(straight, grid)).max() / largest * 1e6)
-        even = sum((c * largest**p for p, c in zip(powers, out["power_coefficients"]) if p % 2 == 0), 0.0)
+        out["nonlinearity_ppm"] = float(
+            np.abs(bend - np.polyval(straight, grid)).max() / largest * 1e6
+        )
+        even = sum(
+            (c * largest**p for p, c in zip(powers, out["power_coefficients"]) if p % 2 == 0), 0.0
+        )
         out["asymmetry_ppm"] = float(2 * even / largest * 1e6)
         if len(nodes) > 1:
-            out["scale_factor_coefficient_ppm_per_degc"] = float(np.polyfit(nodes, gain, 1)[0] / gain.mean() * 1e6)
+            out["scale_factor_coefficient_ppm_per_degc"] = float(
+                np.polyfit(nodes, gain, 1)[0] / gain.mean() * 1e6
+            )
     if len(nodes) > 1:
         out["bias_coefficient_rad_s_per_degc"] = float(np.polyfit(nodes, -fits[: len(nodes)], 1)[0])
     return out

@@ -1,7 +1,9 @@
-"""rehearse: the programme behind a result, measured again on its simulated twin: are its errors the errors it makes?
+"""rehearse: the programme behind a result, measured again on its simulated twin: are its errors the
+errors it makes?
 
-The twin has the result's own values for truth and the measured runs' starts, lengths, sampling, windows, logs and noise; it goes through
-raw samples and the same stages with the same settings. What comes out is held against what was put in: t = (estimate − truth)/σ.
+The twin has the result's own values for truth and the measured runs' starts, lengths, sampling,
+windows, logs and noise; it goes through raw samples and the same stages with the same settings.
+What comes out is held against what was put in: t = (estimate − truth)/σ.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ FEWEST = 2
 FAILING = 0.1
 """Part of the rehearsals that may fail."""
 MATCHED = (0.2, 5.0)
-"""Factors by which the noise of the twin's samples is changed at most to match the measured windows'."""
+"""Factors by which the noise of the twin's samples is changed at most to match the measured
+windows'."""
 STREAMS = 1_000_003
 """Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
 PREFIX = "rehearsal: "
@@ -76,7 +79,8 @@ class Rehearsed:
 
 @dataclass(frozen=True)
 class Figure:
-    """How one figure's errors compare with its σ over all rehearsals, and the limits that both were held against."""
+    """How one figure's errors compare with its σ over all rehearsals, and the limits that both were
+    held against."""
 
     name: str
     bias_over_std: float
@@ -92,25 +96,29 @@ class Figure:
         """What is wrong with the figure's error, or nothing."""
         if not abs(self.bias_over_std) <= self.bias_limit:
             return (
-                f"{PREFIX}{self.name} comes out {self.bias_over_std:+.2g} of its own standard deviations from the truth of a simulated "
-                f"twin on average ({self.count} times), at most {LARGEST_BIAS:g} was expected"
+                f"{PREFIX}{self.name} comes out {self.bias_over_std:+.2g} of its own standard"
+                f" deviations from the truth of a simulated twin on average ({self.count} times),"
+                f" at most {LARGEST_BIAS:g} was expected"
             )
         if not self.error_over_std_rms <= self.rms_limit:
             return (
-                f"{PREFIX}the errors of {self.name} on a simulated twin are {self.error_over_std_rms:.3g} times its standard deviation "
-                f"({self.count} times), at most {LARGEST_RATIO:g} was expected"
+                f"{PREFIX}the errors of {self.name} on a simulated twin are"
+                f" {self.error_over_std_rms:.3g} times its standard deviation ({self.count} times),"
+                f" at most {LARGEST_RATIO:g} was expected"
             )
         if not self.error_over_std_rms >= self.rms_least:
             return (
-                f"{PREFIX}the errors of {self.name} on a simulated twin are only {self.error_over_std_rms:.3g} of its standard deviation "
-                f"({self.count} times), at least {1 / LARGEST_RATIO:.2f} was expected"
+                f"{PREFIX}the errors of {self.name} on a simulated twin are only"
+                f" {self.error_over_std_rms:.3g} of its standard deviation ({self.count} times), at"
+                f" least {1 / LARGEST_RATIO:.2f} was expected"
             )
         return ""
 
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """All rehearsals of a result: the figures, the sentences that make it suspect, and how many failed."""
+    """All rehearsals of a result: the figures, the sentences that make it suspect, and how many
+    failed."""
 
     times: int
     figures: Sequence[Figure]
@@ -143,55 +151,83 @@ def rehearse(
     *,
     times: Annotated[int, Field(ge=2, le=100_000, description="rehearsals")] = 30,
     samples_a_period: Annotated[
-        float | None, Field(gt=2.2, description="samples a period of the simulated recordings; none: as the measured ones, or 8")
+        float | None,
+        Field(
+            gt=2.2,
+            description=(
+                "samples a period of the simulated recordings; none: as the measured ones, or 8"
+            ),
+        ),
     ] = None,
-    most_samples: Annotated[float, Field(gt=0, description="pairs of samples that all rehearsals together may simulate")] = 2e9,
-    most_samples_a_run: Annotated[float, Field(gt=0, description="pairs of samples that one run may hold in memory")] = 1e8,
+    most_samples: Annotated[
+        float, Field(gt=0, description="pairs of samples that all rehearsals together may simulate")
+    ] = 2e9,
+    most_samples_a_run: Annotated[
+        float, Field(gt=0, description="pairs of samples that one run may hold in memory")
+    ] = 1e8,
     seed: Annotated[int, Field(ge=0, description="seed of the noise")] = 0,
 ) -> Rehearsal:
-    """Rehearse a result `times` times; `share` does the work (in other processes, for instance), one after the other by default.
+    """Rehearse a result `times` times; `share` does the work (in other processes, for instance),
+    one after the other by default.
 
-    own_settings: those of the stage that gave the result. HrgError: no twin can be made, too much work, too few rehearsals succeeded.
+    own_settings: those of the stage that gave the result. HrgError: no twin can be made, too much
+    work, too few rehearsals succeeded.
     """
     twin = twin_of(truth, inputs, own_settings, samples_a_period)
     _affordable(twin, times, most_samples, most_samples_a_run)
     twin = matched(twin, inputs, seed)
     works = [(twin, seed * STREAMS + k) for k in range(times)]
     done = share(works) if share is not None else [once(work) for work in works]
-    return told(twin, [Rehearsed(reason="its process was killed") if one is None else one for one in done])
+    return told(
+        twin, [Rehearsed(reason="its process was killed") if one is None else one for one in done]
+    )
 
 
 def _affordable(twin: Twin, times: int, most: float, most_a_run: float) -> None:
     """HrgError: more samples than the limits, and what would fit."""
     if twin.longest > most_a_run:
         raise HrgError(
-            f"its longest run has {twin.longest:.3g} pairs of samples, {most_a_run:.3g} fit into memory; "
-            "sample the twin more coarsely with --set samples_a_period=4, or raise most_samples_a_run"
+            f"its longest run has {twin.longest:.3g} pairs of samples, {most_a_run:.3g} fit into"
+            " memory; sample the twin more coarsely with --set samples_a_period=4, or raise"
+            " most_samples_a_run"
         )
     if times * twin.samples > most:
         fit = int(most // twin.samples)
-        advice = f"give --times {fit}" if fit >= FEWEST else "sample the twin more coarsely with --set samples_a_period=4"
+        advice = (
+            f"give --times {fit}"
+            if fit >= FEWEST
+            else "sample the twin more coarsely with --set samples_a_period=4"
+        )
         raise HrgError(
-            f"{times} rehearsals of {twin.samples:.3g} pairs of samples are more than {most:.3g}; {advice}, or raise --set most_samples"
+            f"{times} rehearsals of {twin.samples:.3g} pairs of samples are more than {most:.3g};"
+            f" {advice}, or raise --set most_samples"
         )
 
 
 def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
-    """The twin, its samples' noise scaled so that its windows state the noise that the measured ones do.
+    """The twin, its samples' noise scaled so that its windows state the noise that the measured
+    ones do.
 
-    How a window's noise follows from a sample's depends on what else its fit holds; one trial of each run tells.
+    How a window's noise follows from a sample's depends on what else its fit holds; one trial of
+    each run tells.
     """
     runs = []
     for number, (run, measured) in enumerate(zip(twin.config["run"], inputs, strict=True)):
         noise = run["readout"]["noise"]
-        found, wanted = (float(np.nanmedian(w.signal_std)) for w in (_wave(twin, number, seed * STREAMS), measured.wave))
+        found, wanted = (
+            float(np.nanmedian(w.signal_std))
+            for w in (_wave(twin, number, seed * STREAMS), measured.wave)
+        )
         ratio = wanted / found if noise > 0 and found > 0 and wanted > 0 else 1.0
-        runs.append({**run, "readout": {**run["readout"], "noise": noise * float(np.clip(ratio, *MATCHED))}})
+        runs.append(
+            {**run, "readout": {**run["readout"], "noise": noise * float(np.clip(ratio, *MATCHED))}}
+        )
     return replace(twin, config={**twin.config, "run": runs})
 
 
 def once(work: Work) -> Rehearsed:
-    """One rehearsal: the twin's runs through raw samples, demodulate, estimate and the result's own stage."""
+    """One rehearsal: the twin's runs through raw samples, demodulate, estimate and the result's own
+    stage."""
     twin, seed = work
     try:
         waves = [_wave(twin, number, seed) for number in range(len(twin.runs))]
@@ -199,7 +235,11 @@ def once(work: Work) -> Rehearsed:
         record = stage(waves, **checking.checked(stage, twin.settings))
     except HrgError as error:
         return Rehearsed(reason=str(error))
-    return Rehearsed(_figures(record, twin.truth), record.status, record.status_reasons[0] if record.status_reasons else "")
+    return Rehearsed(
+        _figures(record, twin.truth),
+        record.status,
+        record.status_reasons[0] if record.status_reasons else "",
+    )
 
 
 def _wave(twin: Twin, number: int, seed: int) -> Wave:
@@ -238,18 +278,24 @@ def _parameters(record: Resonator, truth: Resonator) -> dict[str, Estimate]:
 
 
 def _coefficients(record: Calibration, truth: Calibration) -> dict[str, Estimate]:
-    """Fourier coefficients of both tables at the rehearsal's nodes; the truth's tables are read there."""
+    """Fourier coefficients of both tables at the rehearsal's nodes; the truth's tables are read
+    there."""
     found = {}
     for kind in ("drift_harmonics", "scale_factor_harmonics"):
         values, std = np.asarray(getattr(record, kind)), np.asarray(getattr(record, f"{kind}_std"))
         true = coefficients_at(
-            np.asarray(record.node, float), np.asarray(truth.node, float), np.asarray(getattr(truth, kind)), truth.interpolation
+            np.asarray(record.node, float),
+            np.asarray(truth.node, float),
+            np.asarray(getattr(truth, kind)),
+            truth.interpolation,
         )
         for node, x in enumerate(record.node):
             for k in range(min(values.shape[1], true.shape[1])):
                 if np.isfinite(std[node, k]) and std[node, k] > 0:
                     name = f"{kind.removesuffix('_harmonics')} {_harmonic(k)} at {x:.4g} °C"
-                    found[name] = Estimate(float(values[node, k]), float(std[node, k]), float(true[node, k]))
+                    found[name] = Estimate(
+                        float(values[node, k]), float(std[node, k]), float(true[node, k])
+                    )
     return found
 
 
@@ -258,22 +304,41 @@ def _harmonic(k: int) -> str:
 
 
 def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
-    """The rehearsals' statistics and verdict. HrgError: fewer than `FEWEST` of them gave a result."""
+    """The rehearsals' statistics and verdict. HrgError: fewer than `FEWEST` of them gave a
+    result."""
     good = [one for one in done if one.figures]
     failed = [one for one in done if not one.figures]
     if len(good) < FEWEST:
-        raise HrgError(f"{len(failed)} of {len(done)} rehearsals failed; the first: {failed[0].reason}")
-    names = [name for name in good[0].figures if _moves([one.figures[name].value for one in good if name in one.figures])]
-    t = {name: np.array([one.figures[name].t() for one in good if name in one.figures]) for name in names}
+        raise HrgError(
+            f"{len(failed)} of {len(done)} rehearsals failed; the first: {failed[0].reason}"
+        )
+    names = [
+        name
+        for name in good[0].figures
+        if _moves([one.figures[name].value for one in good if name in one.figures])
+    ]
+    t = {
+        name: np.array([one.figures[name].t() for one in good if name in one.figures])
+        for name in names
+    }
     figures = [figure(name, values, len(names)) for name, values in t.items()]
     reasons = [sentence for sentence in (f.sentence() for f in figures) if sentence]
     if len(failed) > FAILING * len(done):
-        reasons.append(f"{PREFIX}{len(failed)} of {len(done)} simulated twins gave no result; the first: {failed[0].reason}")
+        reasons.append(
+            f"{PREFIX}{len(failed)} of {len(done)} simulated twins gave no result; the first:"
+            f" {failed[0].reason}"
+        )
     refused = sum(one.status == "refused" for one in good)
     if refused > FAILING * len(done):
         first = next(one.reason for one in good if one.status == "refused")
-        reasons.append(f"{PREFIX}{refused} of {len(done)} results of simulated twins were refused; the first: {first}")
-    statuses = {status: sum(one.status == status for one in good) for status in ("valid", "suspect", "refused")}
+        reasons.append(
+            f"{PREFIX}{refused} of {len(done)} results of simulated twins were refused; the first:"
+            f" {first}"
+        )
+    statuses = {
+        status: sum(one.status == status for one in good)
+        for status in ("valid", "suspect", "refused")
+    }
     what = "the file's parameters" if isinstance(twin.truth, Resonator) else "the file's tables"
     return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what)
 
@@ -284,7 +349,8 @@ def _moves(values: Sequence[float]) -> bool:
 
 
 def figure(name: str, t: Array, figures: int = 1) -> Figure:
-    """Statistics of the errors t (n,) in σ, and limits that chance exceeds in one of `figures` right figures with `CHANCE` only.
+    """Statistics of the errors t (n,) in σ, and limits that chance exceeds in one of `figures`
+    right figures with `CHANCE` only.
 
     Σt² of n Gaussian errors is χ² of n, their mean has the standard deviation 1/√n.
     """
@@ -305,8 +371,19 @@ def figure(name: str, t: Array, figures: int = 1) -> Figure:
 
 
 def with_verdict(record: Record, rehearsal: Rehearsal) -> Record:
-    """The record with the rehearsal's verdict in its status and its figures in its details; an earlier rehearsal's are replaced."""
+    """The record with the rehearsal's verdict in its status and its figures in its details; an
+    earlier rehearsal's are replaced."""
     others = tuple(reason for reason in record.status_reasons if not reason.startswith(PREFIX))
-    status = "valid" if record.status == "suspect" and record.status_reasons and not others else record.status
-    details = json.dumps(json.loads(record.details) | {"rehearsal": rehearsal.table()}, ensure_ascii=False)  # type: ignore[attr-defined]
-    return record.replace(status=status, status_reasons=others, details=details).judged(rehearsal.reasons)
+    status = (
+        "valid"
+        if record.status == "suspect" and record.status_reasons and not others
+        else record.status
+    )
+    details = json.dumps(
+        json.loads(record.details)  # type: ignore[attr-defined]
+        | {"rehearsal": rehearsal.table()},
+        ensure_ascii=False,
+    )
+    return record.replace(status=status, status_reasons=others, details=details).judged(
+        rehearsal.reasons
+    )

@@ -1,4 +1,5 @@
-"""What a measured wave says of its run, as tables of a simulation file: noise of one sample, courses of rate and temperature, loops."""
+"""What a measured wave says of its run, as tables of a simulation file: noise of one sample,
+courses of rate and temperature, loops."""
 
 from __future__ import annotations
 
@@ -24,11 +25,16 @@ def sample_noise(wave: Wave, sample_rate_hz: float) -> float:
     """Noise of one sample that gives the windows' noise at this sampling rate."""
     std = np.asarray(wave.signal_std, float)
     std = std[np.isfinite(std) & (std > 0)]
-    return float(np.median(std) * np.sqrt(max(2.0, sample_rate_hz * wave.window_s) / 2)) if len(std) else 0.0
+    return (
+        float(np.median(std) * np.sqrt(max(2.0, sample_rate_hz * wave.window_s) / 2))
+        if len(std)
+        else 0.0
+    )
 
 
 def rate_course(time_s: Array, rate_rad_s: Array | None) -> dict[str, Any]:
-    """The logged rate (n,) as a part of [environment], constant or along straight lines; nothing where none is logged."""
+    """The logged rate (n,) as a part of [environment], constant or along straight lines; nothing
+    where none is logged."""
     if rate_rad_s is None or not np.any(known := np.isfinite(rate_rad_s)):
         return {}
     rate = np.asarray(rate_rad_s, float)[known]
@@ -39,7 +45,8 @@ def rate_course(time_s: Array, rate_rad_s: Array | None) -> dict[str, Any]:
 
 
 def temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[str, Any]:
-    """The logged temperature (n,) as a part of [environment], constant or along straight lines; nothing where none is logged."""
+    """The logged temperature (n,) as a part of [environment], constant or along straight lines;
+    nothing where none is logged."""
     if temperature_degc is None or not np.any(known := np.isfinite(temperature_degc)):
         return {}
     warm = np.asarray(temperature_degc, float)[known]
@@ -50,7 +57,8 @@ def temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[st
 
 
 def points(t: Array, values: Array) -> tuple[list[float], list[float]]:
-    """Corners of straight lines that follow the values to `COURSE` of their range: the point furthest off is added until none is."""
+    """Corners of straight lines that follow the values to `COURSE` of their range: the point
+    furthest off is added until none is."""
     t, place = np.unique(t, return_index=True)
     values = values[place]
     kept, tolerance = [0, len(t) - 1], COURSE * float(np.ptp(values))
@@ -66,7 +74,8 @@ def points(t: Array, values: Array) -> tuple[list[float], list[float]]:
 
 
 def loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
-    """Set amplitude and gains of the amplitude and the quadrature loop, as far as the logged commands show them.
+    """Set amplitude and gains of the amplitude and the quadrature loop, as far as the logged
+    commands show them.
 
     a_ΦA = ν a₀ + k_A (a₀ − a_A) + k_I ∫(a₀ − a_A) dt and a_ΦB = −k_q a_B − k_i ∫a_B dt.
     """
@@ -74,15 +83,26 @@ def loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
     out: dict[str, Any] = {"amplitude": level}
     law = _law(wave, wave.drive_main, wave.main_amplitude, level, damping_rate_1_s)
     if law is not None:
-        out |= {"amplitude": law[0], "amplitude_gain_1_s": law[1], "amplitude_integral_1_s2": law[2]}
+        out |= {
+            "amplitude": law[0],
+            "amplitude_gain_1_s": law[1],
+            "amplitude_integral_1_s2": law[2],
+        }
     law = _law(wave, wave.drive_quadrature, wave.quadrature_amplitude, 0.0, None)
     if law is not None:
-        out |= {"quadrature_loop": "finite", "quadrature_gain_1_s": law[1], "quadrature_integral_1_s2": law[2]}
+        out |= {
+            "quadrature_loop": "finite",
+            "quadrature_gain_1_s": law[1],
+            "quadrature_integral_1_s2": law[2],
+        }
     return out
 
 
-def _law(wave: Wave, command: Array | None, values: Array, level: float, forward_1_s: float | None) -> tuple[float, float, float] | None:
-    """(level, gain, integral gain) of command = forward·level + gain·e + integral·∫e dt, e = level − values; None: the log shows another.
+def _law(
+    wave: Wave, command: Array | None, values: Array, level: float, forward_1_s: float | None
+) -> tuple[float, float, float] | None:
+    """(level, gain, integral gain) of command = forward·level + gain·e + integral·∫e dt, e = level
+    − values; None: the log shows another.
 
     The level is fitted where the command is fed forward, and held elsewhere.
     """
@@ -98,13 +118,22 @@ def _law(wave: Wave, command: Array | None, values: Array, level: float, forward
         gains, now = np.zeros(2), level
         for _ in range(ROUNDS):
             e = now - x
-            total = e[0] * t[0] + np.concatenate([[0.0], np.cumsum(np.diff(t) * (e[1:] + e[:-1]) / 2)])
+            total = e[0] * t[0] + np.concatenate(
+                [[0.0], np.cumsum(np.diff(t) * (e[1:] + e[:-1]) / 2)]
+            )
             columns = [e, total][:terms] + ([forward + gains[0] + gains[1] * t] if fitted else [])
             design = np.column_stack(columns)
             found = np.linalg.lstsq(design, right - forward * now, rcond=None)[0]
             gains = np.append(found[:terms], 0.0)[:2]
             now += float(found[-1]) if fitted else 0.0
         if gains[0] > 0 and gains[1] >= 0:
-            left, whole = right - forward * now - design @ np.append(found[:terms], 0.0)[: design.shape[1]], right - right.mean() * fitted
-            return (now, float(gains[0]), float(gains[1])) if left @ left < (1 - LOOP) * (whole @ whole) else None
+            left, whole = (
+                right - forward * now - design @ np.append(found[:terms], 0.0)[: design.shape[1]],
+                right - right.mean() * fitted,
+            )
+            return (
+                (now, float(gains[0]), float(gains[1]))
+                if left @ left < (1 - LOOP) * (whole @ whole)
+                else None
+            )
     return None

@@ -1,4 +1,5 @@
-"""simulate: from a simulation file's tables to a recording, by the second-order equations (fast) or the envelopes (slow)."""
+"""simulate: from a simulation file's tables to a recording, by the second-order equations (fast) or
+the envelopes (slow)."""
 
 from __future__ import annotations
 
@@ -18,7 +19,15 @@ from ..physics import ellipse, fast_engine, readout, slow_engine
 from ..physics import environment as bench
 from ..physics import noise as noises
 from ..physics.electronics import Electronics
-from ..physics.plant import Block, Control, Environment, Plant, Readout, ThermalCourses, linear_plant
+from ..physics.plant import (
+    Block,
+    Control,
+    Environment,
+    Plant,
+    Readout,
+    ThermalCourses,
+    linear_plant,
+)
 from ..physics.resonator import IDENTITY, Mechanics, reflection
 from ..records import Recording
 from ..settings import to_toml
@@ -47,22 +56,38 @@ def simulate(
     config: Mapping[str, Any],
     extra_effects: Sequence[Any] = (),
     *,
-    model: Annotated[Literal["fast", "slow"], Field(description="fast: second-order equations; slow: envelopes")] = "fast",
-    run: Annotated[str | None, Field(description="run_id of the run to simulate; needed where the file holds several")] = None,
-    seed: Annotated[int, Field(ge=0, description="seed of the noise; each run has its own stream")] = 0,
-    block_samples: Annotated[int, Field(ge=1, description="samples a block of the stream; they do not depend on it")] = 1_000_000,
+    model: Annotated[
+        Literal["fast", "slow"], Field(description="fast: second-order equations; slow: envelopes")
+    ] = "fast",
+    run: Annotated[
+        str | None,
+        Field(description="run_id of the run to simulate; needed where the file holds several"),
+    ] = None,
+    seed: Annotated[
+        int, Field(ge=0, description="seed of the noise; each run has its own stream")
+    ] = 0,
+    block_samples: Annotated[
+        int, Field(ge=1, description="samples a block of the stream; they do not depend on it")
+    ] = 1_000_000,
 ) -> Iterator[Recording]:
-    """One run of a simulation file as a stream of recording blocks; memory does not grow with the run's length.
+    """One run of a simulation file as a stream of recording blocks; memory does not grow with the
+    run's length.
 
-    config: the file's tables; extra_effects: `Effect` objects beside the catalogue's. HrgError: a wrong file, an unknown run.
+    config: the file's tables; extra_effects: `Effect` objects beside the catalogue's. HrgError: a
+    wrong file, an unknown run.
     """
     runs = {settings.run_id: settings for settings in runs_of(config)}
     if run is None and len(runs) > 1:
-        raise HrgError(f"simulation: holds {len(runs)} runs; choose one by --run, e.g. --run {next(iter(runs))}, or simulate them all")
+        raise HrgError(
+            f"simulation: holds {len(runs)} runs; choose one by --run, e.g. --run"
+            f" {next(iter(runs))}, or simulate them all"
+        )
     if run is not None and run not in runs:
         raise HrgError(f"simulation: there is no run {run}; it has {', '.join(list(runs)[:20])}")
     settings = next(iter(runs.values())) if run is None else runs[run]
-    return simulate_run(settings, extra_effects, model=model, seed=seed, block_samples=block_samples)
+    return simulate_run(
+        settings, extra_effects, model=model, seed=seed, block_samples=block_samples
+    )
 
 
 def run_ids(config: Mapping[str, Any]) -> list[str]:
@@ -72,31 +97,61 @@ def run_ids(config: Mapping[str, Any]) -> list[str]:
 
 def summary(record: Recording) -> dict[str, Any]:
     """The stage's part of the JSON."""
-    return {name: getattr(record, name) for name in ("run_id", "gyro_id", "mode", "readout", "carrier_hz", "sample_rate_hz", "mode_number")}
+    return {
+        name: getattr(record, name)
+        for name in (
+            "run_id",
+            "gyro_id",
+            "mode",
+            "readout",
+            "carrier_hz",
+            "sample_rate_hz",
+            "mode_number",
+        )
+    }
 
 
 def simulate_run(
-    settings: SimulationFile, extra_effects: Sequence[Any] = (), *, model: str = "fast", seed: int = 0, block_samples: int = 1_000_000
+    settings: SimulationFile,
+    extra_effects: Sequence[Any] = (),
+    *,
+    model: str = "fast",
+    seed: int = 0,
+    block_samples: int = 1_000_000,
 ) -> Iterator[Recording]:
     """One checked run as a stream of recording blocks."""
     active = _active(settings, extra_effects)
     run_number = zlib.crc32(settings.run_id.encode())
     # A generator would report a wrong environment or effect only when its first block is asked for.
     if model == "fast":
-        made, pickoff, logged = _fast(settings, active, np.random.default_rng([seed, run_number, 1]))
+        made, pickoff, logged = _fast(
+            settings, active, np.random.default_rng([seed, run_number, 1])
+        )
     else:
         made, pickoff, logged = _slow(settings, active)
-    return _blocks(settings, made, pickoff, logged, np.random.default_rng([seed, run_number]), block_samples)
+    return _blocks(
+        settings, made, pickoff, logged, np.random.default_rng([seed, run_number]), block_samples
+    )
 
 
 def _active(settings: SimulationFile, extra_effects: Sequence[Any]) -> Active:
     known = (*extra_effects, *catalogue.EFFECTS)
     found = [(catalogue.find(name, known), given) for name, given in settings.effects.items()]
-    return [(effect, effect.values(given) if hasattr(effect, "values") else dict(given)) for effect, given in found]
+    return [
+        (effect, effect.values(given) if hasattr(effect, "values") else dict(given))
+        for effect, given in found
+    ]
 
 
-def _fast(settings: SimulationFile, active: Active, random: np.random.Generator) -> tuple[Iterator[Block], Readout, Environment]:
-    mechanics, courses, control, pickoff = mechanics_of(settings), courses_of(settings), control_of(settings), _readout(settings)
+def _fast(
+    settings: SimulationFile, active: Active, random: np.random.Generator
+) -> tuple[Iterator[Block], Readout, Environment]:
+    mechanics, courses, control, pickoff = (
+        mechanics_of(settings),
+        courses_of(settings),
+        control_of(settings),
+        _readout(settings),
+    )
     world = environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, world)
@@ -117,20 +172,43 @@ def _fast(settings: SimulationFile, active: Active, random: np.random.Generator)
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
     mechanics, courses, pickoff = mechanics_of(settings), courses_of(settings), _readout(settings)
     if settings.electronics is not None or not noise_of(settings, pickoff).silent:
-        raise HrgError("simulation: [electronics] and [noise] act on samples; simulate with --model fast")
+        raise HrgError(
+            "simulation: [electronics] and [noise] act on samples; simulate with --model fast"
+        )
     world, logged = environment_of(settings, bool(active)), environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, logged)
-        if getattr(effect, "slow_environment", same_state) is same_state and getattr(effect, "slow", no_term) is no_term:
+        if (
+            getattr(effect, "slow_environment", same_state) is same_state
+            and getattr(effect, "slow", no_term) is no_term
+        ):
             _call(effect, "environment", p, world)
     # slow terms tell what is true from what is logged, so they start from the log
-    world.temperature_degc = world.temperature_degc + logged.logged_temperature_degc - world.logged_temperature_degc
+    world.temperature_degc = (
+        world.temperature_degc + logged.logged_temperature_degc - world.logged_temperature_degc
+    )
     world.rate_rad_s = world.rate_rad_s + logged.logged_rate_rad_s - world.logged_rate_rad_s
     terms = slow_engine.SlowTerms(
-        [partial(effect.slow_environment, p) for effect, p in active if getattr(effect, "slow_environment", same_state) is not same_state],
-        [partial(effect.slow, p) for effect, p in active if getattr(effect, "slow", no_term) is not no_term],
-        [partial(effect.slow_readout, p) for effect, p in active if getattr(effect, "slow_readout", same_signal) is not same_signal],
-        [partial(effect.slow_jump, p) for effect, p in active if getattr(effect, "slow_jump", None) is not None],
+        [
+            partial(effect.slow_environment, p)
+            for effect, p in active
+            if getattr(effect, "slow_environment", same_state) is not same_state
+        ],
+        [
+            partial(effect.slow, p)
+            for effect, p in active
+            if getattr(effect, "slow", no_term) is not no_term
+        ],
+        [
+            partial(effect.slow_readout, p)
+            for effect, p in active
+            if getattr(effect, "slow_readout", same_signal) is not same_signal
+        ],
+        [
+            partial(effect.slow_jump, p)
+            for effect, p in active
+            if getattr(effect, "slow_jump", None) is not None
+        ],
     )
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
 
@@ -138,7 +216,13 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         return sprung(settings, linear_plant(mechanics, courses, world))
 
     start, angle = start_of(settings)
-    return slow_engine.run(world, plant_at, control_of(settings), terms, start, step, _count(settings), angle), pickoff, logged
+    return (
+        slow_engine.run(
+            world, plant_at, control_of(settings), terms, start, step, _count(settings), angle
+        ),
+        pickoff,
+        logged,
+    )
 
 
 def _call(effect: Any, place: str, *arguments: Any) -> None:
@@ -147,7 +231,12 @@ def _call(effect: Any, place: str, *arguments: Any) -> None:
 
 
 def _blocks(
-    settings: SimulationFile, made: Iterator[Block], pickoff: Readout, world: Environment, random: np.random.Generator, block_samples: int
+    settings: SimulationFile,
+    made: Iterator[Block],
+    pickoff: Readout,
+    world: Environment,
+    random: np.random.Generator,
+    block_samples: int,
 ) -> Iterator[Recording]:
     head = _head(settings, pickoff)
     rate = settings.recording.sample_rate_hz
@@ -181,9 +270,15 @@ def _blocks(
 
 
 def _rows(
-    block: Block, at: Array, first: int, world: Environment, settings: SimulationFile, last: tuple[float, float] | None
+    block: Block,
+    at: Array,
+    first: int,
+    world: Environment,
+    settings: SimulationFile,
+    last: tuple[float, float] | None,
 ) -> tuple[dict[str, Array], tuple[float, float]]:
-    """The log's and the truth's rows at positions `at` of a block; angle and phase continue from `last`."""
+    """The log's and the truth's rows at positions `at` of a block; angle and phase continue from
+    `last`."""
     mode_number = settings.device.mode_number
     true_time, time = block.samples.time_s[at], (first + at) / settings.recording.sample_rate_hz
     rows = {
@@ -197,17 +292,29 @@ def _rows(
     if last is None:
         turn = round((settings.start.wave_angle_rad - angle[0]) * mode_number / math.pi)
         start_phase = settings.start.phase_rad
-        last = (angle[0] + turn * math.pi / mode_number, start_phase + math.remainder(phase[0] + turn * math.pi - start_phase, 2 * math.pi))
+        last = (
+            angle[0] + turn * math.pi / mode_number,
+            start_phase + math.remainder(phase[0] + turn * math.pi - start_phase, 2 * math.pi),
+        )
     angle, phase = ellipse.unwrap(np.append(last[0], angle), np.append(last[1], phase), mode_number)
-    truth = {"main_amplitude": a_A, "quadrature_amplitude": a_B, "wave_angle_rad": angle[1:], "phase_rad": phase[1:]}
+    truth = {
+        "main_amplitude": a_A,
+        "quadrature_amplitude": a_B,
+        "wave_angle_rad": angle[1:],
+        "phase_rad": phase[1:],
+    }
     rows |= {"truth_time_s": time} | {f"truth_{name}": values for name, values in truth.items()}
     return rows, (float(angle[-1]), float(phase[-1]))
 
 
-def _recording(head: dict[str, Any], raw: Array, rows: list[dict[str, Array]], table: RecordingTable) -> Recording:
+def _recording(
+    head: dict[str, Any], raw: Array, rows: list[dict[str, Array]], table: RecordingTable
+) -> Recording:
     if raw.dtype.kind == "f":
         raw = raw.astype(table.samples, copy=False)
-    log: dict[str, Any] = {name: np.concatenate([r[name] for r in rows]) for name in (rows[0] if rows else ())}
+    log: dict[str, Any] = {
+        name: np.concatenate([r[name] for r in rows]) for name in (rows[0] if rows else ())
+    }
     return Recording(c=np.ascontiguousarray(raw[0]), s=np.ascontiguousarray(raw[1]), **head, **log)
 
 
@@ -238,9 +345,14 @@ def _count(settings: SimulationFile) -> int:
 def start_of(settings: SimulationFile) -> tuple[Array, float]:
     """Envelopes and electrical angle mθ at t = 0."""
     start = settings.start
-    a_A, a_B, angle, phase = np.array([start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad])
+    a_A, a_B, angle, phase = np.array(
+        [start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad]
+    )
     mode_number = settings.device.mode_number
-    return ellipse.envelopes(a_A, a_B, angle, phase, mode_number), mode_number * start.wave_angle_rad
+    return (
+        ellipse.envelopes(a_A, a_B, angle, phase, mode_number),
+        mode_number * start.wave_angle_rad,
+    )
 
 
 def mechanics_of(settings: SimulationFile) -> Mechanics:
@@ -276,7 +388,11 @@ def control_of(settings: SimulationFile) -> Control:
         main_amplitude=c.amplitude or settings.start.amplitude,
         amplitude_gain_1_s=c.amplitude_gain_1_s,
         # a quarter of the gain's square: the loop's two rates are equal
-        amplitude_integral_1_s2=c.amplitude_gain_1_s**2 / 4 if c.amplitude_integral_1_s2 is None else c.amplitude_integral_1_s2,
+        amplitude_integral_1_s2=(
+            c.amplitude_gain_1_s**2 / 4
+            if c.amplitude_integral_1_s2 is None
+            else c.amplitude_integral_1_s2
+        ),
         quadrature_loop=c.quadrature_loop,
         quadrature_gain_1_s=gain if c.quadrature_loop != "off" else 0.0,
         quadrature_integral_1_s2=c.quadrature_integral_1_s2,
@@ -322,7 +438,13 @@ def noise_of(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
     n = settings.noise
     warm = n.temperature_k is not None and n.effective_mass_kg is not None
     return noises.Noise(
-        noises.thermal_velocity2(n.temperature_k or 0.0, n.effective_mass_kg or 1.0, n.metres_per_unit) if warm else 0.0,
+        (
+            noises.thermal_velocity2(
+                n.temperature_k or 0.0, n.effective_mass_kg or 1.0, n.metres_per_unit
+            )
+            if warm
+            else 0.0
+        ),
         pickoff.noise,
         n.readout_corner_hz,
         n.drive_density,
@@ -353,17 +475,37 @@ def environment_of(settings: SimulationFile, fine: bool = False) -> Environment:
     """The run's world; `fine`: on a grid that effects may bend."""
     e, duration = settings.environment, settings.recording.duration_s
     rates = [_rate_programme(e.rate, duration)] if e.rate else []
-    earth = e.earth_rate_rad_s or 0.0 if e.earth_latitude_rad is None else bench.earth_rate(e.earth_latitude_rad)
+    earth = (
+        e.earth_rate_rad_s or 0.0
+        if e.earth_latitude_rad is None
+        else bench.earth_rate(e.earth_latitude_rad)
+    )
     rate = bench.total([bench.constant(e.rate_rad_s + earth), *rates])
-    temperature = _temperature_programme(e.temperature, duration) if e.temperature else bench.constant(e.temperature_degc)
-    return bench.environment(temperature, rate, 0.0 if e.earth_logged else earth, duration, 1 / settings.recording.sample_rate_hz, fine)
+    temperature = (
+        _temperature_programme(e.temperature, duration)
+        if e.temperature
+        else bench.constant(e.temperature_degc)
+    )
+    return bench.environment(
+        temperature,
+        rate,
+        0.0 if e.earth_logged else earth,
+        duration,
+        1 / settings.recording.sample_rate_hz,
+        fine,
+    )
 
 
-def _temperature_programme(t: Ramp | Soak | Cycle | TemperaturePoints, duration: float) -> bench.Programme:
+def _temperature_programme(
+    t: Ramp | Soak | Cycle | TemperaturePoints, duration: float
+) -> bench.Programme:
     if isinstance(t, Ramp):
         end = duration if t.end_s is None else t.end_s
         if end <= t.begin_s:
-            raise HrgError(f"simulation: environment.temperature ends at {end:g} s, before it begins at {t.begin_s:g} s")
+            raise HrgError(
+                f"simulation: environment.temperature ends at {end:g} s, before it begins at"
+                f" {t.begin_s:g} s"
+            )
         return bench.polyline([t.begin_s, end], [t.start_degc, t.stop_degc])
     if isinstance(t, TemperaturePoints):
         return bench.polyline(t.time_s, t.temperature_degc)
@@ -371,7 +513,9 @@ def _temperature_programme(t: Ramp | Soak | Cycle | TemperaturePoints, duration:
         return bench.levels(t.levels_degc, t.dwell_s, t.transition_s)
     if t.shape == "triangle":
         return bench.triangle(t.low_degc, t.high_degc, t.period_s, duration)
-    return bench.sine((t.high_degc - t.low_degc) / 2, 1 / t.period_s, -math.pi / 2, (t.high_degc + t.low_degc) / 2)
+    return bench.sine(
+        (t.high_degc - t.low_degc) / 2, 1 / t.period_s, -math.pi / 2, (t.high_degc + t.low_degc) / 2
+    )
 
 
 def _rate_programme(r: Steps | Sine | Sweep | RatePoints, duration: float) -> bench.Programme:
@@ -383,4 +527,6 @@ def _rate_programme(r: Steps | Sine | Sweep | RatePoints, duration: float) -> be
         return bench.sine(r.amplitude_rad_s, r.frequency_hz, r.phase_rad)
     period = r.period_s or duration
     quarters = np.arange(4 * math.ceil(duration / period) + 5)
-    return bench.polyline(quarters * period / 4, r.maximum_rad_s * np.array([0.0, 1.0, 0.0, -1.0])[quarters % 4])
+    return bench.polyline(
+        quarters * period / 4, r.maximum_rad_s * np.array([0.0, 1.0, 0.0, -1.0])[quarters % 4]
+    )

@@ -1,6 +1,7 @@
 """The simulation file: what may stand in its TOML, checked strictly, and how its runs override it.
 
-Tables [device], [start], [readout], [control], [electronics], [noise], [spring], [environment], [recording], [effects.NAME]; each
+Tables [device], [start], [readout], [control], [electronics], [noise], [spring], [environment],
+[recording], [effects.NAME]; each
 [[run]] repeats any part of them under the same dotted names, e.g. `start.wave_angle_rad = 0.3`, on top of the file's own.
 """
 
@@ -35,7 +36,9 @@ def _given(table: BaseModel, names: tuple[str, ...]) -> list[str]:
 def _exactly_one(table: BaseModel, names: tuple[str, ...]) -> None:
     given = _given(table, names)
     if len(given) != 1:
-        raise ValueError(f"one of {', '.join(names)} was expected, not {' and '.join(given) or 'none'}")
+        raise ValueError(
+            f"one of {', '.join(names)} was expected, not {' and '.join(given) or 'none'}"
+        )
 
 
 def _at_most_one(table: BaseModel, names: tuple[str, ...]) -> None:
@@ -79,7 +82,8 @@ class Device(Table):
         _at_most_one(self, ("frequency_split_rad_s", "frequency_split_hz"))
         if abs(self.split_1_s) > self.rate_1_s:
             raise ValueError(
-                f"the damping split {self.split_1_s:g} 1/s exceeds the damping rate {self.rate_1_s:g} 1/s; one axis would gain energy"
+                f"the damping split {self.split_1_s:g} 1/s exceeds the damping rate"
+                f" {self.rate_1_s:g} 1/s; one axis would gain energy"
             )
         return self
 
@@ -88,17 +92,29 @@ class Device(Table):
         """ν = 1/τ = πf/Q."""
         if self.damping_rate_1_s is not None:
             return self.damping_rate_1_s
-        return 1 / self.time_constant_s if self.time_constant_s else math.pi * self.frequency_hz / (self.quality_factor or math.inf)
+        return (
+            1 / self.time_constant_s
+            if self.time_constant_s
+            else math.pi * self.frequency_hz / (self.quality_factor or math.inf)
+        )
 
     @property
     def split_1_s(self) -> float:
         """νδμ."""
-        return self.damping_split_1_s if self.damping_split_1_s is not None else self.rate_1_s * (self.damping_split or 0.0)
+        return (
+            self.damping_split_1_s
+            if self.damping_split_1_s is not None
+            else self.rate_1_s * (self.damping_split or 0.0)
+        )
 
     @property
     def frequency_split(self) -> float:
         """δω = πΔf, rad/s."""
-        return self.frequency_split_rad_s if self.frequency_split_rad_s is not None else math.pi * (self.frequency_split_hz or 0.0)
+        return (
+            self.frequency_split_rad_s
+            if self.frequency_split_rad_s is not None
+            else math.pi * (self.frequency_split_hz or 0.0)
+        )
 
 
 class Start(Table):
@@ -113,7 +129,8 @@ class Start(Table):
     def _order(self) -> Self:
         if abs(self.quadrature) > self.amplitude:
             raise ValueError(
-                f"the quadrature {self.quadrature:g} exceeds the amplitude {self.amplitude:g}; the larger one is the main amplitude"
+                f"the quadrature {self.quadrature:g} exceeds the amplitude {self.amplitude:g}; the"
+                " larger one is the main amplitude"
             )
         return self
 
@@ -138,13 +155,27 @@ class ReadoutTable(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if (self.kind == "carrier") != (self.carrier_hz is not None):
-            raise ValueError('carrier_hz belongs to kind = "carrier" and is needed there; give both or neither')
+            raise ValueError(
+                'carrier_hz belongs to kind = "carrier" and is needed there; give both or neither'
+            )
         if (self.model == "full") != (self.gap is not None):
-            raise ValueError('gap belongs to model = "full" and is needed there; give both or neither')
-        if self.model == "linear" and self.model_fields_set & {"law", "electrode_gaps", "electrode_gains"}:
-            raise ValueError('law, electrode_gaps and electrode_gains belong to model = "full"; set it and give the gap')
+            raise ValueError(
+                'gap belongs to model = "full" and is needed there; give both or neither'
+            )
+        if self.model == "linear" and self.model_fields_set & {
+            "law",
+            "electrode_gaps",
+            "electrode_gains",
+        }:
+            raise ValueError(
+                'law, electrode_gaps and electrode_gains belong to model = "full"; set it and give'
+                " the gap"
+            )
         if self.kind == "carrier" and self.law == "constant-voltage":
-            raise ValueError('law = "constant-voltage" is a pick-off without a carrier; set kind = "direct" or law = "alternating"')
+            raise ValueError(
+                'law = "constant-voltage" is a pick-off without a carrier; set kind = "direct" or'
+                ' law = "alternating"'
+            )
         if self.full_scale is not None and self.adc_bits == 0:
             raise ValueError("full_scale belongs to a converter; give adc_bits too")
         return self
@@ -169,19 +200,27 @@ class ControlTable(Table):
     def _complete(self) -> Self:
         given = sorted(self.model_fields_set - {"mode"})
         if self.mode == "free" and given:
-            raise ValueError(f'a free run has no control, but {", ".join(given)} is set; set mode = "forced" or leave it out')
+            raise ValueError(
+                f'a free run has no control, but {", ".join(given)} is set; set mode = "forced" or'
+                " leave it out"
+            )
         if (self.quadrature_loop == "off") and self.quadrature_gain_1_s:
-            raise ValueError('quadrature_gain_1_s belongs to quadrature_loop = "finite" or "spring"')
+            raise ValueError(
+                'quadrature_gain_1_s belongs to quadrature_loop = "finite" or "spring"'
+            )
         for interval in self.off_s:
             if len(interval) != 2 or interval[0] >= interval[1]:
-                raise ValueError(f"off_s holds intervals [start, stop] with start < stop, not {interval}")
+                raise ValueError(
+                    f"off_s holds intervals [start, stop] with start < stop, not {interval}"
+                )
         return self
 
 
 class ElectronicsTable(Table):
     """[electronics]: the loops act on what a board demodulates (windows of whole periods), filtered, delayed and through converters.
 
-    Its converter is that of [readout] (adc_bits, full_scale). drive_full_scale is the force, amplitude a second, at which it saturates.
+    Its converter is that of [readout] (adc_bits, full_scale). drive_full_scale is the force,
+    amplitude a second, at which it saturates.
     """
 
     periods_per_update: Annotated[int, Field(ge=1, le=100_000)] = 16
@@ -196,14 +235,17 @@ class ElectronicsTable(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.drive_bits and self.drive_full_scale is None:
-            raise ValueError("drive_bits need the force at which the converter saturates; give drive_full_scale")
+            raise ValueError(
+                "drive_bits need the force at which the converter saturates; give drive_full_scale"
+            )
         return self
 
 
 class NoiseTable(Table):
     """[noise]: Brownian force of the resonator, and electronic noise with a 1/f corner about the resonance.
 
-    readout_corner_hz belongs to the noise of [readout]; drive_density is the drive's envelope force, amplitude/s/√Hz, one-sided.
+    readout_corner_hz belongs to the noise of [readout]; drive_density is the drive's envelope
+    force, amplitude/s/√Hz, one-sided.
     """
 
     temperature_k: Positive | None = None
@@ -216,7 +258,9 @@ class NoiseTable(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if (self.temperature_k is None) != (self.effective_mass_kg is None):
-            raise ValueError("Brownian force needs temperature_k and effective_mass_kg; give both or neither")
+            raise ValueError(
+                "Brownian force needs temperature_k and effective_mass_kg; give both or neither"
+            )
         if self.drive_corner_hz and not self.drive_density:
             raise ValueError("drive_corner_hz is the corner of drive_density; give it too")
         return self
@@ -260,13 +304,16 @@ class Cycle(Table):
 
 def _same_and_rising(time_s: list[float], values: list[float], name: str) -> None:
     if len(time_s) != len(values):
-        raise ValueError(f"time_s has {len(time_s)} values and {name} {len(values)}; as many were expected")
+        raise ValueError(
+            f"time_s has {len(time_s)} values and {name} {len(values)}; as many were expected"
+        )
     if any(later <= earlier for earlier, later in pairwise(time_s)):
         raise ValueError("time_s must rise from value to value")
 
 
 class TemperaturePoints(Table):
-    """Temperature along straight lines through points, as a log gives them; constant before the first and after the last."""
+    """Temperature along straight lines through points, as a log gives them; constant before the
+    first and after the last."""
 
     kind: Literal["points"]
     time_s: Annotated[list[float], Field(min_length=1)]
@@ -279,7 +326,8 @@ class TemperaturePoints(Table):
 
 
 class RatePoints(Table):
-    """Rate along straight lines through points, as a log gives them; constant before the first and after the last."""
+    """Rate along straight lines through points, as a log gives them; constant before the first and
+    after the last."""
 
     kind: Literal["points"]
     time_s: Annotated[list[float], Field(min_length=1)]
@@ -321,7 +369,9 @@ class EnvironmentTable(Table):
     """[environment]: a constant, or a programme that takes its place (temperature) or is added to it (rate)."""
 
     temperature_degc: float = 20.0
-    temperature: Annotated[Ramp | Soak | Cycle | TemperaturePoints, Field(discriminator="kind")] | None = None
+    temperature: (
+        Annotated[Ramp | Soak | Cycle | TemperaturePoints, Field(discriminator="kind")] | None
+    ) = None
     rate_rad_s: float = 0.0
     rate: Annotated[Steps | Sine | Sweep | RatePoints, Field(discriminator="kind")] | None = None
     earth_latitude_rad: Annotated[float, Field(ge=-math.pi / 2, le=math.pi / 2)] | None = None
@@ -365,23 +415,38 @@ class SimulationFile(Table):
         highest = self.device.frequency_hz + (self.readout.carrier_hz or 0.0)
         if self.recording.sample_rate_hz <= 2 * highest:
             raise ValueError(
-                f"recording.sample_rate_hz = {self.recording.sample_rate_hz:g} must exceed {2 * highest:g}, "
-                "twice the highest frequency; raise it"
+                f"recording.sample_rate_hz = {self.recording.sample_rate_hz:g} must exceed"
+                f" {2 * highest:g}, twice the highest frequency; raise it"
             )
-        if self.readout.carrier_hz is not None and self.readout.carrier_hz <= self.device.frequency_hz:
-            raise ValueError(f"readout.carrier_hz = {self.readout.carrier_hz:g} must exceed the device's {self.device.frequency_hz:g} Hz")
+        if (
+            self.readout.carrier_hz is not None
+            and self.readout.carrier_hz <= self.device.frequency_hz
+        ):
+            raise ValueError(
+                f"readout.carrier_hz = {self.readout.carrier_hz:g} must exceed the device's"
+                f" {self.device.frequency_hz:g} Hz"
+            )
         return self
 
     @model_validator(mode="after")
     def _electronics_belong(self) -> Self:
         if self.electronics is not None and self.control.mode == "free":
-            raise ValueError('electronics drives loops, but control.mode is "free"; set control.mode = "forced" or leave [electronics] out')
-        if self.noise.drive_density and self.control.mode == "free":
-            raise ValueError('noise.drive_density is of the drive, but control.mode is "free"; set control.mode = "forced" or leave it out')
-        if self.readout.kind == "carrier" and (self.electronics is not None or self.noise.readout_corner_hz):
             raise ValueError(
-                "electronics and noise.readout_corner_hz act on the direct read-out; a carrier moves the signal away from the 1/f noise, "
-                'so set readout.kind = "direct" or leave them out'
+                'electronics drives loops, but control.mode is "free"; set control.mode = "forced"'
+                " or leave [electronics] out"
+            )
+        if self.noise.drive_density and self.control.mode == "free":
+            raise ValueError(
+                'noise.drive_density is of the drive, but control.mode is "free"; set control.mode'
+                ' = "forced" or leave it out'
+            )
+        if self.readout.kind == "carrier" and (
+            self.electronics is not None or self.noise.readout_corner_hz
+        ):
+            raise ValueError(
+                "electronics and noise.readout_corner_hz act on the direct read-out; a carrier"
+                ' moves the signal away from the 1/f noise, so set readout.kind = "direct" or leave'
+                " them out"
             )
         if self.noise.readout_corner_hz and not self.readout.noise:
             raise ValueError("noise.readout_corner_hz is the corner of readout.noise; give it too")
@@ -389,7 +454,8 @@ class SimulationFile(Table):
 
 
 def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[SimulationFile]:
-    """The runs of a simulation file, each whole and checked. HrgError: what is wrong, where, and what was meant."""
+    """The runs of a simulation file, each whole and checked. HrgError: what is wrong, where, and
+    what was meant."""
     base = {key: value for key, value in config.items() if key != "run"}
     overrides = config.get("run", [])
     if not isinstance(overrides, list) or not all(isinstance(r, Mapping) for r in overrides):
@@ -400,7 +466,11 @@ def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[Simula
     runs = []
     for number, override in enumerate(overrides, 1):
         named = {"run_id": f"run{number:0{digits}d}"} | dict(override)
-        runs.append(validate(SimulationFile, _merged(base, named), f"{where}: run {number} ({named['run_id']})"))
+        runs.append(
+            validate(
+                SimulationFile, _merged(base, named), f"{where}: run {number} ({named['run_id']})"
+            )
+        )
     names = [run.run_id for run in runs]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -409,12 +479,15 @@ def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[Simula
 
 
 def _merged(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested tables of `override` over those of `base`; a programme of another `kind` replaces the whole table."""
+    """Nested tables of `override` over those of `base`; a programme of another `kind` replaces the
+    whole table."""
     result = dict(base)
     for key, value in override.items():
         old = result.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping):
-            another = key in ("temperature", "rate") and value.get("kind", old.get("kind")) != old.get("kind")
+            another = key in ("temperature", "rate") and value.get(
+                "kind", old.get("kind")
+            ) != old.get("kind")
             result[key] = dict(value) if another else _merged(old, value)
         else:
             result[key] = value

@@ -1,4 +1,5 @@
-"""The simulated twin of a measured programme: a device with a result's own values, and each measured run's start, length and logs."""
+"""The simulated twin of a measured programme: a device with a result's own values, and each
+measured run's start, length and logs."""
 
 from __future__ import annotations
 
@@ -31,12 +32,19 @@ LOG_POINTS = 20_000
 """Rows of a log that the twin's course keeps at most."""
 FLOAT32 = 1e-5
 """Noise over amplitude from which 32-bit samples lose nothing: their rounding is 3e-8."""
-NEEDED = ("frequency_hz", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad")
+NEEDED = (
+    "frequency_hz",
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+)
 """Parameters without which a resonator file describes no device."""
 TABLES = "calibrated_tables"
 """Name of the twin's own effect: drift and scale factor as a calibration file has them."""
 CARRIED = ("run_id", "gyro_id", "lot_id", "start_time", "mode")
-"""What a run is called and how it is said to have been driven: a twin's wave has it from the measured one."""
+"""What a run is called and how it is said to have been driven: a twin's wave has it from the
+measured one."""
 LOGS = ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
 
 
@@ -53,7 +61,8 @@ class Measured:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the twin: its name in the simulation file, the settings of its chain, what its wave is called and which logs it keeps."""
+    """One run of the twin: its name in the simulation file, the settings of its chain, what its
+    wave is called and which logs it keeps."""
 
     name: str
     demodulate: Mapping[str, Any]
@@ -64,7 +73,8 @@ class Run:
 
 @dataclass(frozen=True)
 class Twin:
-    """A programme to rehearse: tables of a simulation file, its runs, the stage that gave the result, its settings, and the truth."""
+    """A programme to rehearse: tables of a simulation file, its runs, the stage that gave the
+    result, its settings, and the truth."""
 
     config: Mapping[str, Any]
     runs: Sequence[Run]
@@ -88,21 +98,40 @@ class Twin:
         return int(run["recording"]["duration_s"] * run["recording"]["sample_rate_hz"])
 
 
-def twin_of(truth: Record, inputs: Sequence[Measured], settings: Mapping[str, Any], samples_a_period: float | None = None) -> Twin:
-    """The twin of a result and its inputs; `settings` are the stage's own, as the result's file keeps them.
+def twin_of(
+    truth: Record,
+    inputs: Sequence[Measured],
+    settings: Mapping[str, Any],
+    samples_a_period: float | None = None,
+) -> Twin:
+    """The twin of a result and its inputs; `settings` are the stage's own, as the result's file
+    keeps them.
 
     samples_a_period: of the simulated recordings, instead of the measured ones' own sampling.
-    HrgError: the result holds no device (modes without axes, a foreign table, tables made of a resonator's coefficients), no wave.
+    HrgError: the result holds no device (modes without axes, a foreign table, tables made of a
+    resonator's coefficients), no wave.
     """
     if not inputs:
-        raise HrgError("there is no wave to rehearse with; name the wave files the result was made of")
+        raise HrgError(
+            "there is no wave to rehearse with; name the wave files the result was made of"
+        )
     settings = dict(settings)
     if isinstance(truth, Resonator):
-        stage, device, hidden = "identify", _resonator(truth, settings, inputs), _hidden_rate(truth, settings)
+        stage, device, hidden = (
+            "identify",
+            _resonator(truth, settings, inputs),
+            _hidden_rate(truth, settings),
+        )
         # what a method adds to the answer without changing it is not repeated
-        settings |= {"profile": False} | ({"method": "likelihood"} if settings.get("method") == "all" else {})
+        settings |= {"profile": False} | (
+            {"method": "likelihood"} if settings.get("method") == "all" else {}
+        )
     elif isinstance(truth, Calibration):
-        stage, device, hidden = "calibrate", _calibrated(truth, inputs), float(settings.get("earth_rate_rad_s") or 0.0)
+        stage, device, hidden = (
+            "calibrate",
+            _calibrated(truth, inputs),
+            float(settings.get("earth_rate_rad_s") or 0.0),
+        )
         settings |= {"ladder": False, "bootstrap": 0}
     else:
         raise HrgError(f"is a {truth.kind} file; a resonator or a calibration is rehearsed")
@@ -121,34 +150,56 @@ def twin_of(truth: Record, inputs: Sequence[Measured], settings: Mapping[str, An
     return Twin(config, runs, stage, settings, truth)
 
 
-def _resonator(truth: Resonator, settings: Mapping[str, Any], inputs: Sequence[Measured]) -> Mechanics:
-    """The device of a resonator file; what was held, or is not told by such runs, has the value that the fit held it at."""
+def _resonator(
+    truth: Resonator, settings: Mapping[str, Any], inputs: Sequence[Measured]
+) -> Mechanics:
+    """The device of a resonator file; what was held, or is not told by such runs, has the value
+    that the fit held it at."""
     values = {name: value for name, (value, _, _) in truth.parameters().items()}
     for name in ("scale_factor", "damping_axis_rad", "stiffness_axis_rad"):
         if settings.get(name) is not None:
             values.setdefault(name, float(settings[name]))
     lacking = [name for name in NEEDED if name not in values]
     if lacking:
-        raise HrgError(f"holds no {lacking[0]}: these are modes, not a whole resonator; a twin cannot be made of them")
+        raise HrgError(
+            f"holds no {lacking[0]}: these are modes, not a whole resonator; a twin cannot be made"
+            " of them"
+        )
     values.setdefault("scale_factor", nominal_scale_factor(truth.mode_number))
     values.setdefault("damping_rate_1_s", max(_decay(inputs), abs(values["damping_split_1_s"])))
     return Mechanics(**values, mode_number=truth.mode_number)
 
 
 def _calibrated(truth: Calibration, inputs: Sequence[Measured]) -> Mechanics:
-    """A device without splits: drift and scale factor are the tables', which the twin's own effect gives it."""
+    """A device without splits: drift and scale factor are the tables', which the twin's own effect
+    gives it."""
     if is_rate_table(truth):
         raise HrgError("was made of a foreign table of dwells; there are no runs to rehearse")
     if truth.axis != "temperature" or truth.temperature_degc is None:
-        raise HrgError("has tables over frequency; a rehearsal needs tables over temperature, calibrate with --axis temperature")
+        raise HrgError(
+            "has tables over frequency; a rehearsal needs tables over temperature, calibrate with"
+            " --axis temperature"
+        )
     if truth.model == "physical":
-        raise HrgError("has the coefficients of resonator files (model physical); rehearse those files")
+        raise HrgError(
+            "has the coefficients of resonator files (model physical); rehearse those files"
+        )
     frequency = float(np.median([np.nanmedian(m.wave.frequency_hz) for m in inputs]))
-    return Mechanics(frequency, _decay(inputs), 0.0, 0.0, 0.0, 0.0, float(np.mean(truth.scale_factor_harmonics[:, 0])), truth.mode_number)
+    return Mechanics(
+        frequency,
+        _decay(inputs),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        float(np.mean(truth.scale_factor_harmonics[:, 0])),
+        truth.mode_number,
+    )
 
 
 def _decay(inputs: Sequence[Measured]) -> float:
-    """ν that the drive has to make up for, a_ΦA/a_A, 1/s; where no drive is logged one decay in the longest run."""
+    """ν that the drive has to make up for, a_ΦA/a_A, 1/s; where no drive is logged one decay in the
+    longest run."""
     found = []
     for wave in (m.wave for m in inputs):
         if wave.drive_main is not None:
@@ -160,20 +211,35 @@ def _decay(inputs: Sequence[Measured]) -> float:
 
 
 def _hidden_rate(truth: Resonator, settings: Mapping[str, Any]) -> float:
-    """Rate about the axis that the logs leave out, rad/s: Earth's, and the unknown one that was fitted."""
+    """Rate about the axis that the logs leave out, rad/s: Earth's, and the unknown one that was
+    fitted."""
     keys = ("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg")
-    earth = earth_rate_rad_s(**{key: settings[key] for key in keys if settings.get(key) is not None})
-    return earth + float(json.loads(truth.details).get("rate_rad_s", {}).get("value", 0.0) if settings.get("fit_rate") else 0.0)
+    earth = earth_rate_rad_s(
+        **{key: settings[key] for key in keys if settings.get(key) is not None}
+    )
+    return earth + float(
+        json.loads(truth.details).get("rate_rad_s", {}).get("value", 0.0)
+        if settings.get("fit_rate")
+        else 0.0
+    )
 
 
 def _run(
-    name: str, measured: Measured, device: Mechanics, hidden_rad_s: float, settings: Mapping[str, Any], samples_a_period: float | None
+    name: str,
+    measured: Measured,
+    device: Mechanics,
+    hidden_rad_s: float,
+    settings: Mapping[str, Any],
+    samples_a_period: float | None,
 ) -> tuple[Run, dict[str, Any]]:
     """One run and its table: from its first good window's beginning to its last one's end."""
     wave = measured.wave
     good = np.flatnonzero(wave.good())
     if len(good) < 2:
-        raise HrgError(f"{wave.run_id or 'a run'}: has fewer than two windows without a flag; there is nothing to rehearse")
+        raise HrgError(
+            f"{wave.run_id or 'a run'}: has fewer than two windows without a flag; there is nothing"
+            " to rehearse"
+        )
     first, last = int(good[0]), int(good[-1])
     begin = float(wave.time_s[first]) - wave.window_s / 2
     times = np.asarray(wave.time_s, float) - begin
@@ -181,7 +247,9 @@ def _run(
     kept = slice(None, None, max(1, len(times) // LOG_POINTS))
     environment = rate_course(times[kept], None if rate is None else rate[kept])
     if wave.temperature_degc is not None:
-        environment |= temperature_course(times[kept], np.asarray(wave.temperature_degc, float)[kept])
+        environment |= temperature_course(
+            times[kept], np.asarray(wave.temperature_degc, float)[kept]
+        )
     if hidden_rad_s:
         environment |= {"earth_rate_rad_s": hidden_rad_s, "earth_logged": False}
     amplitude = float(np.median(wave.main_amplitude[good]))
@@ -190,7 +258,12 @@ def _run(
     sampling = _sample_rate(measured, device.frequency_hz, carrier or 0.0, samples_a_period)
     table: dict[str, Any] = {
         "run_id": name,
-        "start": _start(wave, first, device, (0.0 if rate is None else float(np.nan_to_num(rate[first]))) + hidden_rad_s),
+        "start": _start(
+            wave,
+            first,
+            device,
+            (0.0 if rate is None else float(np.nan_to_num(rate[first]))) + hidden_rad_s,
+        ),
         "environment": environment,
         "readout": {"noise": sample_noise(wave, sampling), "units": wave.units} | _carrier(carrier),
         "recording": {
@@ -202,24 +275,43 @@ def _run(
     if (control := _control(wave, begin, device.damping_rate_1_s)) is not None:
         table["control"] = control
     # the part that was cut out is the whole of the twin's recording, and its frequency is known
-    demodulate = {key: value for key, value in measured.demodulate.items() if key not in ("from_s", "to_s", "nominal_frequency_hz")}
+    demodulate = {
+        key: value
+        for key, value in measured.demodulate.items()
+        if key not in ("from_s", "to_s", "nominal_frequency_hz")
+    }
     demodulate.setdefault("periods_per_window", max(1.0, wave.window_s * device.frequency_hz))
     absent = tuple(key for key in LOGS if getattr(wave, key) is None)
-    return Run(name, demodulate, measured.estimate, {key: getattr(wave, key) for key in CARRIED}, absent + missing), table
+    return (
+        Run(
+            name,
+            demodulate,
+            measured.estimate,
+            {key: getattr(wave, key) for key in CARRIED},
+            absent + missing,
+        ),
+        table,
+    )
 
 
 def _rate(wave: Wave, settings: Mapping[str, Any]) -> tuple[Array | None, tuple[str, ...]]:
-    """The run's rate (n,): a constant of the settings where they give one, else its log; and the logs that its wave is to lack then."""
+    """The run's rate (n,): a constant of the settings where they give one, else its log; and the
+    logs that its wave is to lack then."""
     rows = len(wave)
     of_run = (settings.get("rates_rad_s") or {}).get(wave.run_id)
     constant = of_run if of_run is not None else settings.get("rate_rad_s")
     if constant is not None:
-        return np.full(rows, float(constant)), () if wave.rate_rad_s is not None else ("rate_rad_s",)
+        return np.full(rows, float(constant)), (
+            () if wave.rate_rad_s is not None else ("rate_rad_s",)
+        )
     return (None, ()) if wave.rate_rad_s is None else (np.asarray(wave.rate_rad_s, float), ())
 
 
-def _sample_rate(measured: Measured, frequency_hz: float, carrier_hz: float, samples_a_period: float | None) -> float:
-    """Sampling rate of the twin: as asked for, else the recording's own where it resolves the signal, else `SAMPLES_A_PERIOD`."""
+def _sample_rate(
+    measured: Measured, frequency_hz: float, carrier_hz: float, samples_a_period: float | None
+) -> float:
+    """Sampling rate of the twin: as asked for, else the recording's own where it resolves the
+    signal, else `SAMPLES_A_PERIOD`."""
     highest = frequency_hz + carrier_hz
     own = measured.sample_rate_hz
     if samples_a_period is None and own is not None and own > SLOWEST_SAMPLING * highest:
@@ -234,11 +326,21 @@ def _carrier(carrier_hz: float | None) -> dict[str, Any]:
 def _start(wave: Wave, row: int, device: Mechanics, rate_rad_s: float) -> dict[str, float]:
     """The wave of a row, integrated back by half a window with the device's own generator."""
     columns = (wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad)
-    main, quadrature, wave_angle, wave_phase = (np.asarray(column[row], float) for column in columns)
+    main, quadrature, wave_angle, wave_phase = (
+        np.asarray(column[row], float) for column in columns
+    )
     u = ellipse.envelopes(main, quadrature, wave_angle, wave_phase, wave.mode_number)
-    back = exponential(generator(device, rate_rad_s, wave.reference_frequency_hz), -wave.window_s / 2) @ u
+    back = (
+        exponential(generator(device, rate_rad_s, wave.reference_frequency_hz), -wave.window_s / 2)
+        @ u
+    )
     a_A, a_B, angle, phase = (float(value) for value in ellipse.wave(back, wave.mode_number))
-    return {"amplitude": a_A, "quadrature": float(np.clip(a_B, -a_A, a_A)), "wave_angle_rad": angle, "phase_rad": phase}
+    return {
+        "amplitude": a_A,
+        "quadrature": float(np.clip(a_B, -a_A, a_A)),
+        "wave_angle_rad": angle,
+        "phase_rad": phase,
+    }
 
 
 def _control(wave: Wave, begin_s: float, damping_rate_1_s: float) -> dict[str, Any] | None:
@@ -253,22 +355,38 @@ def _control(wave: Wave, begin_s: float, damping_rate_1_s: float) -> dict[str, A
         except HrgError:
             free = []  # driven throughout
         edge = wave.window_s
-        found["off_s"] = [[max(0.0, float(w.time_s[0]) - begin_s - edge), float(w.time_s[-1]) - begin_s + edge] for w in free]
+        found["off_s"] = [
+            [max(0.0, float(w.time_s[0]) - begin_s - edge), float(w.time_s[-1]) - begin_s + edge]
+            for w in free
+        ]
     return found
 
 
 def tables_effect(truth: Calibration, device_scale_factor: float) -> Effect:
-    """The effect that turns the wave as the tables say, mθ' = −K(T,θ)Ω + D(T,θ): what the device's constant K leaves of it."""
+    """The effect that turns the wave as the tables say, mθ' = −K(T,θ)Ω + D(T,θ): what the device's
+    constant K leaves of it."""
     nodes, mode = np.asarray(truth.node, float), truth.mode_number
-    drift, scale = np.asarray(truth.drift_harmonics, float), np.asarray(truth.scale_factor_harmonics, float)
+    drift, scale = (
+        np.asarray(truth.drift_harmonics, float),
+        np.asarray(truth.scale_factor_harmonics, float),
+    )
 
     def slow(_: Values, u: Array, state: SlowState) -> Array:
         e_A = frame(u, state.phase_rad)[1]
         angle = np.arctan2(e_A[..., 1], e_A[..., 0]).ravel() / mode
         warm = np.broadcast_to(state.temperature_degc, u.shape[:-1]).ravel()
-        D, K = (evaluate(warm, angle, nodes, table, mode, truth.interpolation) for table in (drift, scale))
+        D, K = (
+            evaluate(warm, angle, nodes, table, mode, truth.interpolation)
+            for table in (drift, scale)
+        )
         rate = np.broadcast_to(state.rate_rad_s, u.shape[:-1]).ravel()
         turning = ((K - device_scale_factor) * rate - D).reshape(u.shape[:-1])
         return np.asarray(turning[..., None] * (u @ J.T))
 
-    return Effect(TABLES, "bench", "Drift and scale factor as a calibration file has them, mθ' = −K(T,θ)Ω + D(T,θ).", (), slow=slow)
+    return Effect(
+        TABLES,
+        "bench",
+        "Drift and scale factor as a calibration file has them, mθ' = −K(T,θ)Ω + D(T,θ).",
+        (),
+        slow=slow,
+    )

@@ -1,10 +1,12 @@
-"""`hrg update`: a calibration whose coefficients moved, brought up to date by a resonator found later.
+"""`hrg update`: a calibration whose coefficients moved, brought up to date by a resonator found
+later.
 
-The tables hold the resonator's anisotropy, K_DC, K_DS (their first harmonic), its K (their constant) and, beside them, the measured
-quadrature's −2δω(cos, sin) 2mθ_ω. A resonator identified later, at one temperature x, gives the same five anew. What moved is
+The tables hold the resonator's anisotropy, K_DC, K_DS (their first harmonic), its K (their
+constant) and, beside them, the measured quadrature's −2δω(cos, sin) 2mθ_ω. A resonator identified
+later, at one temperature x, gives the same five anew. What moved is
     δ = c(new) − c(then),   c(then): the resonator of the calibration's time, else the tables' own coefficients at x
-with the covariance of both. It is put into every node, for nothing is known of how a change depends on temperature; everything else of
-the tables (drive, higher harmonics, K over angle) stays.
+with the covariance of both. It is put into every node, for nothing is known of how a change depends
+on temperature; everything else of the tables (drive, higher harmonics, K over angle) stays.
 """
 
 from __future__ import annotations
@@ -23,16 +25,22 @@ from .calibration.resonators import NAMES, coefficients_of, place_of
 
 Array = np.ndarray
 LEAST_TOLD = 1.0
-"""Part of a coefficient's own size that the new resonator's standard deviation may have: beyond it, it cannot tell a complete loss."""
+"""Part of a coefficient's own size that the new resonator's standard deviation may have: beyond it,
+it cannot tell a complete loss."""
 
 
-def update(calibration: Calibration, resonator: Resonator, reference: Resonator | None = None) -> Calibration:
-    """The calibration with its anisotropy, K and measured quadrature moved to where the resonator has them now.
+def update(
+    calibration: Calibration, resonator: Resonator, reference: Resonator | None = None
+) -> Calibration:
+    """The calibration with its anisotropy, K and measured quadrature moved to where the resonator
+    has them now.
 
-    reference: the resonator identified when the tables were made; with it only the *change* of the resonator is applied, so that what
-    the drive adds to the tables stays in them. Refused where the windows cannot tell.
+    reference: the resonator identified when the tables were made; with it only the *change* of the
+    resonator is applied, so that what the drive adds to the tables stays in them. Refused where the
+    windows cannot tell.
 
-    HrgError: another gyro or mode number, a refused input, a resonator without its parameters, outside the tables' range.
+    HrgError: another gyro or mode number, a refused input, a resonator without its parameters,
+    outside the tables' range.
     """
     _guard(calibration, resonator, reference)
     x = _where(calibration, resonator)
@@ -47,41 +55,76 @@ def update(calibration: Calibration, resonator: Resonator, reference: Resonator 
     chance = float(distribution.sf(chi2, int(known.sum())))
     doubt = _cannot_tell(new_covariance, then, known)
     record = _moved_tables(
-        calibration, np.where(known, new - then, 0.0), new_covariance, then_covariance, reference is not None, _weights(calibration, x)
+        calibration,
+        np.where(known, new - then, 0.0),
+        new_covariance,
+        then_covariance,
+        reference is not None,
+        _weights(calibration, x),
     )
     details = json.loads(record.details)
-    details["update"] = {"moved": moved, "chi2": chi2, "p_value": chance, "changed": chance < CHANCE, "reference": told_by, "at": x}
-    remarks = [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons] if resonator.status == "suspect" else []
+    details["update"] = {
+        "moved": moved,
+        "chi2": chi2,
+        "p_value": chance,
+        "changed": chance < CHANCE,
+        "reference": told_by,
+        "at": x,
+    }
+    remarks = (
+        [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons]
+        if resonator.status == "suspect"
+        else []
+    )
     if chance < CHANCE and reference is None and "resonator" not in told_by:
         remarks.append(
-            "what moved was told from the tables themselves, which hold the drive's own errors too: those are taken for the resonator's; "
-            "give the resonator of the tables' time with --reference"
+            "what moved was told from the tables themselves, which hold the drive's own errors too:"
+            " those are taken for the resonator's; give the resonator of the tables' time with"
+            " --reference"
         )
-    return record.replace(details=json.dumps(details)).judged(doubt, "refused").judged(remarks, "suspect")
+    return (
+        record.replace(details=json.dumps(details))
+        .judged(doubt, "refused")
+        .judged(remarks, "suspect")
+    )
 
 
 def summary(record: Calibration) -> dict[str, Any]:
     """What moved, in σ."""
-    return dict(json.loads(record.details)["update"]) | {"model": record.model, "nodes": [float(n) for n in record.node]}
+    return dict(json.loads(record.details)["update"]) | {
+        "model": record.model,
+        "nodes": [float(n) for n in record.node],
+    }
 
 
 def _guard(calibration: Calibration, resonator: Resonator, reference: Resonator | None) -> None:
     if calibration.status == "refused":
-        raise HrgError(f"the calibration is refused ({'; '.join(calibration.status_reasons)}); there is nothing to bring up to date")
+        raise HrgError(
+            f"the calibration is refused ({'; '.join(calibration.status_reasons)}); there is"
+            " nothing to bring up to date"
+        )
     if calibration.drift_harmonics.shape[1] < 3:
         raise HrgError(
-            "the calibration holds no harmonic of the wave angle (a table of dwells, or harmonics = 0); a resonator cannot update it"
+            "the calibration holds no harmonic of the wave angle (a table of dwells, or harmonics ="
+            " 0); a resonator cannot update it"
         )
     for name, r in (("resonator", resonator), ("reference", reference)):
         if r is None:
             continue
         if r.status == "refused":
-            raise HrgError(f"the {name} file is refused ({'; '.join(r.status_reasons)}); identify it from better windows")
+            raise HrgError(
+                f"the {name} file is refused ({'; '.join(r.status_reasons)}); identify it from"
+                " better windows"
+            )
         if r.mode_number != calibration.mode_number:
-            raise HrgError(f"the {name} file has mode_number {r.mode_number}, the tables have {calibration.mode_number}")
+            raise HrgError(
+                f"the {name} file has mode_number {r.mode_number}, the tables have"
+                f" {calibration.mode_number}"
+            )
         if r.gyro_id and calibration.gyro_id and r.gyro_id != calibration.gyro_id:
             raise HrgError(
-                f"the {name} file is of gyro {r.gyro_id}, the tables are of gyro {calibration.gyro_id}; use one of {calibration.gyro_id}"
+                f"the {name} file is of gyro {r.gyro_id}, the tables are of gyro"
+                f" {calibration.gyro_id}; use one of {calibration.gyro_id}"
             )
 
 
@@ -89,30 +132,46 @@ def _where(calibration: Calibration, resonator: Resonator) -> float:
     """The resonator's temperature or frequency, inside the tables' range."""
     x = place_of(resonator, calibration.axis)
     name, unit, margin = (
-        ("temperature", "°C", SINGLE_NODE_MARGIN_DEGC) if calibration.axis == "temperature" else ("frequency", "Hz", SINGLE_NODE_MARGIN_HZ)
+        ("temperature", "°C", SINGLE_NODE_MARGIN_DEGC)
+        if calibration.axis == "temperature"
+        else ("frequency", "Hz", SINGLE_NODE_MARGIN_HZ)
     )
     if not np.isfinite(x):
         if len(calibration.node) == 1:
             return float(calibration.node[0])
-        raise HrgError(f"the resonator file says no {name}, the tables go over it; identify it again from windows that log their {name}")
+        raise HrgError(
+            f"the resonator file says no {name}, the tables go over it; identify it again from"
+            f" windows that log their {name}"
+        )
     if np.isfinite([calibration.node_min, calibration.node_max]).all() and not (
         calibration.node_min - margin <= x <= calibration.node_max + margin
     ):
         raise HrgError(
-            f"the resonator was identified at {x:.4g} {unit}, the tables hold from {calibration.node_min:.4g} to "
-            f"{calibration.node_max:.4g} {unit}; use windows inside that range"
+            f"the resonator was identified at {x:.4g} {unit}, the tables hold from"
+            f" {calibration.node_min:.4g} to {calibration.node_max:.4g} {unit}; use windows inside"
+            " that range"
         )
     return float(x)
 
 
-def _then(calibration: Calibration, reference: Resonator | None, x: float) -> tuple[Array, Array, str]:
-    """The five coefficients at x when the tables were made, their covariance, and what says so; NaN where nothing does."""
+def _then(
+    calibration: Calibration, reference: Resonator | None, x: float
+) -> tuple[Array, Array, str]:
+    """The five coefficients at x when the tables were made, their covariance, and what says so; NaN
+    where nothing does."""
     if reference is not None:
         return (*coefficients_of(reference), "the reference resonator")
-    nodes, weights, places = np.asarray(calibration.node, float), _weights(calibration, x), _places(calibration)
+    nodes, weights, places = (
+        np.asarray(calibration.node, float),
+        _weights(calibration, x),
+        _places(calibration),
+    )
     value = np.full(5, np.nan)
     covariance = np.zeros((5, 5))
-    flat = np.concatenate([np.asarray(calibration.drift_harmonics), np.asarray(calibration.scale_factor_harmonics)], axis=1).ravel()
+    flat = np.concatenate(
+        [np.asarray(calibration.drift_harmonics), np.asarray(calibration.scale_factor_harmonics)],
+        axis=1,
+    ).ravel()
     pick = np.zeros((3, len(flat)))
     for h in range(3):
         pick[h, places[:, h]] = weights
@@ -120,10 +179,17 @@ def _then(calibration: Calibration, reference: Resonator | None, x: float) -> tu
     covariance[:3, :3] = pick @ np.asarray(calibration.covariance) @ pick.T
     measured = json.loads(calibration.details).get("measured") or {}
     if measured.get("kind") == "quadrature":
-        coefficients, std = (np.broadcast_to(np.atleast_2d(measured[key]), (len(nodes), 2)) for key in ("coefficients", "std"))
+        coefficients, std = (
+            np.broadcast_to(np.atleast_2d(measured[key]), (len(nodes), 2))
+            for key in ("coefficients", "std")
+        )
         value[3:] = weights @ coefficients
         covariance[3:, 3:] = np.diag(weights**2 @ std**2)
-    return value, covariance, "the physical model's resonator" if calibration.model == "physical" else "the tables"
+    return (
+        value,
+        covariance,
+        "the physical model's resonator" if calibration.model == "physical" else "the tables",
+    )
 
 
 def _weights(calibration: Calibration, x: float) -> Array:
@@ -139,7 +205,9 @@ def _places(calibration: Calibration) -> Array:
     return np.arange(len(calibration.node))[:, None] * width + np.array([1, 2, first])
 
 
-def _moved(new: Array, new_covariance: Array, then: Array, then_covariance: Array) -> list[dict[str, Any]]:
+def _moved(
+    new: Array, new_covariance: Array, then: Array, then_covariance: Array
+) -> list[dict[str, Any]]:
     """One row a coefficient: before, now, the change's standard deviation, and the change in it."""
     rows = []
     for i, name in enumerate(NAMES):
@@ -159,33 +227,54 @@ def _moved(new: Array, new_covariance: Array, then: Array, then_covariance: Arra
 
 
 def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
-    """Sentences of what the new resonator's windows cannot tell: a standard deviation as large as what is to be updated."""
-    sizes = {"the damping anisotropy K_DC, K_DS": [0, 1], "the scale factor K": [2], "the frequency anisotropy": [3, 4]}
+    """Sentences of what the new resonator's windows cannot tell: a standard deviation as large as
+    what is to be updated."""
+    sizes = {
+        "the damping anisotropy K_DC, K_DS": [0, 1],
+        "the scale factor K": [2],
+        "the frequency anisotropy": [3, 4],
+    }
     checks = []
     for name, places in sizes.items():
         if not known[places].all():
             continue
-        std, size = float(np.sqrt(np.trace(covariance[np.ix_(places, places)]))), float(np.linalg.norm(then[places]))
+        std, size = (
+            float(np.sqrt(np.trace(covariance[np.ix_(places, places)]))),
+            float(np.linalg.norm(then[places])),
+        )
         checks.append(
             at_most(
                 name,
                 std / size if size > 0 else np.inf,
                 LEAST_TOLD,
-                f"the new resonator knows {name} to {std:.2g} only, the calibration holds {size:.2g}: these windows cannot tell whether it "
-                f"moved; use longer windows, or windows at other wave angles",
+                f"the new resonator knows {name} to {std:.2g} only, the calibration holds"
+                f" {size:.2g}: these windows cannot tell whether it moved; use longer windows, or"
+                " windows at other wave angles",
             )
         )
     return failures(checks)
 
 
-def _moved_tables(calibration: Calibration, change: Array, new: Array, then: Array, by_reference: bool, weights: Array) -> Calibration:
-    """The tables with `change` (5,) added at every node; weights (J,) of the nodes at the resonator's place.
+def _moved_tables(
+    calibration: Calibration,
+    change: Array,
+    new: Array,
+    then: Array,
+    by_reference: bool,
+    weights: Array,
+) -> Calibration:
+    """The tables with `change` (5,) added at every node; weights (J,) of the nodes at the
+    resonator's place.
 
-    Covariance: told by a reference, c' = c + (new − then): both resonators' are added. Told from the tables, c'_j = c_j − Σw_k c_k + new:
-    what the tables knew of the level is replaced, the differences between nodes stay.
+    Covariance: told by a reference, c' = c + (new − then): both resonators' are added. Told from
+    the tables, c'_j = c_j − Σw_k c_k + new: what the tables knew of the level is replaced, the
+    differences between nodes stay.
     """
     count, m = len(calibration.node), calibration.mode_number
-    drift, scale = (np.array(t, float) for t in (calibration.drift_harmonics, calibration.scale_factor_harmonics))
+    drift, scale = (
+        np.array(t, float)
+        for t in (calibration.drift_harmonics, calibration.scale_factor_harmonics)
+    )
     drift[:, 1:3] += change[:2]
     scale[:, 0] += change[2]
     covariance = np.array(calibration.covariance, float)
@@ -195,7 +284,10 @@ def _moved_tables(calibration: Calibration, change: Array, new: Array, then: Arr
         everywhere[_places(calibration)[:, h], h] = 1.0
         level[h, _places(calibration)[:, h]] = weights
     kept = np.eye(len(covariance)) - (0.0 if by_reference else 1.0) * everywhere @ level
-    covariance = kept @ covariance @ kept.T + everywhere @ (new + then if by_reference else new)[:3, :3] @ everywhere.T
+    covariance = (
+        kept @ covariance @ kept.T
+        + everywhere @ (new + then if by_reference else new)[:3, :3] @ everywhere.T
+    )
     width = drift.shape[1] + scale.shape[1]
     std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, width)
     first = drift.shape[1]
@@ -203,13 +295,23 @@ def _moved_tables(calibration: Calibration, change: Array, new: Array, then: Arr
     of_drift, of_scale = (harmonic_basis(angles, (t.shape[1] - 1) // 2, m) for t in (drift, scale))
 
     def table_std(basis: Array, offset: int) -> Array:
-        parts = [slice(j * width + offset, j * width + offset + basis.shape[1]) for j in range(count)]
-        return np.stack([np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", basis, covariance[p, p], basis), 0)) for p in parts])
+        parts = [
+            slice(j * width + offset, j * width + offset + basis.shape[1]) for j in range(count)
+        ]
+        return np.stack(
+            [
+                np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", basis, covariance[p, p], basis), 0))
+                for p in parts
+            ]
+        )
 
     details = json.loads(calibration.details)
     measured = details.get("measured")
     if measured and measured["kind"] == "quadrature":
-        old, old_std = (np.broadcast_to(np.atleast_2d(measured[key]), (count, 2)) for key in ("coefficients", "std"))
+        old, old_std = (
+            np.broadcast_to(np.atleast_2d(measured[key]), (count, 2))
+            for key in ("coefficients", "std")
+        )
         further = np.diag(new + then if by_reference else new)[3:]
         own = np.eye(count) - (0.0 if by_reference else 1.0) * weights[None, :]
         details["measured"] = measured | {

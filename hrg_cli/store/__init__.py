@@ -1,7 +1,9 @@
-"""Reads and writes every kind of record as HDF5: whole or not at all, checked on the way in, provenance beside the data.
+"""Reads and writes every kind of record as HDF5: whole or not at all, checked on the way in,
+provenance beside the data.
 
-Written under a temporary name in the target folder and renamed when whole; an existing output is replaced only when asked.
-Datasets carry dimension scales, so each group opens with `xarray.open_dataset(path, group=..., engine="h5netcdf")`.
+Written under a temporary name in the target folder and renamed when whole; an existing output is
+replaced only when asked. Datasets carry dimension scales, so each group opens with
+`xarray.open_dataset(path, group=..., engine="h5netcdf")`.
 """
 
 from .atomic import atomic_path, check_output, remove_stale

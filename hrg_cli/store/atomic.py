@@ -1,7 +1,8 @@
-"""Outputs whole or not at all: a temporary name beside the output, given its name when whole, removed otherwise.
+"""Outputs whole or not at all: a temporary name beside the output, given its name when whole,
+removed otherwise.
 
-The temporary name bears host and process, so that several hosts may work in one folder: each removes what its own killed processes left,
-and what no host has touched for a day.
+The temporary name bears host and process, so that several hosts may work in one folder: each
+removes what its own killed processes left, and what no host has touched for a day.
 """
 
 from __future__ import annotations
@@ -39,7 +40,10 @@ def check_output(path: Path | str, force: bool = False) -> Path:
     if path.is_dir():
         raise HrgError(f"{path}: is a folder; name a file in it")
     if os.path.lexists(path) and path.exists() and not path.is_file():
-        raise HrgError(f"{path}: is a device, pipe or socket, and only a regular file may be replaced; choose another --output")
+        raise HrgError(
+            f"{path}: is a device, pipe or socket, and only a regular file may be replaced; choose"
+            " another --output"
+        )
     if path.exists() and not force:
         raise HrgError(f"{path}: exists already; give --force to replace it or another --output")
     if not os.access(folder, os.W_OK) or (os.geteuid() == 0 and _read_only(folder)):
@@ -50,14 +54,23 @@ def check_output(path: Path | str, force: bool = False) -> Path:
 def _check_name(path: Path) -> None:
     """Refuse a name that no file can have, or that is a word for standard output."""
     if str(path) == "-":
-        raise UsageError("-o -: results are files, none is written to standard output; name a file (--json prints the result's figures)")
+        raise UsageError(
+            "-o -: results are files, none is written to standard output; name a file (--json"
+            " prints the result's figures)"
+        )
     try:
         str(path).encode()
     except UnicodeEncodeError as error:
-        raise HrgError(f"{str(path)!r}: the name is not UTF-8, which other programs could not read; choose another") from error
+        raise HrgError(
+            f"{str(path)!r}: the name is not UTF-8, which other programs could not read; choose"
+            " another"
+        ) from error
     if "\0" in str(path):
         raise HrgError(f"{str(path)!r}: the name holds a zero byte; choose another --output")
-    if any(len(os.fsencode(part)) > LONGEST_NAME for part in path.parts) or len(os.fsencode(path)) > 4000:
+    if (
+        any(len(os.fsencode(part)) > LONGEST_NAME for part in path.parts)
+        or len(os.fsencode(path)) > 4000
+    ):
         raise HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
 
 
@@ -69,10 +82,13 @@ def _read_only(folder: Path) -> bool:
 
 @contextlib.contextmanager
 def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
-    """A temporary name beside `path`, renamed to it when the block ends well and removed otherwise."""
+    """A temporary name beside `path`, renamed to it when the block ends well and removed
+    otherwise."""
     path = check_output(path, force)
     remove_stale(path.parent, shown(path))
-    temporary = path.parent / f".{shown(path)}.hrg-{this_host()}-{os.getpid()}-{time.monotonic_ns()}.tmp"
+    temporary = (
+        path.parent / f".{shown(path)}.hrg-{this_host()}-{os.getpid()}-{time.monotonic_ns()}.tmp"
+    )
     try:
         yield temporary
         if force:
@@ -88,7 +104,8 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """While a failed file is let go: h5py prints a traceback for each object it cannot flush, which says nothing new."""
+    """While a failed file is let go: h5py prints a traceback for each object it cannot flush, which
+    says nothing new."""
     hooks = sys.unraisablehook, sys.excepthook
     sys.unraisablehook, sys.excepthook = (lambda _: None), (lambda *_: None)
     try:
@@ -102,7 +119,9 @@ def _rename_to_new(temporary: Path, path: Path) -> None:
     try:
         os.link(temporary, path)
     except FileExistsError as error:
-        raise HrgError(f"{path}: was written by another program meanwhile; this result was dropped") from error
+        raise HrgError(
+            f"{path}: was written by another program meanwhile; this result was dropped"
+        ) from error
     except OSError:
         os.replace(temporary, path)
 
@@ -114,9 +133,13 @@ def shown(path: Path) -> str:
 
 @functools.cache
 def this_host() -> str:
-    """The host, and the space of process numbers on it (of a container): within it a number names one process."""
+    """The host, and the space of process numbers on it (of a container): within it a number names
+    one process."""
     facts = [platform.node()]
-    for read in (lambda: Path("/etc/machine-id").read_text(), lambda: os.readlink("/proc/self/ns/pid")):
+    for read in (
+        lambda: Path("/etc/machine-id").read_text(),
+        lambda: os.readlink("/proc/self/ns/pid"),
+    ):
         with contextlib.suppress(OSError):
             facts.append(read())
     name = re.sub(r"[^A-Za-z0-9]", "", platform.node())[:16] or "host"
@@ -124,7 +147,8 @@ def this_host() -> str:
 
 
 def remove_stale(folder: Path, name: str | None = None, below: bool = False) -> None:
-    """Remove temporary files (of the output `name`, or all) whose writer was killed: of this host, or not touched for a day."""
+    """Remove temporary files (of the output `name`, or all) whose writer was killed: of this host,
+    or not touched for a day."""
     pattern = f".{'*' if name is None else _glob_escape(name)}.hrg-*.tmp"
     for left in folder.rglob(pattern) if below else folder.glob(pattern):
         if _is_abandoned(left):
@@ -151,11 +175,17 @@ def write_error(error: OSError, path: Path) -> HrgError:
     if error.errno == errno.ENOSPC or "No space left" in str(error):
         return DiskFullError(f"{path}: the disk is full; free space or choose another --output")
     if error.errno in (errno.EFBIG, errno.EDQUOT) or "File too large" in str(error):
-        return DiskFullError(f"{path}: may not grow so large (a quota or a limit of this process); choose another --output")
+        return DiskFullError(
+            f"{path}: may not grow so large (a quota or a limit of this process); choose another"
+            " --output"
+        )
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return HrgError(f"{path}: no right to write it; choose another --output")
     if error.errno in (errno.EMFILE, errno.ENFILE):
-        return HrgError(f"{path}: cannot be opened, too many files are open; raise the limit (ulimit -n) or give fewer --jobs")
+        return HrgError(
+            f"{path}: cannot be opened, too many files are open; raise the limit (ulimit -n) or"
+            " give fewer --jobs"
+        )
     if error.errno == errno.ENAMETOOLONG:
         return HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
     return HrgError(f"{path}: cannot be written ({first_line(error)}); choose another --output")

@@ -1,6 +1,8 @@
-"""What a file held when it was written: SHA-256 of every dataset and of every group's attributes, kept in the root attribute `checksums`.
+"""What a file held when it was written: SHA-256 of every dataset and of every group's attributes,
+kept in the root attribute `checksums`.
 
-Of a dataset its type, its shape and the digest of its values in C order are kept; what does not match was changed, by whom it cannot tell.
+Of a dataset its type, its shape and the digest of its values in C order are kept; what does not
+match was changed, by whom it cannot tell.
 """
 
 from __future__ import annotations
@@ -18,8 +20,17 @@ NAME = "checksums"
 ROWS_BYTES = 8 << 20
 """So much of a dataset is read at a time."""
 CLAIMED_BYTES, CLAIMED_RATIO = 64 << 20, 2000
-"""A dataset larger than the first is read only where it claims less than so many times the bytes it stores."""
-OF_NETCDF = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_NCProperties")
+"""A dataset larger than the first is read only where it claims less than so many times the bytes it
+stores."""
+OF_NETCDF = (
+    "CLASS",
+    "NAME",
+    "DIMENSION_LIST",
+    "REFERENCE_LIST",
+    "_Netcdf4Dimid",
+    "_Netcdf4Coordinates",
+    "_NCProperties",
+)
 """Attributes that netCDF keeps for itself: places in the file, not content."""
 
 
@@ -67,19 +78,25 @@ def of_dataset(dataset: h5py.Dataset) -> str:
 
 
 def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
-    """The digest of all attributes of a group or dataset but netCDF's own and the checksums themselves."""
+    """The digest of all attributes of a group or dataset but netCDF's own and the checksums
+    themselves."""
     hashed = hashlib.sha256()
     for name in sorted(holder.attrs):
         if name in OF_NETCDF or (name == NAME and holder.name == "/"):
             continue
         value = np.asarray(holder.attrs[name])
-        hashed.update(name.encode() + b"\0" + value.dtype.kind.encode().replace(b"U", b"O").replace(b"S", b"O"))
+        hashed.update(
+            name.encode()
+            + b"\0"
+            + value.dtype.kind.encode().replace(b"U", b"O").replace(b"S", b"O")
+        )
         hashed.update(bytes(_bytes(value)) + b"\0")
     return hashed.hexdigest()
 
 
 def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
-    """Every group and dataset by its path, dimensions without values (netCDF's) left out, links to other files not followed."""
+    """Every group and dataset by its path, dimensions without values (netCDF's) left out, links to
+    other files not followed."""
 
     def below(group: h5py.Group) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
         yield group.name, group
@@ -96,11 +113,14 @@ def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]
 
 
 def _only_dimension(dataset: h5py.Dataset) -> bool:
-    return "NAME" in dataset.attrs and _text(dataset.attrs["NAME"]).startswith("This is a netCDF dimension but not a netCDF variable")
+    return "NAME" in dataset.attrs and _text(dataset.attrs["NAME"]).startswith(
+        "This is a netCDF dimension but not a netCDF variable"
+    )
 
 
 def seal(file: h5py.File, running: dict[str, Running]) -> None:
-    """Keep the digests of everything in the file; `running` has those of datasets that were hashed as they were written."""
+    """Keep the digests of everything in the file; `running` has those of datasets that were hashed
+    as they were written."""
     kept = {}
     for path, item in contents(file):
         if isinstance(item, h5py.Dataset):
@@ -128,13 +148,18 @@ def changes(file: h5py.File) -> list[str] | None:
     for path, item in contents(file):
         if isinstance(item, h5py.Dataset):
             said += _compared_values(left.pop(path, None), item, f"the values of {path}")
-        said += _compared(left.pop(f"{path}@", None), lambda item=item: of_attributes(item), f"the attributes of {path}")
+        said += _compared(
+            left.pop(f"{path}@", None),
+            lambda item=item: of_attributes(item),
+            f"the attributes of {path}",
+        )
     gone = sorted({place.removesuffix("@") for place in left})
     return said + [f"{place} was removed" for place in gone]
 
 
 def _compared_values(kept: str | None, dataset: h5py.Dataset, what: str) -> list[str]:
-    """The same of a dataset, which is read only where its type and shape are those that were kept."""
+    """The same of a dataset, which is read only where its type and shape are those that were
+    kept."""
     claimed = dataset.size * dataset.dtype.itemsize
     if kept is not None and kept.split(" ")[0] != _form(dataset):
         return [f"{what} were changed"]

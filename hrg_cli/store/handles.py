@@ -1,4 +1,5 @@
-"""Open HDF5 files, a bounded number at a time: a file that was closed to make room is opened again when its rows are asked for."""
+"""Open HDF5 files, a bounded number at a time: a file that was closed to make room is opened again
+when its rows are asked for."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from .heaps import check_heaps
 from .layout import first_line
 
 MOST_OPEN = 64
-"""Files held open at once, far below any system's limit, so that a thousand runs can be read side by side."""
+"""Files held open at once, far below any system's limit, so that a thousand runs can be read side
+by side."""
 CACHE_BYTES = 1 << 20
 """One chunk; HDF5 2 would keep 8 MB a dataset."""
 _in_use: OrderedDict[Handle, None] = OrderedDict()
@@ -31,13 +33,17 @@ class Handle:
         self._stamp: tuple[int, int] | None = None
 
     def file(self) -> h5py.File:
-        """The open file. HrgError: it cannot be opened, or was changed since it was opened first."""
+        """The open file. HrgError: it cannot be opened, or was changed since it was opened
+        first."""
         if self._file is None:
             self._file = _open(self.path)
             stat = self.path.stat()
             if self._stamp not in (None, (stat.st_size, stat.st_mtime_ns)):
                 self.close()
-                raise HrgError(f"{self.path}: changed while it was read; run the command again when it is whole")
+                raise HrgError(
+                    f"{self.path}: changed while it was read; run the command again when it is"
+                    " whole"
+                )
             self._stamp = stat.st_size, stat.st_mtime_ns
             while len(_in_use) >= MOST_OPEN:
                 next(iter(_in_use)).close()
@@ -73,27 +79,46 @@ def _open(path: Path) -> h5py.File:
     try:
         return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
     except BlockingIOError as error:
-        raise HrgError(f"{path}: is being written by another program; wait until it is closed") from error
+        raise HrgError(
+            f"{path}: is being written by another program; wait until it is closed"
+        ) from error
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         if "truncated" in str(error):
-            raise HrgError(f"{path}: is truncated ({path.stat().st_size} bytes are there); copy or record it again") from error
+            raise HrgError(
+                f"{path}: is truncated ({path.stat().st_size} bytes are there); copy or record it"
+                " again"
+            ) from error
         if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
             raise read_error(error, path) from error
         if not h5py.is_hdf5(path):
-            raise HrgError(f"{path}: is not an HDF5 file; for a log in another format run `hrg import {path.name}` first") from error
-        raise HrgError(f"{path}: cannot be opened as HDF5 ({first_line(error)}); copy or record it again") from error
+            raise HrgError(
+                f"{path}: is not an HDF5 file; for a log in another format run `hrg import"
+                f" {path.name}` first"
+            ) from error
+        raise HrgError(
+            f"{path}: cannot be opened as HDF5 ({first_line(error)}); copy or record it again"
+        ) from error
 
 
 def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
-    """The sentence for a failure while `path` (its part `what`) was read: the input is to blame, or this machine; never the output."""
+    """The sentence for a failure while `path` (its part `what`) was read: the input is to blame, or
+    this machine; never the output."""
     number = getattr(error, "errno", None)
     if number in (errno.EMFILE, errno.ENFILE) or "Too many open files" in str(error):
-        return HrgError(f"{path}: cannot be opened, too many files are open here; raise the limit (ulimit -n) or give fewer --jobs")
+        return HrgError(
+            f"{path}: cannot be opened, too many files are open here; raise the limit (ulimit -n)"
+            " or give fewer --jobs"
+        )
     if number == errno.ENAMETOOLONG:
-        return HrgError(f"{str(path)[:80]}…: the name is too long for a file; name a file that is there")
+        return HrgError(
+            f"{str(path)[:80]}…: the name is too long for a file; name a file that is there"
+        )
     if number in (errno.EACCES, errno.EPERM):
         return HrgError(f"{path}: no right to read it; ask for read access")
-    return HrgError(f"{path}: {f'dataset {what} ' if what else ''}is damaged ({first_line(error)}); copy or record it again")
+    return HrgError(
+        f"{path}: {f'dataset {what} ' if what else ''}is damaged ({first_line(error)}); copy or"
+        " record it again"
+    )
 
 
 @contextlib.contextmanager

@@ -1,7 +1,9 @@
-"""Look through an HDF5 file's global heaps before the library does: a zeroed one makes it loop without end.
+"""Look through an HDF5 file's global heaps before the library does: a zeroed one makes it loop
+without end.
 
-Texts of variable length (nearly every attribute) live in collections that begin with "GCOL" (HDF5 file format 3.0, III.E). The library
-steps from object to object by their sizes; free space of size zero, as after a lost disk sector, never lets it advance.
+Texts of variable length (nearly every attribute) live in collections that begin with "GCOL" (HDF5
+file format 3.0, III.E). The library steps from object to object by their sizes; free space of size
+zero, as after a lost disk sector, never lets it advance.
 """
 
 from __future__ import annotations
@@ -13,11 +15,13 @@ from ..errors import HrgError
 
 SIGNATURE = b"GCOL\x01\x00\x00\x00"
 SCANNED_BYTES = 8 << 20
-"""Of a longer file so much of its head and of its tail is looked through; texts are written there."""
+"""Of a longer file so much of its head and of its tail is looked through; texts are written
+there."""
 
 
 def check_heaps(path: Path) -> None:
-    """HrgError when a global heap in the head or the tail of `path` would stop the HDF5 library for ever."""
+    """HrgError when a global heap in the head or the tail of `path` would stop the HDF5 library for
+    ever."""
     size = path.stat().st_size
     with open(path, "rb") as file:
         if not size:
@@ -29,7 +33,10 @@ def check_heaps(path: Path) -> None:
                 at = data.find(SIGNATURE, start, stop)
                 while at >= 0:
                     if not _ends(data, at, size):
-                        raise HrgError(f"{path}: is damaged (the texts at byte {at} are overwritten); copy or record it again")
+                        raise HrgError(
+                            f"{path}: is damaged (the texts at byte {at} are overwritten); copy or"
+                            " record it again"
+                        )
                     at = data.find(SIGNATURE, at + len(SIGNATURE), stop)
                 if stop == size:
                     break

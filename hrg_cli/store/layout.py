@@ -1,4 +1,5 @@
-"""The layout that reading and writing share: format, kinds by name, where a field stands in a file."""
+"""The layout that reading and writing share: format, kinds by name, where a field stands in a
+file."""
 
 from __future__ import annotations
 

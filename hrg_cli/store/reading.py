@@ -1,4 +1,5 @@
-"""Reading: every dataset and attribute checked against its declaration, every way HDF5 fails turned into a sentence."""
+"""Reading: every dataset and attribute checked against its declaration, every way HDF5 fails turned
+into a sentence."""
 
 from __future__ import annotations
 
@@ -25,18 +26,22 @@ from .validity import attribute_problem, bound_together, dtype_problem, size_pro
 LARGEST_COLUMN_BYTES = 8 << 30
 """No column read into memory at once may claim more."""
 LARGEST_GAP_BYTES = 64 << 20
-"""So much of a dataset may be left unwritten (it reads as zeros) before its size is not believed."""
+"""So much of a dataset may be left unwritten (it reads as zeros) before its size is not
+believed."""
 LARGEST_CHUNK_BYTES = 256 << 20
 """A chunk is unpacked whole; hrg writes chunks of 1 MB."""
 UNPACKED_BYTES, UNPACKED_RATIO = 256 << 20, 50
-"""A column of more than so many bytes is read whole only where the file stores more than one in so many of them."""
+"""A column of more than so many bytes is read whole only where the file stores more than one in so
+many of them."""
 
 
 @contextlib.contextmanager
 def open_record(path: Path | str, kind: type[AnyRecord]) -> Iterator[AnyRecord]:
-    """The record of `path`, its row columns left on disk (they are read and checked when sliced); closed on leaving.
+    """The record of `path`, its row columns left on disk (they are read and checked when sliced);
+    closed on leaving.
 
-    Any number of records may be open: files beyond a few dozen are closed and opened again as their rows are asked for.
+    Any number of records may be open: files beyond a few dozen are closed and opened again as their
+    rows are asked for.
     """
     handle = Handle(Path(path))
     try:
@@ -48,7 +53,8 @@ def open_record(path: Path | str, kind: type[AnyRecord]) -> Iterator[AnyRecord]:
 
 
 def read(path: Path | str, kind: type[AnyRecord]) -> AnyRecord:
-    """The record of `path`, whole, in memory. HrgError: not that kind, damaged, a missing or ill-shaped dataset, a wrong unit."""
+    """The record of `path`, whole, in memory. HrgError: not that kind, damaged, a missing or
+    ill-shaped dataset, a wrong unit."""
     with _opened(Path(path)) as file:
         return _record(file, Path(path), kind)
 
@@ -76,7 +82,8 @@ def kind_of(path: Path | str) -> type[Record]:
 
 
 def changes(path: Path | str) -> list[str] | None:
-    """What in a file differs from what was written there, in words; None where it keeps no checksums (a laboratory's file)."""
+    """What in a file differs from what was written there, in words; None where it keeps no
+    checksums (a laboratory's file)."""
     with _opened(Path(path)) as file:
         return checksums.changes(file)
 
@@ -100,20 +107,34 @@ def _text(value: Any) -> str:
 
 def _kind(file: h5py.File, path: Path) -> type[Record]:
     if _text(file.attrs.get("format", "")) != FORMAT:
-        raise HrgError(f'{path}: is HDF5 but not an hrg file (root attribute format = "hrg" is missing); run `hrg import` on a foreign log')
+        raise HrgError(
+            f'{path}: is HDF5 but not an hrg file (root attribute format = "hrg" is missing); run'
+            " `hrg import` on a foreign log"
+        )
     version = _text(file.attrs.get("format_version", ""))
     if version.split(".")[0] != FORMAT_VERSION.split(".")[0]:
-        raise HrgError(f"{path}: has format_version {version or 'none'}, this hrg reads {FORMAT_VERSION}; use a matching version of hrg")
+        raise HrgError(
+            f"{path}: has format_version {version or 'none'}, this hrg reads {FORMAT_VERSION}; use"
+            " a matching version of hrg"
+        )
     kind = _text(file.attrs.get("kind", ""))
     if kind not in BY_NAME:
-        raise HrgError(f"{path}: its kind is {kind!r}, expected one of {', '.join(BY_NAME)}; write the file again with hrg {__version__}")
+        raise HrgError(
+            f"{path}: its kind is {kind!r}, expected one of {', '.join(BY_NAME)}; write the file"
+            f" again with hrg {__version__}"
+        )
     return BY_NAME[kind]
 
 
-def _record(file: h5py.File, path: Path, kind: type[AnyRecord], lazy: Handle | None = None) -> AnyRecord:
+def _record(
+    file: h5py.File, path: Path, kind: type[AnyRecord], lazy: Handle | None = None
+) -> AnyRecord:
     found = _kind(file, path)
     if found is not kind:
-        raise HrgError(f"{path}: is a {found.kind} file, a {kind.kind} file was expected; make one with `{kind.made_by}`")
+        raise HrgError(
+            f"{path}: is a {found.kind} file, a {kind.kind} file was expected; make one with"
+            f" `{kind.made_by}`"
+        )
     values: dict[str, Any] = {}
     sizes: dict[str, tuple[int, str]] = {}
     for field_name, spec in kind.columns().items():
@@ -125,14 +146,24 @@ def _record(file: h5py.File, path: Path, kind: type[AnyRecord], lazy: Handle | N
         if dataset is None:
             if spec.optional:
                 continue
-            raise HrgError(f"{path}: dataset {place} is missing; make the file again with `{kind.made_by}`")
+            raise HrgError(
+                f"{path}: dataset {place} is missing; make the file again with `{kind.made_by}`"
+            )
         excused = partial(_excused, lazy or file, kind) if spec.valid.missing == "flagged" else None
-        values[field_name] = _read_dataset(dataset, path, place, spec, sizes, lazy if spec.dims[0] == "row" else None, excused)
+        values[field_name] = _read_dataset(
+            dataset, path, place, spec, sizes, lazy if spec.dims[0] == "row" else None, excused
+        )
     status = _text(file.attrs.get("status", "valid"))
     if status not in ("valid", "suspect", "refused"):
-        raise HrgError(f'{path}: its status is {status!r}, expected "valid", "suspect" or "refused"')
+        raise HrgError(
+            f'{path}: its status is {status!r}, expected "valid", "suspect" or "refused"'
+        )
     values["status"] = status
-    record = kind(**values, status_reasons=tuple(_json_list(file, "status_reasons", path)), provenance=_provenance(file, path))
+    record = kind(
+        **values,
+        status_reasons=tuple(_json_list(file, "status_reasons", path)),
+        provenance=_provenance(file, path),
+    )
     problem = bound_together(record)
     if problem is not None:
         raise HrgError(f"{path}: {problem}")
@@ -147,17 +178,23 @@ def _excused(opened: Handle | h5py.File, kind: type[Record], key: Any) -> np.nda
     return excused if iterations is None else excused | (np.asarray(iterations[key]) < 0)
 
 
-def _read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spec: Column, values: dict[str, Any]) -> Any:
+def _read_attribute(
+    file: h5py.File, path: Path, place: str, field_name: str, spec: Column, values: dict[str, Any]
+) -> Any:
     group, _, name = place.rpartition("/")
     holder = file.get(group)
     if holder is None or name not in holder.attrs:
         if spec.optional:
             return default_of(field_name, spec)
-        raise HrgError(f"{path}: attribute {name} of {group} is missing; make the file again or add it")
+        raise HrgError(
+            f"{path}: attribute {name} of {group} is missing; make the file again or add it"
+        )
     value = _parsed(holder.attrs[name], spec, f"{path}: attribute {name} of {group}")
     problem = attribute_problem(value, spec)
     if problem is not None:
-        raise HrgError(f"{path}: attribute {name} of {group} {problem}; correct it or make the file again")
+        raise HrgError(
+            f"{path}: attribute {name} of {group} {problem}; correct it or make the file again"
+        )
     return value
 
 
@@ -188,19 +225,30 @@ def _read_dataset(
     if not isinstance(dataset, h5py.Dataset):
         raise HrgError(f"{path}: {place} is a group, a dataset was expected")
     if dataset.shape is None or dataset.ndim != len(spec.dims):
-        raise HrgError(f"{path}: dataset {place} has shape {dataset.shape}, {len(spec.dims)} dimension(s) were expected")
+        raise HrgError(
+            f"{path}: dataset {place} has shape {dataset.shape}, {len(spec.dims)} dimension(s) were"
+            " expected"
+        )
     problem = dtype_problem(dataset.dtype, spec)
     if problem is not None:
         raise HrgError(f"{path}: dataset {place} {problem}; convert it and write the file again")
     units = dataset.attrs.get("units")
-    if units is not None and spec.units not in (None, "any", "1") and canonical(_text(units)) != spec.units:
+    if (
+        units is not None
+        and spec.units not in (None, "any", "1")
+        and canonical(_text(units)) != spec.units
+    ):
         raise HrgError(
-            f"{path}: dataset {place} has units {_text(units)!r}, {spec.units!r} was expected; convert it and write the file again"
+            f"{path}: dataset {place} has units {_text(units)!r}, {spec.units!r} was expected;"
+            " convert it and write the file again"
         )
     for dim, size in zip(spec.dims, dataset.shape):
         known, where = sizes.setdefault(dim.removesuffix("_2"), (size, place))
         if known != size:
-            raise HrgError(f"{path}: {place} has {size} values where {where} has {known}; lengths must be equal")
+            raise HrgError(
+                f"{path}: {place} has {size} values where {where} has {known}; lengths must be"
+                " equal"
+            )
         problem = size_problem(dim, size)
         if problem is not None:
             raise HrgError(f"{path}: dataset {place} {problem}; make the file again")
@@ -210,9 +258,13 @@ def _read_dataset(
     _need_room(dataset, path, place)
     if spec.dtype == "str":
         _need_short_texts(dataset, path, place)
-        return np.array([_text(v) for v in dataset[()].ravel()], dtype=object).reshape(dataset.shape)
+        return np.array([_text(v) for v in dataset[()].ravel()], dtype=object).reshape(
+            dataset.shape
+        )
     found = dataset[()]
-    problem = values_problem(found, spec, 0, None if excused is None else lambda: excused(slice(None)))
+    problem = values_problem(
+        found, spec, 0, None if excused is None else lambda: excused(slice(None))
+    )
     if problem is not None:
         raise HrgError(f"{path}: dataset {place} {problem}; make the file again or record it again")
     return found if spec.dtype == "raw" else np.asarray(found, dtype=spec.dtype)
@@ -222,36 +274,53 @@ def _need_room(dataset: h5py.Dataset, path: Path, place: str) -> None:
     """Refuse a column that would take far more memory than its file has bytes for."""
     claimed = dataset.size * max(dataset.dtype.itemsize, 1)
     if claimed > LARGEST_COLUMN_BYTES:
-        raise HrgError(f"{path}: dataset {place} claims {dataset.size} values, more than can be held in memory; shorten the file")
+        raise HrgError(
+            f"{path}: dataset {place} claims {dataset.size} values, more than can be held in"
+            " memory; shorten the file"
+        )
     stored = dataset.id.get_storage_size()
     if claimed > UNPACKED_BYTES and claimed > UNPACKED_RATIO * stored:
         raise HrgError(
-            f"{path}: dataset {place} would unpack {stored} bytes to {claimed >> 20} MB; write it again without such compression"
+            f"{path}: dataset {place} would unpack {stored} bytes to {claimed >> 20} MB; write it"
+            " again without such compression"
         )
 
 
 def _need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
-    """Refuse a dataset whose values are not in this very file: a header may claim any size, and may point anywhere on the disk."""
+    """Refuse a dataset whose values are not in this very file: a header may claim any size, and may
+    point anywhere on the disk."""
     layout = dataset.id.get_create_plist()
     if dataset.is_virtual or layout.get_external_count() or Path(dataset.file.filename) != path:
-        raise HrgError(f"{path}: dataset {place} keeps its values in another file; copy them into this one")
+        raise HrgError(
+            f"{path}: dataset {place} keeps its values in another file; copy them into this one"
+        )
     claimed = dataset.size * dataset.dtype.itemsize
     if dataset.chunks is not None:
         chunk = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
         if chunk > LARGEST_CHUNK_BYTES and chunk > UNPACKED_RATIO * dataset.id.get_storage_size():
-            raise HrgError(f"{path}: dataset {place} would unpack one chunk to {chunk >> 20} MB; write it again in smaller chunks")
+            raise HrgError(
+                f"{path}: dataset {place} would unpack one chunk to {chunk >> 20} MB; write it"
+                " again in smaller chunks"
+            )
         stored = dataset.id.get_num_chunks() * int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
     else:
-        stored = claimed if layout.get_layout() == h5py.h5d.COMPACT else dataset.id.get_storage_size()
+        stored = (
+            claimed if layout.get_layout() == h5py.h5d.COMPACT else dataset.id.get_storage_size()
+        )
     if claimed and (stored == 0 or claimed - stored > LARGEST_GAP_BYTES):
         has = "none" if stored == 0 else f"{stored // dataset.dtype.itemsize} at most"
-        raise HrgError(f"{path}: dataset {place} claims {dataset.size} values but stores {has}; copy or record it again")
+        raise HrgError(
+            f"{path}: dataset {place} claims {dataset.size} values but stores {has}; copy or record"
+            " it again"
+        )
 
 
 def _need_short_texts(dataset: h5py.Dataset, path: Path, place: str) -> None:
-    """Refuse texts whose claimed lengths the file cannot hold, before the library takes memory for them.
+    """Refuse texts whose claimed lengths the file cannot hold, before the library takes memory for
+    them.
 
-    A text of variable length is kept as its length (4 bytes), heap address and index (HDF5 file format 3.0, IV.A.2.d).
+    A text of variable length is kept as its length (4 bytes), heap address and index (HDF5 file
+    format 3.0, IV.A.2.d).
     """
     offset = dataset.id.get_offset()
     kind = h5py.check_string_dtype(dataset.dtype)
@@ -259,7 +328,9 @@ def _need_short_texts(dataset: h5py.Dataset, path: Path, place: str) -> None:
         return
     lengths = np.fromfile(path, "<u4", dataset.size * 4, offset=offset)[::4]
     if len(lengths) < dataset.size or lengths.sum(dtype=np.uint64) > path.stat().st_size:
-        raise HrgError(f"{path}: dataset {place} claims texts longer than the file; copy or record it again")
+        raise HrgError(
+            f"{path}: dataset {place} claims texts longer than the file; copy or record it again"
+        )
 
 
 def _json_list(file: h5py.File, name: str, path: Path) -> list[Any]:

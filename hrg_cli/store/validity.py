@@ -1,4 +1,5 @@
-"""Values held to their declaration: the same rules for every column, at reading block by block and before anything is written."""
+"""Values held to their declaration: the same rules for every column, at reading block by block and
+before anything is written."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from ..units import canonical
 
 Array = np.ndarray
 KINDS_OF_NUMBER = {"raw": "iuf", "f8": "iuf", "u1": "iu", "i2": "iu", "i4": "iu", "i8": "iu"}
-"""Kinds of stored numbers that a declared type may be read from: no flags from fractions, no samples from yes and no."""
+"""Kinds of stored numbers that a declared type may be read from: no flags from fractions, no
+samples from yes and no."""
 
 
 def dtype_problem(found: np.dtype[Any], spec: Column) -> str | None:
@@ -32,13 +34,20 @@ def size_problem(dim: str, size: int) -> str | None:
     allowed = SIZES.get(dim)
     if allowed is None or size in allowed:
         return None
-    return f"has {size} values along its dimension {dim}, {' or '.join(map(str, allowed))} were expected"
+    return (
+        f"has {size} values along its dimension {dim}, {' or '.join(map(str, allowed))} were"
+        " expected"
+    )
 
 
-def values_problem(values: Array, spec: Column, first_row: int = 0, excused: Callable[[], Array] | None = None) -> str | None:
-    """What is wrong with these values (rows from `first_row` on), in words; None where they are as declared.
+def values_problem(
+    values: Array, spec: Column, first_row: int = 0, excused: Callable[[], Array] | None = None
+) -> str | None:
+    """What is wrong with these values (rows from `first_row` on), in words; None where they are as
+    declared.
 
-    excused: the rows (n,) bool in which NaN may stand, for columns declared missing="flagged"; asked only where there is a NaN.
+    excused: the rows (n,) bool in which NaN may stand, for columns declared missing="flagged";
+    asked only where there is a NaN.
     """
     valid = spec.valid
     if spec.dtype == "str" or valid.raw or not np.size(values):
@@ -47,7 +56,10 @@ def values_problem(values: Array, spec: Column, first_row: int = 0, excused: Cal
         limits = np.iinfo(spec.dtype)
         outside = _first((values < limits.min) | (values > limits.max))
         if outside is not None:
-            return f"holds {_at(values, outside, first_row)}, a number from {limits.min} to {limits.max} was expected"
+            return (
+                f"holds {_at(values, outside, first_row)}, a number from {limits.min} to"
+                f" {limits.max} was expected"
+            )
     known = np.isfinite(values) if values.dtype.kind == "f" else None
     if known is not None and not known.all():
         problem = _not_finite(values, known, valid, first_row, excused)
@@ -56,7 +68,10 @@ def values_problem(values: Array, spec: Column, first_row: int = 0, excused: Cal
     with np.errstate(invalid="ignore"):
         for outside_, words in (
             (None if valid.above is None else values <= valid.above, f"above {valid.above}"),
-            (None if valid.at_least is None else values < valid.at_least, f"at least {valid.at_least}"),
+            (
+                None if valid.at_least is None else values < valid.at_least,
+                f"at least {valid.at_least}",
+            ),
             (None if valid.at_most is None else values > valid.at_most, f"at most {valid.at_most}"),
         ):
             place = None if outside_ is None else _first(outside_)
@@ -66,11 +81,16 @@ def values_problem(values: Array, spec: Column, first_row: int = 0, excused: Cal
         place = _first(np.diff(np.asarray(values), axis=0) <= 0)
         if place is not None:
             after = (place[0] + 1, *place[1:])
-            return f"holds {_at(values, after, first_row)} after {values[place]:.9g}; the values must increase from row to row"
+            return (
+                f"holds {_at(values, after, first_row)} after {values[place]:.9g}; the values must"
+                " increase from row to row"
+            )
     return None
 
 
-def _not_finite(values: Array, known: Array, valid: Valid, first_row: int, excused: Callable[[], Array] | None) -> str | None:
+def _not_finite(
+    values: Array, known: Array, valid: Valid, first_row: int, excused: Callable[[], Array] | None
+) -> str | None:
     if not valid.infinite:
         place = _first(np.isinf(values))
         if place is not None:
@@ -115,7 +135,11 @@ def attribute_problem(value: Any, spec: Column) -> str | None:
     if np.isinf(value) and not valid.infinite:
         return f"is {value}, a finite number was expected"
     if valid.above is not None and not value > valid.above:
-        return f"is {value:.9g}, a number above {valid.above:g} (positive) was expected" if valid.above == 0 else f"is {value:.9g}"
+        return (
+            f"is {value:.9g}, a number above {valid.above:g} (positive) was expected"
+            if valid.above == 0
+            else f"is {value:.9g}"
+        )
     if valid.at_least is not None and not value >= valid.at_least:
         return f"is {value:.9g}, {valid.at_least:g} or more was expected"
     if valid.at_most is not None and not value <= valid.at_most:
@@ -137,7 +161,8 @@ def _json_problem(text: str, wanted: str) -> str | None:
 
 
 def may_be_missing(record: Record) -> Array:
-    """Rows (n,) of a windowed record in which NaN may stand: flagged, or the solver did not converge."""
+    """Rows (n,) of a windowed record in which NaN may stand: flagged, or the solver did not
+    converge."""
     excused = np.asarray(record.flags) != 0  # type: ignore[attr-defined]
     iterations = getattr(record, "iterations", None)
     return excused if iterations is None else excused | (np.asarray(iterations) < 0)
@@ -152,12 +177,20 @@ def bound_together(record: Record) -> str | None:
     if isinstance(record, Resonator):
         names = [str(name) for name in record.name]
         twice = next((name for name in names if names.count(name) > 1), None)
-        return None if twice is None else f"/resonator/name has {twice[:60]!r} twice; each parameter once was expected"
+        return (
+            None
+            if twice is None
+            else f"/resonator/name has {twice[:60]!r} twice; each parameter once was expected"
+        )
     if hasattr(record, "signals") and len(record):
         count, wanted = np.shape(record.signals)[1], 8 if record.readout == "carrier" else 4  # type: ignore[attr-defined]
         if count != wanted:
             return f'/periods/signals has {count} signals, {wanted} were expected with readout "{record.readout}"'  # type: ignore[attr-defined]
-    if hasattr(record, "readout") and record.readout == "carrier" and getattr(record, "carrier_hz", 1.0) is None:
+    if (
+        hasattr(record, "readout")
+        and record.readout == "carrier"
+        and getattr(record, "carrier_hz", 1.0) is None
+    ):
         return 'readout is "carrier" but the attribute carrier_hz is missing; add it'
     return None
 
@@ -167,15 +200,25 @@ def _recording_problem(record: Recording) -> str | None:
         return "holds no samples; record again"
     found = "neither" if record.time_s is None else "both"
     if (record.sample_rate_hz is None) == (record.time_s is None):
-        return f"needs either the attribute sample_rate_hz or the dataset time_s in /recording, found {found}"
+        return (
+            "needs either the attribute sample_rate_hz or the dataset time_s in /recording, found"
+            f" {found}"
+        )
     if record.readout == "carrier" and record.carrier_hz is None:
         return 'readout is "carrier" but the attribute carrier_hz is missing; add it'
     for name in ("c_scale_factor", "s_scale_factor"):
         if getattr(record, name) == 0:
-            return f"{name[2:]} of channel {name[0]} is 0, a finite number other than 0 was expected"
+            return (
+                f"{name[2:]} of channel {name[0]} is 0, a finite number other than 0 was expected"
+            )
     if canonical(record.c_units) != canonical(record.s_units):
-        return f"channel c is in {record.c_units!r} and channel s in {record.s_units!r}; both must have one unit"
-    if record.auxiliary_time_s is None and (record.temperature_degc is not None or record.rate_rad_s is not None):
+        return (
+            f"channel c is in {record.c_units!r} and channel s in {record.s_units!r}; both must"
+            " have one unit"
+        )
+    if record.auxiliary_time_s is None and (
+        record.temperature_degc is not None or record.rate_rad_s is not None
+    ):
         return "/auxiliary has data but no time_s; add it"
     return None
 
@@ -189,17 +232,24 @@ def _calibration_problem(record: Calibration) -> str | None:
     drift, scale = np.shape(record.drift_harmonics)[1], np.shape(record.scale_factor_harmonics)[1]
     for name, count in (("drift_harmonics", drift), ("scale_factor_harmonics", scale)):
         if count % 2 == 0:
-            return f"/calibration/{name} has {count} coefficients a node; a constant and pairs of cos and sin were expected"
+            return (
+                f"/calibration/{name} has {count} coefficients a node; a constant and pairs of cos"
+                " and sin were expected"
+            )
     coefficients = len(nodes) * (drift + scale)
     if len(record.covariance) != coefficients:
-        return f"/calibration/covariance has {len(record.covariance)} rows, {coefficients} were expected, one a coefficient"
+        return (
+            f"/calibration/covariance has {len(record.covariance)} rows, {coefficients} were"
+            " expected, one a coefficient"
+        )
     if record.node_min > record.node_max or record.rate_min_rad_s > record.rate_max_rad_s:
         return "the lowest value of a range is above its highest"
     return None
 
 
 class WrittenBlocks:
-    """Holds the blocks of a record to their declaration before they are written: what a command made must be what it promises."""
+    """Holds the blocks of a record to their declaration before they are written: what a command
+    made must be what it promises."""
 
     def __init__(self, path: Any) -> None:
         self.path = path
@@ -211,8 +261,9 @@ class WrittenBlocks:
         problem = self._problem(record)
         if problem is not None:
             raise HrgError(
-                f"{self.path}: was not written: the {record.kind} made here would break its own promise: {problem}; "
-                "look for values out of all proportion in the input, and report it where there are none"
+                f"{self.path}: was not written: the {record.kind} made here would break its own"
+                f" promise: {problem}; look for values out of all proportion in the input, and"
+                " report it where there are none"
             )
         self.rows += len(record)
 
@@ -221,7 +272,11 @@ class WrittenBlocks:
             value = getattr(record, name)
             if value is None:
                 continue
-            problem = attribute_problem(value, spec) if spec.dims is None else self._column_problem(record, name, value, spec)
+            problem = (
+                attribute_problem(value, spec)
+                if spec.dims is None
+                else self._column_problem(record, name, value, spec)
+            )
             if problem is not None:
                 return f"{name} {problem}"
         return bound_together(record) if len(record) or not self.rows else None
@@ -230,10 +285,21 @@ class WrittenBlocks:
         if spec.dtype == "str" or spec.valid.raw:
             return None
         values = np.asarray(value)
-        problem = dtype_problem(values.dtype, spec) or values_problem(values, spec, self.rows, lambda: may_be_missing(record))
-        if problem is None and spec.valid.rising and spec.dims is not None and spec.dims[0] == "row" and values.size:
+        problem = dtype_problem(values.dtype, spec) or values_problem(
+            values, spec, self.rows, lambda: may_be_missing(record)
+        )
+        if (
+            problem is None
+            and spec.valid.rising
+            and spec.dims is not None
+            and spec.dims[0] == "row"
+            and values.size
+        ):
             before = self.last.get(name, -np.inf)
             if not values.flat[0] > before:
-                problem = f"holds {values.flat[0]:.9g} in row {self.rows + 1} after {before:.9g}; the values must increase from row to row"
+                problem = (
+                    f"holds {values.flat[0]:.9g} in row {self.rows + 1} after {before:.9g}; the"
+                    " values must increase from row to row"
+                )
             self.last[name] = float(values.flat[-1])
         return problem

@@ -1,6 +1,8 @@
-"""Writing: records and streams of records as HDF5, block by block, with dimension scales and provenance.
+"""Writing: records and streams of records as HDF5, block by block, with dimension scales and
+provenance.
 
-Identical content gives identical bytes: no time stamps inside but `created`, which honours SOURCE_DATE_EPOCH.
+Identical content gives identical bytes: no time stamps inside but `created`, which honours
+SOURCE_DATE_EPOCH.
 """
 
 from __future__ import annotations
@@ -48,11 +50,18 @@ def sha256(path: Path | str) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool = False, finish: Any = None) -> AnyRecord:
-    """Write a record, or a stream of records block by block, to `path`; return the last record (a stream's: its last block).
+def write(
+    path: Path | str,
+    stream: AnyRecord | Iterable[AnyRecord],
+    force: bool = False,
+    finish: Any = None,
+) -> AnyRecord:
+    """Write a record, or a stream of records block by block, to `path`; return the last record (a
+    stream's: its last block).
 
-    finish: called with the last record before closing; returns it with provenance and status complete.
-    HrgError: the folder is missing or not writable, the output exists (unless `force`), the disk is full; then no output exists.
+    finish: called with the last record before closing; returns it with provenance and status
+    complete. HrgError: the folder is missing or not writable, the output exists (unless `force`),
+    the disk is full; then no output exists.
     """
     with atomic_path(path, force) as temporary:
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
@@ -85,7 +94,9 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
                     with contextlib.suppress(Exception):
                         file.close()
                 file = None
-            if isinstance(error, RuntimeError) and (number := re.search(r"errno = (\d+)", str(error))):
+            if isinstance(error, RuntimeError) and (
+                number := re.search(r"errno = (\d+)", str(error))
+            ):
                 raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
             raise
     assert last is not None
@@ -93,7 +104,8 @@ def write(path: Path | str, stream: AnyRecord | Iterable[AnyRecord], force: bool
 
 
 def _refuse_no_covariance(record: Record, path: Path) -> None:
-    """HrgError: the record's covariance is none (a correlation beyond 1, a negative variance); such errors must not reach a file."""
+    """HrgError: the record's covariance is none (a correlation beyond 1, a negative variance); such
+    errors must not reach a file."""
     matrix = getattr(record, "covariance", None)
     if not isinstance(matrix, np.ndarray) or matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         return
@@ -104,8 +116,9 @@ def _refuse_no_covariance(record: Record, path: Path) -> None:
     worst = float(np.nan_to_num(off).max(initial=0.0))
     if worst > LARGEST_CORRELATION or np.any(variance < 0):
         raise HrgError(
-            f"{path}: the {record.kind}'s covariance has a correlation of {worst:.3g} or a negative variance, at most 1 was expected; "
-            "this is a fault of the program, report it with the inputs"
+            f"{path}: the {record.kind}'s covariance has a correlation of {worst:.3g} or a negative"
+            " variance, at most 1 was expected; this is a fault of the program, report it with the"
+            " inputs"
         )
 
 
@@ -117,7 +130,10 @@ def _need_space(block: Record, path: Path) -> None:
         if spec.dims and isinstance(value, np.ndarray):
             need += value.nbytes
     if shutil.disk_usage(path.parent).free < need:
-        raise DiskFullError(f"{path}: the disk is full ({need >> 20} MB more are needed); free space or choose another --output")
+        raise DiskFullError(
+            f"{path}: the disk is full ({need >> 20} MB more are needed); free space or choose"
+            " another --output"
+        )
 
 
 def _present(record: Record) -> Iterator[tuple[str, str, Column, Any]]:
@@ -156,7 +172,8 @@ def _create(file: h5py.File, record: Record, running: dict[str, Running]) -> Non
 
 
 def _worth_compressing(array: Any) -> bool:
-    """Whether gzip after shuffle saves a third of the first rows; noise does not shrink and costs most of a command's time."""
+    """Whether gzip after shuffle saves a third of the first rows; noise does not shrink and costs
+    most of a command's time."""
     sample = np.ascontiguousarray(array).reshape(-1)[: 1 << 14]
     shuffled = sample.view("u1").reshape(-1, sample.itemsize).T.tobytes()
     return len(zlib.compress(shuffled, 1)) < 0.67 * max(1, len(shuffled))
@@ -164,13 +181,19 @@ def _worth_compressing(array: Any) -> bool:
 
 def _units(record: Record, spec: Column) -> str:
     if spec.units == "any":
-        return str(getattr(record, "units", "1")) if isinstance(getattr(record, "units", "1"), str) else "1"
+        return (
+            str(getattr(record, "units", "1"))
+            if isinstance(getattr(record, "units", "1"), str)
+            else "1"
+        )
     return spec.units or "1"
 
 
 def _encoded(value: Any, spec: Column) -> Any:
     if spec.dtype == "str":
-        return np.array([str(v) for v in np.asarray(value).ravel()], dtype=h5py.string_dtype()).reshape(np.shape(value))
+        return np.array(
+            [str(v) for v in np.asarray(value).ravel()], dtype=h5py.string_dtype()
+        ).reshape(np.shape(value))
     array = np.asarray(value)
     return array if spec.dtype == "raw" else array.astype(spec.dtype, copy=False)
 
@@ -215,14 +238,22 @@ def _finish(file: h5py.File, record: Record) -> None:
     file.attrs["settings"] = _attribute_text(file, provenance.settings)
     file.attrs["sources"] = json.dumps([dataclasses.asdict(s) for s in provenance.sources])
     file.attrs["status"] = record.status
-    file.attrs["status_reasons"] = _attribute_text(file, json.dumps(list(record.status_reasons), ensure_ascii=False))
+    file.attrs["status_reasons"] = _attribute_text(
+        file, json.dumps(list(record.status_reasons), ensure_ascii=False)
+    )
 
 
 def _attribute_text(file: h5py.File, text: str) -> Any:
-    """An attribute holds 64 kB at the most in the old format; longer texts are cut with a word that says so."""
+    """An attribute holds 64 kB at the most in the old format; longer texts are cut with a word that
+    says so."""
     limit = 60_000
     raw = text.encode()
-    return text if len(raw) <= limit else raw[:limit].decode("utf-8", "ignore") + "\n… (cut: longer than an HDF5 attribute holds)"
+    return (
+        text
+        if len(raw) <= limit
+        else raw[:limit].decode("utf-8", "ignore")
+        + "\n… (cut: longer than an HDF5 attribute holds)"
+    )
 
 
 def _create_late(file: h5py.File, record: Record, place: str, spec: Column, value: Any) -> None:
@@ -233,7 +264,8 @@ def _create_late(file: h5py.File, record: Record, place: str, spec: Column, valu
 
 
 def _attach_scales(file: h5py.File, record: Record) -> None:
-    """Give every dimension of every dataset a scale of its own group, so that netCDF readers open the group."""
+    """Give every dimension of every dataset a scale of its own group, so that netCDF readers open
+    the group."""
     for _, place, spec, _ in _present(record):
         if spec.dims is None:
             continue
@@ -244,7 +276,11 @@ def _attach_scales(file: h5py.File, record: Record) -> None:
             if scale is None:
                 length = dataset.shape[axis]
                 scale = group.create_dataset(
-                    dim, shape=(length,), dtype="i1", track_times=False, compression="gzip" if length > 4096 else None
+                    dim,
+                    shape=(length,),
+                    dtype="i1",
+                    track_times=False,
+                    compression="gzip" if length > 4096 else None,
                 )
                 scale.make_scale(_SCALE_ONLY % length)
             if scale.id != dataset.id:

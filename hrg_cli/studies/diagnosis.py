@@ -1,9 +1,12 @@
-"""How well diagnosis names causes: the chance of naming each effect against its size, and what it is taken for when it errs.
+"""How well diagnosis names causes: the chance of naming each effect against its size, and what it
+is taken for when it errs.
 
-Every effect is hidden on random devices in a programme that can show it (`hidden`), data from the fast engine through the raw samples.
-The yardstick is the ideal detector of Neyman and Pearson: it knows the one effect it looks for and its direction, so that it sees a
-size z with the chance Φ(z − z_α) at a false-alarm rate α, that of diagnosis's whole search. Where diagnosis names half, over where the
-ideal detector sees half, is what the search costs: that nobody says beforehand which of all the causes it is.
+Every effect is hidden on random devices in a programme that can show it (`hidden`), data from the
+fast engine through the raw samples. The yardstick is the ideal detector of Neyman and Pearson: it
+knows the one effect it looks for and its direction, so that it sees a size z with the chance Φ(z −
+z_α) at a false-alarm rate α, that of diagnosis's whole search. Where diagnosis names half, over
+where the ideal detector sees half, is what the search costs: that nobody says beforehand which of
+all the causes it is.
 """
 
 from __future__ import annotations
@@ -44,21 +47,32 @@ SURE = 0.99
 
 def diagnosis_study(
     *,
-    effects: Annotated[list[str], Field(description="effects to hide; none: every one of the catalogue")] = [],  # noqa: B006
-    sizes: Annotated[list[float], Field(min_length=1, description="sizes, in σ of an ideal detector")] = [4.0, 6.0, 10.0],  # noqa: B006
+    effects: Annotated[
+        list[str], Field(description="effects to hide; none: every one of the catalogue")
+    ] = [],  # noqa: B006
+    sizes: Annotated[
+        list[float], Field(min_length=1, description="sizes, in σ of an ideal detector")
+    ] = [4.0, 6.0, 10.0],  # noqa: B006
     draws: Annotated[int, Field(ge=1, description="random devices an effect")] = 2,
-    controls: Annotated[int, Field(ge=0, description="clean programmes of each kind for the false alarms")] = 4,
-    noise: Annotated[float, Field(gt=0, le=0.1, description="noise of a sample, full amplitude 1")] = 3e-4,
+    controls: Annotated[
+        int, Field(ge=0, description="clean programmes of each kind for the false alarms")
+    ] = 4,
+    noise: Annotated[
+        float, Field(gt=0, le=0.1, description="noise of a sample, full amplitude 1")
+    ] = 3e-4,
     seed: Annotated[int, Field(ge=0, description="seed of devices and noise")] = 0,
     jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
-    """{sizes, ideal, effects: {name: figures}, all: figures, confusion, controls}; figures: see `effect_figures`."""
+    """{sizes, ideal, effects: {name: figures}, all: figures, confusion, controls}; figures: see
+    `effect_figures`."""
     names = effects or [e.name for e in EFFECTS]
     for name in names:
         find(name)
     if min(sizes) <= 0:
         raise UsageError(f"sizes holds {min(sizes):g}; a size is above 0 σ")
-    tasks: list[tuple[Any, ...]] = [("hidden", name, draw, tuple(sizes), noise, seed) for draw in range(draws) for name in names]
+    tasks: list[tuple[Any, ...]] = [
+        ("hidden", name, draw, tuple(sizes), noise, seed) for draw in range(draws) for name in names
+    ]
     tasks += [("clean", kind, draw, (), noise, seed) for draw in range(controls) for kind in KINDS]
     found = run_tasks(draw_of, tasks, lambda: local_processes(jobs))
     return assembled([row for rows in found if rows is not None for row in rows], list(sizes))
@@ -77,15 +91,19 @@ def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[d
     hidden = hiding(name, random, noise)
     rows = []
     for k, size in enumerate((1.0,) if find(name).whole_samples else sizes):
-        report = summary(diagnose(hidden.measured(size, first + k), scale_factor=hidden.scale_factor))
+        report = summary(
+            diagnose(hidden.measured(size, first + k), scale_factor=hidden.scale_factor)
+        )
         rows.append({"hidden": name, "draw": draw, "size": size, **judged(report, hidden, size)})
     return rows
 
 
 def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any]:
-    """The group named first, the outcome, (found − true)/σ of the parameters, whether the upper limit holds the truth.
+    """The group named first, the outcome, (found − true)/σ of the parameters, whether the upper
+    limit holds the truth.
 
-    outcome: "named" (in a group of at most three), "wrong" (another cause), "described" (an open term) or "nothing".
+    outcome: "named" (in a group of at most three), "wrong" (another cause), "described" (an open
+    term) or "nothing".
     """
     name, true = hidden.effect.name, hidden.values(size)
     others = beside(hidden.effect)
@@ -101,12 +119,16 @@ def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any
         parts = {k: v for k, v in own["parameters"].items() if k in true and v["std"]}
         sign = 1.0
         if hidden.effect.coherent:
-            sign = float(np.sign(sum(v["value"] * true[k] / v["std"] ** 2 for k, v in parts.items())) or 1.0)
+            sign = float(
+                np.sign(sum(v["value"] * true[k] / v["std"] ** 2 for k, v in parts.items())) or 1.0
+            )
         errors = {k: (sign * v["value"] - true[k]) / v["std"] for k, v in parts.items()}
     row = next((t for t in report["tested"] if t["name"] == name), None)
     held = None
     if row is not None and row["upper_limit"] is not None:
-        of_that_unit = [abs(true[p.name] - p.neutral) for p in hidden.effect.fitted() if p.units == row["units"]]
+        of_that_unit = [
+            abs(true[p.name] - p.neutral) for p in hidden.effect.fitted() if p.units == row["units"]
+        ]
         held = max(of_that_unit, default=0.0) <= row["upper_limit"]
     return {"group": group, "outcome": outcome, "errors": errors, "limit_holds": held}
 
@@ -123,7 +145,10 @@ def assembled(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, A
         "sizes": sizes,
         "false_alarm_rate": SIGNIFICANT,
         "ideal": ideal(sizes, SIGNIFICANT),
-        "effects": {name: effect_figures(own[name], sizes) | {"programme": programme_of(name)} for name in names},
+        "effects": {
+            name: effect_figures(own[name], sizes) | {"programme": programme_of(name)}
+            for name in names
+        },
         "all": effect_figures(scaled, sizes),
         "confusion": confusion(own, sizes),
         "controls": {
@@ -135,10 +160,12 @@ def assembled(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, A
 
 
 def effect_figures(rows: Sequence[dict[str, Any]], sizes: Sequence[float]) -> dict[str, Any]:
-    """Of one effect (or all): chance of naming by size with its 95 % interval, size at which half and 90 % are named, what goes wrong.
+    """Of one effect (or all): chance of naming by size with its 95 % interval, size at which half
+    and 90 % are named, what goes wrong.
 
-    `cost`: half-size over the ideal detector's; `error_rms` and `within_1_96` of (found − true)/σ; `limits_hold`: share of all draws in
-    which the effect was named or lies below its 95 % upper limit.
+    `cost`: half-size over the ideal detector's; `error_rms` and `within_1_96` of (found − true)/σ;
+    `limits_hold`: share of all draws in which the effect was named or lies below its 95 % upper
+    limit.
     """
 
     def chance(at: Sequence[dict[str, Any]]) -> list[float | None]:
@@ -174,8 +201,11 @@ def programme_of(name: str) -> str:
     return ", ".join(words for words, needed in needs.items() if needed) or "free runs"
 
 
-def confusion(own: dict[str, list[dict[str, Any]]], sizes: Sequence[float]) -> dict[str, dict[str, float]]:
-    """{hidden: {named: share}} at the sizes that an ideal detector is sure of; a group shares its count."""
+def confusion(
+    own: dict[str, list[dict[str, Any]]], sizes: Sequence[float]
+) -> dict[str, dict[str, float]]:
+    """{hidden: {named: share}} at the sizes that an ideal detector is sure of; a group shares its
+    count."""
     seen = [s for s in sizes if ideal([s], SIGNIFICANT)["chance"][f"{s:g}"] >= SURE] or [max(sizes)]
     out: dict[str, dict[str, float]] = {}
     for name, rows in own.items():
@@ -201,13 +231,22 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
 
     rows = [row(name, figures) for name, figures in study["effects"].items()]
     best = study["ideal"]
-    last = ("ideal detector", *(f"{best['chance'][s]:.2f}" for s in sizes), f"{best['half']:.1f}", f"{best['ninety']:.1f}", "1.0", "", "")
+    last = (
+        "ideal detector",
+        *(f"{best['chance'][s]:.2f}" for s in sizes),
+        f"{best['half']:.1f}",
+        f"{best['ninety']:.1f}",
+        "1.0",
+        "",
+        "",
+    )
     heads = ("named at size/σ", *sizes, "half at", "90 % at", "cost", "wrong", "error/σ")
     return heads, [*rows, row("all", study["all"]), last]
 
 
 def figure(study: dict[str, Any]) -> Figure:
-    """Power against size and the sizes of half power on the left, the confusion matrix on the right."""
+    """Power against size and the sizes of half power on the left, the confusion matrix on the
+    right."""
     from .power import figure as drawn
 
     return drawn(study)

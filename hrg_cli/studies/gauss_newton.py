@@ -1,8 +1,10 @@
-"""The two numerical experiments of seed B on the convergence of its Gauss–Newton iteration (2), and the closed form beside them.
+"""The two numerical experiments of seed B on the convergence of its Gauss–Newton iteration (2), and
+the closed form beside them.
 
-First experiment: A, B uniform in [−1, 1], all angles in [0, 2π), start x = 0. Second, the working gyro: A in 0.5 ± 0.1, B, φ, ψ in
-± 0.1, θ in [0, 2π), start (0.5, 0, θ + δ, 0, 0) with δ in ± 0.1. An iteration ends when √(Σr²/8) ≤ 1e-6; residual evaluations are
-counted. These choices, and A and B fresh in the angle steps, are those that give the paper's figures (PHYSICS §3).
+First experiment: A, B uniform in [−1, 1], all angles in [0, 2π), start x = 0. Second, the working
+gyro: A in 0.5 ± 0.1, B, φ, ψ in ± 0.1, θ in [0, 2π), start (0.5, 0, θ + δ, 0, 0) with δ in ± 0.1.
+An iteration ends when √(Σr²/8) ≤ 1e-6; residual evaluations are counted. These choices, and A and B
+fresh in the angle steps, are those that give the paper's figures (PHYSICS §3).
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ Array = np.ndarray
 CHUNK_VECTORS = 100_000
 MOST_EVALUATIONS = 60
 TOLERANCE = 1e-6
-TITLES = {"random_start_zero": "first experiment: any wave, start 0", "near_start": "second experiment: start near the solution"}
+TITLES = {
+    "random_start_zero": "first experiment: any wave, start 0",
+    "near_start": "second experiment: start near the solution",
+}
 
 
 def gauss_newton_study(
@@ -31,16 +36,24 @@ def gauss_newton_study(
     vectors: Annotated[int, Field(ge=1, description="random vectors an experiment")] = 1_000_000,
     seed: Annotated[int, Field(ge=0, description="seed of the random numbers")] = 2022,
 ) -> dict[str, Any]:
-    """Both experiments: {experiment: {mean, max, failures, monotone_fraction, histogram, closed_form, …}}, plain numbers for JSON.
+    """Both experiments: {experiment: {mean, max, failures, monotone_fraction, histogram,
+    closed_form, …}}, plain numbers for JSON.
 
-    `histogram` maps residual evaluations to vectors; `cases` holds the misfit by iteration of one non-monotone vector of the
-    first experiment (the one with the most evaluations) and of one monotone vector of the second.
+    `histogram` maps residual evaluations to vectors; `cases` holds the misfit by iteration of one
+    non-monotone vector of the first experiment (the one with the most evaluations) and of one
+    monotone vector of the second.
     """
     generator = np.random.default_rng(seed)
     first = _experiment(_random_waves, vectors, generator)
     second = _experiment(_working_gyro, vectors, generator)
     cases = {"non_monotone": first.pop("slowest"), "monotone": second.pop("slowest")}
-    return {"vectors": vectors, "seed": seed, "random_start_zero": first, "near_start": second, "cases": cases}
+    return {
+        "vectors": vectors,
+        "seed": seed,
+        "random_start_zero": first,
+        "near_start": second,
+        "cases": cases,
+    }
 
 
 def _random_waves(n: int, generator: np.random.Generator) -> tuple[Array, Array]:
@@ -51,7 +64,9 @@ def _random_waves(n: int, generator: np.random.Generator) -> tuple[Array, Array]
 
 def _working_gyro(n: int, generator: np.random.Generator) -> tuple[Array, Array]:
     """True vectors and starts (n, 5) of the second experiment."""
-    x = np.column_stack([0.5 + generator.uniform(-0.1, 0.1, n), generator.uniform(-0.1, 0.1, (n, 4))])
+    x = np.column_stack(
+        [0.5 + generator.uniform(-0.1, 0.1, n), generator.uniform(-0.1, 0.1, (n, 4))]
+    )
     x[:, 2] = generator.uniform(0, 2 * np.pi, n)
     start = np.zeros_like(x)
     start[:, 0], start[:, 2] = 0.5, x[:, 2] + generator.uniform(-0.1, 0.1, n)
@@ -65,7 +80,13 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
     for first in range(0, vectors, CHUNK_VECTORS):
         x, start = draw(min(CHUNK_VECTORS, vectors - first), generator)
         z = signals(x)
-        found = gauss_newton(z, start, residual_tolerance=TOLERANCE, step_tolerance=0.0, max_iterations=MOST_EVALUATIONS)
+        found = gauss_newton(
+            z,
+            start,
+            residual_tolerance=TOLERANCE,
+            step_tolerance=0.0,
+            max_iterations=MOST_EVALUATIONS,
+        )
         done = found.evaluations > 0
         counts += np.bincount(found.evaluations[done], minlength=MOST_EVALUATIONS + 1)
         failures += int((~done).sum())
@@ -87,13 +108,18 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
         "failures": failures,
         "monotone_fraction": monotone / vectors,
         "histogram": {str(k): int(n) for k, n in enumerate(counts) if n},
-        "closed_form": {"iterations": 0, "failures": closed_failures, "worst_residual_rms": closed_worst},
+        "closed_form": {
+            "iterations": 0,
+            "failures": closed_failures,
+            "worst_residual_rms": closed_worst,
+        },
         "slowest": slowest,
     }
 
 
 def misfits(z: Array, start: Array) -> list[float]:
-    """√(Σr²/8) at the start and after every iteration of (2), until it is within the tolerance; z (8), start (5)."""
+    """√(Σr²/8) at the start and after every iteration of (2), until it is within the tolerance; z
+    (8), start (5)."""
     x, out = start[None], []
     for _ in range(MOST_EVALUATIONS):
         out.append(float(np.sqrt(((z - signals(x)[0]) ** 2).sum() / 8)))
@@ -110,13 +136,32 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
         result = study[name]
         counts = ", ".join(f"{k}: {n}" for k, n in result["histogram"].items())
         spread = f"{result['mean']:.3f} ± {result['mean_std']:.3f}"
-        rows.append((title, "Gauss–Newton", spread, result["max"], result["failures"], f"{result['monotone_fraction']:.3f}", counts))
+        rows.append(
+            (
+                title,
+                "Gauss–Newton",
+                spread,
+                result["max"],
+                result["failures"],
+                f"{result['monotone_fraction']:.3f}",
+                counts,
+            )
+        )
         rows.append((title, "closed form", 0, 0, result["closed_form"]["failures"], "", ""))
-    return ("experiment", "solver", "mean evaluations", "most", "failures", "monotone", "evaluations: vectors"), rows
+    return (
+        "experiment",
+        "solver",
+        "mean evaluations",
+        "most",
+        "failures",
+        "monotone",
+        "evaluations: vectors",
+    ), rows
 
 
 def figure(study: dict[str, Any]) -> Figure:
-    """Both iteration histograms above; the misfit by iteration of the non-monotone and the monotone case below."""
+    """Both iteration histograms above; the misfit by iteration of the non-monotone and the monotone
+    case below."""
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(10, 7), layout="constrained")
@@ -125,7 +170,11 @@ def figure(study: dict[str, Any]) -> Figure:
         result = study[name]
         evaluations = [int(k) for k in result["histogram"]]
         axis.bar(evaluations, list(result["histogram"].values()), color="0.4")
-        axis.axvline(result["mean"], color="C1", label=f"mean {result['mean']:.3f}, max {result['max']}, failures {result['failures']}")
+        axis.axvline(
+            result["mean"],
+            color="C1",
+            label=f"mean {result['mean']:.3f}, max {result['max']}, failures {result['failures']}",
+        )
         axis.margins(y=0.3)
         axis.set(yscale="log", xlabel="residual evaluations", ylabel="vectors", title=TITLES[name])
         axis.xaxis.get_major_locator().set_params(integer=True)
@@ -133,7 +182,11 @@ def figure(study: dict[str, Any]) -> Figure:
     for axis, (name, history) in zip(axes[1], study["cases"].items(), strict=True):
         axis.semilogy(range(1, len(history) + 1), history, "o-", color="0.3")
         axis.axhline(TOLERANCE, color="C1", linestyle="--", label="tolerance")
-        axis.set(xlabel="residual evaluation", ylabel="residual rms", title=f"{name.replace('_', '-')} convergence")
+        axis.set(
+            xlabel="residual evaluation",
+            ylabel="residual rms",
+            title=f"{name.replace('_', '-')} convergence",
+        )
         axis.xaxis.get_major_locator().set_params(integer=True)
         axis.legend()
     return drawing

@@ -1,7 +1,9 @@
-"""Programmes with one hidden effect of a stated size, for the diagnosis study: random devices, what each effect needs to be seen, sizes.
+"""Programmes with one hidden effect of a stated size, for the diagnosis study: random devices, what
+each effect needs to be seen, sizes.
 
-A size is in σ of an ideal detector: one that knows the effect and its direction, and the base model as well as these runs show it,
-z = |s⊥ d| with s⊥ the effect's sensitivities over σ beside the base model's Jacobian, d the parameters' values.
+A size is in σ of an ideal detector: one that knows the effect and its direction, and the base model
+as well as these runs show it, z = |s⊥ d| with s⊥ the effect's sensitivities over σ beside the base
+model's Jacobian, d the parameters' values.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ Array = np.ndarray
 SAMPLE_RATE_HZ, DURATION_S = 20011.0, 2.0
 RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0)
 REFERENCE_DEGC = 22.5
-BESIDE_IT = {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": REFERENCE_DEGC}}
+BESIDE_IT = {
+    "thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": REFERENCE_DEGC}
+}
 """Sizes of the effects that others need beside them to do anything."""
 ALL_ROWS = 1500
 FAINT = 1e-6
@@ -40,7 +44,8 @@ FAINT = 1e-6
 
 @dataclass(frozen=True)
 class Hiding:
-    """An effect on a device: the tables of its programme without it, values of one σ, and what it needs to be seen.
+    """An effect on a device: the tables of its programme without it, values of one σ, and what it
+    needs to be seen.
 
     `values(size)` are the effect's parameters at a size in σ.
     """
@@ -55,8 +60,14 @@ class Hiding:
     def values(self, size: float) -> dict[str, float]:
         """The effect's parameters at a size; a clipping level has no slope, its size is sought."""
         if self.effect.sets_in:
-            return {**self.neutral, **setting_in(self.effect, self.neutral, self.fit, size, beside_base)}
-        return {name: value + size * self.direction.get(name, 0.0) for name, value in self.neutral.items()}
+            return {
+                **self.neutral,
+                **setting_in(self.effect, self.neutral, self.fit, size, beside_base),
+            }
+        return {
+            name: value + size * self.direction.get(name, 0.0)
+            for name, value in self.neutral.items()
+        }
 
     def measured(self, size: float | None, seed: int) -> list[Wave]:
         """Waves of the programme with the effect at a size, or without it."""
@@ -67,7 +78,8 @@ class Hiding:
 
 
 def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
-    """A random device, start and direction for an effect. UsageError: its programme does not show it."""
+    """A random device, start and direction for an effect. UsageError: its programme does not show
+    it."""
     effect = find(name)
     table = programme(random, name, noise)
     others = beside(effect)
@@ -78,26 +90,53 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
     if "reference_temperature_degc" in neutral:
         neutral["reference_temperature_degc"] = REFERENCE_DEGC
     if effect.whole_samples:
-        lost = {"lost_s": 1 / SAMPLE_RATE_HZ, "time_s": float(random.uniform(0.2, 0.8)) * DURATION_S}
+        lost = {
+            "lost_s": 1 / SAMPLE_RATE_HZ,
+            "time_s": float(random.uniform(0.2, 0.8)) * DURATION_S,
+        }
         # one sample at "size 1", whatever that is in σ
         return Hiding(effect, table, neutral, lost, fit, K)
     if effect.seen_in == "waveform":
         away = float(random.choice([-1, 1]) * random.uniform(5, 50))
         neutral["frequency_hz"] = table["device"]["frequency_hz"] + away
-        vector = dict(zip(("c_cos", "c_sin", "s_cos", "s_sin"), map(float, random.standard_normal(4)), strict=True))
+        vector = dict(
+            zip(
+                ("c_cos", "c_sin", "s_cos", "s_sin"),
+                map(float, random.standard_normal(4)),
+                strict=True,
+            )
+        )
         trial = {**neutral, **{k: 10 * noise * v for k, v in vector.items()}}
-        seen = prepare(waves({**table, "effects": {name: trial}}, seed, name), K, ALL_ROWS)[0].envelope - fit.series.envelope
-        z = float(np.linalg.norm(_beside(extended_fit.flat(fit.series, real(seen) * fit.series.weight[..., None]), fit)))
-        return Hiding(effect, table, neutral, {k: 10 * noise * v / z for k, v in vector.items()}, fit, K)
+        seen = (
+            prepare(waves({**table, "effects": {name: trial}}, seed, name), K, ALL_ROWS)[0].envelope
+            - fit.series.envelope
+        )
+        z = float(
+            np.linalg.norm(
+                _beside(
+                    extended_fit.flat(fit.series, real(seen) * fit.series.weight[..., None]), fit
+                )
+            )
+        )
+        return Hiding(
+            effect, table, neutral, {k: 10 * noise * v / z for k, v in vector.items()}, fit, K
+        )
     if effect.sets_in:
         return Hiding(effect, table, neutral, {}, fit, K)
-    return Hiding(effect, table, neutral, direction_of(effect, fit, neutral, random, beside_base), fit, K)
+    return Hiding(
+        effect, table, neutral, direction_of(effect, fit, neutral, random, beside_base), fit, K
+    )
 
 
 def direction_of(
-    effect: Effect, fit: Fit, neutral: Mapping[str, float], random: np.random.Generator, information: Callable[[Fit, Array], Array]
+    effect: Effect,
+    fit: Fit,
+    neutral: Mapping[str, float],
+    random: np.random.Generator,
+    information: Callable[[Fit, Array], Array],
 ) -> dict[str, float]:
-    """A random direction of the parameters, its length one σ; parameters that these runs do not show stay neutral."""
+    """A random direction of the parameters, its length one σ; parameters that these runs do not
+    show stay neutral."""
     steps = extended_fit.steps_of(effect, fit.series)
     S = extended_fit.sensitivity(fit.flow, effect, neutral, steps)
     free = information(fit, S)
@@ -105,30 +144,42 @@ def direction_of(
     shown = size > FAINT**2 * whole
     if not shown.any():
         raise UsageError(f"{effect.name}: these runs cannot show it")
-    d = np.where(shown, random.standard_normal(len(size)) / np.where(size > 0, np.sqrt(size), 1.0), 0.0)
+    d = np.where(
+        shown, random.standard_normal(len(size)) / np.where(size > 0, np.sqrt(size), 1.0), 0.0
+    )
     d = np.abs(d) if effect.needs_one_sign else d
     d /= np.sqrt(d @ free @ d)
     return dict(zip(steps, map(float, d), strict=True))
 
 
 def setting_in(
-    effect: Effect, neutral: Mapping[str, float], fit: Fit, size: float, information: Callable[[Fit, Array], Array]
+    effect: Effect,
+    neutral: Mapping[str, float],
+    fit: Fit,
+    size: float,
+    information: Callable[[Fit, Array], Array],
 ) -> dict[str, float]:
-    """Value of the parameter that sets in at which the read-out stands `size` σ out of the model (`information` of one column)."""
+    """Value of the parameter that sets in at which the read-out stands `size` σ out of the model
+    (`information` of one column)."""
     u, weight = fit.prediction.seen, fit.series.weight[..., None]
     parameter = next(p for p in effect.fitted() if p.sets_in)
     starts = [abs(start[parameter.name]) for start in effect.starts(fit.series)]
     low, high = 0.5 * min(starts), 3 * max(starts)
     for _ in range(50):
         middle = (low + high) / 2
-        changed = effect.slow_readout({**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point))
+        changed = effect.slow_readout(
+            {**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point)
+        )
         column = extended_fit.flat(fit.series, real((changed - u) * weight))
-        low, high = (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
+        low, high = (
+            (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
+        )
     return {parameter.name: low}
 
 
 def beside_base(fit: Fit, columns: Array) -> Array:
-    """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs leave it."""
+    """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs
+    leave it."""
     free = _beside(columns, fit)
     return free.T @ free
 
@@ -143,19 +194,26 @@ def beside(effect: Effect) -> dict[str, dict[str, float]]:
     return {effect.beside: dict(BESIDE_IT[effect.beside])} if effect.beside else {}
 
 
-def base_fit(runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]) -> Fit:
-    """The base model's fit at the windows' own rate, with the effects that stand beside the hidden one."""
+def base_fit(
+    runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]
+) -> Fit:
+    """The base model's fit at the windows' own rate, with the effects that stand beside the hidden
+    one."""
     series, point, _ = prepare(runs, scale_factor, ALL_ROWS)
     fit = settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
     for name, values in beside.items():
-        fit = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, find(name), values), fit.freedom)
+        fit = extended_fit.fit(
+            fit.series, extended_fit.with_effect(fit.point, find(name), values), fit.freedom
+        )
     return fit
 
 
 def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str, Any]:
-    """Six runs of a random device: several angles, two amplitudes, both signs of rotation, temperature ramps.
+    """Six runs of a random device: several angles, two amplitudes, both signs of rotation,
+    temperature ramps.
 
-    Forced runs, cycles of temperature or steps of the rate where the effect `shown` needs them to be seen.
+    Forced runs, cycles of temperature or steps of the rate where the effect `shown` needs them to
+    be seen.
     """
     device = {
         "frequency_hz": random.uniform(4500, 5500),
@@ -169,9 +227,19 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
     runs, needed = [], find(shown).shown_by
     for k, rate in enumerate(RATES):
         start = 22.0 + k % 3
-        warm: dict[str, Any] = {"kind": "ramp", "start_degc": start, "stop_degc": start + (1.0, -0.8, 0.5)[k % 3]}
+        warm: dict[str, Any] = {
+            "kind": "ramp",
+            "start_degc": start,
+            "stop_degc": start + (1.0, -0.8, 0.5)[k % 3],
+        }
         if "temperature cycle" in needed:
-            warm = {"kind": "cycle", "low_degc": 22.0, "high_degc": 23.0, "period_s": (1.0, 1.5, 2.0)[k % 3], "shape": "sine"}
+            warm = {
+                "kind": "cycle",
+                "low_degc": 22.0,
+                "high_degc": 23.0,
+                "period_s": (1.0, 1.5, 2.0)[k % 3],
+                "shape": "sine",
+            }
         driven = "drive" in needed and k % 2 == 0
         # a loop that is not there, or of unknown gain, shows by the quadrature it lets decay
         quadrature = 0.05 if find(shown).in_the_log else 0.0
@@ -186,7 +254,10 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
             "environment": {"rate_rad_s": rate, "temperature": warm},
         }
         if "rate steps" in needed:
-            run["environment"] |= {"rate": {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}, "rate_rad_s": 0.0}
+            run["environment"] |= {
+                "rate": {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45},
+                "rate_rad_s": 0.0,
+            }
         if driven:
             loop = "finite" if shown == "quadrature_drive_phase_error" else "off"
             run["control"] = {"mode": "forced", "quadrature_loop": loop}
@@ -201,11 +272,14 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
 
 
 def waves(table: Mapping[str, Any], seed: int, shown: str) -> list[Wave]:
-    """What the chain makes of the programme's raw samples; a loop of unknown gain comes without a log of its command."""
+    """What the chain makes of the programme's raw samples; a loop of unknown gain comes without a
+    log of its command."""
     table = copy.deepcopy(dict(table))
     out: list[Wave] = []
     for run in run_ids(table):
-        periods = collect(demodulate(collect(simulate(table, run=run, seed=seed)), periods_per_window=40.0))
+        periods = collect(
+            demodulate(collect(simulate(table, run=run, seed=seed)), periods_per_window=40.0)
+        )
         wave: Wave = collect(estimate(periods))
         if find(shown).in_the_log and wave.mode == "forced":
             wave = wave.replace(drive_main=None, drive_quadrature=None)

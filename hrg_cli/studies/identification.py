@@ -1,8 +1,10 @@
-"""Every identification method on the same simulated programmes: who is biased, who reaches the Cramér–Rao bound, whose errors are honest.
+"""Every identification method on the same simulated programmes: who is biased, who reaches the
+Cramér–Rao bound, whose errors are honest.
 
-A draw is a random gyro and a programme of six free run-downs (four angles at rest, two signs of rotation), simulated from its second-order
-equations sample by sample with converter noise, demodulated, estimated and identified. Errors are in units of each draw's own
-Cramér–Rao standard deviation, those of axes modulo their period.
+A draw is a random gyro and a programme of six free run-downs (four angles at rest, two signs of
+rotation), simulated from its second-order equations sample by sample with converter noise,
+demodulated, estimated and identified. Errors are in units of each draw's own Cramér–Rao standard
+deviation, those of axes modulo their period.
 """
 
 from __future__ import annotations
@@ -22,7 +24,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-PARAMETERS = ("damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
+PARAMETERS = (
+    "damping_rate_1_s",
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+    "scale_factor",
+)
 PROGRAMME = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.2, 0.0), (0.2, 2.5), (0.6, -2.5))
 """Start angle [rad] after a random one, rate [rad/s]."""
 
@@ -30,17 +39,23 @@ PROGRAMME = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.2, 0.0), (0.2, 2.5), (0.6, -
 def identification_study(
     *,
     draws: Annotated[int, Field(ge=2, description="simulated programmes")] = 200,
-    noise: Annotated[float, Field(gt=0, le=0.3, description="noise of a sample, full amplitude 1")] = 1e-3,
+    noise: Annotated[
+        float, Field(gt=0, le=0.3, description="noise of a sample, full amplitude 1")
+    ] = 1e-3,
     quadrature: Annotated[float, Field(ge=0, le=1, description="|a_B/a_A| at the start")] = 0.05,
     frequency_hz: Annotated[float, Field(gt=0, description="oscillation frequency")] = 1003.7,
     duration_s: Annotated[float, Field(gt=0, description="length of a run")] = 3.0,
-    methods: Annotated[Literal["all", "likelihood"], Field(description="every method, or the likelihood alone")] = "all",
+    methods: Annotated[
+        Literal["all", "likelihood"], Field(description="every method, or the likelihood alone")
+    ] = "all",
     seed: Annotated[int, Field(ge=0, description="seed of gyros and noise")] = 0,
 ) -> dict[str, Any]:
-    """Bias, scatter and coverage of every method and parameter, each error over the Cramér–Rao bound.
+    """Bias, scatter and coverage of every method and parameter, each error over the Cramér–Rao
+    bound.
 
-    rows: method, parameter, `bias` and `scatter` (rms about the truth) in Cramér–Rao deviations, `coverage_68`, `coverage_95` of the
-    method's own intervals in percent, `answers` the share of draws in which the method answered; `chi2_per_dof` of the likelihood.
+    rows: method, parameter, `bias` and `scatter` (rms about the truth) in Cramér–Rao deviations,
+    `coverage_68`, `coverage_95` of the method's own intervals in percent, `answers` the share of
+    draws in which the method answered; `chi2_per_dof` of the likelihood.
     """
     rng = np.random.default_rng(seed)
     errors: dict[tuple[str, str], list[tuple[float, float]]] = {}
@@ -52,7 +67,14 @@ def identification_study(
         details = _details(result.details)
         chi2.append(result.chi2_per_dof)
         bound = details["cramer_rao_std"]
-        alone = [{"method": "likelihood", "parameters": {n: {"value": v, "std": e} for n, (v, e, _) in result.parameters().items()}}]
+        alone = [
+            {
+                "method": "likelihood",
+                "parameters": {
+                    n: {"value": v, "std": e} for n, (v, e, _) in result.parameters().items()
+                },
+            }
+        ]
         for row in details.get("methods", alone):
             for name, cell in row["parameters"].items():
                 if name in PARAMETERS:
@@ -60,8 +82,17 @@ def identification_study(
                     errors.setdefault((row["method"], name), []).append(
                         (error / bound[name], error / cell["std"] if cell["std"] > 0 else np.inf)
                     )
-    rows = [_row(method, name, np.array(values), draws) for (method, name), values in errors.items()]
-    return {"draws": draws, "seed": seed, "noise": noise, "quadrature": quadrature, "chi2_per_dof": float(np.mean(chi2)), "rows": rows}
+    rows = [
+        _row(method, name, np.array(values), draws) for (method, name), values in errors.items()
+    ]
+    return {
+        "draws": draws,
+        "seed": seed,
+        "noise": noise,
+        "quadrature": quadrature,
+        "chi2_per_dof": float(np.mean(chi2)),
+        "rows": rows,
+    }
 
 
 def _device(rng: np.random.Generator, frequency_hz: float) -> dict[str, float]:
@@ -78,7 +109,12 @@ def _device(rng: np.random.Generator, frequency_hz: float) -> dict[str, float]:
 
 
 def programme(
-    device: dict[str, float], rng: np.random.Generator, noise: float, quadrature: float, duration_s: float, seed: int
+    device: dict[str, float],
+    rng: np.random.Generator,
+    noise: float,
+    quadrature: float,
+    duration_s: float,
+    seed: int,
 ) -> list[Wave]:
     """Waves of the six run-downs of one gyro, from simulated samples."""
     turn, sense = float(rng.uniform(0, np.pi / 2)), float(rng.choice([-1.0, 1.0]))
@@ -86,12 +122,24 @@ def programme(
         "frequency_hz": device["frequency_hz"],
         "time_constant_s": 1 / device["damping_rate_1_s"],
         "damping_split": device["damping_split_1_s"] / device["damping_rate_1_s"],
-        **{k: device[k] for k in ("damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")},
+        **{
+            k: device[k]
+            for k in (
+                "damping_axis_rad",
+                "frequency_split_rad_s",
+                "stiffness_axis_rad",
+                "scale_factor",
+            )
+        },
     }
     runs = [
         {
             "run_id": str(i + 1),
-            "start": {"wave_angle_rad": turn + angle, "quadrature": sense * quadrature, "phase_rad": float(rng.uniform(-3, 3))},
+            "start": {
+                "wave_angle_rad": turn + angle,
+                "quadrature": sense * quadrature,
+                "phase_rad": float(rng.uniform(-3, 3)),
+            },
             "environment": {"rate_rad_s": rate},
         }
         for i, (angle, rate) in enumerate(PROGRAMME)
@@ -99,7 +147,10 @@ def programme(
     config = {
         "device": table,
         "readout": {"noise": noise},
-        "recording": {"sample_rate_hz": 8 * round(device["frequency_hz"]) * 1.0, "duration_s": duration_s},
+        "recording": {
+            "sample_rate_hz": 8 * round(device["frequency_hz"]) * 1.0,
+            "duration_s": duration_s,
+        },
         "run": runs,
     }
     waves = []
@@ -117,7 +168,11 @@ def _details(text: str) -> dict[str, Any]:
 
 def _error(value: float, true: float, name: str) -> float:
     error = value - true
-    return float(np.mod(error + np.pi / 4, np.pi / 2) - np.pi / 4) if name.endswith("axis_rad") else error
+    return (
+        float(np.mod(error + np.pi / 4, np.pi / 2) - np.pi / 4)
+        if name.endswith("axis_rad")
+        else error
+    )
 
 
 def _row(method: str, name: str, values: Array, draws: int) -> dict[str, Any]:
@@ -136,14 +191,29 @@ def _row(method: str, name: str, values: Array, draws: int) -> dict[str, Any]:
 def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Headings and rows for a person."""
     rows = [
-        (r["method"], r["parameter"], f"{r['bias']:+.2f}", f"{r['scatter']:.2f}", f"{r['coverage_68']:.0f}", f"{r['coverage_95']:.0f}")
+        (
+            r["method"],
+            r["parameter"],
+            f"{r['bias']:+.2f}",
+            f"{r['scatter']:.2f}",
+            f"{r['coverage_68']:.0f}",
+            f"{r['coverage_95']:.0f}",
+        )
         for r in study["rows"]
     ]
-    return ("method", "parameter", "bias / bound", "scatter / bound", "68 % covers", "95 % covers"), rows
+    return (
+        "method",
+        "parameter",
+        "bias / bound",
+        "scatter / bound",
+        "68 % covers",
+        "95 % covers",
+    ), rows
 
 
 def figure(study: dict[str, Any]) -> Figure:
-    """Scatter over the Cramér–Rao bound of every method and parameter, and how often its 68 and 95 % intervals hold the truth."""
+    """Scatter over the Cramér–Rao bound of every method and parameter, and how often its 68 and 95
+    % intervals hold the truth."""
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(11, 6), layout="constrained")
@@ -152,16 +222,33 @@ def figure(study: dict[str, Any]) -> Figure:
     for k, name in enumerate(PARAMETERS):
         rows = {r["method"]: r for r in study["rows"] if r["parameter"] == name}
         place = [methods.index(m) + 0.1 * (k - 2.5) for m in rows]
-        left.plot([r["scatter"] for r in rows.values()], place, "o", color=f"C{k}", label=name, markersize=4)
+        left.plot(
+            [r["scatter"] for r in rows.values()],
+            place,
+            "o",
+            color=f"C{k}",
+            label=name,
+            markersize=4,
+        )
         for key, fill in (("coverage_68", "none"), ("coverage_95", "full")):
-            right.plot([r[key] for r in rows.values()], place, "o", color=f"C{k}", markersize=4, fillstyle=fill)
+            right.plot(
+                [r[key] for r in rows.values()],
+                place,
+                "o",
+                color=f"C{k}",
+                markersize=4,
+                fillstyle=fill,
+            )
     scatters = [r["scatter"] for r in study["rows"]]
     left.set_xscale("log")
     left.set_xlim(min(0.5, 0.8 * min(scatters)), max(5.0, 1.5 * max(scatters)))
     left.axvline(1.0, color="0.5", linewidth=0.8)
     left.set_yticks(range(len(methods)), methods)
     left.set_ylim(-0.5, len(methods) - 0.5)
-    left.set(xlabel="rms error / Cramér–Rao bound", title=f"{study['draws']} programmes, noise {study['noise']:g}")
+    left.set(
+        xlabel="rms error / Cramér–Rao bound",
+        title=f"{study['draws']} programmes, noise {study['noise']:g}",
+    )
     for level in (68.3, 95.0):
         right.axvline(level, color="0.5", linewidth=0.8)
     right.set_xlim(0, 101)

@@ -1,4 +1,5 @@
-"""Power of a detector from draws: binomial intervals, the curve through named and not named, the ideal detector's, and their figure."""
+"""Power of a detector from draws: binomial intervals, the curve through named and not named, the
+ideal detector's, and their figure."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ Array = np.ndarray
 NINETY = 1.2815515655446004
 """Φ⁻¹(0.9)."""
 WIDTHS = np.linspace(1.0, 3.0, 21)
-"""Widths of the curve tried: an estimate scatters by one σ at least; several parameters and random directions widen it."""
+"""Widths of the curve tried: an estimate scatters by one σ at least; several parameters and random
+directions widen it."""
 
 
 def share(hits: int, tries: int) -> list[float | None]:
@@ -29,15 +31,21 @@ def share(hits: int, tries: int) -> list[float | None]:
 
 
 def ideal(sizes: Sequence[float], false_alarm: float) -> dict[str, Any]:
-    """{chance: {size: Φ(z − z_α)}, half, ninety} of Neyman and Pearson's detector of one known effect."""
+    """{chance: {size: Φ(z − z_α)}, half, ninety} of Neyman and Pearson's detector of one known
+    effect."""
     from scipy.special import ndtr, ndtri
 
     threshold = float(-ndtri(false_alarm))
-    return {"chance": {f"{s:g}": float(ndtr(s - threshold)) for s in sizes}, "half": threshold, "ninety": threshold + NINETY}
+    return {
+        "chance": {f"{s:g}": float(ndtr(s - threshold)) for s in sizes},
+        "half": threshold,
+        "ninety": threshold + NINETY,
+    }
 
 
 def curve(draws: Sequence[tuple[float, bool]]) -> dict[str, Any]:
-    """Φ((z − half)/w) of largest likelihood: half, its 95 % interval (likelihood ratio), ninety; None beyond twice the largest size."""
+    """Φ((z − half)/w) of largest likelihood: half, its 95 % interval (likelihood ratio), ninety;
+    None beyond twice the largest size."""
     from scipy.special import log_ndtr
 
     size = np.array([s for s, _ in draws])
@@ -56,7 +64,11 @@ def curve(draws: Sequence[tuple[float, bool]]) -> dict[str, Any]:
     if k == len(half) - 1:
         return {"half": None, "half_interval": [float(inside[0]), None], "ninety": None}
     interval = [float(inside[0]), float(inside[-1]) if inside[-1] < end else None]
-    return {"half": float(half[k]), "half_interval": interval, "ninety": float(half[k] + NINETY * WIDTHS[j])}
+    return {
+        "half": float(half[k]),
+        "half_interval": interval,
+        "ninety": float(half[k] + NINETY * WIDTHS[j]),
+    }
 
 
 def coverage(errors: Sequence[float]) -> dict[str, float | int | None]:
@@ -64,7 +76,11 @@ def coverage(errors: Sequence[float]) -> dict[str, float | int | None]:
     e = np.abs(np.asarray(errors, float))
     if not len(e):
         return {"error_rms": None, "within_1_96": None, "errors": 0}
-    return {"error_rms": float(np.sqrt(np.mean(e**2))), "within_1_96": float(np.mean(e < 1.96)), "errors": len(e)}
+    return {
+        "error_rms": float(np.sqrt(np.mean(e**2))),
+        "within_1_96": float(np.mean(e < 1.96)),
+        "errors": len(e),
+    }
 
 
 def figure(study: dict[str, Any]) -> Figure:
@@ -86,13 +102,30 @@ def _power(axes: Any, study: dict[str, Any]) -> None:
     sizes, best = study["sizes"], study["ideal"]
     for figures in study["effects"].values():
         at = [s for s in sizes if f"{s:g}" in figures["named"]]
-        axes.plot(at, [figures["named"][f"{s:g}"][0] for s in at], color="0.8", linewidth=0.8, zorder=0)
+        axes.plot(
+            at, [figures["named"][f"{s:g}"][0] for s in at], color="0.8", linewidth=0.8, zorder=0
+        )
     pooled = np.array([study["all"]["named"].get(f"{s:g}", [np.nan] * 4)[:3] for s in sizes], float)
     around = np.abs(pooled[:, 1:] - pooled[:, :1]).T
-    axes.errorbar(sizes, pooled[:, 0], around, color="C0", marker="o", capsize=3, label="diagnosis, all effects")
+    axes.errorbar(
+        sizes,
+        pooled[:, 0],
+        around,
+        color="C0",
+        marker="o",
+        capsize=3,
+        label="diagnosis, all effects",
+    )
     fine = np.linspace(0.5 * min(sizes), max(sizes), 200)
-    axes.plot(fine, ndtr(fine - best["half"]), color="C1", label="ideal detector of one known effect")
-    axes.set(xlabel="size, σ of an ideal detector", ylabel="chance of being named", ylim=(-0.02, 1.02), title="grey: every effect")
+    axes.plot(
+        fine, ndtr(fine - best["half"]), color="C1", label="ideal detector of one known effect"
+    )
+    axes.set(
+        xlabel="size, σ of an ideal detector",
+        ylabel="chance of being named",
+        ylim=(-0.02, 1.02),
+        title="grey: every effect",
+    )
     axes.legend(loc="lower right")
 
 
@@ -102,7 +135,12 @@ def _halves(axes: Any, study: dict[str, Any], names: list[str]) -> None:
         if figures["half"] is None:
             continue
         low, high = figures["half_interval"]
-        axes.plot([low, high if high is not None else 2 * max(study["sizes"])], [row, row], color="C0", linewidth=1)
+        axes.plot(
+            [low, high if high is not None else 2 * max(study["sizes"])],
+            [row, row],
+            color="C0",
+            linewidth=1,
+        )
         axes.plot(figures["half"], row, "o", color="C0", markersize=4)
         axes.plot(figures["ninety"], row, "|", color="C0")
     axes.axvline(study["ideal"]["half"], color="C1")

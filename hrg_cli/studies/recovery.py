@@ -1,9 +1,11 @@
-"""What a diagnosis finds, and what it invents, on the user's own recordings: every effect hidden in them at several sizes (`inject`).
+"""What a diagnosis finds, and what it invents, on the user's own recordings: every effect hidden in
+them at several sizes (`inject`).
 
-What the recordings show without any injection is the background: its causes are not counted as false names, and its size of an effect is
-taken off the one found. A size is in σ of an ideal detector that knows the effect and its direction, with the base model and the
-background's causes as free as these runs and weak priors leave them; where these leave more than noise, σ is larger by the root of χ² a
-degree of freedom.
+What the recordings show without any injection is the background: its causes are not counted as
+false names, and its size of an effect is taken off the one found. A size is in σ of an ideal
+detector that knows the effect and its direction, with the base model and the background's causes as
+free as these runs and weak priors leave them; where these leave more than noise, σ is larger by the
+root of χ² a degree of freedom.
 """
 
 from __future__ import annotations
@@ -52,21 +54,33 @@ def recovery_study(
     known: Sequence[Row] = (),
     keep: Callable[[Sequence[Row]], None] = lambda rows: None,
     *,
-    effects: Annotated[list[str], Field(description="effects to hide; none: every one of the catalogue")] = [],  # noqa: B006
-    sizes: Annotated[list[float], Field(min_length=1, description="sizes, in σ of an ideal detector")] = [5.0, 10.0, 20.0],  # noqa: B006
+    effects: Annotated[
+        list[str], Field(description="effects to hide; none: every one of the catalogue")
+    ] = [],  # noqa: B006
+    sizes: Annotated[
+        list[float], Field(min_length=1, description="sizes, in σ of an ideal detector")
+    ] = [5.0, 10.0, 20.0],  # noqa: B006
     draws: Annotated[int, Field(ge=1, description="random directions and instants an effect")] = 1,
-    periods_per_window: Annotated[float, Field(gt=0, description="oscillation periods a window")] = 5.0,
-    scale_factor: Annotated[float | None, Field(gt=0, description="known scale factor K, held")] = None,
+    periods_per_window: Annotated[
+        float, Field(gt=0, description="oscillation periods a window")
+    ] = 5.0,
+    scale_factor: Annotated[
+        float | None, Field(gt=0, description="known scale factor K, held")
+    ] = None,
     seed: Annotated[int, Field(ge=0, description="seed of directions and instants")] = 0,
     jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
-    """{sizes, background, effects: {name: figures}, all: figures, rows}; figures: see `effect_figures`.
+    """{sizes, background, effects: {name: figures}, all: figures, rows}; figures: see
+    `effect_figures`.
 
-    known: rows of an interrupted study, which are not done again; keep: told all rows whenever there are more. HrgError: no recording, an
-    unknown effect.
+    known: rows of an interrupted study, which are not done again; keep: told all rows whenever
+    there are more. HrgError: no recording, an unknown effect.
     """
     if not recordings:
-        raise UsageError("no recording is named; name the recordings of one gyro, e.g. hrg study recovery run-*.h5 -o study/")
+        raise UsageError(
+            "no recording is named; name the recordings of one gyro, e.g. hrg study recovery"
+            " run-*.h5 -o study/"
+        )
     names = effects or [e.name for e in EFFECTS]
     for name in names:
         find(name)
@@ -77,7 +91,17 @@ def recovery_study(
     rows = [dict(row) for row in known]
     done = {(row["effect"], row["draw"]) for row in rows}
     tasks = [
-        (tuple(recordings), tuple(waves), background, name, draw, tuple(sizes), periods_per_window, scale_factor, seed)
+        (
+            tuple(recordings),
+            tuple(waves),
+            background,
+            name,
+            draw,
+            tuple(sizes),
+            periods_per_window,
+            scale_factor,
+            seed,
+        )
         for draw in range(draws)
         for name in names
         if (name, draw) not in done
@@ -85,14 +109,26 @@ def recovery_study(
     # a slice at a time, so that an interrupted study loses little
     at_once = 4 * jobs if jobs > 1 else 1
     for first in range(0, len(tasks), at_once):
-        for made in run_tasks(recovered, tasks[first : first + at_once], lambda: local_processes(jobs)):
+        for made in run_tasks(
+            recovered, tasks[first : first + at_once], lambda: local_processes(jobs)
+        ):
             rows += made or []
         keep(list(rows))
     return assembled([row for row in rows if row["effect"] in names], list(sizes), background)
 
 
 def recovered(
-    task: tuple[Sequence[Recording], Sequence[Wave], Row, str, int, Sequence[float], float, float | None, int],
+    task: tuple[
+        Sequence[Recording],
+        Sequence[Wave],
+        Row,
+        str,
+        int,
+        Sequence[float],
+        float,
+        float | None,
+        int,
+    ],
 ) -> list[Row]:
     """One effect in one direction at every size: what diagnosis says of it."""
     recordings, waves, background, name, draw, sizes, periods_per_window, scale_factor, seed = task
@@ -104,20 +140,35 @@ def recovered(
         for size in sizes[:1] if effect.whole_samples else sizes:
             true = values_at(size)
             _thinkable(effect, true, size, fit)
-            changed = [_with(recording, number, effect, true) for number, recording in enumerate(recordings)]
+            changed = [
+                _with(recording, number, effect, true)
+                for number, recording in enumerate(recordings)
+            ]
             if all(one is recording for one, recording in zip(changed, recordings, strict=True)):
                 raise HrgError(f"{name}: does nothing in these recordings")
             pairs = zip(changed, recordings, waves, strict=True)
-            seen = [wave if one is recording else _wave(one, periods_per_window) for one, recording, wave in pairs]
+            seen = [
+                wave if one is recording else _wave(one, periods_per_window)
+                for one, recording, wave in pairs
+            ]
             report = _diagnosed(seen, scale_factor)
-            rows.append({"effect": name, "draw": draw, "size": size, "true": true, **judged(report, background, effect, true)})
+            rows.append(
+                {
+                    "effect": name,
+                    "draw": draw,
+                    "size": size,
+                    "true": true,
+                    **judged(report, background, effect, true),
+                }
+            )
     except HrgError as error:
         rows.append({"effect": name, "draw": draw, "size": None, "not_shown": str(error)})
     return rows
 
 
 def judged(report: Row, background: Row, effect: Effect, true: dict[str, float]) -> Row:
-    """Whether the effect is named first or among others beside the background, what is named falsely, and its size against the true one."""
+    """Whether the effect is named first or among others beside the background, what is named
+    falsely, and its size against the true one."""
     before = {e["name"]: e for e in background["effects"]}
     entries = report["effects"]
     groups = [[e["name"], *e["indistinguishable_from"]] for e in entries]
@@ -129,7 +180,13 @@ def judged(report: Row, background: Row, effect: Effect, true: dict[str, float])
     for parameter, value in (found["parameters"] if found else {}).items():
         neutral = next(p.neutral for p in effect.parameters if p.name == parameter)
         wanted = true.get(parameter, neutral) - neutral
-        was = before.get(effect.name, {}).get("parameters", {}).get(parameter, {}).get("value", neutral) - neutral
+        was = (
+            before.get(effect.name, {})
+            .get("parameters", {})
+            .get(parameter, {})
+            .get("value", neutral)
+            - neutral
+        )
         if not wanted or value["value"] is None:
             continue
         there = sign * (value["value"] - neutral - was)
@@ -148,10 +205,15 @@ def judged(report: Row, background: Row, effect: Effect, true: dict[str, float])
 
 
 def _sign(effect: Effect, found: Row, true: dict[str, float]) -> float:
-    """Common sign of the parameters where it is nobody's to know: of a vector coherent with φ, and of a knock half a period later."""
+    """Common sign of the parameters where it is nobody's to know: of a vector coherent with φ, and
+    of a knock half a period later."""
     if not effect.coherent and effect.slow_jump is None:
         return 1.0
-    parts = [(p["value"], true.get(name, 0.0), p["std"]) for name, p in found["parameters"].items() if p["value"] is not None and p["std"]]
+    parts = [
+        (p["value"], true.get(name, 0.0), p["std"])
+        for name, p in found["parameters"].items()
+        if p["value"] is not None and p["std"]
+    ]
     return float(np.sign(sum(value * wanted / std**2 for value, wanted, std in parts)) or 1.0)
 
 
@@ -173,35 +235,51 @@ def assembled(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[
 
 
 def effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, Any]:
-    """Of one effect (or all), by size: shares named first, among others, with a false name beside; the size found over the true one.
+    """Of one effect (or all), by size: shares named first, among others, with a false name beside;
+    the size found over the true one.
 
-    A share is [share, low, high, tries] with its 95 % interval. `not_shown`: why these recordings cannot show it, else None.
+    A share is [share, low, high, tries] with its 95 % interval. `not_shown`: why these recordings
+    cannot show it, else None.
     """
     tried = [r for r in rows if r["size"] is not None]
     by_size = {}
     for size in sizes:
         at = [r for r in tried if r["size"] == size]
         if at:
-            by_size[f"{size:g}"] = {key: share(sum(bool(r[key]) for r in at), len(at)) for key in ("first", "among", "false")}
+            by_size[f"{size:g}"] = {
+                key: share(sum(bool(r[key]) for r in at), len(at))
+                for key in ("first", "among", "false")
+            }
     ratios = [ratio for r in tried if r["among"] for ratio in r["found_over_true"].values()]
     return {
         "by_size": by_size,
         "found_over_true": float(np.median(ratios)) if ratios else None,
         **coverage([e for r in tried if r["among"] for e in r["error_over_std"].values()]),
-        "not_shown": next((r["not_shown"] for r in rows if r["size"] is None), None) if not tried else None,
+        "not_shown": (
+            next((r["not_shown"] for r in rows if r["size"] is None), None) if not tried else None
+        ),
     }
 
 
 def _values(
-    effect: Effect, fit: Fit, recordings: Sequence[Recording], waves: Sequence[Wave], random: np.random.Generator
+    effect: Effect,
+    fit: Fit,
+    recordings: Sequence[Recording],
+    waves: Sequence[Wave],
+    random: np.random.Generator,
 ) -> Callable[[float], dict[str, float]]:
-    """The effect's parameters at a size, in a random direction. HrgError: these runs cannot show it."""
+    """The effect's parameters at a size, in a random direction. HrgError: these runs cannot show
+    it."""
     neutral = effect.values()
     first, wave = recordings[0], waves[0]
     length = float(first.times(len(first) - 1)[-1])
     if effect.follows_temperature:
         warm = fit.series.temperature_degc[fit.series.weight > 0]
-        neutral[REFERENCE_TEMPERATURE] = float(np.round(warm.mean(), 3)) if fit.series.has_temperature else neutral[REFERENCE_TEMPERATURE]
+        neutral[REFERENCE_TEMPERATURE] = (
+            float(np.round(warm.mean(), 3))
+            if fit.series.has_temperature
+            else neutral[REFERENCE_TEMPERATURE]
+        )
     if "time_s" in neutral:
         neutral["time_s"] = float(random.uniform(*MIDDLE)) * length
     if effect.of_one_run:
@@ -211,20 +289,38 @@ def _values(
         step = float(np.median(np.diff(first.times(0, 10_000))))
         return lambda size: {**neutral, lost.name: step}
     if effect.seen_in == "waveform":
-        neutral["frequency_hz"] = float(np.median(fit.frequency_hz)) * (1 + float(random.choice([-1, 1]) * random.uniform(*TONE_AWAY)))
-        sigma = float(np.median(wave.signal_std)) / np.sqrt(max(1, int(np.count_nonzero(wave.good()))))
+        neutral["frequency_hz"] = float(np.median(fit.frequency_hz)) * (
+            1 + float(random.choice([-1, 1]) * random.uniform(*TONE_AWAY))
+        )
+        sigma = float(np.median(wave.signal_std)) / np.sqrt(
+            max(1, int(np.count_nonzero(wave.good())))
+        )
         vector = random.standard_normal(len(effect.fitted()))
-        direction = dict(zip((p.name for p in effect.fitted()), sigma * vector / np.linalg.norm(vector), strict=True))
-        return lambda size: {name: value + size * float(direction.get(name, 0.0)) for name, value in neutral.items()}
+        direction = dict(
+            zip(
+                (p.name for p in effect.fitted()),
+                sigma * vector / np.linalg.norm(vector),
+                strict=True,
+            )
+        )
+        return lambda size: {
+            name: value + size * float(direction.get(name, 0.0)) for name, value in neutral.items()
+        }
     louder = float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
     if effect.sets_in:
-        return lambda size: {**neutral, **setting_in(effect, neutral, fit, size * louder, beside_model)}
+        return lambda size: {
+            **neutral,
+            **setting_in(effect, neutral, fit, size * louder, beside_model),
+        }
     direction = direction_of(effect, fit, neutral, random, beside_model)
-    return lambda size: {name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()}
+    return lambda size: {
+        name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()
+    }
 
 
 def beside_model(fit: Fit, columns: Array) -> Array:
-    """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which one run needs: SᵀS − SᵀJ Cov JᵀS."""
+    """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which
+    one run needs: SᵀS − SᵀJ Cov JᵀS."""
     shared = fit.design.along(columns)
     return columns.T @ columns - shared.T @ fit.covariance @ shared
 
@@ -235,12 +331,16 @@ def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: Fit) 
     for p in effect.fitted():
         typical = scales.typical(p, amplitude, frequency)
         if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:
-            found = f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the typical {typical:.2g}"
+            found = (
+                f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the"
+                f" typical {typical:.2g}"
+            )
             raise HrgError(f"{effect.name}: {size:g} σ would be {found}")
 
 
 def _with(recording: Recording, number: int, effect: Effect, values: dict[str, float]) -> Recording:
-    """A recording with the effect in it; the same one where it does nothing, as what happens in one run does to the others."""
+    """A recording with the effect in it; the same one where it does nothing, as what happens in one
+    run does to the others."""
     if effect.of_one_run:
         if values[RUN] != number:
             return recording
@@ -260,51 +360,84 @@ def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
     try:
         report = summary(diagnose(waves, scale_factor=scale_factor))
     except (HrgError, ArithmeticError, np.linalg.LinAlgError) as error:
-        # of data that an injection spoilt beyond any model: no name is given, and that is what the study counts
-        return {"verdict": "refused", "refused": str(error), "effects": [], "after": {"chi2_per_dof": None}}
+        # of data that an injection spoilt beyond any model: no name is given, and that is what the
+        # study counts
+        return {
+            "verdict": "refused",
+            "refused": str(error),
+            "effects": [],
+            "after": {"chi2_per_dof": None},
+        }
     return {key: report[key] for key in ("verdict", "effects", "after")}
 
 
 def _fit(waves: Sequence[Wave], scale_factor: float | None, background: Row) -> Fit:
-    """The base model's fit at the windows' own rate, with the causes of the background where it finds one."""
+    """The base model's fit at the windows' own rate, with the causes of the background where it
+    finds one."""
     series, point, _ = prepare(waves, scale_factor, ALL_ROWS)
     fit = settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
     names = {effect.name for effect in EFFECTS}
     for entry in background["effects"]:
         if entry["name"] not in names or find(entry["name"]).seen_in == "waveform":
             continue
-        values = {name: float(p["value"]) for name, p in (entry["parameters"] | entry.get("held", {})).items()}
+        values = {
+            name: float(p["value"])
+            for name, p in (entry["parameters"] | entry.get("held", {})).items()
+        }
         effect = find(entry["name"])
         with contextlib.suppress(extended_fit.DivergedError):
-            fit = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, effect.values(values)), fit.freedom)
+            fit = extended_fit.fit(
+                fit.series,
+                extended_fit.with_effect(fit.point, effect, effect.values(values)),
+                fit.freedom,
+            )
     return fit
 
 
 def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """A row an effect: shares named first, among others and with a false name at every size, size found over true, error over σ."""
+    """A row an effect: shares named first, among others and with a false name at every size, size
+    found over true, error over σ."""
     sizes = [f"{s:g}" for s in study["sizes"]]
-    heads = ["effect", *(f"{what} at {s} σ" for s in sizes for what in ("first", "among", "false")), "found/true", "error/σ", "not shown"]
+    heads = [
+        "effect",
+        *(f"{what} at {s} σ" for s in sizes for what in ("first", "among", "false")),
+        "found/true",
+        "error/σ",
+        "not shown",
+    ]
 
     def row(name: str, figures: dict[str, Any]) -> tuple[Any, ...]:
         cells: list[Any] = []
         for s in sizes:
             at = figures["by_size"].get(s)
-            cells += ["" if at is None else f"{at[key][0]:.2f}" for key in ("first", "among", "false")]
-        numbers = ["" if figures[key] is None else f"{figures[key]:.3g}" for key in ("found_over_true", "error_rms")]
+            cells += [
+                "" if at is None else f"{at[key][0]:.2f}" for key in ("first", "among", "false")
+            ]
+        numbers = [
+            "" if figures[key] is None else f"{figures[key]:.3g}"
+            for key in ("found_over_true", "error_rms")
+        ]
         return (name, *cells, *numbers, figures["not_shown"] or "")
 
-    return tuple(heads), [*(row(name, figures) for name, figures in study["effects"].items()), row("all", study["all"])]
+    return tuple(heads), [
+        *(row(name, figures) for name, figures in study["effects"].items()),
+        row("all", study["all"]),
+    ]
 
 
 def figure(study: dict[str, Any]) -> Figure:
-    """Every effect against size: share named first and share with a false name beside it; right, the size found over the true one."""
+    """Every effect against size: share named first and share with a false name beside it; right,
+    the size found over the true one."""
     from matplotlib.figure import Figure
 
     names = [name for name, figures in study["effects"].items() if figures["by_size"]]
     sizes = [f"{s:g}" for s in study["sizes"]]
     drawing = Figure(figsize=(13, 2.5 + 0.27 * max(4, len(names))), layout="constrained")
     first, false, ratio = drawing.subplots(1, 3, width_ratios=(1, 1, 1.2))
-    for axes, key, title, colours in ((first, "first", "named first", "Greens"), (false, "false", "a false name beside", "Reds")):
+    for axes, key, title, colours in (
+        (first, "first", "named first", "Greens"),
+        (false, "false", "a false name beside", "Reds"),
+    ):
         shares = np.full((len(names), len(sizes)), np.nan)
         for k, name in enumerate(names):
             for j, s in enumerate(sizes):
@@ -320,9 +453,18 @@ def figure(study: dict[str, Any]) -> Figure:
     for row in study["rows"]:
         if row["size"] is not None and row["effect"] in places:
             found = list(row["found_over_true"].values())
-            ratio.plot(found, [places[row["effect"]]] * len(found), "o", color="C0", alpha=0.6, markersize=4)
+            ratio.plot(
+                found,
+                [places[row["effect"]]] * len(found),
+                "o",
+                color="C0",
+                alpha=0.6,
+                markersize=4,
+            )
     ratio.axvline(1.0, color="0.6")
-    ratio.set(ylim=(len(names) - 0.5, -0.5), xlim=(-0.5, 2.5), title="size found over true", yticks=[])
+    ratio.set(
+        ylim=(len(names) - 0.5, -0.5), xlim=(-0.5, 2.5), title="size found over true", yticks=[]
+    )
     named = ", ".join(study["background"]["named"]) or "no cause"
     drawing.suptitle(f"background: {study['background']['verdict']}, {named}")
     return drawing

@@ -1,8 +1,11 @@
-"""Which channel defects the eight equations of seed B (1) reveal, and which are exactly invisible to them.
+"""Which channel defects the eight equations of seed B (1) reveal, and which are exactly invisible
+to them.
 
-Eight signals and five unknowns leave three redundant equations: |z_C⁺| = |z_C⁻|, |z_S⁺| = |z_S⁻|, arg z_C⁺z_C⁻* = arg z_S⁺z_S⁻*. A defect
-that acts on the displacement before the carrier multiplies it changes both sidebands alike and stays within the model, whatever it
-does to the wave angle; only a defect that treats the sidebands or their carrier phases differently leaves a residual (PHYSICS §3).
+Eight signals and five unknowns leave three redundant equations: |z_C⁺| = |z_C⁻|, |z_S⁺| = |z_S⁻|,
+arg z_C⁺z_C⁻* = arg z_S⁺z_S⁻*. A defect that acts on the displacement before the carrier multiplies
+it changes both sidebands alike and stays within the model, whatever it does to the wave angle; only
+a defect that treats the sidebands or their carrier phases differently leaves a residual (PHYSICS
+§3).
 """
 
 from __future__ import annotations
@@ -26,14 +29,26 @@ CHANNEL_C = np.array([1.0, 0.0])
 
 Defect = Callable[[Array, Array, float], tuple[Array, Array]]
 DEFECTS: tuple[tuple[str, str, Defect], ...] = (
-    ("sideband_gain", "sum sideband (1 + e/2), difference sideband (1 − e/2)", lambda lo, up, e: (lo * (1 - e / 2), up * (1 + e / 2))),
+    (
+        "sideband_gain",
+        "sum sideband (1 + e/2), difference sideband (1 − e/2)",
+        lambda lo, up, e: (lo * (1 - e / 2), up * (1 + e / 2)),
+    ),
     (
         "carrier_phase_mismatch",
         "carrier phase ψ + e/2 in channel C, ψ − e/2 in channel S",
         lambda lo, up, e: (lo * np.exp(-1j * e * DIFFERENCE), up * np.exp(1j * e * DIFFERENCE)),
     ),
-    ("signal_offset", "e added to one of the eight signals", lambda lo, up, e: (lo + 1j * e * CHANNEL_C, up)),
-    ("gain_mismatch", "channel C (1 + e/2), channel S (1 − e/2)", lambda lo, up, e: (lo * (1 + e * DIFFERENCE), up * (1 + e * DIFFERENCE))),
+    (
+        "signal_offset",
+        "e added to one of the eight signals",
+        lambda lo, up, e: (lo + 1j * e * CHANNEL_C, up),
+    ),
+    (
+        "gain_mismatch",
+        "channel C (1 + e/2), channel S (1 − e/2)",
+        lambda lo, up, e: (lo * (1 + e * DIFFERENCE), up * (1 + e * DIFFERENCE)),
+    ),
     (
         "phase_mismatch",
         "signal phase φ + e/2 in channel C, φ − e/2 in channel S",
@@ -49,7 +64,11 @@ DEFECTS: tuple[tuple[str, str, Defect], ...] = (
         "j e/2 of each channel added to the other",
         lambda lo, up, e: (lo + 0.5j * e * lo[..., ::-1], up + 0.5j * e * up[..., ::-1]),
     ),
-    ("envelope_cubic", "each channel (1 + e |C0|²)", lambda lo, up, e: (lo * (1 + e * np.abs(lo) ** 2), up * (1 + e * np.abs(up) ** 2))),
+    (
+        "envelope_cubic",
+        "each channel (1 + e |C0|²)",
+        lambda lo, up, e: (lo * (1 + e * np.abs(lo) ** 2), up * (1 + e * np.abs(up) ** 2)),
+    ),
 )
 VISIBLE = 1e-6
 """Residual a unit of defect above which a defect shows; the invisible ones stay at rounding."""
@@ -61,15 +80,24 @@ def redundancy_study(
     defect: Annotated[float, Field(gt=0, le=0.1, description="size e of every defect")] = 1e-3,
     seed: Annotated[int, Field(ge=0, description="seed of the random numbers")] = 2022,
 ) -> dict[str, Any]:
-    """For every defect: its residual rms and its wave angle error (electrical, rad), each a unit of defect, and whether it is visible.
+    """For every defect: its residual rms and its wave angle error (electrical, rad), each a unit of
+    defect, and whether it is visible.
 
-    The residual √(Σr²/8) is averaged (rms) over the waves of seed B's first experiment; the angle error over nearly linear waves
-    (A = 1, B in ± 0.1), as a working gyro has. Expected: sideband gain ¼√⟨A²+B²⟩ = 0.204; offset √(3/64) = 0.217 (three of
-    the eight directions are redundant).
+    The residual √(Σr²/8) is averaged (rms) over the waves of seed B's first experiment; the angle
+    error over nearly linear waves (A = 1, B in ± 0.1), as a working gyro has. Expected: sideband
+    gain ¼√⟨A²+B²⟩ = 0.204; offset √(3/64) = 0.217 (three of the eight directions are redundant).
     """
     generator = np.random.default_rng(seed)
-    anyhow = np.column_stack([generator.uniform(-1, 1, (vectors, 2)), generator.uniform(0, 2 * np.pi, (vectors, 3))])
-    working = np.column_stack([np.ones(vectors), generator.uniform(-0.1, 0.1, vectors), generator.uniform(0, 2 * np.pi, (vectors, 3))])
+    anyhow = np.column_stack(
+        [generator.uniform(-1, 1, (vectors, 2)), generator.uniform(0, 2 * np.pi, (vectors, 3))]
+    )
+    working = np.column_stack(
+        [
+            np.ones(vectors),
+            generator.uniform(-0.1, 0.1, vectors),
+            generator.uniform(0, 2 * np.pi, (vectors, 3)),
+        ]
+    )
     rows = []
     for name, meaning, apply in DEFECTS:
         misfit = closed_form(_with_defect(anyhow, apply, defect))[1]
@@ -109,18 +137,40 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
 
 
 def figure(study: dict[str, Any]) -> Figure:
-    """Residual and wave angle error of every defect side by side: what is seen against what it does."""
+    """Residual and wave angle error of every defect side by side: what is seen against what it
+    does."""
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(9, 5), layout="constrained")
     axis = drawing.subplots()
     rows = study["defects"][::-1]
     place = np.arange(len(rows))
-    axis.barh(place + 0.2, [r["residual_rms_per_unit"] for r in rows], 0.4, color="C0", label="residual of the redundant equations")
-    axis.barh(place - 0.2, [r["wave_angle_error_rms_per_unit"] for r in rows], 0.4, color="C1", label="error of the wave angle mθ, rad")
+    axis.barh(
+        place + 0.2,
+        [r["residual_rms_per_unit"] for r in rows],
+        0.4,
+        color="C0",
+        label="residual of the redundant equations",
+    )
+    axis.barh(
+        place - 0.2,
+        [r["wave_angle_error_rms_per_unit"] for r in rows],
+        0.4,
+        color="C1",
+        label="error of the wave angle mθ, rad",
+    )
     for y, row in zip(place, rows, strict=True):
-        axis.text(row["residual_rms_per_unit"] + 0.004, y + 0.2, f"{row['residual_rms_per_unit']:.3f}", va="center", fontsize=8)
+        axis.text(
+            row["residual_rms_per_unit"] + 0.004,
+            y + 0.2,
+            f"{row['residual_rms_per_unit']:.3f}",
+            va="center",
+            fontsize=8,
+        )
     axis.set_yticks(place, [r["defect"].replace("_", " ") for r in rows])
-    axis.set(xlabel="rms a unit of defect", title="what the eight equations of the carrier read-out reveal")
+    axis.set(
+        xlabel="rms a unit of defect",
+        title="what the eight equations of the carrier read-out reveal",
+    )
     axis.legend(loc="lower right")
     return drawing

@@ -1,4 +1,5 @@
-"""Every effect: its fast and its slow terms, written separately, change the measured envelopes alike; neutral values change nothing."""
+"""Every effect: its fast and its slow terms, written separately, change the measured envelopes
+alike; neutral values change nothing."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,11 @@ SIZES = {
     "mains_tone": {"frequency_hz": 2003.0, "c_cos": 1e-3, "s_sin": 5e-4},
     "thermal_frequency": {"relative_1_k": 1e-6, "reference_temperature_degc": 22.0},
     "thermal_damping": {"relative_1_k": 2e-2, "reference_temperature_degc": 22.0},
-    "split_temperature": {"cos_rad_s_k": 1e-2, "sin_rad_s_k": -2e-2, "reference_temperature_degc": 22.0},
+    "split_temperature": {
+        "cos_rad_s_k": 1e-2,
+        "sin_rad_s_k": -2e-2,
+        "reference_temperature_degc": 22.0,
+    },
     "thermal_gradient": {"frequency_s_k": 1e-7, "split_cos_rad_k": 2e-3, "split_sin_rad_k": -1e-3},
     "thermal_hysteresis": {"relative": 3e-7},
     "centrifugal_stiffness": {"coefficient": 20.0},
@@ -31,12 +36,18 @@ SIZES = {
     "inertial_nonlinearity": {"inverse_length_squared": 1e-5},
     "finite_quadrature_gain": {"gain_1_s": 2.0},
     "dry_friction": {"slope_1_s": 2e-2},
-    "momentum_kick": {"c_velocity_over_omega": 4e-3, "s_velocity_over_omega": -7e-3, "time_s": 0.21003, "phase_rad": 0.4},
+    "momentum_kick": {
+        "c_velocity_over_omega": 4e-3,
+        "s_velocity_over_omega": -7e-3,
+        "time_s": 0.21003,
+        "phase_rad": 0.4,
+    },
     "phase_drift": {"slope_rad_s": 1e-2},
     "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }
 
-# relative difference of the two terms' changes, at most about 1.4 times what was measured; most are the second order of a term
+# relative difference of the two terms' changes, at most about 1.4 times what was measured; most are
+# the second order of a term
 TOLERANCE = {
     "inertial_nonlinearity": 8e-4,
     "thermal_gradient": 1e-3,
@@ -70,7 +81,11 @@ def wave(model, given, forced):
         "control": control,
         "effects": given,
     }  # fmt: skip
-    return collect(estimate(collect(demodulate(collect(simulate(config, model=model)), periods_per_window=10.0))))
+    return collect(
+        estimate(
+            collect(demodulate(collect(simulate(config, model=model)), periods_per_window=10.0))
+        )
+    )
 
 
 def envelopes(*waves):
@@ -79,11 +94,17 @@ def envelopes(*waves):
     rows = min(map(len, waves))
     for w in waves:
         turn = 2 * np.pi * (w.reference_frequency_hz - 2000.0) * w.time_s
-        out.append(ellipse.envelopes(w.main_amplitude, w.quadrature_amplitude, w.wave_angle_rad, w.phase_rad + turn, 2)[:rows])
+        out.append(
+            ellipse.envelopes(
+                w.main_amplitude, w.quadrature_amplitude, w.wave_angle_rad, w.phase_rad + turn, 2
+            )[:rows]
+        )
     return out
 
 
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name != "thermal_lag"], ids=lambda e: e.name)
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS if e.name != "thermal_lag"], ids=lambda e: e.name
+)
 def test_fast_and_slow_agree(effect):
     forced = effect.family == "control" or effect.name == "drive_feedthrough"
     given = {effect.name: SIZES.get(effect.name) or {p.name: p.typical for p in effect.parameters}}
@@ -91,7 +112,8 @@ def test_fast_and_slow_agree(effect):
     if effect.name == "quadrature_drive_phase_error":
         without = {"quadrature_drive_phase_error": {"phase_rad": 0.0}}
     if effect.name == "finite_quadrature_gain":
-        # the loop itself, for the slow engine, is the control's own; the effect's slow term is what diagnosis uses
+        # the loop itself, for the slow engine, is the control's own; the effect's slow term is what
+        # diagnosis uses
         from hrg_cli.physics.plant import Control
 
         control = Control(forced=True)
@@ -106,13 +128,18 @@ def test_fast_and_slow_agree(effect):
         keep[abs(np.arange(len(fast)) - 42) < 8] = False  # windows that see both sides of the step
     size = np.sqrt(np.mean(np.abs(changed_fast[keep]) ** 2))
     assert size > 1e-5, "the effect must be visible in this run"
-    assert np.sqrt(np.mean(np.abs(changed_fast - changed_slow)[keep] ** 2)) < TOLERANCE.get(effect.name, USUAL) * size
+    assert (
+        np.sqrt(np.mean(np.abs(changed_fast - changed_slow)[keep] ** 2))
+        < TOLERANCE.get(effect.name, USUAL) * size
+    )
 
 
 @pytest.mark.parametrize("power", (1.0, 3.0, -1.0, -2.0))
 def test_a_damping_of_another_power_is_the_same_in_both_engines(power):
     given = {"nonlinear_damping": {"damping_1_s": 0.2, "power": power}}
-    fast, slow, plain_fast, plain_slow = envelopes(*(wave(model, table, False) for table in (given, {}) for model in ("fast", "slow")))
+    fast, slow, plain_fast, plain_slow = envelopes(
+        *(wave(model, table, False) for table in (given, {}) for model in ("fast", "slow"))
+    )
     changed_fast, changed_slow = fast - plain_fast, slow - plain_slow
     assert np.abs(changed_fast).max() > 1e-3
     assert np.abs(changed_fast - changed_slow).max() < 2e-3 * np.abs(changed_fast).max()
@@ -126,14 +153,27 @@ def test_neutral_values_do_nothing(effect):
     random = np.random.default_rng(4)
     u = random.standard_normal((5, 2)) + 1j * random.standard_normal((5, 2))
     column = random.uniform(0.1, 1, 5)
-    state = SlowState(Mechanics(5000.0, 0.3), column, column, column, np.sign(column), column, column, u, column, column, 3e4)
+    state = SlowState(
+        Mechanics(5000.0, 0.3),
+        column,
+        column,
+        column,
+        np.sign(column),
+        column,
+        column,
+        u,
+        column,
+        column,
+        3e4,
+    )
     p = effect.values()
     assert np.allclose(effect.slow_readout(p, u, effect.slow_environment(p, state)), u, rtol=1e-15)
     assert not np.any(effect.slow(p, u, state))
 
 
 def test_the_slow_lag_undoes_the_thermometers():
-    """Fast: the log is the true temperature through the lag. Slow: the true temperature from the log and its slope."""
+    """Fast: the log is the true temperature through the lag. Slow: the true temperature from the
+    log and its slope."""
     import dataclasses
 
     from hrg_cli.effects import find
@@ -147,32 +187,55 @@ def test_the_slow_lag_undoes_the_thermometers():
     effect.environment(p, world)
     assert np.abs(world.logged_temperature_degc - true).max() > 0.3
     state = SlowState(
-        Mechanics(5000.0, 0.3), t, world.logged_temperature_degc, np.gradient(world.logged_temperature_degc, t), *[0 * t] * 6, 3e4
+        Mechanics(5000.0, 0.3),
+        t,
+        world.logged_temperature_degc,
+        np.gradient(world.logged_temperature_degc, t),
+        *[0 * t] * 6,
+        3e4,
     )
-    assert dataclasses.asdict(effect.slow_environment(p, state))["temperature_degc"][5:-5] == pytest.approx(true[5:-5], abs=1e-3)
+    assert dataclasses.asdict(effect.slow_environment(p, state))["temperature_degc"][
+        5:-5
+    ] == pytest.approx(true[5:-5], abs=1e-3)
 
 
 def test_pages_name_what_a_physicist_looks_for():
     for effect in EFFECTS:
         page = " ".join(effects.page(effect.name).split())
-        for word in ("Physics:", "Equation:", "Size:", "Mistaken for:", "What separates it", "Next experiment:"):
+        for word in (
+            "Physics:",
+            "Equation:",
+            "Size:",
+            "Mistaken for:",
+            "What separates it",
+            "Next experiment:",
+        ):
             assert word in page, f"{effect.name}: its page lacks {word}"
 
 
 def test_airy_precession_of_the_inertial_nonlinearity():
-    """PHYSICS §7: a spherical pendulum precesses by 3/8·ω·a_A·a_B/ℓ² and slows by ω(a_A² + a_B²)/16ℓ² (a_A, a_B small)."""
+    """PHYSICS §7: a spherical pendulum precesses by 3/8·ω·a_A·a_B/ℓ² and slows by ω(a_A² +
+    a_B²)/16ℓ² (a_A, a_B small)."""
     from hrg_cli.effects import find
     from hrg_cli.physics.plant import SlowState
     from hrg_cli.physics.resonator import Mechanics
 
-    effect, mechanics = find("inertial_nonlinearity"), Mechanics(1 / 9, 0.0, scale_factor=1.0, mode_number=1)
+    effect, mechanics = (
+        find("inertial_nonlinearity"),
+        Mechanics(1 / 9, 0.0, scale_factor=1.0, mode_number=1),
+    )
     a, b, curvature = 1.0, 1e-3, 1e-7
     u = ellipse.envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.0), 1)
     zero = np.zeros(())
-    du = effect.slow({"inverse_length_squared": curvature}, u, SlowState(mechanics, *[zero] * 6, u, zero, zero, mechanics.omega_rad_s))
+    du = effect.slow(
+        {"inverse_length_squared": curvature},
+        u,
+        SlowState(mechanics, *[zero] * 6, u, zero, zero, mechanics.omega_rad_s),
+    )
     e_A, e_B = np.array([np.cos(0.3), np.sin(0.3)]), np.array([-np.sin(0.3), np.cos(0.3)])
     omega = mechanics.omega_rad_s
     assert np.imag(e_A @ du) / a == pytest.approx(-omega * a**2 * curvature / 16, rel=1e-5)
-    # e_B·u' = a θ̇ − j(ȧ_B + a_B jφ̇…): the turning is its real part less what the phase rate gives to −j a_B
+    # e_B·u' = a θ̇ − j(ȧ_B + a_B jφ̇…): the turning is its real part less what the phase rate gives
+    # to −j a_B
     turning = (np.real(e_B @ du) - b * np.imag(e_A @ du) / a) / a
     assert abs(turning) == pytest.approx(3 / 8 * omega * a * b * curvature, rel=1e-4)

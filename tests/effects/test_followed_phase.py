@@ -1,4 +1,5 @@
-"""The phase of the wave followed sample by sample, at any sampling rate above twice the frequency."""
+"""The phase of the wave followed sample by sample, at any sampling rate above twice the
+frequency."""
 
 import numpy as np
 import pytest
@@ -15,4 +16,6 @@ def test_the_phase_is_continuous_through_blocks_and_turns_of_the_wave(samples_a_
     w = u * np.exp(2j * np.pi * n / samples_a_period)[:, None]
     last = []
     found = np.concatenate([followed(part, last) for part in np.split(w, (1, 5, 4000, 4001))])
-    assert np.exp(1j * (found - phase - 2 * np.pi * n / samples_a_period)) == pytest.approx(1, abs=1e-6)
+    assert np.exp(1j * (found - phase - 2 * np.pi * n / samples_a_period)) == pytest.approx(
+        1, abs=1e-6
+    )

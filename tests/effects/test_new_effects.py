@@ -1,4 +1,5 @@
-"""Dry friction, a knock, gains by temperature, phase drift, converter: their own laws, and that a diagnosis names them."""
+"""Dry friction, a knock, gains by temperature, phase drift, converter: their own laws, and that a
+diagnosis names them."""
 
 import copy
 import tomllib
@@ -29,17 +30,24 @@ FOUND = {
 
 def state():
     zero = np.zeros(())
-    return SlowState(Mechanics(5000.0, 0.3), *[zero] * 6, np.zeros(2), zero, zero, 2 * np.pi * 5000.0)
+    return SlowState(
+        Mechanics(5000.0, 0.3), *[zero] * 6, np.zeros(2), zero, zero, 2 * np.pi * 5000.0
+    )
 
 
-@pytest.mark.parametrize(("a", "b"), [(1.0, 0.5), (1.0, 1.0), (1.0, 0.9999), (2.0, 1e-2), (1.0, 1e-9)])
+@pytest.mark.parametrize(
+    ("a", "b"), [(1.0, 0.5), (1.0, 1.0), (1.0, 0.9999), (2.0, 1e-2), (1.0, 1e-9)]
+)
 def test_the_means_of_dry_friction_are_the_integrals(a, b):
-    """⟨sin²/ρ⟩ and ⟨cos²/ρ⟩ by the arithmetic–geometric mean against the tanh rule on each quarter period."""
+    """⟨sin²/ρ⟩ and ⟨cos²/ρ⟩ by the arithmetic–geometric mean against the tanh rule on each quarter
+    period."""
     x = np.linspace(-4, 4, 4001)
     angle = np.pi / 4 * (1 + np.tanh(np.pi / 2 * np.sinh(x)))
     small = np.pi / 2 / (1 + np.exp(-np.pi * np.sinh(x)))  # the same angle, exact where it is tiny
     angle = np.where(x < 0, small, angle)
-    width = np.pi / 4 * np.pi / 2 * np.cosh(x) / np.cosh(np.pi / 2 * np.sinh(x)) ** 2 * (x[1] - x[0])
+    width = (
+        np.pi / 4 * np.pi / 2 * np.cosh(x) / np.cosh(np.pi / 2 * np.sinh(x)) ** 2 * (x[1] - x[0])
+    )
     rho = np.sqrt(a**2 * np.sin(angle) ** 2 + b**2 * np.cos(angle) ** 2)
     G, Q = dry_friction.means(np.array(a), np.array(b))
     for sign, wave in ((-1, np.sin(angle) ** 2), (1, np.cos(angle) ** 2)):
@@ -48,13 +56,16 @@ def test_the_means_of_dry_friction_are_the_integrals(a, b):
 
 
 def test_dry_friction_of_a_line_of_a_circle_and_of_an_ellipse():
-    """A line loses the slope whatever its amplitude, a circle π/4 of it; an ellipse narrows and does not turn."""
+    """A line loses the slope whatever its amplitude, a circle π/4 of it; an ellipse narrows and
+    does not turn."""
     slope = 1e-3
     for a in (1.0, 0.01):
         for b, lost in ((0.0, (1.0, 0.0)), (a, (np.pi / 4, np.pi / 4))):
             u = ellipse.envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.7))
             du = dry_friction.slow({"slope_1_s": slope}, u, state())
-            wanted = ellipse.envelopes(np.array(-slope * lost[0]), np.array(-slope * lost[1]), np.array(0.3), np.array(0.7))
+            wanted = ellipse.envelopes(
+                np.array(-slope * lost[0]), np.array(-slope * lost[1]), np.array(0.3), np.array(0.7)
+            )
             assert du == pytest.approx(wanted, abs=1e-9 * slope)
     u = ellipse.envelopes(np.array(1.0), np.array(0.1), np.array(0.3), np.array(0.7))
     after = ellipse.wave(u + 1e-3 * dry_friction.slow({"slope_1_s": slope}, u, state()), 2)
@@ -74,7 +85,10 @@ def test_a_line_with_dry_friction_comes_to_rest_in_a_straight_line():
     assert blocks[:95] == pytest.approx(1 - 0.8 * t[:95], abs=0.012)
 
 
-@pytest.mark.parametrize(("h", "q"), [(0.03, 0.0), (-0.03, 0.0), (0.0, 0.07), (0.03, 0.07), (-0.02, 0.07), (0.9, 0.0), (1.2, 0.0)])
+@pytest.mark.parametrize(
+    ("h", "q"),
+    [(0.03, 0.0), (-0.03, 0.0), (0.0, 0.07), (0.03, 0.07), (-0.02, 0.07), (0.9, 0.0), (1.2, 0.0)],
+)
 def test_the_describing_function_of_the_converter_is_the_fundamental_of_its_codes(h, q):
     angle = 2 * np.pi * (np.arange(1_000_000) + 0.5) / 1_000_000
     for size in (1.0, 0.37):
@@ -100,7 +114,13 @@ def measured(effects, run=None, seed=5):
     return waves(table, seed, "gain_mismatch")
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == "gain_temperature" else pytest.mark.slow) for name in FOUND])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name == "gain_temperature" else pytest.mark.slow)
+        for name in FOUND
+    ],
+)
 def test_a_new_effect_is_named_with_its_size(name):
     report = summary(diagnose(measured({name: FOUND[name]})))
     found = next(e for e in report["effects"] if e["name"] == name)
@@ -115,16 +135,22 @@ def test_a_knock_in_one_run_is_named_with_its_run_instant_and_velocities():
     runs = measured({"momentum_kick": kick}, run=2)
     made = diagnose(runs)
     report = summary(made)
-    assert [e["name"] for e in report["effects"]] == ["momentum_kick"] and report["after"]["chi2_per_dof"] < 1.05
+    assert [e["name"] for e in report["effects"]] == ["momentum_kick"] and report["after"][
+        "chi2_per_dof"
+    ] < 1.05
     found = report["effects"][0]
-    assert found["held"]["run"]["value"] == 2 and found["held"]["time_s"]["value"] == pytest.approx(0.813, abs=0.01)
+    assert found["held"]["run"]["value"] == 2 and found["held"]["time_s"]["value"] == pytest.approx(
+        0.813, abs=0.01
+    )
     values = [found["parameters"][k] for k in ("c_velocity_over_omega", "s_velocity_over_omega")]
     sign = np.sign(values[0]["value"])  # half a period later the same knock has the other sign
     for value, true in zip(values, (2e-3, -1e-3), strict=True):
         assert abs(sign * value["value"] - true) < 4 * value["std"]
     written = tomllib.loads(made.extended_model)
     assert "momentum_kick" not in written.get("effects", {})
-    assert [k for k, run in enumerate(written["run"]) if "momentum_kick" in run.get("effects", {})] == [2]
+    assert [
+        k for k, run in enumerate(written["run"]) if "momentum_kick" in run.get("effects", {})
+    ] == [2]
     assert len(run_ids(written)) == len(runs)
 
 
@@ -139,12 +165,19 @@ def test_a_knock_moves_velocity_and_not_displacement():
         "recording": {"sample_rate_hz": 50_000.0, "duration_s": 0.01},
     }
     at = 0.0050003
-    kick = {"momentum_kick": {"c_velocity_over_omega": 0.1, "s_velocity_over_omega": 0.05, "time_s": at}}
-    plain, struck = collect(simulate(config)), collect(simulate(copy.deepcopy(config) | {"effects": kick}))
+    kick = {
+        "momentum_kick": {"c_velocity_over_omega": 0.1, "s_velocity_over_omega": 0.05, "time_s": at}
+    }
+    plain, struck = (
+        collect(simulate(config)),
+        collect(simulate(copy.deepcopy(config) | {"effects": kick})),
+    )
     t = np.arange(len(plain.c)) / 50_000.0
     for channel, size in (("c", 0.1), ("s", 0.05)):
         change = np.asarray(getattr(struck, channel)) - np.asarray(getattr(plain, channel))
-        wanted = np.where(t > at, size * np.sin(2 * np.pi * 1000 * (t - at)) * np.exp(-0.1 * (t - at)), 0.0)
+        wanted = np.where(
+            t > at, size * np.sin(2 * np.pi * 1000 * (t - at)) * np.exp(-0.1 * (t - at)), 0.0
+        )
         assert change == pytest.approx(wanted, abs=1e-5)
 
 
@@ -154,4 +187,6 @@ def test_the_phase_of_the_knock_is_a_fine_instant():
     given = {"c_velocity_over_omega": 1e-3, "s_velocity_over_omega": 2e-3}
     coarse = effect.slow_jump(effect.values(given | {"time_s": 0.3 + period / 4}), state())
     fine = effect.slow_jump(effect.values(given | {"time_s": 0.3, "phase_rad": np.pi / 2}), state())
-    assert coarse[0] == pytest.approx(fine[0], abs=1e-12) and coarse[1] == pytest.approx(fine[1], abs=1e-9)
+    assert coarse[0] == pytest.approx(fine[0], abs=1e-12) and coarse[1] == pytest.approx(
+        fine[1], abs=1e-9
+    )

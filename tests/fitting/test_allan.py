@@ -1,4 +1,5 @@
-"""The Allan deviation against an outside authority and against what white noise and a ramp must give."""
+"""The Allan deviation against an outside authority and against what white noise and a ramp must
+give."""
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ from hrg_cli.fitting.tables.allan import allan_deviation
 
 def test_agrees_with_allantools():
     allantools = pytest.importorskip("allantools")
-    rate = np.random.default_rng(1).standard_normal(5000).cumsum() * 0.01 + np.random.default_rng(2).standard_normal(5000)
+    rate = np.random.default_rng(1).standard_normal(5000).cumsum() * 0.01 + np.random.default_rng(
+        2
+    ).standard_normal(5000)
     tau, deviation, _ = allan_deviation(rate, 0.5)
     other_tau, other, _, _ = allantools.oadev(rate, rate=2.0, data_type="freq", taus=tau)
     np.testing.assert_allclose(other_tau, tau)
@@ -16,7 +19,9 @@ def test_agrees_with_allantools():
 
 
 def test_white_noise_falls_by_the_root_of_time():
-    tau, deviation, relative = allan_deviation(np.random.default_rng(3).standard_normal(200_000), 1.0)
+    tau, deviation, relative = allan_deviation(
+        np.random.default_rng(3).standard_normal(200_000), 1.0
+    )
     short = tau < 100
     assert np.all(np.abs(deviation[short] * np.sqrt(tau[short]) - 1) < 5 * relative[short])
 
@@ -31,7 +36,8 @@ def test_too_short_is_empty():
 
 
 def test_the_stated_error_is_the_scatter_of_many_records():
-    """White noise, overlapping: theory gives 0.82 of the stated error at long times (3N/2n degrees of freedom for N/n stated ones)."""
+    """White noise, overlapping: theory gives 0.82 of the stated error at long times (3N/2n degrees
+    of freedom for N/n stated ones)."""
     rng = np.random.default_rng(4)
     found = [allan_deviation(rng.standard_normal(1500), 1.0, 12) for _ in range(400)]
     tau, _, relative = found[0]
@@ -39,4 +45,6 @@ def test_the_stated_error_is_the_scatter_of_many_records():
     seen = deviations.std(axis=0) / deviations.mean(axis=0)
     middle = (tau >= 8) & (tau <= 150)
     assert middle.sum() >= 4
-    assert np.all((seen / relative > 0.68)[middle] & (seen / relative < 1.1)[middle]), seen / relative
+    assert np.all((seen / relative > 0.68)[middle] & (seen / relative < 1.1)[middle]), (
+        seen / relative
+    )

@@ -1,4 +1,5 @@
-"""Coefficients of IEEE 952 from series drawn with them: values, intervals, and terms that are not there."""
+"""Coefficients of IEEE 952 from series drawn with them: values, intervals, and terms that are not
+there."""
 
 import numpy as np
 import pytest
@@ -11,9 +12,13 @@ INTERVAL = 0.5
 
 def draw(seed, quantization=0.0, walk=0.0, bias=0.0, ramp=0.0, count=10_000):
     random = np.random.default_rng(seed)
-    rate = np.diff(quantization * random.normal(size=count + 1)) / INTERVAL + walk / np.sqrt(INTERVAL) * random.normal(size=count)
+    rate = np.diff(quantization * random.normal(size=count + 1)) / INTERVAL + walk / np.sqrt(
+        INTERVAL
+    ) * random.normal(size=count)
     if bias:
-        rate += Flicker(np.array([bias**2 / np.pi]), 0.1, count * INTERVAL, random).draw(count, INTERVAL)[:, 0]
+        rate += Flicker(np.array([bias**2 / np.pi]), 0.1, count * INTERVAL, random).draw(
+            count, INTERVAL
+        )[:, 0]
     return rate + np.cumsum(random.normal(size=count)) * ramp * np.sqrt(INTERVAL)
 
 
@@ -26,7 +31,9 @@ def draw(seed, quantization=0.0, walk=0.0, bias=0.0, ramp=0.0, count=10_000):
 def test_coefficients_and_their_intervals(truth):
     runs = 16
     held, off = dict.fromkeys(NAMES, 0), {name: [] for name in NAMES}
-    wanted = dict(zip(NAMES, (truth.get(key, 0.0) for key in ("quantization", "walk", "bias", "ramp"))))
+    wanted = dict(
+        zip(NAMES, (truth.get(key, 0.0) for key in ("quantization", "walk", "bias", "ramp")))
+    )
     for seed in range(runs):
         found = allan_terms(draw(seed, **truth), INTERVAL)
         for name, coefficient in found.coefficients.items():
@@ -44,5 +51,7 @@ def test_scale_of_time_and_rate_do_not_matter():
     rate = draw(3, walk=3e-3, ramp=1e-4)
     one, other = allan_terms(rate, INTERVAL), allan_terms(rate * 1e6, INTERVAL * 1e-3)
     walk = "angle_random_walk"
-    assert other.coefficients[walk].value == pytest.approx(one.coefficients[walk].value * 1e6 * np.sqrt(1e-3), rel=1e-6)
+    assert other.coefficients[walk].value == pytest.approx(
+        one.coefficients[walk].value * 1e6 * np.sqrt(1e-3), rel=1e-6
+    )
     assert other.chi2 == pytest.approx(one.chi2, rel=1e-6)

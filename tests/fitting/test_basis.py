@@ -1,4 +1,5 @@
-"""Bases of a window: exact for any fraction of a period, and the pull of an envelope that moves, against direct fits."""
+"""Bases of a window: exact for any fraction of a period, and the pull of an envelope that moves,
+against direct fits."""
 
 import numpy as np
 import pytest
@@ -17,13 +18,19 @@ def test_a_steady_oscillation_is_fitted_exactly_in_any_window(moving: bool) -> N
         assert basis is not None
         tau = (np.arange(samples) - (samples - 1) / 2) / rate
         p, q, offset = rng.normal(size=3)
-        y = p * np.cos(2 * np.pi * frequency * tau) + q * np.sin(2 * np.pi * frequency * tau) + 100 * offset
+        y = (
+            p * np.cos(2 * np.pi * frequency * tau)
+            + q * np.sin(2 * np.pi * frequency * tau)
+            + 100 * offset
+        )
         np.testing.assert_allclose(y @ basis.orthonormal @ basis.triangle, [p, q], atol=1e-10)
 
 
 @pytest.mark.parametrize("bands", [(1000.0,), (6000.0 - 1000.0, 6000.0 + 1000.0)])
 @pytest.mark.parametrize("power", [1, 2])
-def test_the_pull_of_slope_and_curvature_is_what_a_fit_of_a_moving_envelope_shows(bands: tuple[float, ...], power: int) -> None:
+def test_the_pull_of_slope_and_curvature_is_what_a_fit_of_a_moving_envelope_shows(
+    bands: tuple[float, ...], power: int
+) -> None:
     rng = np.random.default_rng(2)
     rate, samples = 51_234.0, 73
     nuisance = () if len(bands) == 1 else (6000.0,)
@@ -36,7 +43,12 @@ def test_the_pull_of_slope_and_curvature_is_what_a_fit_of_a_moving_envelope_show
     solution, left, *_ = np.linalg.lstsq(columns(tau, bands, nuisance), y, rcond=None)
     direct = solution[0 : 2 * len(bands) : 2] - 1j * solution[1 : 2 * len(bands) : 2]
     pull = basis.slope if power == 1 else basis.curvature
-    np.testing.assert_allclose(pull.alpha[0] @ motion + pull.beta[0] @ motion.conj(), direct, rtol=1e-8, atol=1e-12 * abs(direct).max())
+    np.testing.assert_allclose(
+        pull.alpha[0] @ motion + pull.beta[0] @ motion.conj(),
+        direct,
+        rtol=1e-8,
+        atol=1e-12 * abs(direct).max(),
+    )
     parts = np.stack([motion.real, -motion.imag], -1).ravel()
     assert parts @ pull.left[0] @ parts == pytest.approx(left[0], rel=1e-6)
 

@@ -1,4 +1,5 @@
-"""The closed form is the global least-squares solution, and the canonical one of its sixteen copies."""
+"""The closed form is the global least-squares solution, and the canonical one of its sixteen
+copies."""
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from hrg_cli.physics.signals import signals, symmetries
 
 def random_waves(n: int, seed: int) -> np.ndarray:
     generator = np.random.default_rng(seed)
-    return np.column_stack([generator.uniform(-1, 1, (n, 2)), generator.uniform(0, 2 * np.pi, (n, 3))])
+    return np.column_stack(
+        [generator.uniform(-1, 1, (n, 2)), generator.uniform(0, 2 * np.pi, (n, 3))]
+    )
 
 
 def test_exact_signals_are_met_to_rounding():
@@ -24,7 +27,15 @@ def test_exact_signals_are_met_to_rounding():
 
 
 @settings(max_examples=50)
-@given(st.tuples(st.floats(0.1, 2), st.floats(-0.9, 0.9), st.floats(-9, 9), st.floats(-9, 9), st.floats(-9, 9)))
+@given(
+    st.tuples(
+        st.floats(0.1, 2),
+        st.floats(-0.9, 0.9),
+        st.floats(-9, 9),
+        st.floats(-9, 9),
+        st.floats(-9, 9),
+    )
+)
 def test_all_symmetric_copies_have_one_canonical_form(values):
     x = np.array(values) * [1, values[0], 1, 1, 1]
     forms = canonical(symmetries(x))
@@ -50,7 +61,10 @@ def test_no_start_of_another_solver_ends_lower(carrier_known):
         def residual(values, row=row, psi=psi):
             return signals(np.append(values, psi) if carrier_known else values) - row
 
-        costs = [2 * least_squares(residual, start).cost for start in generator.uniform(-3, 3, (20, 4 if carrier_known else 5))]
+        costs = [
+            2 * least_squares(residual, start).cost
+            for start in generator.uniform(-3, 3, (20, 4 if carrier_known else 5))
+        ]
         assert min(costs) == pytest.approx(8 * misfit[0] ** 2, rel=1e-6)
 
 

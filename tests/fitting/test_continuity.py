@@ -1,4 +1,5 @@
-"""Angles stay continuous over many turns, gaps and changes of copy; the slope of a phase is that of a straight line."""
+"""Angles stay continuous over many turns, gaps and changes of copy; the slope of a phase is that of
+a straight line."""
 
 import numpy as np
 import pytest
@@ -29,7 +30,8 @@ def test_continuous_paths_come_back_from_any_copies(angle_rate, phase_rate, carr
 
 
 def test_the_slope_carries_over_a_gap():
-    """Three turns of the phase within a gap are counted, because the slope on both sides tells them."""
+    """Three turns of the phase within a gap are counted, because the slope on both sides tells
+    them."""
     generator = np.random.default_rng(1)
     kept = (TIME < 2) | (TIME > 3.3)
     time_s = TIME[kept]
@@ -62,15 +64,19 @@ def test_slope_is_unknown_where_nothing_is_known():
 
 
 def test_the_nearest_copy_describes_the_same_wave():
-    """Whatever copy comes in, out comes the one beside what was expected, for odd half turns of angle and carrier, too."""
+    """Whatever copy comes in, out comes the one beside what was expected, for odd half turns of
+    angle and carrier, too."""
     generator = np.random.default_rng(5)
     expected = generator.uniform(-20, 20, (500, 3))
     near = expected + generator.uniform(-0.5, 0.5, (500, 3))
-    np.testing.assert_allclose(nearest_copy(np.stack(copies(*near.T, generator), axis=-1), expected), near, atol=1e-9)
+    np.testing.assert_allclose(
+        nearest_copy(np.stack(copies(*near.T, generator), axis=-1), expected), near, atol=1e-9
+    )
 
 
 def test_an_angle_alone_is_counted_over_a_gap():
-    """The predicted step over a gap decides, not the smallest: two half turns of the angle lie within it."""
+    """The predicted step over a gap decides, not the smallest: two half turns of the angle lie
+    within it."""
     kept = (TIME < 2) | (TIME > 3.5)
     time_s = TIME[kept]
     angle = 4.5 * time_s

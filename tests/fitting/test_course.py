@@ -1,4 +1,5 @@
-"""A log between its rows: smooth courses by the cubic, everything else by straight lines, integrals exact for cubics."""
+"""A log between its rows: smooth courses by the cubic, everything else by straight lines, integrals
+exact for cubics."""
 
 import numpy as np
 import pytest
@@ -14,23 +15,32 @@ def rows(seed: int = 1) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "f", [lambda t: 3 * np.sin(9 * t), lambda t: np.exp(-8 * t), lambda t: 1 + t - t**2 + t**3 / 3], ids=["sine", "decay", "cubic"]
+    "f",
+    [lambda t: 3 * np.sin(9 * t), lambda t: np.exp(-8 * t), lambda t: 1 + t - t**2 + t**3 / 3],
+    ids=["sine", "decay", "cubic"],
 )
 def test_a_smooth_course_is_followed_far_better_than_by_lines(f) -> None:
     t = rows()
-    assert np.abs(course(t, f(t)).at(Q) - f(Q)).max() < 0.1 * np.abs(np.interp(Q, t, f(t)) - f(Q)).max()
+    assert (
+        np.abs(course(t, f(t)).at(Q) - f(Q)).max()
+        < 0.1 * np.abs(np.interp(Q, t, f(t)) - f(Q)).max()
+    )
 
 
 def test_the_integral_is_that_of_the_cubic() -> None:
     t = rows()
     whole = t + t**2 / 2 - t**3 / 3 + t**4 / 12
-    assert course(t, 1 + t - t**2 + t**3 / 3).integral() == pytest.approx(whole - whole[0], abs=1e-11)
+    assert course(t, 1 + t - t**2 + t**3 / 3).integral() == pytest.approx(
+        whole - whole[0], abs=1e-11
+    )
 
 
 def test_jumps_and_converter_steps_stay_lines() -> None:
     t = rows()
     for values in (np.where(t > 1.234, 2.0, -1.0), np.round(20 + 3 * t)):
-        assert course(t, values).at(t[0] + (t[-1] - t[0]) * Q / 3) == pytest.approx(np.interp(t[0] + (t[-1] - t[0]) * Q / 3, t, values))
+        assert course(t, values).at(t[0] + (t[-1] - t[0]) * Q / 3) == pytest.approx(
+            np.interp(t[0] + (t[-1] - t[0]) * Q / 3, t, values)
+        )
 
 
 def test_noise_is_not_made_worse() -> None:
@@ -41,8 +51,12 @@ def test_noise_is_not_made_worse() -> None:
 
 def test_few_rows_and_the_ends() -> None:
     assert course(np.array([1.0]), np.array([5.0])).at(Q) == pytest.approx(5.0)
-    assert course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).at(np.array([0.0, 1.5, 3.0])) == pytest.approx([5.0, 5.5, 6.0])
+    assert course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).at(
+        np.array([0.0, 1.5, 3.0])
+    ) == pytest.approx([5.0, 5.5, 6.0])
     t = np.arange(3.0)
     assert course(t, 2 * t).at(np.array([-0.5, 2.5, 30.0])) == pytest.approx([-1.0, 5.0, 6.0])
     t = np.arange(10.0)
-    assert course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx([-2.0, -1.0, 19.0, 20.0])
+    assert course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx(
+        [-2.0, -1.0, 19.0, 20.0]
+    )

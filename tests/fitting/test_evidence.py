@@ -1,4 +1,5 @@
-"""The evidence engine on plain linear models: scores, blindness, groups, selection statistics, held-out errors."""
+"""The evidence engine on plain linear models: scores, blindness, groups, selection statistics,
+held-out errors."""
 
 import numpy as np
 import pytest
@@ -30,24 +31,36 @@ def test_score_is_the_estimate_over_its_deviation_of_a_full_fit():
 def test_many_scores_at_once_are_those_of_the_singular_values():
     random = np.random.default_rng(7)
     J, Q, _, r = problem(7)
-    candidates = [random.standard_normal((len(r), m)) * 10.0 ** random.uniform(-6, 6, m) for m in (1, 3, 60, 2, 30)]
+    candidates = [
+        random.standard_normal((len(r), m)) * 10.0 ** random.uniform(-6, 6, m)
+        for m in (1, 3, 60, 2, 30)
+    ]
     one = candidates[0]
-    candidates.append(np.column_stack([one, one + 1e-9 * J[:, :1], np.zeros(len(r))]))  # two columns that are one, and nothing
+    candidates.append(
+        np.column_stack([one, one + 1e-9 * J[:, :1], np.zeros(len(r))])
+    )  # two columns that are one, and nothing
     candidates.append(np.full((len(r), 1), np.nan))
     found = evidence.scores([str(k) for k in range(len(candidates))], r, candidates, Q)
     for S, score in zip(candidates[:5], found[:5], strict=True):
         full = np.column_stack([S / np.linalg.norm(S, axis=0), J])
         assert score.rank == S.shape[1]
-        assert score.gain == pytest.approx(r @ r - np.linalg.lstsq(full, r, rcond=None)[1][0], rel=1e-8)
+        assert score.gain == pytest.approx(
+            r @ r - np.linalg.lstsq(full, r, rcond=None)[1][0], rel=1e-8
+        )
         assert score.space.T @ score.space == pytest.approx(np.eye(score.rank), abs=1e-9)
-        std = np.sqrt(np.diag(np.linalg.inv(full.T @ full))[: S.shape[1]]) / np.linalg.norm(S, axis=0)
+        std = np.sqrt(np.diag(np.linalg.inv(full.T @ full))[: S.shape[1]]) / np.linalg.norm(
+            S, axis=0
+        )
         assert score.std / std == pytest.approx(1, rel=1e-8)
     assert found[5].rank == 1 and found[5].gain == pytest.approx(found[0].gain, rel=1e-6)
     assert not found[6].visible
 
 
 def test_scores_of_noise_are_normal():
-    z = [evidence.score("s", r, S, Q).estimate[0] / evidence.score("s", r, S, Q).std[0] for _, Q, S, r in map(problem, range(300))]
+    z = [
+        evidence.score("s", r, S, Q).estimate[0] / evidence.score("s", r, S, Q).std[0]
+        for _, Q, S, r in map(problem, range(300))
+    ]
     assert abs(np.mean(z)) < 4 / np.sqrt(300)
     assert np.var(z) == pytest.approx(1, abs=4 * np.sqrt(2 / 300))
 
@@ -62,7 +75,12 @@ def test_two_spellings_of_one_cause_are_alike():
     J, Q, S, r = problem(3, size=0.3)
     one, other = evidence.score("a", r, S, Q), evidence.score("b", r, 2 * S + J[:, :1], Q)
     assert evidence.alike(one, other) == pytest.approx(1, abs=1e-9)
-    assert evidence.alike(one, evidence.score("c", r, np.random.default_rng(9).standard_normal(S.shape), Q)) < 0.3
+    assert (
+        evidence.alike(
+            one, evidence.score("c", r, np.random.default_rng(9).standard_normal(S.shape), Q)
+        )
+        < 0.3
+    )
 
 
 def in_runs(seed=0, runs=4, rows=50, own=3, common=2):
@@ -82,13 +100,18 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
     J[:, -1] += 1e3 * J[:, 0] / np.linalg.norm(J[:, 0])
     r, prior = random.standard_normal(len(J)), random.standard_normal((2, J.shape[1]))
     parts = evidence.factored(evidence.Design.of(J, blocks))
-    assert parts.basis.shape == (len(J), np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)))
+    assert parts.basis.shape == (
+        len(J),
+        np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)),
+    )
     np.testing.assert_allclose(parts.basis.along(parts.basis.off(J / 1e6)), 0, atol=1e-9)
     step, covariance = parts.solve(r, 0 * prior, np.zeros(2))
     whole, its = evidence.solve(J, r)
     np.testing.assert_allclose(step, whole, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(covariance, its, rtol=1e-7, atol=1e-9 * np.abs(its).max())
-    assert evidence.score("s", r, r[:, None], parts.basis).gain == pytest.approx(np.sum((r - J @ whole) ** 2), rel=1e-9)
+    assert evidence.score("s", r, r[:, None], parts.basis).gain == pytest.approx(
+        np.sum((r - J @ whole) ** 2), rel=1e-9
+    )
 
 
 def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():

@@ -1,4 +1,5 @@
-"""The slow model with effects: all steps at once as row by row, and sensitivities as differences of whole predictions."""
+"""The slow model with effects: all steps at once as row by row, and sensitivities as differences of
+whole predictions."""
 
 from dataclasses import replace
 
@@ -62,28 +63,48 @@ def test_sensitivities_are_differences_of_whole_predictions():
             seen = []
             for sign in (1, -1):
                 changed = values | {name: values[name] + sign * size}
-                there = extended.predict(series, replace(point, active=tuple((e, changed if e is effect else v) for e, v in point.active)))
-                seen.append(extended_fit.flat(series, extended.real(there.seen * series.weight[..., None])))
+                there = extended.predict(
+                    series,
+                    replace(
+                        point,
+                        active=tuple((e, changed if e is effect else v) for e, v in point.active),
+                    ),
+                )
+                seen.append(
+                    extended_fit.flat(series, extended.real(there.seen * series.weight[..., None]))
+                )
             difference = (seen[0] - seen[1]) / (2 * size)
-            assert np.linalg.norm(own[:, k] - difference) < 2e-3 * np.linalg.norm(difference), effect.name
+            assert np.linalg.norm(own[:, k] - difference) < 2e-3 * np.linalg.norm(difference), (
+                effect.name
+            )
 
 
 def test_sensitivities_of_the_coordinates_are_differences_too():
     series, point = programme()
     # what is relative to the damping moves with it in the prediction alone
-    point = replace(point, active=tuple(pair for pair in point.active if pair[0].name != "thermal_damping"))
+    point = replace(
+        point, active=tuple(pair for pair in point.active if pair[0].name != "thermal_damping")
+    )
     shared, _ = base_sensitivities(propagation(extended.predict(series, point)))
     for k in range(7):
         size = 1e-4
         p = np.eye(7)[k] * size
-        up, down = (extended.predict(series, replace(point, p=point.p + sign * p)).seen for sign in (1, -1))
+        up, down = (
+            extended.predict(series, replace(point, p=point.p + sign * p)).seen for sign in (1, -1)
+        )
         difference = extended.real((up - down) * series.weight[..., None]) / (2 * size)
-        assert np.linalg.norm(shared[..., k] - difference) < 1e-3 * np.linalg.norm(difference) + 1e-6
+        assert (
+            np.linalg.norm(shared[..., k] - difference) < 1e-3 * np.linalg.norm(difference) + 1e-6
+        )
 
 
 def test_an_effect_that_only_rounds_is_not_seen():
     series, point = programme()
-    still = replace(series, quadrature_drive=0 * series.quadrature_drive, quadrature_impulse=0 * series.quadrature_impulse)
+    still = replace(
+        series,
+        quadrature_drive=0 * series.quadrature_drive,
+        quadrature_impulse=0 * series.quadrature_impulse,
+    )
     flow = propagation(extended.predict(still, replace(point, active=())))
     effect = find("quadrature_drive_phase_error")
     assert not extended_fit.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()

@@ -5,7 +5,14 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
-from hrg_cli.fitting.tables.fourier import amplitude_and_angle, coefficients_at, evaluate, harmonic_basis, monotone_weights, node_weights
+from hrg_cli.fitting.tables.fourier import (
+    amplitude_and_angle,
+    coefficients_at,
+    evaluate,
+    harmonic_basis,
+    monotone_weights,
+    node_weights,
+)
 
 
 @pytest.mark.parametrize("mode_number", [1, 2, 3])
@@ -15,14 +22,25 @@ def test_average_along_a_stretch_is_the_integral(mode_number):
     for column in range(7):
         k = (column + 1) // 2
         f = np.cos if column % 2 or column == 0 else np.sin
-        mean = quad(lambda x, f=f, k=k: f(2 * mode_number * k * x), middle - travel / 2, middle + travel / 2)[0] / travel
+        mean = (
+            quad(
+                lambda x, f=f, k=k: f(2 * mode_number * k * x),
+                middle - travel / 2,
+                middle + travel / 2,
+            )[0]
+            / travel
+        )
         assert basis[column] == pytest.approx(mean, abs=1e-12)
 
 
 def test_triangle_average_is_the_average_of_averages():
-    """The difference of two neighbouring block averages weighs the speed with a triangle: sinc squared."""
+    """The difference of two neighbouring block averages weighs the speed with a triangle: sinc
+    squared."""
     start, width, n = 0.3, 0.25, 8
-    inner = [quad(lambda y, x=x: np.cos(n * (x + y)), 0, width)[0] / width for x in start + (np.arange(2000) + 0.5) / 2000 * width]
+    inner = [
+        quad(lambda y, x=x: np.cos(n * (x + y)), 0, width)[0] / width
+        for x in start + (np.arange(2000) + 0.5) / 2000 * width
+    ]
     basis = harmonic_basis(np.array([start + width]), 2, 2, width, width)[0]
     assert basis[3] == pytest.approx(np.mean(inner), abs=1e-6)
 
@@ -40,7 +58,9 @@ def test_node_weights_are_cardinal_and_sum_to_one(interpolation):
 
 
 def test_two_nodes_and_one_node():
-    assert node_weights(np.array([15.0]), np.array([10.0, 20.0]), "cubic") == pytest.approx(np.array([[0.5, 0.5]]))
+    assert node_weights(np.array([15.0]), np.array([10.0, 20.0]), "cubic") == pytest.approx(
+        np.array([[0.5, 0.5]])
+    )
     assert node_weights(np.array([15.0, 99.0]), np.array([10.0])) == pytest.approx(np.ones((2, 1)))
 
 
@@ -65,4 +85,6 @@ def test_evaluate_is_periodic_and_linear_between_nodes():
 def test_amplitude_and_angle():
     amplitude, angle = amplitude_and_angle(np.array(0.3), np.array(-0.4), 4)
     theta = np.linspace(0, 2, 9)
-    assert 0.3 * np.cos(4 * theta) - 0.4 * np.sin(4 * theta) == pytest.approx(amplitude * np.sin(4 * (theta - angle)))
+    assert 0.3 * np.cos(4 * theta) - 0.4 * np.sin(4 * theta) == pytest.approx(
+        amplitude * np.sin(4 * (theta - angle))
+    )

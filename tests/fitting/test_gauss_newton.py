@@ -4,13 +4,21 @@ import numpy as np
 import pytest
 
 from hrg_cli.fitting.ellipse.closed_form import canonical, closed_form
-from hrg_cli.fitting.ellipse.gauss_newton import amplitudes, gauss_newton, half_products, modelled, step
+from hrg_cli.fitting.ellipse.gauss_newton import (
+    amplitudes,
+    gauss_newton,
+    half_products,
+    modelled,
+    step,
+)
 from hrg_cli.physics.signals import signals
 
 
 def random_waves(n: int, seed: int) -> np.ndarray:
     generator = np.random.default_rng(seed)
-    return np.column_stack([generator.uniform(-1, 1, (n, 2)), generator.uniform(0, 2 * np.pi, (n, 3))])
+    return np.column_stack(
+        [generator.uniform(-1, 1, (n, 2)), generator.uniform(0, 2 * np.pi, (n, 3))]
+    )
 
 
 def jacobian(x: np.ndarray) -> np.ndarray:
@@ -45,7 +53,9 @@ def test_one_step_is_the_pseudo_inverse_step(carrier_known):
 
 def test_the_fast_model_is_the_model():
     x = random_waves(100, 4).T
-    np.testing.assert_allclose(modelled(x[0], x[1], half_products(*x[2:])).T, signals(x.T), atol=1e-15)
+    np.testing.assert_allclose(
+        modelled(x[0], x[1], half_products(*x[2:])).T, signals(x.T), atol=1e-15
+    )
 
 
 def test_from_zero_every_exact_vector_is_solved():
@@ -78,7 +88,9 @@ def test_noisy_vectors_converge_to_the_least_misfit_from_nearby():
 
 def test_what_does_not_converge_says_so():
     z = signals(random_waves(500, 10))
-    found = gauss_newton(z, np.zeros((500, 5)), residual_tolerance=1e-6, step_tolerance=0.0, max_iterations=4)
+    found = gauss_newton(
+        z, np.zeros((500, 5)), residual_tolerance=1e-6, step_tolerance=0.0, max_iterations=4
+    )
     late = found.evaluations < 0
     assert 0.5 < late.mean() < 1
     assert (found.evaluations[late] == -4).all()

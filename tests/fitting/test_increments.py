@@ -6,7 +6,13 @@ from forced_runs import Truth, forced_run, wave_of
 
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import increments
-from hrg_cli.fitting.tables.increments import Noise, covariance_bands, estimate_noise, path_of, whiten
+from hrg_cli.fitting.tables.increments import (
+    Noise,
+    covariance_bands,
+    estimate_noise,
+    path_of,
+    whiten,
+)
 
 
 def noisy(seed, white, walk, n=3000, dt=0.01):
@@ -16,7 +22,8 @@ def noisy(seed, white, walk, n=3000, dt=0.01):
 
 
 def test_covariance_of_increments_is_that_of_simulated_noise():
-    """White noise and random walk of mθ, averaged to blocks of 25 rows: variance and neighbours' covariance of the increments."""
+    """White noise and random walk of mθ, averaged to blocks of 25 rows: variance and neighbours'
+    covariance of the increments."""
     white, walk = 2e-5, 1e-7
     products = np.zeros(3)
     for seed in range(40):
@@ -39,7 +46,10 @@ def test_whitening_whitens():
 
 
 def test_noise_levels_are_recovered():
-    found = [estimate_noise(p, p.turn) for p in (path_of(noisy(s, 3e-5, 1e-8), harmonics=1, per_block=5) for s in range(12))]
+    found = [
+        estimate_noise(p, p.turn)
+        for p in (path_of(noisy(s, 3e-5, 1e-8), harmonics=1, per_block=5) for s in range(12))
+    ]
     assert np.mean([f.white for f in found]) == pytest.approx((3e-5) ** 2 / 5, rel=0.15)
     assert np.mean([f.walk for f in found]) == pytest.approx(1e-8, rel=0.15)
 
@@ -54,11 +64,15 @@ def test_reading_by_pieces_changes_nothing(monkeypatch):
 
 
 def test_equation_between_blocks_holds_without_noise():
-    """Fast rotation, coarse blocks: the sinc² of the basis keeps the equation to 1e-3 of the drift."""
+    """Fast rotation, coarse blocks: the sinc² of the basis keeps the equation to 1e-3 of the
+    drift."""
     truth = Truth(3, curved=False)
     wave = forced_run(truth, 20.0, 0.8, 20, 0, dt=0.005, noise=0.0)
     path = path_of(wave, harmonics=2, per_block=40)
-    predicted = path.angle_basis(2) @ truth.d[0] * path.interval_s - path.angle_basis(2) @ truth.k[0] * path.rotation
+    predicted = (
+        path.angle_basis(2) @ truth.d[0] * path.interval_s
+        - path.angle_basis(2) @ truth.k[0] * path.rotation
+    )
     constant = -truth.k[0, 0] * path.rotation
     assert np.abs(path.turn - predicted).max() < 5e-3 * np.abs(path.turn - constant).max()
 

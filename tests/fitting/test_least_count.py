@@ -1,4 +1,5 @@
-"""The least count of a converter is found from the values alone, and nothing is found where there is none."""
+"""The least count of a converter is found from the values alone, and nothing is found where there
+is none."""
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ T = np.arange(30_000) / RATE
 
 
 def wave(amplitude: float, noise: float, seed: int = 0) -> np.ndarray:
-    return amplitude * np.cos(2 * np.pi * 5003.37 * T) + noise * np.random.default_rng(seed).standard_normal(len(T))
+    return amplitude * np.cos(2 * np.pi * 5003.37 * T) + noise * np.random.default_rng(
+        seed
+    ).standard_normal(len(T))
 
 
 @pytest.mark.parametrize("step", [1.0, 3.0517578125e-05, 0.02, 7.3e-9])
@@ -24,7 +27,8 @@ def test_step_of_rounded_floats(step, offset):
 
 
 def test_step_of_values_printed_with_few_digits():
-    """A 16-bit converter of ±1 V whose log has six decimals: the values lie off the lattice by their rounding."""
+    """A 16-bit converter of ±1 V whose log has six decimals: the values lie off the lattice by
+    their rounding."""
     values = np.round(2.0**-15 * np.rint(wave(20_000, 2)), 6)
     assert least_count([values]) == pytest.approx(2.0**-15, rel=1e-3)
 
@@ -43,14 +47,23 @@ def test_a_continuum_has_none(dtype):
 
 
 def test_it_travels_to_the_wave_and_says_whether_rounding_is_the_noise():
-    """Rounding of 0.05 V makes 90 % of the residual of one recording and a thousandth of another's; a float recording has none."""
+    """Rounding of 0.05 V makes 90 % of the residual of one recording and a thousandth of another's;
+    a float recording has none."""
     shares = {}
     for name, noise in (("rounded", 0.005), ("noisy", 0.5)):
         c, s = (0.05 * np.rint(wave(a, noise, k) / 0.05) for k, a in enumerate((1.0, 0.63)))
-        periods = collect(demodulate(Recording(c=c, s=s, sample_rate_hz=RATE, mode="free", c_units="V", s_units="V")))
+        periods = collect(
+            demodulate(
+                Recording(c=c, s=s, sample_rate_hz=RATE, mode="free", c_units="V", s_units="V")
+            )
+        )
         made = collect(estimate(periods))
         assert made.least_count == pytest.approx(0.05)
         shares[name] = made.quantisation_share
-    assert shares["rounded"] > 0.8 and shares["noisy"] == pytest.approx(0.05**2 / 12 / 0.25, rel=0.1)
-    plain = collect(demodulate(Recording(c=wave(1, 0.1), s=wave(0.6, 0.1, 1), sample_rate_hz=RATE, mode="free")))
+    assert shares["rounded"] > 0.8 and shares["noisy"] == pytest.approx(
+        0.05**2 / 12 / 0.25, rel=0.1
+    )
+    plain = collect(
+        demodulate(Recording(c=wave(1, 0.1), s=wave(0.6, 0.1, 1), sample_rate_hz=RATE, mode="free"))
+    )
     assert plain.least_count is None and plain.quantisation_share is None

@@ -11,7 +11,9 @@ from hrg_cli.physics.signals import signals
 
 def random_waves(n: int, seed: int) -> np.ndarray:
     generator = np.random.default_rng(seed)
-    return np.column_stack([generator.uniform(-1, 1, (n, 2)), generator.uniform(0, 2 * np.pi, (n, 3))])
+    return np.column_stack(
+        [generator.uniform(-1, 1, (n, 2)), generator.uniform(0, 2 * np.pi, (n, 3))]
+    )
 
 
 def test_from_zero_every_exact_vector_is_solved():
@@ -24,7 +26,10 @@ def test_from_zero_every_exact_vector_is_solved():
 
 def test_more_iterations_never_leave_a_greater_misfit():
     z = signals(random_waves(2000, 2)) + 0.2 * np.random.default_rng(3).standard_normal((2000, 8))
-    ends = [levenberg_marquardt(z, np.zeros((2000, 5)), max_iterations=k).residual_rms for k in (1, 2, 4, 8, 16)]
+    ends = [
+        levenberg_marquardt(z, np.zeros((2000, 5)), max_iterations=k).residual_rms
+        for k in (1, 2, 4, 8, 16)
+    ]
     for earlier, later in pairwise(ends):
         assert (later <= earlier).all()
 

@@ -1,4 +1,5 @@
-"""The likelihood's propagation against direct exponentials and integration, its Jacobian against differences, and its statistics."""
+"""The likelihood's propagation against direct exponentials and integration, its Jacobian against
+differences, and its statistics."""
 
 import dataclasses
 
@@ -24,9 +25,15 @@ def test_coordinates_are_the_generator_of_the_resonator():
     p = coordinates.from_mechanics(GYRO)
     for rate in (0.0, 3.0, -7.0):
         want = resonator.generator(GYRO, rate)
-        assert np.allclose(coordinates.generator(p, np.array(rate), GYRO.omega_rad_s), want, atol=3e-9)
+        assert np.allclose(
+            coordinates.generator(p, np.array(rate), GYRO.omega_rad_s), want, atol=3e-9
+        )
         plain = resonator.generator(GYRO, rate, second_order=0.0)
-        assert np.allclose(coordinates.generator(np.append(p[:6], 0.0), np.array(rate), GYRO.omega_rad_s), plain, atol=1e-12)
+        assert np.allclose(
+            coordinates.generator(np.append(p[:6], 0.0), np.array(rate), GYRO.omega_rad_s),
+            plain,
+            atol=1e-12,
+        )
     values, slopes = coordinates.physical(p, 2)
     assert np.allclose(values, [0.31, 0.012, 0.35, 0.11, 0.9, 0.55])
     for k in range(6):
@@ -37,18 +44,26 @@ def test_coordinates_are_the_generator_of_the_resonator():
 
 def test_the_axis_of_a_split_lost_in_noise_is_as_uncertain_as_its_components():
     rng = np.random.default_rng(3)
-    for components, stds in (([2.0, 1.0], [0.01, 0.02]), ([0.1, 1.0], [0.05, 1.0]), ([0.3, 0.2], [1.0, 1.0])):
+    for components, stds in (
+        ([2.0, 1.0], [0.01, 0.02]),
+        ([0.1, 1.0], [0.05, 1.0]),
+        ([0.3, 0.2], [1.0, 1.0]),
+    ):
         covariance = np.diag(np.square(stds))
         draws = np.array(components) + np.array(stds) * rng.standard_normal((200_000, 2))
         turned = np.angle((draws[:, 0] + 1j * draws[:, 1]) * complex(components[0], -components[1]))
         want = min(np.sqrt(np.mean(turned**2)) / 4, np.pi / 2 / np.sqrt(12))
-        assert coordinates.axis_spread(np.array(components), covariance, 2) == pytest.approx(want, rel=0.05)
+        assert coordinates.axis_spread(np.array(components), covariance, 2) == pytest.approx(
+            want, rel=0.05
+        )
 
 
 def test_chain_is_the_running_product():
     rng = np.random.default_rng(0)
     steps = rng.standard_normal((3, 17, 2, 2)) + 1j * rng.standard_normal((3, 17, 2, 2))
-    got = np.stack(chain(tuple(steps[..., i, k] for i in (0, 1) for k in (0, 1))), axis=-1).reshape(3, 18, 2, 2)
+    got = np.stack(chain(tuple(steps[..., i, k] for i in (0, 1) for k in (0, 1))), axis=-1).reshape(
+        3, 18, 2, 2
+    )
     for run in range(3):
         product = np.eye(2)
         for k in range(17):
@@ -58,13 +73,20 @@ def test_chain_is_the_running_product():
 
 @pytest.mark.parametrize("rate", [0.0, 2.0, lambda t: 6 * np.sin(3 * t) + 1])
 def test_model_against_integration(rate):
-    """An independent integrator of u' = L(t) u, uneven rows and two runs of different lengths in one batch."""
+    """An independent integrator of u' = L(t) u, uneven rows and two runs of different lengths in
+    one batch."""
     rng = np.random.default_rng(2)
     wave = run_down(0.3, rate, std=1e-12, seconds=2.0)
     keep = np.sort(rng.choice(len(wave), 600, replace=False))
-    runs = [runs_of([wave])[0].rows(keep), runs_of([run_down(0.7, rate, std=1e-12, seconds=1.0)])[0]]
+    runs = [
+        runs_of([wave])[0].rows(keep),
+        runs_of([run_down(0.7, rate, std=1e-12, seconds=1.0)])[0],
+    ]
     data = batch(runs)
-    response = respond(data, State(coordinates.from_mechanics(GYRO), data.envelope[:, 0], np.array([[0.3], [-0.2]])))
+    response = respond(
+        data,
+        State(coordinates.from_mechanics(GYRO), data.envelope[:, 0], np.array([[0.3], [-0.2]])),
+    )
 
     def L(t):
         return resonator.generator(GYRO, rate(t) if callable(rate) else rate)
@@ -72,7 +94,13 @@ def test_model_against_integration(rate):
     for number, run in enumerate(runs):
         t0 = run.time_s[0]
         answer = solve_ivp(
-            lambda t, u: L(t) @ u, (t0, run.time_s[-1]), run.envelope[0], t_eval=run.time_s, rtol=1e-10, atol=1e-12, method="DOP853"
+            lambda t, u: L(t) @ u,
+            (t0, run.time_s[-1]),
+            run.envelope[0],
+            t_eval=run.time_s,
+            rtol=1e-10,
+            atol=1e-12,
+            method="DOP853",
         ).y.T
         x = (run.time_s - t0) / (run.time_s[-1] - t0)
         want = answer * np.exp(1j * (0.3 if number == 0 else -0.2) * x)[:, None]
@@ -82,14 +110,21 @@ def test_model_against_integration(rate):
     if rate == 0.0:
         step = runs[0].time_s[100] - runs[0].time_s[0]
         assert np.allclose(
-            response.model[0, 100], np.exp(0.3j * step / runs[0].duration_s) * expm(L(0) * step) @ runs[0].envelope[0], atol=1e-10
+            response.model[0, 100],
+            np.exp(0.3j * step / runs[0].duration_s) * expm(L(0) * step) @ runs[0].envelope[0],
+            atol=1e-10,
         )
 
 
 def test_jacobian_against_differences():
     data = batch(
         propagator.thinned(
-            runs_of([run_down(0.3, lambda t: 2 * np.sin(3 * t) + 1), run_down(0.7, 0.0, seconds=2.0)]), np.zeros(7), np.zeros(2), 150
+            runs_of(
+                [run_down(0.3, lambda t: 2 * np.sin(3 * t) + 1), run_down(0.7, 0.0, seconds=2.0)]
+            ),
+            np.zeros(7),
+            np.zeros(2),
+            150,
         )
     )
     p = coordinates.from_mechanics(GYRO)
@@ -98,13 +133,22 @@ def test_jacobian_against_differences():
     got = response.coordinate_sensitivities()
     for k in range(7):
         size = 1e-4 if k < 6 else 1.0
-        up, down = (respond(data, State(p + s * size * np.eye(7)[k], state.start, state.phase)).model for s in (1, -1))
+        up, down = (
+            respond(data, State(p + s * size * np.eye(7)[k], state.start, state.phase)).model
+            for s in (1, -1)
+        )
         want = (up - down) / (2 * size)
-        assert np.abs(got[k] - want).max() < 2e-3 * np.abs(want).max() + 1e-9, coordinates.COORDINATES[k]
+        assert np.abs(got[k] - want).max() < 2e-3 * np.abs(want).max() + 1e-9, (
+            coordinates.COORDINATES[k]
+        )
     own = response.run_sensitivities()
     moved = state.phase.copy()
     moved[:, 1] += 1e-6
-    assert np.allclose((respond(data, State(p, state.start, moved)).model - response.model) / 1e-6, own[5], atol=1e-5)
+    assert np.allclose(
+        (respond(data, State(p, state.start, moved)).model - response.model) / 1e-6,
+        own[5],
+        atol=1e-5,
+    )
 
 
 def test_a_changed_rate_against_differences():
@@ -115,13 +159,19 @@ def test_a_changed_rate_against_differences():
     t = data.time_s[0]
     shape = [np.sin(2 * x)[None, None] for x in (t[:-1], (t[:-1] + t[1:]) / 2, t[1:])]
     got = respond(data, state).turning_sensitivity(*(p[5] * h for h in shape))[0]
-    turned = [dataclasses.replace(data.runs[0], turn_rad=data.runs[0].turn_rad + sign * 1e-4 * (1 - np.cos(2 * t)) / 2) for sign in (1, -1)]
+    turned = [
+        dataclasses.replace(
+            data.runs[0], turn_rad=data.runs[0].turn_rad + sign * 1e-4 * (1 - np.cos(2 * t)) / 2
+        )
+        for sign in (1, -1)
+    ]
     up, down = (respond(batch([r]), state).model for r in turned)
     assert np.allclose((up - down) / 2e-4, got, atol=2e-4 * np.abs(got).max())
 
 
 def test_steady_runs_take_the_short_way_to_the_same_place():
-    """A rate a whisker from constant goes step by step and must arrive where the closed form does."""
+    """A rate a whisker from constant goes step by step and must arrive where the closed form
+    does."""
     runs = runs_of([run_down(0.3, 2.0, seconds=2.0), run_down(0.7, 0.0, seconds=1.0)])
     wobble = [dataclasses.replace(r, turn_rad=r.turn_rad + 1e-8 * np.sin(r.time_s)) for r in runs]
     p = coordinates.from_mechanics(GYRO)
@@ -175,10 +225,18 @@ def test_second_order_nuisance_serves_both_kinds_of_data(second_order):
 
 
 def test_known_axes_leave_the_sizes_free():
-    fit = base_fit(runs_of(programme(std=1e-3)), Known(damping_axis_rad=0.35, stiffness_axis_rad=0.9))
+    fit = base_fit(
+        runs_of(programme(std=1e-3)), Known(damping_axis_rad=0.35, stiffness_axis_rad=0.9)
+    )
     values, _ = coordinates.physical(fit.p, 2)
     assert values[2] == pytest.approx(0.35) and values[4] == pytest.approx(0.9)
-    assert fit.freedom.names == ("damping", "damping_cos", "split_cos", "scale_factor", "second_order")
+    assert fit.freedom.names == (
+        "damping",
+        "damping_cos",
+        "split_cos",
+        "scale_factor",
+        "second_order",
+    )
     assert abs(values[1] - 0.012) < 5 * np.sqrt(fit.covariance_z()[1, 1])
 
 

@@ -1,4 +1,5 @@
-"""Seed A's methods: each recovers the resonator within its errors and its known bias; the errata show as they should."""
+"""Seed A's methods: each recovers the resonator within its errors and its known bias; the errata
+show as they should."""
 
 import numpy as np
 import pytest
@@ -26,7 +27,10 @@ EXACT = [m for m in regressions.METHODS if m not in APPROXIMATE]
 def thin(waves, blocks=300):
     runs = [envelope_runs.from_wave(w) for w in waves]
     p, offsets, _, space = start(runs, Known())
-    return [envelope_runs.retuned(r, o) for r, o in zip(propagator.thinned(runs, p, offsets, blocks), offsets)], space
+    return [
+        envelope_runs.retuned(r, o)
+        for r, o in zip(propagator.thinned(runs, p, offsets, blocks), offsets)
+    ], space
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +59,8 @@ def test_with_noise_within_its_own_errors(method, noisy):
 
 @pytest.mark.parametrize("method", EXACT)
 def test_stated_errors_are_the_scatter(method):
-    """Over draws of the noise (error/σ)² is χ², although neighbouring differences share their noise."""
+    """Over draws of the noise (error/σ)² is χ², although neighbouring differences share their
+    noise."""
     space = freedom(Known(), TRUE, 2, 4.0)
     squares = []
     for seed in range(8):
@@ -73,19 +78,32 @@ def test_increments_and_stokes_come_near_the_bound(noisy):
     runs, space = noisy
     bound = np.sqrt(np.diag(base_fit(runs, blocks=300).covariance_z()))[:6]
     for method in ("increments", "stokes"):
-        assert np.all(np.sqrt(np.diag(regressions.solve(runs, space, method).covariance))[:6] < 2 * bound)
+        assert np.all(
+            np.sqrt(np.diag(regressions.solve(runs, space, method).covariance))[:6] < 2 * bound
+        )
 
 
 def test_derivatives_cost_against_increments(noisy):
     by_derivatives = regressions.solve(*noisy, "moving-axes")
     by_increments = regressions.solve(*noisy, "increments")
-    assert np.median(np.sqrt(np.diag(by_derivatives.covariance)[:6] / np.diag(by_increments.covariance)[:6])) > 3
+    assert (
+        np.median(
+            np.sqrt(np.diag(by_derivatives.covariance)[:6] / np.diag(by_increments.covariance)[:6])
+        )
+        > 3
+    )
 
 
 def test_eliminating_the_rate_halves_the_damping_split():
-    """Without a frequency split, at rest: seed A (17) with KΩ := −mθ' gives δμ/2 with the right axis."""
+    """Without a frequency split, at rest: seed A (17) with KΩ := −mθ' gives δμ/2 with the right
+    axis."""
     gyro = Mechanics(5000.0, 0.3, 0.03, 0.35, 0.0, 0.0, 0.55)
-    runs, space = thin([run_down(a, mechanics=gyro, std=1e-7, ratio=0.0, seed=i) for i, a in enumerate(np.arange(4) * np.pi / 8)])
+    runs, space = thin(
+        [
+            run_down(a, mechanics=gyro, std=1e-7, ratio=0.0, seed=i)
+            for i, a in enumerate(np.arange(4) * np.pi / 8)
+        ]
+    )
     wrong = regressions.solve(runs, space, "fixed-axes", eliminate_rate=True)
     right = regressions.solve(runs, space, "fixed-axes")
     for answer, size in ((right, 0.03), (wrong, 0.015)):
@@ -113,26 +131,40 @@ def test_frozen_axes_of_waves_that_hardly_turn():
     assert not any("frozen" in w for w in answer.warnings)
     true = coordinates.from_mechanics(gyro)
     assert answer.p[0] == pytest.approx(true[0], rel=1e-3)
-    assert np.hypot(*(answer.p[1:3] - true[1:3])) < 0.15 * 0.006 and np.hypot(*(answer.p[3:5] - true[3:5])) < 0.15 * 0.02
-    assert any("use moving-axes" in w for w in regressions.solve(*thin(programme(std=1e-5)), "frozen-axes").warnings)
+    assert (
+        np.hypot(*(answer.p[1:3] - true[1:3])) < 0.15 * 0.006
+        and np.hypot(*(answer.p[3:5] - true[3:5])) < 0.15 * 0.02
+    )
+    assert any(
+        "use moving-axes" in w
+        for w in regressions.solve(*thin(programme(std=1e-5)), "frozen-axes").warnings
+    )
 
 
 def test_two_groups_of_data_see_the_splits_through_the_rounding():
-    """Seed A, second remark after (17), with a small quadrature: ν, both splits and K to a tenth."""
+    """Seed A, second remark after (17), with a small quadrature: ν, both splits and K to a
+    tenth."""
     gyro = Mechanics(5000.0, 0.3, 0.03, 0.35, 0.05, 0.9, 0.55)
     waves = [
-        run_down(a, rate, mechanics=gyro, std=1e-6, ratio=0.0, seed=i) for i, (a, rate) in enumerate([(0.1, 1.0), (0.5, -1.0), (0.9, 0.5)])
+        run_down(a, rate, mechanics=gyro, std=1e-6, ratio=0.0, seed=i)
+        for i, (a, rate) in enumerate([(0.1, 1.0), (0.5, -1.0), (0.9, 0.5)])
     ]
     answer = regressions.solve(*thin(waves), "fixed-axes-groups")
     true = coordinates.from_mechanics(gyro)
     assert answer.p[[0, 5]] == pytest.approx(true[[0, 5]], rel=0.02)
-    assert np.hypot(*(answer.p[1:3] - true[1:3])) < 0.15 * 0.03 and np.hypot(*(answer.p[3:5] - true[3:5])) < 0.15 * 0.05
+    assert (
+        np.hypot(*(answer.p[1:3] - true[1:3])) < 0.15 * 0.03
+        and np.hypot(*(answer.p[3:5] - true[3:5])) < 0.15 * 0.05
+    )
     assert any("drops the smaller" in w for w in answer.warnings)
 
 
 def test_a_wave_lost_in_noise_is_said():
     runs, space = thin(programme(std=0.1, window=2e-2), blocks=200)
-    assert any("below 10 standard deviations" in w for w in regressions.solve(runs, space, "products").warnings)
+    assert any(
+        "below 10 standard deviations" in w
+        for w in regressions.solve(runs, space, "products").warnings
+    )
     runs, space = thin(programme(std=0.01, window=2e-2), blocks=200)
     assert not regressions.solve(runs, space, "products").warnings
 
@@ -148,14 +180,22 @@ def test_rotation_integrals_need_a_full_turn_and_then_recover():
     gyro = Mechanics(5000.0, 0.3, 0.03, 0.35, 0.11, 0.9, 0.55)
     refused = rotation_integrals.solve(thin([run_down(0.1, 0.2, mechanics=gyro, std=1e-4)])[0])
     assert "full period" in refused.refused
-    runs, _ = thin([run_down(0.1, rate, mechanics=gyro, std=1e-4, seconds=8.0, seed=i) for i, rate in enumerate((3.0, -3.0))])
+    runs, _ = thin(
+        [
+            run_down(0.1, rate, mechanics=gyro, std=1e-4, seconds=8.0, seed=i)
+            for i, rate in enumerate((3.0, -3.0))
+        ]
+    )
     answer = rotation_integrals.solve(runs)
     true = coordinates.from_mechanics(gyro)
-    assert np.all(np.abs(answer.p[:6] - true[:6]) < 5 * np.sqrt(np.diag(answer.covariance))[:6] + 5e-5)
+    assert np.all(
+        np.abs(answer.p[:6] - true[:6]) < 5 * np.sqrt(np.diag(answer.covariance))[:6] + 5e-5
+    )
 
 
 def forced(kind, rate=0.1, seconds=300.0, std=1e-5, seed=0):
-    """Envelopes of a slowly turning wave whose main amplitude is held by a force or by a ring electrode's pump (exact steps)."""
+    """Envelopes of a slowly turning wave whose main amplitude is held by a force or by a ring
+    electrode's pump (exact steps)."""
     gyro = Mechanics(5000.0, 0.3, 0.02, 0.35, 0.06, 0.9, 0.55)
     rng = np.random.default_rng(seed)
     n, dt = 6000, seconds / 6000
@@ -165,13 +205,17 @@ def forced(kind, rate=0.1, seconds=300.0, std=1e-5, seed=0):
         u = step @ u
         a, b, theta, phi = (float(x) for x in ellipse.wave(u))
         target = 1.0
-        b = b * a / target if kind == "parametric" else b  # a pump damps B as it feeds A; a force leaves it
+        b = (
+            b * a / target if kind == "parametric" else b
+        )  # a pump damps B as it feeds A; a force leaves it
         u = step @ ellipse.envelopes(target, b, theta, phi)
         out[k] = u
     times = (np.arange(n) + 1) * dt
     noise = std * (rng.standard_normal((n, 2)) + 1j * rng.standard_normal((n, 2)))
     turn = rate * times
-    return gyro, envelope_runs.EnvelopeRun("f", times, out + noise, np.full(n, std), turn, None, 5000.0, 2, dt)
+    return gyro, envelope_runs.EnvelopeRun(
+        "f", times, out + noise, np.full(n, std), turn, None, 5000.0, 2, dt
+    )
 
 
 @pytest.mark.parametrize(("kind", "factor"), [("force", 1.0), ("parametric", 2.0)])
@@ -180,16 +224,23 @@ def test_working_mode_finds_the_frequency_split_and_the_kind_of_drive(kind, fact
     found = working_mode.monitor([run])
     true = coordinates.from_mechanics(gyro)
     assert found.value[0] == pytest.approx(factor * 0.3, rel=0.06)
-    assert np.allclose(found.value[1:3], true[3:5], atol=5 * np.sqrt(np.diag(found.covariance))[1:3].max() + 0.02 * 0.06)
+    assert np.allclose(
+        found.value[1:3],
+        true[3:5],
+        atol=5 * np.sqrt(np.diag(found.covariance))[1:3].max() + 0.02 * 0.06,
+    )
     assert found.trap_1_s_per_mhz == pytest.approx(2 * np.pi * 1e-3 / (2 * found.quadrature_rms))
     axes = working_mode.stiffness_axes([run], 2, found.value[0])
-    assert len(axes) > 3 and all(min(abs(a - 0.9), abs(abs(a - 0.9) - np.pi / 2)) < 0.03 for a, _ in axes)
+    assert len(axes) > 3 and all(
+        min(abs(a - 0.9), abs(abs(a - 0.9) - np.pi / 2)) < 0.03 for a, _ in axes
+    )
 
 
 @pytest.mark.parametrize("kind", ["force", "parametric"])
 @pytest.mark.parametrize("rate", [0.1, 0.4])
 def test_one_axis_from_all_crossings_at_any_rate(rate, kind):
-    """The lag of the quadrature, arctan(2mθ'/λ), is 20° and 55° of ζ (force); within it the axis is found."""
+    """The lag of the quadrature, arctan(2mθ'/λ), is 20° and 55° of ζ (force); within it the axis is
+    found."""
     gyro, run = forced(kind, rate, std=1e-4)
     decay = working_mode.monitor([run]).value[0]
     found = working_mode.combined_axis(working_mode.stiffness_axes([run], 2, decay), 2)
@@ -207,12 +258,20 @@ def test_phase_equation_gives_the_damping_split_where_quadrature_is_large():
 
 
 def test_free_windows_from_the_drive_and_from_the_decay_itself():
-    wave = run_down(0.3, std=1e-4, seconds=20.0, window=5e-3, mechanics=Mechanics(5000.0, 0.31, 0.012, 0.35, 0.11, 0.9, 0.55))
+    wave = run_down(
+        0.3,
+        std=1e-4,
+        seconds=20.0,
+        window=5e-3,
+        mechanics=Mechanics(5000.0, 0.31, 0.012, 0.35, 0.11, 0.9, 0.55),
+    )
     n = len(wave)
     drive = np.ones(n)
     drive[1000:2000] = drive[2600:3400] = 0.0
     windows = free_windows.cut(wave.replace(mode="forced", drive_main=drive))
-    assert [(w.time_s[0], w.time_s[-1]) for w in windows] == [(wave.time_s[a], wave.time_s[b]) for a, b in ((1001, 1998), (2601, 3398))]
+    assert [(w.time_s[0], w.time_s[-1]) for w in windows] == [
+        (wave.time_s[a], wave.time_s[b]) for a, b in ((1001, 1998), (2601, 3398))
+    ]
     held = np.ones(n)
     held[1000:2000] = np.exp(-0.31 * (wave.time_s[1000:2000] - wave.time_s[1000]))
     held += 1e-4 * np.random.default_rng(0).standard_normal(n)
@@ -237,7 +296,15 @@ def test_two_modes_in_one_channel():
     signal = np.exp((-0.5 + 9j) * t) + 0.4 * np.exp((-0.8 - 8j) * t + 1j)
     noise = 1e-3 * (rng.standard_normal((1000, 2)) + 1j * rng.standard_normal((1000, 2)))
     run = envelope_runs.EnvelopeRun(
-        "one", t, signal[:, None] * np.array([1.0, -0.3]) + noise, np.full(1000, 1e-3), 0 * t, None, 1000.0, 2, 5e-3
+        "one",
+        t,
+        signal[:, None] * np.array([1.0, -0.3]) + noise,
+        np.full(1000, 1e-3),
+        0 * t,
+        None,
+        1000.0,
+        2,
+        5e-3,
     )
     u, one = two_modes.channels(run)
     assert one

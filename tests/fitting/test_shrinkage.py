@@ -17,7 +17,9 @@ def test_a_clear_harmonic_stays_and_an_absent_one_goes():
     truth = np.zeros(layout.size)
     truth[clear] = draw.normal(50, 5, clear.shape)
     information = np.eye(layout.size)
-    found = averaged(information, truth + draw.normal(size=layout.size), np.eye(layout.size), doubtful, 0)
+    found = averaged(
+        information, truth + draw.normal(size=layout.size), np.eye(layout.size), doubtful, 0
+    )
     assert np.abs(found.coefficients[clear] - truth[clear]).max() < 4
     assert np.abs(found.coefficients[absent]).max() < 1
     std = np.sqrt(np.diag(found.covariance))
@@ -30,11 +32,21 @@ def test_the_error_is_honest_whatever_the_noise(noise):
     square = {"drift": [], "scale": []}
     for seed in range(6):
         truth = Truth(seed, drift=3e-3, scale_ripple=3e-4, curved=False)
-        record = calibrate(programme(truth, (5, 25, 45), (-2, 2, 4), 5.0, seed=seed + 100, dt=0.0125, noise=noise), bootstrap=0)
+        record = calibrate(
+            programme(truth, (5, 25, 45), (-2, 2, 4), 5.0, seed=seed + 100, dt=0.0125, noise=noise),
+            bootstrap=0,
+        )
         theta = np.broadcast_to(record.wave_angle_rad, record.drift_rad_s.shape)
         degc = np.broadcast_to(record.node[:, None], theta.shape)
-        square["drift"].append(np.mean(((record.drift_rad_s - truth.drift(degc, theta)) / record.drift_rad_s_std) ** 2))
-        square["scale"].append(np.mean(((record.scale_factor - truth.scale(degc, theta)) / record.scale_factor_std) ** 2))
+        square["drift"].append(
+            np.mean(((record.drift_rad_s - truth.drift(degc, theta)) / record.drift_rad_s_std) ** 2)
+        )
+        square["scale"].append(
+            np.mean(
+                ((record.scale_factor - truth.scale(degc, theta)) / record.scale_factor_std) ** 2
+            )
+        )
     assert 0.5 < np.sqrt(np.mean(square["drift"])) < 1.4
-    # at the louder noise the scale factor's harmonics stand at one to two of their σ: half found, half left in doubt
+    # at the louder noise the scale factor's harmonics stand at one to two of their σ: half found,
+    # half left in doubt
     assert 0.5 < np.sqrt(np.mean(square["scale"])) < (1.4 if noise < 1e-3 else 2.2)

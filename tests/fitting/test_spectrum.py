@@ -31,7 +31,11 @@ def test_direct_sums_at_true_times_agree_with_the_fast_transform() -> None:
     rng = np.random.default_rng(2)
     blocks = rng.normal(size=(SEGMENTS, 2, SEGMENT))
     one, two = iter(blocks), iter(blocks)
-    np.testing.assert_allclose(averaged(lambda _: next(one)).mean()[1:-1], averaged(lambda _: next(two), False).mean()[1:-1], rtol=1e-6)
+    np.testing.assert_allclose(
+        averaged(lambda _: next(one)).mean()[1:-1],
+        averaged(lambda _: next(two), False).mean()[1:-1],
+        rtol=1e-6,
+    )
 
 
 def test_lines_carry_frequency_and_amplitude() -> None:
@@ -45,7 +49,9 @@ def test_lines_carry_frequency_and_amplitude() -> None:
     where, amplitude, ratio = lines(spectrum.frequency_hz, spectrum.mean(), spectrum.segments)
     assert len(where) == 2 and ratio[0] > ratio[1] > 2
     assert where == pytest.approx([2345.6, 150], abs=3)
-    assert amplitude[0, 1] == pytest.approx(0.8, rel=0.05) and amplitude[1, 0] == pytest.approx(0.3, rel=0.1)
+    assert amplitude[0, 1] == pytest.approx(0.8, rel=0.05) and amplitude[1, 0] == pytest.approx(
+        0.3, rel=0.1
+    )
 
 
 def test_an_oscillation_that_decays_and_turns_leaves_no_residual() -> None:
@@ -57,7 +63,8 @@ def test_an_oscillation_that_decays_and_turns_leaves_no_residual() -> None:
 
 
 def test_a_wave_that_turns_fast_leaves_white_noise() -> None:
-    """Turning by forty radians within a look is no noise beside the oscillation, and the noise that is there stays."""
+    """Turning by forty radians within a look is no noise beside the oscillation, and the noise that
+    is there stays."""
     rng = np.random.default_rng(8)
     time = np.arange(16_384) / 2_000
     for turning in (0.4, 5.0, 60.0):
@@ -70,7 +77,8 @@ def test_a_wave_that_turns_fast_leaves_white_noise() -> None:
 
 
 def test_colour_is_the_ratio_a_trial_shows() -> None:
-    """Errors of fitted windows over their residual's promise, simulated, against the spectrum's prediction."""
+    """Errors of fitted windows over their residual's promise, simulated, against the spectrum's
+    prediction."""
     rng = np.random.default_rng(4)
     samples, frequency = 23, 400.0
     basis = window_basis(samples, RATE, (frequency,))
@@ -97,4 +105,6 @@ def test_white_noise_has_colour_one() -> None:
         basis = window_basis(samples, RATE, (1000.3,))
         assert basis is not None
         spectrum = averaged(lambda time: rng.normal(size=(2, len(time))))
-        assert (colour(spectrum.frequency_hz, spectrum.mean(), spectrum.segments, basis, RATE, ()) == 1).all()
+        assert (
+            colour(spectrum.frequency_hz, spectrum.mean(), spectrum.segments, basis, RATE, ()) == 1
+        ).all()

@@ -1,10 +1,16 @@
-"""Stated standard deviations against the scatter of estimates over seeded draws, and against the closed formulas of PHYSICS §3."""
+"""Stated standard deviations against the scatter of estimates over seeded draws, and against the
+closed formulas of PHYSICS §3."""
 
 import numpy as np
 import pytest
 
 from hrg_cli.fitting.ellipse.closed_form import closed_form
-from hrg_cli.fitting.ellipse.uncertainty import ANGLE_LIMIT, CARRIER_LIMIT, PHASE_LIMIT, standard_deviations
+from hrg_cli.fitting.ellipse.uncertainty import (
+    ANGLE_LIMIT,
+    CARRIER_LIMIT,
+    PHASE_LIMIT,
+    standard_deviations,
+)
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.signals import envelopes_of_direct, signals
 
@@ -39,7 +45,9 @@ def difference(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
 def test_errors_are_as_large_as_stated(readout, sigmas):
     generator = np.random.default_rng(1)
     count = 4 if readout == "direct" else 8
-    truth = np.column_stack([generator.uniform(0.5, 2, DRAWS), np.zeros(DRAWS), generator.uniform(-3, 3, (DRAWS, 3))])
+    truth = np.column_stack(
+        [generator.uniform(0.5, 2, DRAWS), np.zeros(DRAWS), generator.uniform(-3, 3, (DRAWS, 3))]
+    )
     truth[:, 1] = truth[:, 0] * generator.uniform(-0.8, 0.8, DRAWS)
     known = readout != "carrier"
     if known:
@@ -50,11 +58,15 @@ def test_errors_are_as_large_as_stated(readout, sigmas):
         "signals": 1e-3 * np.arange(1, count + 1),
     }[sigmas]
     exact = signals(truth) if count == 8 else direct_signals(truth)
-    found = estimates(exact + sigma * generator.standard_normal(exact.shape), 0.7 if known else None)
+    found = estimates(
+        exact + sigma * generator.standard_normal(exact.shape), 0.7 if known else None
+    )
     stated = standard_deviations(found, np.broadcast_to(sigma**2, exact.shape), known)
     error = difference(found, truth)
     for column, name in enumerate(NAMES[: 4 if known else 5]):
-        assert np.mean((error[:, column] / stated[:, column]) ** 2) == pytest.approx(1, abs=0.1), name
+        assert np.mean((error[:, column] / stated[:, column]) ** 2) == pytest.approx(1, abs=0.1), (
+            name
+        )
     if known:
         assert (stated[:, 4] == 0).all()
 
@@ -63,14 +75,21 @@ def test_equal_noise_gives_the_closed_formulas():
     x, s = np.array([[1.0, 0.4, 0.3, 0.2, 0.1]]), 1e-4
     sum_, gap = np.sqrt(1.16), 0.84
     expected = np.array([1, 1, sum_ / gap, sum_ / gap, 1 / sum_]) * s / np.sqrt(2)
-    np.testing.assert_allclose(standard_deviations(x, np.full((1, 8), s**2), False)[0], expected, rtol=1e-6)
+    np.testing.assert_allclose(
+        standard_deviations(x, np.full((1, 8), s**2), False)[0], expected, rtol=1e-6
+    )
     expected = np.array([1, 1, sum_ / gap, sum_ / gap, 0]) * s
-    np.testing.assert_allclose(standard_deviations(x, np.full((1, 4), s**2), True)[0], expected, rtol=1e-6)
+    np.testing.assert_allclose(
+        standard_deviations(x, np.full((1, 4), s**2), True)[0], expected, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("count", [4, 8])
 def test_circular_and_vanishing_waves_have_large_finite_deviations(count):
-    x = np.array([[1, 1, 0.3, 0.2, 0.1], [1, -1 + 1e-9, 0.3, 0.2, 0.1], [0, 0, 0, 0, 0], [1e-8, 0, 0, 0, 0]], float)
+    x = np.array(
+        [[1, 1, 0.3, 0.2, 0.1], [1, -1 + 1e-9, 0.3, 0.2, 0.1], [0, 0, 0, 0, 0], [1e-8, 0, 0, 0, 0]],
+        float,
+    )
     stated = standard_deviations(x, np.full((4, count), 1e-8), False)
     assert np.isfinite(stated).all()
     np.testing.assert_allclose(stated[:, 2], ANGLE_LIMIT, rtol=1e-3)
@@ -83,7 +102,9 @@ def test_circular_and_vanishing_waves_have_large_finite_deviations(count):
 
 def test_the_angle_of_a_circular_wave_really_scatters_that_much():
     truth = np.tile([1.0, 1.0, 0.3, 0.2, 0.0], (DRAWS, 1))
-    found = estimates(direct_signals(truth) + 1e-3 * np.random.default_rng(2).standard_normal((DRAWS, 4)), None)
+    found = estimates(
+        direct_signals(truth) + 1e-3 * np.random.default_rng(2).standard_normal((DRAWS, 4)), None
+    )
     stated = standard_deviations(found, np.full((DRAWS, 4), 1e-6), True)
     spread = np.std(found[:, 2])
     assert spread == pytest.approx(ANGLE_LIMIT, rel=0.05)
@@ -91,7 +112,12 @@ def test_the_angle_of_a_circular_wave_really_scatters_that_much():
 
 
 def test_limits_are_the_deviations_of_angles_of_which_nothing_is_known():
-    """θ (electrical) and ψ repeat after π, φ after 2π: the deviation of a uniform angle over that range."""
+    """θ (electrical) and ψ repeat after π, φ after 2π: the deviation of a uniform angle over that
+    range."""
     uniform = (np.arange(100_000) + 0.5) / 100_000 - 0.5
-    assert (np.pi * uniform).std() == pytest.approx(ANGLE_LIMIT, rel=1e-6) == pytest.approx(CARRIER_LIMIT, rel=1e-6)
+    assert (
+        (np.pi * uniform).std()
+        == pytest.approx(ANGLE_LIMIT, rel=1e-6)
+        == pytest.approx(CARRIER_LIMIT, rel=1e-6)
+    )
     assert (2 * np.pi * uniform).std() == pytest.approx(PHASE_LIMIT, rel=1e-6)

@@ -1,4 +1,5 @@
-"""WAV and FLAC files: integers stay integers, lengths are compared, damaged ones give a sentence."""
+"""WAV and FLAC files: integers stay integers, lengths are compared, damaged ones give a
+sentence."""
 
 import os
 from pathlib import Path
@@ -61,7 +62,10 @@ def test_blocks_stream(tmp_path, monkeypatch):
     assert len(blocks) == 5
     joined = collect(iter(blocks))
     np.testing.assert_array_equal(joined.c, SAMPLES[:, 0])
-    assert joined.auxiliary_time_s.tolist() == [0, 4999 / 8000] and joined.rate_rad_s.tolist() == [0.5, 0.5]
+    assert joined.auxiliary_time_s.tolist() == [0, 4999 / 8000] and joined.rate_rad_s.tolist() == [
+        0.5,
+        0.5,
+    ]
 
 
 @pytest.mark.parametrize("name", ["log.wav", "log.flac"])
@@ -83,9 +87,15 @@ def fuzz(tmp_path: Path, count: int, seed: int) -> None:
         data = path.read_bytes()
         for _ in range(count):
             mutated = bytearray(data)
-            for place in rng.integers(0, 60 if rng.random() < 0.7 else len(data), rng.integers(1, 8)):
+            for place in rng.integers(
+                0, 60 if rng.random() < 0.7 else len(data), rng.integers(1, 8)
+            ):
                 mutated[place] = rng.integers(0, 256)
-            path.write_bytes(bytes(mutated[: rng.integers(1, len(data) + 1)]) if rng.random() < 0.3 else bytes(mutated))
+            path.write_bytes(
+                bytes(mutated[: rng.integers(1, len(data) + 1)])
+                if rng.random() < 0.3
+                else bytes(mutated)
+            )
             try:
                 r = whole(path)
                 assert len(r.c) == len(r.s) <= 20_000 and r.sample_rate_hz > 0

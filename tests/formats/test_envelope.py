@@ -1,4 +1,5 @@
-"""import --envelope: demodulated signals become periods whose noise is right behind a lock-in's filter; the chain goes on from there."""
+"""import --envelope: demodulated signals become periods whose noise is right behind a lock-in's
+filter; the chain goes on from there."""
 
 import json
 
@@ -15,25 +16,41 @@ from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
 
 REFERENCE = 5000.0
-TRUTH = {"damping_rate_1_s": 1 / 30, "damping_split_1_s": 0.05 / 30, "frequency_split_rad_s": 0.06, "frequency_hz": REFERENCE + 0.3}
+TRUTH = {
+    "damping_rate_1_s": 1 / 30,
+    "damping_split_1_s": 0.05 / 30,
+    "frequency_split_rad_s": 0.06,
+    "frequency_hz": REFERENCE + 0.3,
+}
 
 
 def envelope(time_s, offset_hz=0.3):
     """The slow model's envelope (2, n) at rest: decay, splits, a wave at an angle."""
     spread = lambda a: np.array([[np.cos(a), np.sin(a)], [np.sin(a), -np.cos(a)]])  # noqa: E731
-    nu, split, turn = TRUTH["damping_rate_1_s"], TRUTH["damping_split_1_s"], TRUTH["frequency_split_rad_s"]
-    generator = (2j * np.pi * offset_hz - nu) * np.eye(2) - split * spread(1.2) + 1j * turn * spread(2.8)
+    nu, split, turn = (
+        TRUTH["damping_rate_1_s"],
+        TRUTH["damping_split_1_s"],
+        TRUTH["frequency_split_rad_s"],
+    )
+    generator = (
+        (2j * np.pi * offset_hz - nu) * np.eye(2) - split * spread(1.2) + 1j * turn * spread(2.8)
+    )
     values, vectors = np.linalg.eig(generator)
     start = np.linalg.solve(vectors, np.array([0.9, 0.43]) * np.exp(0.5j))
     return vectors @ (start[:, None] * np.exp(values[:, None] * time_s))
 
 
-def lock_in(poles=2, constant_s=0.02, row_rate_hz=100.0, seconds=60.0, noise=0.3, seed=0, offset_hz=0.3):
-    """Rows (time, u) of a lock-in of so many poles: mixed down, noise before the filter, decimated; the filter has settled."""
+def lock_in(
+    poles=2, constant_s=0.02, row_rate_hz=100.0, seconds=60.0, noise=0.3, seed=0, offset_hz=0.3
+):
+    """Rows (time, u) of a lock-in of so many poles: mixed down, noise before the filter, decimated;
+    the filter has settled."""
     rng = np.random.default_rng(seed)
     fast = 20 * row_rate_hz
     time = np.arange(int(seconds * fast)) / fast
-    u = envelope(time, offset_hz) + noise * (rng.standard_normal((2, len(time))) + 1j * rng.standard_normal((2, len(time))))
+    u = envelope(time, offset_hz) + noise * (
+        rng.standard_normal((2, len(time))) + 1j * rng.standard_normal((2, len(time)))
+    )
     keep = np.exp(-1 / (fast * constant_s))
     for _ in range(poles):
         u = lfilter([1 - keep], [1, -keep], u, axis=1)
@@ -42,7 +59,12 @@ def lock_in(poles=2, constant_s=0.02, row_rate_hz=100.0, seconds=60.0, noise=0.3
 
 
 def written(path, time, columns, title):
-    path.write_text(title + "\n" + "\n".join(",".join(f"{v:.9g}" for v in row) for row in zip(time, *columns)) + "\n")
+    path.write_text(
+        title
+        + "\n"
+        + "\n".join(",".join(f"{v:.9g}" for v in row) for row in zip(time, *columns))
+        + "\n"
+    )
     return path
 
 
@@ -51,23 +73,34 @@ def iq_log(folder, time, u, title="time (s),x1 (V),y1 (V),x2 (V),y2 (V)"):
 
 
 def taken(path, **more):
-    return collect(import_envelope(path, **{"reference_frequency_hz": REFERENCE, "constant_rate_rad_s": 0.0} | more))
+    return collect(
+        import_envelope(
+            path, **{"reference_frequency_hz": REFERENCE, "constant_rate_rad_s": 0.0} | more
+        )
+    )
 
 
-@pytest.mark.parametrize("poles, constant_s, correlated", [(1, 0.04, 8), (2, 0.02, 8), (4, 0.01, 6.4)])
+@pytest.mark.parametrize(
+    "poles, constant_s, correlated", [(1, 0.04, 8), (2, 0.02, 8), (4, 0.01, 6.4)]
+)
 def test_noise_behind_a_filter(poles, constant_s, correlated):
-    """κ is ∫ρ: 2τ, 4τ, 6.4τ for 1, 2, 4 poles; a long average has the density's variance; the delay is near DELAY·κ."""
+    """κ is ∫ρ: 2τ, 4τ, 6.4τ for 1, 2, 4 poles; a long average has the density's variance; the delay
+    is near DELAY·κ."""
     _, u = lock_in(poles, constant_s, seconds=200.0, noise=0.3)
     found = row_noise([u - u.mean(1, keepdims=True)])
     assert found.level and found.correlated_rows == pytest.approx(correlated, rel=0.2)
-    np.testing.assert_allclose(found.density, 0.3**2 / 20, rtol=0.25)  # of one part, of the noise before the filter: 20 samples a row
+    np.testing.assert_allclose(
+        found.density, 0.3**2 / 20, rtol=0.25
+    )  # of one part, of the noise before the filter: 20 samples a row
     assert poles * constant_s * 100 == pytest.approx(DELAY * correlated, rel=0.2)
 
 
 def test_white_rows_are_windows_as_they_are():
     rng = np.random.default_rng(0)
     time = np.arange(6000) / 100
-    u = envelope(time) + 0.01 * (rng.standard_normal((2, 6000)) + 1j * rng.standard_normal((2, 6000)))
+    u = envelope(time) + 0.01 * (
+        rng.standard_normal((2, 6000)) + 1j * rng.standard_normal((2, 6000))
+    )
     found = row_noise([u])
     assert found.correlated_rows < 1.15
     np.testing.assert_allclose(found.density, 1e-4, rtol=0.2)
@@ -86,34 +119,50 @@ def closed_loop(folder, runs, **lock):
 
 
 def test_identified_errors_are_as_large_as_they_say(tmp_path):
-    """Windows of correlated rows: error/σ is one. Rows taken as independent would make it √κ = 2.8."""
+    """Windows of correlated rows: error/σ is one. Rows taken as independent would make it √κ =
+    2.8."""
     z, chi2 = closed_loop(tmp_path, 6)
     assert 0.65 < np.sqrt((z**2).mean()) < 1.4
     assert np.all((chi2 > 0.7) & (chi2 < 1.25))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lock", [{"poles": 1, "constant_s": 0.04}, {"poles": 4, "constant_s": 0.01}, {"poles": 1, "constant_s": 1e-4}])
+@pytest.mark.parametrize(
+    "lock",
+    [
+        {"poles": 1, "constant_s": 0.04},
+        {"poles": 4, "constant_s": 0.01},
+        {"poles": 1, "constant_s": 1e-4},
+    ],
+)
 def test_identified_errors_of_other_filters(tmp_path, lock):
     z, _ = closed_loop(tmp_path, 20, **lock)
     assert np.all(np.abs(np.sqrt((z**2).mean(0)) - 1) < 0.45) and np.all(np.abs(z.mean(0)) < 0.9)
 
 
 def test_a_window_lies_on_the_envelope(tmp_path):
-    """C(t) = Re[C₀ e^{jωt}]: c_cos = I, c_sin = −Q; means of rows lie on the envelope at their time; Q of the other sign is turned."""
+    """C(t) = Re[C₀ e^{jωt}]: c_cos = I, c_sin = −Q; means of rows lie on the envelope at their
+    time; Q of the other sign is turned."""
     time = np.arange(3000) / 100.0
     u = envelope(time, offset_hz=2.0)
     for rows, sign in ((1, 1), (20, 1), (20, -1)):
-        made = taken(iq_log(tmp_path, time, u if sign == 1 else u.conj()), rows_per_window=rows, quadrature_sign=sign)
+        made = taken(
+            iq_log(tmp_path, time, u if sign == 1 else u.conj()),
+            rows_per_window=rows,
+            quadrature_sign=sign,
+        )
         truth = envelope(made.time_s, offset_hz=2.0)
         for k in range(2):
-            np.testing.assert_allclose(made.signals[:, 2 * k] - 1j * made.signals[:, 2 * k + 1], truth[k], atol=3e-6 * rows)
+            np.testing.assert_allclose(
+                made.signals[:, 2 * k] - 1j * made.signals[:, 2 * k + 1], truth[k], atol=3e-6 * rows
+            )
         assert made.window_s == pytest.approx(rows / 100) and made.units == "V"
         assert made.periods_per_window == pytest.approx(rows / 100 * REFERENCE)
 
 
 def test_averaging_never_outruns_the_wave(tmp_path):
-    """A beat of 5 Hz beside rows whose noise is correlated over 0.4 s: windows stay short against the beat."""
+    """A beat of 5 Hz beside rows whose noise is correlated over 0.4 s: windows stay short against
+    the beat."""
     time, u = lock_in(poles=1, constant_s=0.2, noise=0.05)
     u = u + 0.5 * np.exp(2j * np.pi * 5 * time)
     made = taken(iq_log(tmp_path, time, u))
@@ -124,7 +173,9 @@ def test_averaging_never_outruns_the_wave(tmp_path):
 def test_amplitude_and_phase_of_one_channel(tmp_path, unit, factor):
     time = np.arange(2000) / 50.0
     u = envelope(time)[0]
-    path = written(tmp_path / "a.csv", time, [np.abs(u), np.angle(u) * factor], f"t (s),R (mV),Theta ({unit})")
+    path = written(
+        tmp_path / "a.csv", time, [np.abs(u), np.angle(u) * factor], f"t (s),R (mV),Theta ({unit})"
+    )
     made = taken(path, amplitude=2, phase=3)
     np.testing.assert_allclose(made.signals[:, 0] - 1j * made.signals[:, 1], u, atol=1e-7)
     assert made.units == "mV" and not made.signals[:, 2:].any()
@@ -132,15 +183,34 @@ def test_amplitude_and_phase_of_one_channel(tmp_path, unit, factor):
 
 
 def test_a_level_in_decibel(tmp_path, hrg):
-    """dBV, 20 dB a decade; no phase: its standard deviation is that of an unknown one; the decay is found by estimate's amplitude."""
+    """dBV, 20 dB a decade; no phase: its standard deviation is that of an unknown one; the decay is
+    found by estimate's amplitude."""
     time = np.arange(2000) / 50.0
-    level = 20 * np.log10(0.02 * np.exp(-0.1 * time)) + 0.01 * np.random.default_rng(0).standard_normal(2000)
+    level = 20 * np.log10(0.02 * np.exp(-0.1 * time)) + 0.01 * np.random.default_rng(
+        0
+    ).standard_normal(2000)
     path = written(tmp_path / "level.csv", time, [level], "time (s),Level (dBV)")
     with pytest.raises(HrgError, match="is in dBV; add decibel"):
         taken(path)
     out = tmp_path / "p.h5"
-    done = hrg("import", "--envelope", path, "-o", out, "--amplitude", 2, "--decibel", "--reference-frequency-hz", REFERENCE, "--json")
-    assert done.status == 0 and done.json["kind"] == "periods" and "only an amplitude" in " ".join(done.json["status_reasons"])
+    done = hrg(
+        "import",
+        "--envelope",
+        path,
+        "-o",
+        out,
+        "--amplitude",
+        2,
+        "--decibel",
+        "--reference-frequency-hz",
+        REFERENCE,
+        "--json",
+    )
+    assert (
+        done.status == 0
+        and done.json["kind"] == "periods"
+        and "only an amplitude" in " ".join(done.json["status_reasons"])
+    )
     made = store.read(out, Periods)
     np.testing.assert_allclose(made.signals[:, 0], 0.02 * np.exp(-0.1 * made.time_s), rtol=0.01)
     assert made.units == "V" and (made.signals_std[:, 1] > made.signals[:, 0]).all()
@@ -163,16 +233,25 @@ def test_gaps_bad_rows_logs_and_cut(tmp_path):
     np.testing.assert_allclose(made.temperature_degc, 25 + made.time_s, atol=1e-6)
     assert np.flatnonzero(made.flags & FLAG_NOT_FINITE).tolist() == [50]
     assert np.flatnonzero(made.flags & FLAG_GAP).tolist() == [150]
-    assert np.count_nonzero(taken(path).flags) >= 1, "a row that is not finite does not stop the search for the rows a window"
+    assert np.count_nonzero(taken(path).flags) >= 1, (
+        "a row that is not finite does not stop the search for the rows a window"
+    )
     facts = json.loads(made.details)
-    assert facts["gaps"]["count"] == 1 and facts["not_finite"]["first"] == ["line 1002"] and facts["cut"]["from_s"] == 5.0
+    assert (
+        facts["gaps"]["count"] == 1
+        and facts["not_finite"]["first"] == ["line 1002"]
+        and facts["cut"]["from_s"] == 5.0
+    )
 
 
 def test_the_filters_loss_far_from_the_reference_is_told(tmp_path):
-    """3 Hz beside the reference of a filter of 0.1 s the amplitude falls to 47 %: suspect; the parameters stay right."""
+    """3 Hz beside the reference of a filter of 0.1 s the amplitude falls to 47 %: suspect; the
+    parameters stay right."""
     time, u = lock_in(poles=1, constant_s=0.1, offset_hz=3.0, noise=0.1)
     made = taken(iq_log(tmp_path, time, u))
-    assert json.loads(made.details)["noise"]["filter_passes"] == pytest.approx(1 / np.hypot(1, 2 * np.pi * 3 * 0.1), rel=0.15)
+    assert json.loads(made.details)["noise"]["filter_passes"] == pytest.approx(
+        1 / np.hypot(1, 2 * np.pi * 3 * 0.1), rel=0.15
+    )
     assert made.status == "suspect" and "Hz from the reference" in " ".join(made.status_reasons)
     near = taken(iq_log(tmp_path, *lock_in(poles=1, constant_s=0.1, noise=0.1)))
     assert near.status == "valid" and "from the reference" not in " ".join(near.status_reasons)
@@ -195,26 +274,41 @@ def test_the_filters_loss_far_from_the_reference_is_told(tmp_path):
 def test_what_cannot_be_known_is_a_sentence(tmp_path, more, says):
     time = np.arange(300) / 100.0
     u = envelope(time)
-    path = iq_log(tmp_path, time, u, "time (s),p,q1,r2,s2" if "from_s" not in more else "time (s),i1,q1,i2,q2")
+    path = iq_log(
+        tmp_path, time, u, "time (s),p,q1,r2,s2" if "from_s" not in more else "time (s),i1,q1,i2,q2"
+    )
     with pytest.raises(HrgError, match=says):
         taken(path, **more)
 
 
 def test_flags_of_the_other_kind_are_usage_errors(tmp_path, hrg):
     path = iq_log(tmp_path, np.arange(300) / 100.0, envelope(np.arange(300) / 100.0))
-    assert "--c is for samples" in hrg("import", "--envelope", path, "-o", tmp_path / "p.h5", "--c", 2).err
+    assert (
+        "--c is for samples"
+        in hrg("import", "--envelope", path, "-o", tmp_path / "p.h5", "--c", 2).err
+    )
     assert "add --envelope" in hrg("import", path, "-o", tmp_path / "p.h5", "--amplitude", 2).err
 
 
 def test_a_stream_of_blocks_is_the_whole(tmp_path, monkeypatch):
-    """Ten blocks, none a whole number of windows long, with a cut and a slow column, give the windows of one."""
+    """Ten blocks, none a whole number of windows long, with a cut and a slow column, give the
+    windows of one."""
     from hrg_cli.formats import text
 
     time, u = lock_in(poles=1, constant_s=0.04)
-    path = written(tmp_path / "l.csv", time, [u[0].real, u[0].imag, u[1].real, u[1].imag, 20 + time], "time (s),i1,q1,i2,q2,temp (degC)")
+    path = written(
+        tmp_path / "l.csv",
+        time,
+        [u[0].real, u[0].imag, u[1].real, u[1].imag, 20 + time],
+        "time (s),i1,q1,i2,q2,temp (degC)",
+    )
     whole = taken(path, from_s=3.0, to_s=50.0)
     monkeypatch.setattr(text, "BLOCK_BYTES", path.stat().st_size // 10)
-    blocks = list(import_envelope(path, reference_frequency_hz=REFERENCE, constant_rate_rad_s=0.0, from_s=3.0, to_s=50.0))
+    blocks = list(
+        import_envelope(
+            path, reference_frequency_hz=REFERENCE, constant_rate_rad_s=0.0, from_s=3.0, to_s=50.0
+        )
+    )
     assert len(blocks) > 5 and json.loads(blocks[-1].details)["rows"] == 4700
     many = collect(blocks)
     np.testing.assert_allclose(many.time_s, whole.time_s, atol=1e-9)

@@ -1,4 +1,5 @@
-"""Files in the layouts that oscilloscopes and lock-ins document, and two channels in two files, become the same recording."""
+"""Files in the layouts that oscilloscopes and lock-ins document, and two channels in two files,
+become the same recording."""
 
 from pathlib import Path
 
@@ -34,17 +35,43 @@ def keyed(separator: str, *pairs: tuple[str, object]) -> str:
 
 def tektronix_tds(values: np.ndarray, channel: str) -> str:
     """TDS1000/2000: the keys stand beside the first samples, one channel a file."""
-    keys = [("Record Length", f"{N:.6e}"), ("Sample Interval", STEP), ("Trigger Point", "3.000000000000e+02"), *[("", "")] * 3]
-    keys += [("Source", channel), ("Vertical Units", "V"), ("Vertical Scale", "5.000000e-01"), ("Vertical Offset", "0.000000e+00")]
-    keys += [("Horizontal Units", "s"), ("Horizontal Scale", "1.000000e-02"), ("Pt Fmt", "Y"), ("Yzero", "0.000000e+00")]
-    keys += [("Probe Atten", "1.000000e+00"), ("Model Number", "TDS2024"), ("Serial Number", "C1"), ("Firmware Version", "FV:v5.06")]
+    keys = [
+        ("Record Length", f"{N:.6e}"),
+        ("Sample Interval", STEP),
+        ("Trigger Point", "3.000000000000e+02"),
+        *[("", "")] * 3,
+    ]
+    keys += [
+        ("Source", channel),
+        ("Vertical Units", "V"),
+        ("Vertical Scale", "5.000000e-01"),
+        ("Vertical Offset", "0.000000e+00"),
+    ]
+    keys += [
+        ("Horizontal Units", "s"),
+        ("Horizontal Scale", "1.000000e-02"),
+        ("Pt Fmt", "Y"),
+        ("Yzero", "0.000000e+00"),
+    ]
+    keys += [
+        ("Probe Atten", "1.000000e+00"),
+        ("Model Number", "TDS2024"),
+        ("Serial Number", "C1"),
+        ("Firmware Version", "FV:v5.06"),
+    ]
     keys += [("", "")] * (N - len(keys))
-    return "".join(f"{key},{told},,{t:018.12f},{v:9.5f},\r\n" for (key, told), t, v in zip(keys, T, values))
+    return "".join(
+        f"{key},{told},,{t:018.12f},{v:9.5f},\r\n" for (key, told), t, v in zip(keys, T, values)
+    )
 
 
 def lecroy(values: np.ndarray) -> str:
     head = f"LECROYHDO4104,19359,Waveform\r\nSegments,1,SegmentSize,{N}\r\nSegment,TrigTime,TimeSinceSegment1\r\n"
-    return head + "#1,03-Apr-2017 14:53:22,0                 \r\nTime,Ampl\r\n" + lines("{:.10g},{:.6g}", T, values)
+    return (
+        head
+        + "#1,03-Apr-2017 14:53:22,0                 \r\nTime,Ampl\r\n"
+        + lines("{:.10g},{:.6g}", T, values)
+    )
 
 
 def rohde_schwarz_rtc(values: np.ndarray, channel: str) -> str:
@@ -53,7 +80,9 @@ def rohde_schwarz_rtc(values: np.ndarray, channel: str) -> str:
 
 def labone(x: np.ndarray, y: np.ndarray, first: int = 7_000_000_000) -> str:
     ticks = first + np.arange(N) * 3000
-    return "chunk;timestamp;x;y;freq;phase;dio;trigger;auxin0;auxin1\n" + lines("0;{};{:.9g};{:.9g};1300;0.1;0;0;0;0", ticks, x, y)
+    return "chunk;timestamp;x;y;freq;phase;dio;trigger;auxin0;auxin1\n" + lines(
+        "0;{};{:.9g};{:.9g};1300;0.1;0;0;0;0", ticks, x, y
+    )
 
 
 MSO_HEAD = keyed(
@@ -88,20 +117,38 @@ INFINIIUM_HEAD = keyed(
     ("Data", ""),
 )
 TWO = {
-    "keysight infiniivision": "x-axis,1,2\r\nsecond,Volt,Volt\r\n" + lines("{:+.6E},{:+.5E},{:+.5E}", T, C, S),
+    "keysight infiniivision": (
+        "x-axis,1,2\r\nsecond,Volt,Volt\r\n" + lines("{:+.6E},{:+.5E},{:+.5E}", T, C, S)
+    ),
     "keysight infiniium": INFINIIUM_HEAD + lines("{:.9E},{:.6E},{:.6E}", T, C, S),
-    "rigol ds1000z": f"X,CH1,CH2,Start,Increment,\r\nSequence,Volt,Volt,{FIRST:e},{STEP}\r\n"
-    + lines("{},{:.5e},{:.5e},", np.arange(N), C, S),
-    "rigol ds1000e": "Time,X(CH1),X(CH2),\r\nSecond,Volt,Volt,\r\n" + lines("{:.6e},{:.5e},{:.5e},", T, C, S),
-    "rigol mso5000": f"CH1(V),CH2(V),t0 ={FIRST:e},tInc = {STEP},\r\n" + lines("{:.6e},{:.6e},,", C, S),
+    "rigol ds1000z": (
+        f"X,CH1,CH2,Start,Increment,\r\nSequence,Volt,Volt,{FIRST:e},{STEP}\r\n"
+        + lines("{},{:.5e},{:.5e},", np.arange(N), C, S)
+    ),
+    "rigol ds1000e": (
+        "Time,X(CH1),X(CH2),\r\nSecond,Volt,Volt,\r\n" + lines("{:.6e},{:.5e},{:.5e},", T, C, S)
+    ),
+    "rigol mso5000": (
+        f"CH1(V),CH2(V),t0 ={FIRST:e},tInc = {STEP},\r\n" + lines("{:.6e},{:.6e},,", C, S)
+    ),
     "rigol dho": "Time(s),CH1(V),CH2(V)\r\n" + lines("{:.6e},{:.6e},{:.6e}", T, C, S),
     "rohde-schwarz rtc": "in s,CH1 in V,CH2 in V\r\n" + lines("{:.8E},{:.5E},{:.5E}", T, C, S),
     "rohde-schwarz rtm": "[s],CH1[V],CH2[V]\r\n" + lines("{:.8E},{:.5E},{:.5E}", T, C, S),
     "tektronix mso": MSO_HEAD + lines("{:.7e},{:.6g},{:.6g}", T, C, S),
-    "picoscope": "Time,Channel A,Channel B\r\n(ms),(V),(V)\r\n\r\n" + lines("{:.8f},{:.8f},{:.8f}", 1e3 * T, C, S),
-    "siglent": keyed(",", ("Record Length", f"Analog:{N}"), ("Sample Interval", "CH1:0.00005,CH2:0.00005"), ("Model Number", "SDS"))
-    + "Source,CH1,CH2\r\nSecond,Volt,Volt\r\n"
-    + lines("{:.9f},{:.5f},{:.5f}", T, C, S),
+    "picoscope": (
+        "Time,Channel A,Channel B\r\n(ms),(V),(V)\r\n\r\n"
+        + lines("{:.8f},{:.8f},{:.8f}", 1e3 * T, C, S)
+    ),
+    "siglent": (
+        keyed(
+            ",",
+            ("Record Length", f"Analog:{N}"),
+            ("Sample Interval", "CH1:0.00005,CH2:0.00005"),
+            ("Model Number", "SDS"),
+        )
+        + "Source,CH1,CH2\r\nSecond,Volt,Volt\r\n"
+        + lines("{:.9f},{:.5f},{:.5f}", T, C, S)
+    ),
 }
 
 
@@ -109,14 +156,26 @@ TWO = {
 def test_two_channels_in_one_file(tmp_path, name):
     (tmp_path / "log").write_bytes(TWO[name].encode())
     r = whole(tmp_path / "log")
-    assert (r.sample_rate_hz, r.time_s, r.c_units, r.status, len(r)) == (RATE, None, "V", "valid", N)
+    assert (r.sample_rate_hz, r.time_s, r.c_units, r.status, len(r)) == (
+        RATE,
+        None,
+        "V",
+        "valid",
+        N,
+    )
     np.testing.assert_allclose(r.c, C, atol=1e-5)
     np.testing.assert_allclose(r.s, S, atol=1e-5)
 
 
 @pytest.mark.parametrize("timed", [True, False])
 def test_rohde_schwarz_values_and_header_in_two_files(tmp_path, timed):
-    head = keyed(":", ("Type", "TEST:0:"), ("Resolution", f"{STEP}:"), ("XStart", f"{FIRST}:"), ("MultiChannelSource", "C1W1:C2W1:"))
+    head = keyed(
+        ":",
+        ("Type", "TEST:0:"),
+        ("Resolution", f"{STEP}:"),
+        ("XStart", f"{FIRST}:"),
+        ("MultiChannelSource", "C1W1:C2W1:"),
+    )
     (tmp_path / "run.csv").write_text(head)
     values = lines("{:.9g};{:.6g};{:.6g}", T, C, S) if timed else lines("{:.6g};{:.6g}", C, S)
     (tmp_path / "run.Wfm.csv").write_text(values)
@@ -128,9 +187,23 @@ def test_rohde_schwarz_values_and_header_in_two_files(tmp_path, timed):
 
 
 PAIRS = {
-    "tektronix tds": ("F01CH1.CSV", "F01CH2.CSV", "CH1=CH2", tektronix_tds(C, "CH1"), tektronix_tds(S, "CH2"), {}),
+    "tektronix tds": (
+        "F01CH1.CSV",
+        "F01CH2.CSV",
+        "CH1=CH2",
+        tektronix_tds(C, "CH1"),
+        tektronix_tds(S, "CH2"),
+        {},
+    ),
     "lecroy": ("C1gyro00000.csv", "C2gyro00000.csv", "C1=C2", lecroy(C), lecroy(S), {}),
-    "rohde-schwarz": ("one.csv", "two.csv", "two.csv", rohde_schwarz_rtc(C, "CH1"), rohde_schwarz_rtc(S, "CH2"), {}),
+    "rohde-schwarz": (
+        "one.csv",
+        "two.csv",
+        "two.csv",
+        rohde_schwarz_rtc(C, "CH1"),
+        rohde_schwarz_rtc(S, "CH2"),
+        {},
+    ),
     "labone": (
         "dev1_demods_0_sample_00000.csv",
         "dev1_demods_1_sample_00000.csv",
@@ -154,8 +227,10 @@ def test_a_file_a_channel(tmp_path, name, monkeypatch):
     np.testing.assert_allclose(r.c, C, atol=1e-5)
     np.testing.assert_allclose(r.s, S, atol=1e-5)
     with pytest.raises(HrgError, match="s_file"):
-        whole(tmp_path / first, **{k: v for k, v in settings.items() if k != "c"}) if name != "labone" else whole(
-            tmp_path / first, s_file="nothing.csv"
+        (
+            whole(tmp_path / first, **{k: v for k, v in settings.items() if k != "c"})
+            if name != "labone"
+            else whole(tmp_path / first, s_file="nothing.csv")
         )
 
 
@@ -189,7 +264,10 @@ def test_times_of_both_files_must_agree(tmp_path):
     shifted = f"in s,CH2 in V\r\n{lines('{:.8E},{:.5E}', T + 0.3 / RATE, S)}"
     wrong = {
         "shifted": (shifted, r"s\.csv: line 2: its time is"),
-        "drifting": (f"in s,CH2 in V\r\n{lines('{:.8E},{:.5E}', T * (1 + 1e-4), S)}", "same acquisition"),
+        "drifting": (
+            f"in s,CH2 in V\r\n{lines('{:.8E},{:.5E}', T * (1 + 1e-4), S)}",
+            "same acquisition",
+        ),
         "shorter": (rohde_schwarz_rtc(S[:-5], "CH2"), r"s\.csv: ends after 595 samples"),
         "without times": ("CH2\r\n" + lines("{:.5E}", S), "has no times"),
         "the log itself": (None, "names the log itself"),
@@ -202,12 +280,16 @@ def test_times_of_both_files_must_agree(tmp_path):
     with pytest.raises(HrgError, match="'CH9' is not part of its name"):
         whole(tmp_path / "c.csv", s_file="CH9=CH2")
     (tmp_path / "s.csv").write_text(shifted)
-    np.testing.assert_allclose(whole(tmp_path / "c.csv", s_file="s.csv", time="none", sample_rate_hz=RATE).s, S, atol=1e-5)
+    np.testing.assert_allclose(
+        whole(tmp_path / "c.csv", s_file="s.csv", time="none", sample_rate_hz=RATE).s, S, atol=1e-5
+    )
 
 
 def test_mutated_files_never_give_anything_but_a_sentence(tmp_path):
     rng = np.random.default_rng(0)
-    texts = [(text, None) for text in TWO.values()] + [(one, two) for _, _, _, one, two, _ in PAIRS.values()]
+    texts = [(text, None) for text in TWO.values()] + [
+        (one, two) for _, _, _, one, two, _ in PAIRS.values()
+    ]
     refused = 0
     for _ in range(4):
         for one, two in texts:
@@ -224,19 +306,35 @@ def test_mutated_files_never_give_anything_but_a_sentence(tmp_path):
 
 
 def test_a_saved_mapping_serves_a_lot_of_pairs(tmp_path, hrg):
-    """One mapping, kept as TOML, for every gyro's two files: by `hrg import`, in a lot, and both files in the provenance."""
+    """One mapping, kept as TOML, for every gyro's two files: by `hrg import`, in a lot, and both
+    files in the provenance."""
     t = np.arange(12_000) / 4000.0
     for gyro, split in (("A", 0.2), ("B", 0.3)):
         (tmp_path / gyro).mkdir()
         for run, theta in enumerate((0.1, 0.5)):
             envelope = np.exp(-0.4 * t)
-            for channel, part in (("CH1", np.cos(2 * theta + split * t)), ("CH2", np.sin(2 * theta + split * t))):
+            for channel, part in (
+                ("CH1", np.cos(2 * theta + split * t)),
+                ("CH2", np.sin(2 * theta + split * t)),
+            ):
                 noise = 1e-4 * np.random.default_rng(run).standard_normal(len(t))
-                body = lines("{:.8E},{:.6E}", t, envelope * part * np.cos(2 * np.pi * 503 * t) + noise)
-                (tmp_path / gyro / f"r{run}{channel}.CSV").write_text(f"in s,{channel} in V\r\n{body}")
+                body = lines(
+                    "{:.8E},{:.6E}", t, envelope * part * np.cos(2 * np.pi * 503 * t) + noise
+                )
+                (tmp_path / gyro / f"r{run}{channel}.CSV").write_text(
+                    f"in s,{channel} in V\r\n{body}"
+                )
     shown = hrg("import", "--s-file", "CH1=CH2", "--mode", "free", "--show-config").out
     (tmp_path / "lab.toml").write_text(shown)
-    one = hrg("import", tmp_path / "A" / "r0CH1.CSV", "--config", tmp_path / "lab.toml", "-o", tmp_path / "one.h5", "--json")
+    one = hrg(
+        "import",
+        tmp_path / "A" / "r0CH1.CSV",
+        "--config",
+        tmp_path / "lab.toml",
+        "-o",
+        tmp_path / "one.h5",
+        "--json",
+    )
     assert one.status == 0 and one.json["samples"] == len(t)
     sources = hrg("info", tmp_path / "one.h5", "--json").json["sources"]
     assert [source["name"] for source in sources] == ["r0CH1.CSV", "r0CH2.CSV"]
@@ -245,11 +343,16 @@ def test_a_saved_mapping_serves_a_lot_of_pairs(tmp_path, hrg):
     (tmp_path / "lot.toml").write_text(f'recordings = "*/*.CSV"\nstages = []\n{shown}')
     report = run_lot(tmp_path / "lot.toml", tmp_path / "out")
     assert report["recordings"] == 4 and report["recordings_failed"] == 0
-    assert sorted(p.name for p in (tmp_path / "out" / "A").glob("*.wave.h5")) == ["r0CH1.wave.h5", "r1CH1.wave.h5"]
+    assert sorted(p.name for p in (tmp_path / "out" / "A").glob("*.wave.h5")) == [
+        "r0CH1.wave.h5",
+        "r1CH1.wave.h5",
+    ]
     wave = tmp_path / "out" / "B" / "r0CH1.wave.h5"
     before = wave.stat().st_mtime_ns
     run_lot(tmp_path / "lot.toml", tmp_path / "out")
     assert wave.stat().st_mtime_ns == before
-    (tmp_path / "B" / "r0CH2.CSV").write_text((tmp_path / "B" / "r0CH2.CSV").read_text().replace("E-01\r\n", "E-02\r\n", 1))
+    (tmp_path / "B" / "r0CH2.CSV").write_text(
+        (tmp_path / "B" / "r0CH2.CSV").read_text().replace("E-01\r\n", "E-02\r\n", 1)
+    )
     run_lot(tmp_path / "lot.toml", tmp_path / "out")
     assert wave.stat().st_mtime_ns != before

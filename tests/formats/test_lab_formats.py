@@ -1,4 +1,5 @@
-"""MATLAB, TDMS, Parquet and HDF5 logs, each written by another library, become the same recording."""
+"""MATLAB, TDMS, Parquet and HDF5 logs, each written by another library, become the same
+recording."""
 
 import builtins
 import shutil
@@ -31,7 +32,13 @@ def whole(path: Path, **settings: object) -> Recording:
 def matlab_5(path: Path) -> None:
     savemat(
         path,
-        {"fs": RATE, "ch1": C, "ch2": S[:, None], "name": "a text", "cells": np.array([1, "x"], dtype=object)},
+        {
+            "fs": RATE,
+            "ch1": C,
+            "ch2": S[:, None],
+            "name": "a text",
+            "cells": np.array([1, "x"], dtype=object),
+        },
         do_compression=True,
     )
 
@@ -44,10 +51,18 @@ def matlab_73(path: Path) -> None:
     with h5py.File(path, "w", userblock_size=512) as f:
         for name, value in (("time", T), ("cos", C), ("sin", S)):
             f.create_dataset(name, data=value[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
-        text = f.create_dataset("title", data=np.array([[ord(x)] for x in "a long title that is no channel"], dtype="u2"))
+        text = f.create_dataset(
+            "title",
+            data=np.array([[ord(x)] for x in "a long title that is no channel"], dtype="u2"),
+        )
         text.attrs["MATLAB_class"] = np.bytes_("char")
     with open(path, "r+b") as f:
-        f.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: today HDF5 schema 1.00 .".ljust(124) + b"\0\2IM")
+        f.write(
+            b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: today HDF5 schema 1.00 .".ljust(
+                124
+            )
+            + b"\0\2IM"
+        )
 
 
 def labone(path: Path) -> None:
@@ -61,14 +76,20 @@ def labone(path: Path) -> None:
 
 def generic(path: Path) -> None:
     with h5py.File(path, "w") as f:
-        f.create_dataset("daq/samples", data=np.stack([C, S], 1), compression="gzip", chunks=(256, 2))
+        f.create_dataset(
+            "daq/samples", data=np.stack([C, S], 1), compression="gzip", chunks=(256, 2)
+        )
         f["daq/sample_rate"] = RATE
 
 
 def tdms(path: Path) -> None:
     from nptdms import ChannelObject, TdmsWriter
 
-    properties = {"wf_increment": 1 / RATE, "wf_start_time": np.datetime64("2026-03-01T12:00:00"), "unit_string": "V"}
+    properties = {
+        "wf_increment": 1 / RATE,
+        "wf_start_time": np.datetime64("2026-03-01T12:00:00"),
+        "unit_string": "V",
+    }
     with TdmsWriter(str(path)) as writer:
         for part in np.array_split(np.arange(N), 3):
             writer.write_segment(
@@ -120,7 +141,11 @@ def test_every_format_gives_the_same_samples(tmp_path, name):
     r = whole(made(tmp_path, name))
     np.testing.assert_array_equal(r.c, C)
     np.testing.assert_array_equal(r.s, S)
-    assert r.sample_rate_hz == pytest.approx(RATE, rel=1e-12) and r.time_s is None and r.status == "valid"
+    assert (
+        r.sample_rate_hz == pytest.approx(RATE, rel=1e-12)
+        and r.time_s is None
+        and r.status == "valid"
+    )
     if name in ("tdms", "parquet_stamps"):
         assert r.start_time.startswith("2026-03-01T12:00:00")
     assert r.c_units == ("V" if name == "tdms" else "1")
@@ -170,13 +195,25 @@ def fuzz(path: Path, count: int, seed: int) -> None:
 
 
 def test_slow_columns_with_times_of_their_own(tmp_path):
-    savemat(tmp_path / "log.mat", {"fs": RATE, "ch1": C, "ch2": S, "temperature": [300.0, 301.0, 302.0], "temp_time": [0.0, 0.3, 0.6]})
+    savemat(
+        tmp_path / "log.mat",
+        {
+            "fs": RATE,
+            "ch1": C,
+            "ch2": S,
+            "temperature": [300.0, 301.0, 302.0],
+            "temp_time": [0.0, 0.3, 0.6],
+        },
+    )
     r = whole(tmp_path / "log.mat", temperature_units="K")
     np.testing.assert_allclose(r.temperature_degc, [26.85, 27.85, 28.85])
     assert r.auxiliary_time_s.tolist() == [0, 0.3, 0.6]
     with pytest.raises(HrgError, match="auxiliary_time"):
         whole(tmp_path / "log.mat", auxiliary_time="none")
-    assert whole(tmp_path / "log.mat", temperature="none", auxiliary_time="none").temperature_degc is None
+    assert (
+        whole(tmp_path / "log.mat", temperature="none", auxiliary_time="none").temperature_degc
+        is None
+    )
 
 
 def test_tdms_slow_channel_has_its_own_rate(tmp_path):
@@ -192,7 +229,11 @@ def test_tdms_slow_channel_has_its_own_rate(tmp_path):
     with nptdms.TdmsWriter(str(tmp_path / "log.tdms")) as writer:
         writer.write_segment(channels)
     r = whole(tmp_path / "log.tdms")
-    assert r.c.dtype == np.int16 and r.temperature_degc.tolist() == [20, 21, 22] and r.auxiliary_time_s.tolist() == [0, 0.25, 0.5]
+    assert (
+        r.c.dtype == np.int16
+        and r.temperature_degc.tolist() == [20, 21, 22]
+        and r.auxiliary_time_s.tolist() == [0, 0.25, 0.5]
+    )
 
 
 def test_channels_of_different_length_are_refused(tmp_path):
@@ -208,12 +249,17 @@ def test_one_demodulator_is_suspect_and_ticks_need_a_clock(tmp_path):
     with pytest.raises(HrgError, match="clock_hz"):
         whole(tmp_path / "log.h5")
     r = whole(tmp_path / "log.h5", clock_hz=60e6)
-    assert r.sample_rate_hz == RATE and r.status == "suspect" and "one pick-off" in r.status_reasons[0]
+    assert (
+        r.sample_rate_hz == RATE and r.status == "suspect" and "one pick-off" in r.status_reasons[0]
+    )
     np.testing.assert_array_equal(r.s, S)
 
 
 def test_labone_csv(tmp_path):
-    lines = "".join(f"0;{7_000_000_000 + i * 15_000};{c!r};{s!r};130;0.1\n" for i, (c, s) in enumerate(zip(C[:500].tolist(), S.tolist())))
+    lines = "".join(
+        f"0;{7_000_000_000 + i * 15_000};{c!r};{s!r};130;0.1\n"
+        for i, (c, s) in enumerate(zip(C[:500].tolist(), S.tolist()))
+    )
     (tmp_path / "log.csv").write_text("chunk;timestamp;x;y;freq;phase\n" + lines)
     with pytest.raises(HrgError, match="clock_hz"):
         whole(tmp_path / "log.csv")
@@ -223,7 +269,9 @@ def test_labone_csv(tmp_path):
 
 
 def test_an_hrg_file_is_not_foreign(tmp_path):
-    store.write(tmp_path / "r.h5", Recording(c=COUNTS[0], s=COUNTS[1], sample_rate_hz=RATE, mode="free"))
+    store.write(
+        tmp_path / "r.h5", Recording(c=COUNTS[0], s=COUNTS[1], sample_rate_hz=RATE, mode="free")
+    )
     with pytest.raises(HrgError, match="hrg file already"):
         whole(tmp_path / "r.h5")
 
@@ -254,7 +302,14 @@ def test_a_claim_of_a_petabyte_is_refused(tmp_path):
 
 
 def test_a_saved_mapping_imports_the_next_log(tmp_path):
-    lab = {"c": "in phase", "s": 3, "rate": "table", "rate_units": "deg/h", "mode": "forced", "time_units": "ms"}
+    lab = {
+        "c": "in phase",
+        "s": 3,
+        "rate": "table",
+        "rate_units": "deg/h",
+        "mode": "forced",
+        "time_units": "ms",
+    }
     table = pd.DataFrame({"t": T * 1e3, "in phase": C, "other": S, "table": np.full(N, 3600.0)})
     table.to_csv(tmp_path / "one.csv", index=False)
     shutil.copy(tmp_path / "one.csv", tmp_path / "two.csv")
@@ -270,7 +325,10 @@ def test_a_saved_mapping_imports_the_next_log(tmp_path):
 
 def test_a_log_that_changes_while_it_is_read_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
-    path.write_text("time,c,s\n" + "".join(f"{t!r},{c!r},{s!r}\n" for t, c, s in zip(T.tolist(), C.tolist(), S.tolist())))
+    path.write_text(
+        "time,c,s\n"
+        + "".join(f"{t!r},{c!r},{s!r}\n" for t, c, s in zip(T.tolist(), C.tolist(), S.tolist()))
+    )
     monkeypatch.setattr("hrg_cli.formats.text.BLOCK_BYTES", 5000)
     stream = import_log(path)
     with open(path, "a") as f:

@@ -1,4 +1,5 @@
-"""An import says what it took of a log, and no loss is silent: rows at the top, other decimal signs, logarithms, gaps, cuts."""
+"""An import says what it took of a log, and no loss is silent: rows at the top, other decimal
+signs, logarithms, gaps, cuts."""
 
 import json
 
@@ -21,9 +22,20 @@ def row(i, separator=",", decimal="."):
     return separator.join(f"{v[i]:.6f}".replace(".", decimal) for v in (T, C, S))
 
 
-def log(folder, *, top=0, other=None, title="time (s),c (V),s (V)", separator=",", decimal=".", name="log.csv"):
+def log(
+    folder,
+    *,
+    top=0,
+    other=None,
+    title="time (s),c (V),s (V)",
+    separator=",",
+    decimal=".",
+    name="log.csv",
+):
     """A log whose first `top` rows are written by `other(i)`."""
-    lines = [title.replace(",", separator)] + [other(i) if i < top else row(i, separator, decimal) for i in range(N)]
+    lines = [title.replace(",", separator)] + [
+        other(i) if i < top else row(i, separator, decimal) for i in range(N)
+    ]
     path = folder / name
     path.write_text("\n".join(lines) + "\n")
     return path
@@ -41,7 +53,9 @@ def test_rows_lost_at_the_top_refuse_the_recording(tmp_path, hrg):
         "why": "a cell is no number",
         "example": "0.000000,OVERLOAD,OVERLOAD",
     }
-    assert made.json["columns"]["c"] == {"column": 2, "name": "c", "units": "V"}, "the titles are still found above the lost rows"
+    assert made.json["columns"]["c"] == {"column": 2, "name": "c", "units": "V"}, (
+        "the titles are still found above the lost rows"
+    )
 
 
 LOST = [(1, "valid"), (3, "valid"), (40, "suspect"), (700, "suspect"), (801, "refused")]
@@ -49,7 +63,10 @@ BAD = ["{t},---,---", "---,---,---", "{t},,ERR", "{t},0.1"]
 
 
 # one line of two cells above a table of three columns may be an instrument's own
-@pytest.mark.parametrize("rows, status, bad", [(*lost, bad) for bad in BAD for lost in LOST if bad != "{t},0.1" or lost[0] >= 3])
+@pytest.mark.parametrize(
+    "rows, status, bad",
+    [(*lost, bad) for bad in BAD for lost in LOST if bad != "{t},0.1" or lost[0] >= 3],
+)
 def test_every_lost_row_is_told(tmp_path, rows, status, bad):
     made = collect(import_log(log(tmp_path, top=rows, other=lambda i: bad.format(t=f"{T[i]:.6f}"))))
     assert made.status == status and f"{rows} of {N} rows" in made.status_reasons[0]
@@ -57,11 +74,21 @@ def test_every_lost_row_is_told(tmp_path, rows, status, bad):
 
 
 @pytest.mark.parametrize(
-    "first, then", [((";", ","), (";", ".")), ((";", "."), (";", ",")), ((";", "."), (",", ".")), (("\t", ","), (",", "."))]
+    "first, then",
+    [
+        ((";", ","), (";", ".")),
+        ((";", "."), (";", ",")),
+        ((";", "."), (",", ".")),
+        (("\t", ","), (",", ".")),
+    ],
 )
 def test_a_decimal_comma_that_becomes_a_point_is_refused(tmp_path, first, then):
-    path = log(tmp_path, top=2000, other=lambda i: row(i, *first), separator=then[0], decimal=then[1])
-    with pytest.raises(HrgError, match=r"numbers are written changes after line 2001.*line 2.*line 2002"):
+    path = log(
+        tmp_path, top=2000, other=lambda i: row(i, *first), separator=then[0], decimal=then[1]
+    )
+    with pytest.raises(
+        HrgError, match=r"numbers are written changes after line 2001.*line 2.*line 2002"
+    ):
         import_log(path)
 
 
@@ -84,7 +111,9 @@ def test_titles_keys_and_units_are_no_lost_rows(tmp_path):
 @pytest.mark.parametrize("unit", ["dBm", "dBV", "dB"])
 def test_a_logarithm_is_no_oscillation(tmp_path, unit):
     path = log(tmp_path, title=f"time (s),ch1 ({unit}),ch2 ({unit})")
-    with pytest.raises(HrgError, match=rf"in {unit}: the logarithm.*--envelope --amplitude COLUMN --decibel"):
+    with pytest.raises(
+        HrgError, match=rf"in {unit}: the logarithm.*--envelope --amplitude COLUMN --decibel"
+    ):
         import_log(path)
     with pytest.raises(HrgError, match="logarithm"):
         import_log(log(tmp_path), units=unit)
@@ -98,7 +127,9 @@ def test_what_was_taken_stands_in_the_file_and_on_the_screen(tmp_path, hrg):
     path.write_text("\n".join(lines) + "\n")
     made = hrg("import", path, "-o", tmp_path / "r.h5", "--json")
     assert made.status == 0 and made.json["sample_rate_hz"] is None
-    assert made.json["gaps"]["count"] == 2 and made.json["gaps"]["longest_s"] == pytest.approx(101 / RATE)
+    assert made.json["gaps"]["count"] == 2 and made.json["gaps"]["longest_s"] == pytest.approx(
+        101 / RATE
+    )
     assert made.json["gaps"]["first"][0]["before"] == "line 1002"
     assert made.json["not_finite"] == {"count": 1, "first": ["line 51"]}
     assert any("line 1002" in reason for reason in made.json["status_reasons"])
@@ -112,12 +143,21 @@ def test_what_was_taken_stands_in_the_file_and_on_the_screen(tmp_path, hrg):
 
 
 def test_a_part_of_a_log_begins_at_zero_with_its_slow_columns(tmp_path, hrg):
-    """A part of 0.1 s from 0.2 s on: the samples of the log, t = 0 at its first, temperature and start time moved along."""
+    """A part of 0.1 s from 0.2 s on: the samples of the log, t = 0 at its first, temperature and
+    start time moved along."""
     path = tmp_path / "log.csv"
-    path.write_text("time (s),c (V),s (V),temperature (degC)\n" + "\n".join(f"{row(i)},{20 + T[i]:.6f}" for i in range(N)) + "\n")
+    path.write_text(
+        "time (s),c (V),s (V),temperature (degC)\n"
+        + "\n".join(f"{row(i)},{20 + T[i]:.6f}" for i in range(N))
+        + "\n"
+    )
     flags = ("--from-s", "0.2", "--to-s", "0.3", "--set", 'start_time="2026-01-01T10:00:00Z"')
     made = hrg("import", path, "-o", tmp_path / "r.h5", "--json", *flags)
-    assert made.status == 0 and made.json["samples"] == 800 and made.json["cut"]["first_s"] == pytest.approx(0.2)
+    assert (
+        made.status == 0
+        and made.json["samples"] == 800
+        and made.json["cut"]["first_s"] == pytest.approx(0.2)
+    )
     kept = store.read(tmp_path / "r.h5", Recording)
     np.testing.assert_allclose(kept.c, np.round(C[1600:2400], 6), atol=1e-12)
     assert kept.start_time == "2026-01-01T10:00:00.200000Z" and kept.times(0, 1)[0] == 0
@@ -140,4 +180,7 @@ def test_a_part_with_nothing_in_it_is_a_sentence(tmp_path, hrg, flags, says):
 
 def test_an_end_behind_the_log_is_told(tmp_path):
     made = collect(import_log(log(tmp_path), to_s=9.0))
-    assert len(made) == N and "to_s = 9 lies behind the end of the log at 0.499875 s" in made.status_reasons[0]
+    assert (
+        len(made) == N
+        and "to_s = 9 lies behind the end of the log at 0.499875 s" in made.status_reasons[0]
+    )

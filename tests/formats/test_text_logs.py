@@ -1,4 +1,5 @@
-"""Text logs of any dialect become the same recording, and broken ones a sentence naming the line."""
+"""Text logs of any dialect become the same recording, and broken ones a sentence naming the
+line."""
 
 import io
 import os
@@ -31,14 +32,33 @@ def written(folder: Path, text: str | bytes, name: str = "log.csv") -> Path:
     return path
 
 
-def rows(columns: list[np.ndarray], separator: str = ",", decimal: str = ".", end: str = "\n", form: str = "{!r}") -> str:
-    lines = [separator.join(form.format(float(v)).replace(".", decimal) for v in row) for row in zip(*columns)]
+def rows(
+    columns: list[np.ndarray],
+    separator: str = ",",
+    decimal: str = ".",
+    end: str = "\n",
+    form: str = "{!r}",
+) -> str:
+    lines = [
+        separator.join(form.format(float(v)).replace(".", decimal) for v in row)
+        for row in zip(*columns)
+    ]
     return end.join(lines) + end
 
 
 @given(
     dialect=st.sampled_from(
-        [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", "."), (" ", "."), ("   ", ","), (" , ", ".")]
+        [
+            (",", "."),
+            (";", "."),
+            (";", ","),
+            ("\t", "."),
+            ("\t", ","),
+            ("|", "."),
+            (" ", "."),
+            ("   ", ","),
+            (" , ", "."),
+        ]
     ),
     end=st.sampled_from(["\n", "\r\n", "\r"]),
     header=st.sampled_from(["", "names", "names and units", "comment", "brackets"]),
@@ -48,21 +68,39 @@ def rows(columns: list[np.ndarray], separator: str = ",", decimal: str = ".", en
     last=st.booleans(),
     seed=st.integers(0, 100),
 )
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_every_dialect_gives_the_same_samples(tmp_path, dialect, end, header, encoding, order, comments, last, seed):
+@settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+def test_every_dialect_gives_the_same_samples(
+    tmp_path, dialect, end, header, encoding, order, comments, last, seed
+):
     separator, decimal = dialect
     rng = np.random.default_rng(seed)
-    values = {"time": T[:60], "c": rng.standard_normal(60) * 10.0 ** rng.integers(-6, 6), "s": rng.standard_normal(60)}
+    values = {
+        "time": T[:60],
+        "c": rng.standard_normal(60) * 10.0 ** rng.integers(-6, 6),
+        "s": rng.standard_normal(60),
+    }
     text = rows([values[name] for name in order], separator, decimal, end)
     units = {"time": "s", "c": "V", "s": "V"}
     titles = {
         "": "",
         "names": separator.join(order) + end,
-        "names and units": separator.join(order) + end + separator.join(units[n] for n in order) + end,
+        "names and units": separator.join(order)
+        + end
+        + separator.join(units[n] for n in order)
+        + end,
         "comment": "# " + separator.join(order) + end,
         "brackets": separator.join(f"{n}[{units[n]}]" for n in order) + end,
     }[header]
-    text = ("# made by a test °\n".replace("\n", end) if comments else "") + titles + (text if last else text.rstrip("\r\n"))
+    text = (
+        ("# made by a test °\n".replace("\n", end) if comments else "")
+        + titles
+        + (text if last else text.rstrip("\r\n"))
+    )
     path = written(tmp_path, text.encode(encoding))
     named = {} if header else {name: 1 + order.index(name) for name in order}
     recording = whole(path, **named)
@@ -81,9 +119,9 @@ def test_without_header_the_rising_first_column_is_time(tmp_path):
 
 def test_quoted_cells_and_decimal_commas(tmp_path):
     buffer = io.StringIO()
-    pd.DataFrame({"time": T, "Channel A": C, "Channel B": S}).map(lambda v: f"{v:.12f}".replace(".", ",")).to_csv(
-        buffer, index=False, quoting=1
-    )
+    pd.DataFrame({"time": T, "Channel A": C, "Channel B": S}).map(
+        lambda v: f"{v:.12f}".replace(".", ",")
+    ).to_csv(buffer, index=False, quoting=1)
     recording = whole(written(tmp_path, buffer.getvalue()))
     np.testing.assert_allclose(recording.s, S, rtol=0, atol=1e-12)
     assert recording.sample_rate_hz == RATE
@@ -100,17 +138,33 @@ def test_clock_times_cross_midnight_and_stay_uneven(tmp_path):
     np.testing.assert_allclose(recording.c, C, **CLOSE)
 
 
-@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%d %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%f+00:00"])
+@pytest.mark.parametrize(
+    "form",
+    [
+        "%Y-%m-%dT%H:%M:%S.%fZ",
+        "%Y-%m-%d %H:%M:%S.%f",
+        "%Y/%m/%d %H:%M:%S.%f",
+        "%Y-%m-%dT%H:%M:%S.%f+00:00",
+    ],
+)
 def test_dates_give_start_time_and_rate(tmp_path, form):
     stamps = pd.Timestamp("2026-02-28T23:59:59.900Z") + pd.to_timedelta(T, unit="s")
-    text = "when,c,s\n" + "".join(f"{k.strftime(form)},{c!r},{s!r}\n" for k, c, s in zip(stamps, C.tolist(), S.tolist()))
+    text = "when,c,s\n" + "".join(
+        f"{k.strftime(form)},{c!r},{s!r}\n" for k, c, s in zip(stamps, C.tolist(), S.tolist())
+    )
     recording = whole(written(tmp_path, text))
     assert recording.sample_rate_hz == RATE
     assert recording.start_time == "2026-02-28T23:59:59.9Z"
 
 
 def test_times_rounded_in_print_are_still_even(tmp_path):
-    recording = whole(written(tmp_path, "time,c,s\n" + "".join(f"{t:.4f},{c!r},{s!r}\n" for t, c, s in zip(T, C.tolist(), S.tolist()))))
+    recording = whole(
+        written(
+            tmp_path,
+            "time,c,s\n"
+            + "".join(f"{t:.4f},{c!r},{s!r}\n" for t, c, s in zip(T, C.tolist(), S.tolist())),
+        )
+    )
     assert recording.sample_rate_hz == RATE
     t = np.arange(20_000) / 30_000.0
     recording = whole(written(tmp_path, "time,c,s\n" + "".join(f"{v:.6f},1.5,2.5\n" for v in t)))
@@ -122,12 +176,19 @@ def test_jittered_times_are_kept(tmp_path):
     recording = whole(written(tmp_path, "time,c,s\n" + rows([t, C, S])))
     assert recording.sample_rate_hz is None
     np.testing.assert_allclose(recording.time_s, t - t[0], atol=1e-15)
-    assert whole(written(tmp_path, "time,c,s\n" + rows([t, C, S])), sampling_tolerance=0.05).sample_rate_hz == pytest.approx(RATE, rel=1e-4)
+    assert whole(
+        written(tmp_path, "time,c,s\n" + rows([t, C, S])), sampling_tolerance=0.05
+    ).sample_rate_hz == pytest.approx(RATE, rel=1e-4)
 
 
 def test_a_gap_keeps_the_times(tmp_path):
     t = np.delete(T, slice(100, 130))
-    recording = whole(written(tmp_path, "time,c,s\n" + rows([t, np.delete(C, slice(100, 130)), np.delete(S, slice(100, 130))])))
+    recording = whole(
+        written(
+            tmp_path,
+            "time,c,s\n" + rows([t, np.delete(C, slice(100, 130)), np.delete(S, slice(100, 130))]),
+        )
+    )
     assert np.diff(recording.time_s).max() == pytest.approx(31 / RATE)
 
 
@@ -147,7 +208,10 @@ def test_units_and_slow_columns(tmp_path):
     assert np.all(np.diff(short.auxiliary_time_s) > 0)
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("rad/s", 1), ("deg/s", np.pi / 180), ("deg/h", np.pi / 180 / 3600), ("rpm", np.pi / 30)])
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("rad/s", 1), ("deg/s", np.pi / 180), ("deg/h", np.pi / 180 / 3600), ("rpm", np.pi / 30)],
+)
 def test_rate_units(tmp_path, unit, factor):
     path = written(tmp_path, "time,c,s,rate\n" + rows([T, C, S, np.full_like(T, 7.0)]))
     np.testing.assert_allclose(whole(path, rate_units=unit).rate_rad_s, 7 * factor)
@@ -175,7 +239,8 @@ def test_not_finite_cells_are_kept_and_counted(tmp_path):
     c[[5, 6]] = np.nan
     c[9] = np.inf
     text = "time,c,s\n" + "".join(
-        f"{t!r},{'' if i == 5 else repr(v)},{s!r}\n" for i, (t, v, s) in enumerate(zip(T.tolist(), c.tolist(), S.tolist()))
+        f"{t!r},{'' if i == 5 else repr(v)},{s!r}\n"
+        for i, (t, v, s) in enumerate(zip(T.tolist(), c.tolist(), S.tolist()))
     )
     r = whole(written(tmp_path, text))
     np.testing.assert_array_equal(r.c, c)
@@ -230,11 +295,20 @@ BROKEN = {
     "header only": ("time,c,s\n", "no line of numbers"),
     "prose": ("Dear all,\nplease find the log\n", "no line of numbers"),
     "one column": ("c\n1.0\n2.0\n3.5\n", 's = "none"'),
-    "ragged row": ("time,c,s\n" + rows([T, C, S]).replace("\n", "\n1,2\n", 1), "line 3 has 2 cells"),
+    "ragged row": (
+        "time,c,s\n" + rows([T, C, S]).replace("\n", "\n1,2\n", 1),
+        "line 3 has 2 cells",
+    ),
     "last line broken": ("time,c,s\n" + rows([T, C, S]) + "0.3,0.1", "line 402 has 2 cells"),
-    "text in numbers": ("time,c,s\n" + rows([T, C, S]) + "0.3,overload,1\n", "line 402: 'overload' in column 2 (c)"),
+    "text in numbers": (
+        "time,c,s\n" + rows([T, C, S]) + "0.3,overload,1\n",
+        "line 402: 'overload' in column 2 (c)",
+    ),
     "repeated time": ("time,c,s\n" + rows([np.floor(T * 500) / 500, C, S]), "give sample_rate_hz"),
-    "time goes back": ("time,c,s\n" + rows([np.r_[T[:50], T[:350]], C, S]), "line 52: the time goes back"),
+    "time goes back": (
+        "time,c,s\n" + rows([np.r_[T[:50], T[:350]], C, S]),
+        "line 52: the time goes back",
+    ),
     "time missing": ("time,c,s\n" + rows([T, C, S]) + ",1,1\n", "time is not a number"),
     "one sample": ("time,c,s\n0,1,2\n", "one sample only"),
     "too many channels": ("time,p,q,r\n" + rows([T, C, S, S]), "name them with c and s"),
@@ -249,7 +323,11 @@ def test_a_broken_log_is_one_sentence(tmp_path, name):
     text, expected = BROKEN[name]
     with pytest.raises(HrgError) as error:
         whole(written(tmp_path, text))
-    assert expected in str(error.value) and "log.csv" in str(error.value) and "\n" not in str(error.value)
+    assert (
+        expected in str(error.value)
+        and "log.csv" in str(error.value)
+        and "\n" not in str(error.value)
+    )
 
 
 def test_wrong_settings_are_sentences(tmp_path):
@@ -311,7 +389,10 @@ def fuzz(tmp_path: Path, count: int, seed: int) -> int:
         rows([T[:30], C[:30], S[:30]], ";", ","),
         SCOPES["preamble of keys"] + rows([T[:30], C[:30], S[:30]]),
     ]
-    clocks = "".join(f"{c!r},{s!r},11:50:{i:02d}.5\n" for i, (c, s) in enumerate(zip(C[:50].tolist(), S.tolist())))
+    clocks = "".join(
+        f"{c!r},{s!r},11:50:{i:02d}.5\n"
+        for i, (c, s) in enumerate(zip(C[:50].tolist(), S.tolist()))
+    )
     refused = 0
     for _ in range(count):
         path = written(tmp_path, mutated(rng, rng.choice([*whole_texts, clocks]).encode()))

@@ -1,6 +1,8 @@
-"""Mistakes that a person could make, as data: file below hrg_cli, tests that should notice, and the changes (old text, new text).
+"""Mistakes that a person could make, as data: file below hrg_cli, tests that should notice, and the
+changes (old text, new text).
 
-Each changes one thing: a sign, a factor of two, a dropped term, a swapped channel, a wrong σ, a moved threshold, a missing guard.
+Each changes one thing: a sign, a factor of two, a dropped term, a swapped channel, a wrong σ, a
+moved threshold, a missing guard.
 """
 
 # ruff: noqa: E501

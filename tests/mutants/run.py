@@ -1,6 +1,8 @@
-"""Mutation score: each change of `mutations.py` is made in a copy of the package and its tests run; a change that no test sees survives.
+"""Mutation score: each change of `mutations.py` is made in a copy of the package and its tests run;
+a change that no test sees survives.
 
-`make mutants` runs all; `--only PART` those of files whose name contains PART, `--sample N` so many drawn by `--seed`.
+`make mutants` runs all; `--only PART` those of files whose name contains PART, `--sample N` so many
+drawn by `--seed`.
 """
 
 from __future__ import annotations
@@ -31,10 +33,25 @@ def run_tests(copy: Path, tests: list[str]) -> bool:
         "OPENBLAS_NUM_THREADS": "1",
     }
     paths = [str(ROOT / test) for test in tests if (ROOT / test).exists()]
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow and not browser", "-c", str(ROOT / "pyproject.toml")]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "-m",
+        "not slow and not browser",
+        "-c",
+        str(ROOT / "pyproject.toml"),
+    ]
     try:
         done = subprocess.run(
-            [*command, "--rootdir", str(ROOT), *paths], cwd=copy, env=environment, capture_output=True, timeout=LONGEST_S, check=False
+            [*command, "--rootdir", str(ROOT), *paths],
+            cwd=copy,
+            env=environment,
+            capture_output=True,
+            timeout=LONGEST_S,
+            check=False,
         )
     except subprocess.TimeoutExpired:
         return False
@@ -43,22 +60,32 @@ def run_tests(copy: Path, tests: list[str]) -> bool:
 
 def chosen(only: str, sample: int, seed: int) -> list[tuple[str, list[str], str, str]]:
     """(file, tests, old, new) of every change asked for."""
-    changes = [(name, tests.split(), old, new) for name, (tests, pairs) in MUTATIONS.items() if only in name for old, new in pairs]
-    return changes if sample <= 0 else random.Random(seed).sample(changes, min(sample, len(changes)))
+    changes = [
+        (name, tests.split(), old, new)
+        for name, (tests, pairs) in MUTATIONS.items()
+        if only in name
+        for old, new in pairs
+    ]
+    return (
+        changes if sample <= 0 else random.Random(seed).sample(changes, min(sample, len(changes)))
+    )
 
 
 def stale() -> list[str]:
-    """Changes whose old text is no longer (or no longer once) in its file: the list must follow the code."""
+    """Changes whose old text is no longer (or no longer once) in its file: the list must follow the
+    code."""
     return [
         f"{name}: {old!r}"
         for name, (_, pairs) in MUTATIONS.items()
         for old, _ in pairs
-        if not (ROOT / "hrg_cli" / name).exists() or (ROOT / "hrg_cli" / name).read_text().count(old) < 1
+        if not (ROOT / "hrg_cli" / name).exists()
+        or (ROOT / "hrg_cli" / name).read_text().count(old) < 1
     ]
 
 
 def main() -> int:
-    """Command line: the survivors and the score; status 1 where a tenth or more survive or the list is stale."""
+    """Command line: the survivors and the score; status 1 where a tenth or more survive or the list
+    is stale."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="")
     parser.add_argument("--sample", type=int, default=0)
@@ -68,7 +95,9 @@ def main() -> int:
     for text in old_texts:
         print(f"stale: {text}")
     folder = Path(tempfile.mkdtemp(prefix="hrg-mutants-"))
-    shutil.copytree(ROOT / "hrg_cli", folder / "hrg_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        ROOT / "hrg_cli", folder / "hrg_cli", ignore=shutil.ignore_patterns("__pycache__")
+    )
     survivors, killed, started = [], 0, time.monotonic()
     for name, tests, old, new in chosen(asked.only, asked.sample, asked.seed):
         path = folder / "hrg_cli" / name
@@ -81,10 +110,16 @@ def main() -> int:
         killed += not survived
         if survived:
             survivors.append(f"{name}: {old!r} → {new!r}")
-        print(f"{'SURVIVED' if survived else 'killed  '} {name}: {old[:60]!r} → {new[:60]!r}", flush=True)
+        print(
+            f"{'SURVIVED' if survived else 'killed  '} {name}: {old[:60]!r} → {new[:60]!r}",
+            flush=True,
+        )
     shutil.rmtree(folder, ignore_errors=True)
     total = killed + len(survivors)
-    print(f"{killed} of {total} changes were seen by a test ({time.monotonic() - started:.0f} s); survivors:")
+    print(
+        f"{killed} of {total} changes were seen by a test ({time.monotonic() - started:.0f} s);"
+        " survivors:"
+    )
     print("\n".join(survivors) or "none")
     return 1 if old_texts or (total and len(survivors) >= 0.1 * total) else 0
 

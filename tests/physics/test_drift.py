@@ -1,4 +1,5 @@
-"""The drift function against direct integration of the envelopes: signs, factors, limits and the errata."""
+"""The drift function against direct integration of the envelopes: signs, factors, limits and the
+errata."""
 
 import numpy as np
 import pytest
@@ -47,35 +48,48 @@ def test_control_terms_have_the_sign_of_the_force():
     a_a, a_b, error_a, error_b = 0.3, 0.15, 0.02, -0.03
 
     def force(u):
-        e_a, e_b = np.array([np.cos(2 * angle), np.sin(2 * angle)]), np.array([-np.sin(2 * angle), np.cos(2 * angle)])
+        e_a, e_b = (
+            np.array([np.cos(2 * angle), np.sin(2 * angle)]),
+            np.array([-np.sin(2 * angle), np.cos(2 * angle)]),
+        )
         A, B = np.exp(0.2j), -1j * np.exp(0.2j)
         return e_a * a_a * A * np.exp(-1j * error_a) + e_b * a_b * B * np.exp(-1j * error_b)
 
     swing, phase = measured_rates(g, angle, ratio, force)
-    assert swing == pytest.approx(drift.drift(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5)
-    assert phase == pytest.approx(drift_forms.phase_rate(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5)
+    assert swing == pytest.approx(
+        drift.drift(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5
+    )
+    assert phase == pytest.approx(
+        drift_forms.phase_rate(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5
+    )
 
 
 def test_small_quadrature_form_is_right_to_first_order():
     g = gyro()
-    errors = [abs(float(drift.drift(g, 0.0, r) - drift_forms.drift_small_quadrature(g, 0.0, r))) for r in (0.002, 0.001)]
+    errors = [
+        abs(float(drift.drift(g, 0.0, r) - drift_forms.drift_small_quadrature(g, 0.0, r)))
+        for r in (0.002, 0.001)
+    ]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
     r = 1e-3
-    assert drift_forms.drift_from_phase(g, 0.3, r, drift_forms.phase_rate(g, 0.3, r)) == pytest.approx(
-        float(drift.drift(g, 0.3, r)), abs=1e-6
-    )
+    assert drift_forms.drift_from_phase(
+        g, 0.3, r, drift_forms.phase_rate(g, 0.3, r)
+    ) == pytest.approx(float(drift.drift(g, 0.3, r)), abs=1e-6)
 
 
 @pytest.mark.parametrize("drive", ["force", "parametric"])
 def test_quasi_static_quadrature_by_integration(drive):
-    """A wave held at an angle with its amplitude kept, the quadrature left alone: r and D settle to (9), half of it with a pump."""
+    """A wave held at an angle with its amplitude kept, the quadrature left alone: r and D settle to
+    (9), half of it with a pump."""
     g = gyro(frequency_split_rad_s=0.01, damping_split_1_s=0.0)
     m, angle = 2, 0.63
 
     def rates(t, y):
         u = y[:2]
         A = np.cos(m * angle) * u[0] + np.sin(m * angle) * u[1]
-        push = g.damping_rate_1_s * (u if drive == "parametric" else A * np.array([np.cos(m * angle), np.sin(m * angle)]))
+        push = g.damping_rate_1_s * (
+            u if drive == "parametric" else A * np.array([np.cos(m * angle), np.sin(m * angle)])
+        )
         if drive == "parametric":
             push = g.damping_rate_1_s * np.exp(2j * np.angle(A)) * np.conj(u)
         swing = measured(u) / m
@@ -86,17 +100,29 @@ def test_quasi_static_quadrature_by_integration(drive):
         r = ellipse.wave(u, m)[1] / ellipse.wave(u, m)[0]
         return float(drift.drift(g, angle, r))
 
-    end = solve_ivp(rates, (0, 60.0), ellipse.envelopes(1.0, 0.0, angle, 0.0).astype(complex), rtol=1e-9, atol=1e-12).y[:, -1]
+    end = solve_ivp(
+        rates,
+        (0, 60.0),
+        ellipse.envelopes(1.0, 0.0, angle, 0.0).astype(complex),
+        rtol=1e-9,
+        atol=1e-12,
+    ).y[:, -1]
     a_A, a_B, _, _ = ellipse.wave(end, m)
-    assert a_B / a_A == pytest.approx(float(drift.quadrature_quasi_static(g, angle, drive)), rel=0.02)
-    assert measured(end) == pytest.approx(float(drift.drift_quasi_static(g, angle, drive)), rel=0.03)
+    assert a_B / a_A == pytest.approx(
+        float(drift.quadrature_quasi_static(g, angle, drive)), rel=0.02
+    )
+    assert measured(end) == pytest.approx(
+        float(drift.drift_quasi_static(g, angle, drive)), rel=0.03
+    )
 
 
 def test_tangent_law_is_the_exact_motion_at_rest():
     g = gyro(frequency_split_rad_s=0.0)
     times = np.linspace(0, 60, 30)
     for start in (0.4, 1.0, 1.7, -0.6):
-        u = resonator.exponential(resonator.generator(g, 0.0, second_order=0.0), times) @ ellipse.envelopes(1.0, 0.0, start, 0.0)
+        u = resonator.exponential(
+            resonator.generator(g, 0.0, second_order=0.0), times
+        ) @ ellipse.envelopes(1.0, 0.0, start, 0.0)
         angle, _ = ellipse.unwrap(*ellipse.wave(u, 2)[2:], 2)
         angle += np.round((start - angle[0]) / (np.pi / 2)) * np.pi / 2
         assert np.allclose(drift.tangent_law(g, start, times), angle, atol=1e-9)

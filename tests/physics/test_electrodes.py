@@ -25,7 +25,9 @@ def amplitude(y, t, omega):
     return 2 * abs(np.sum(y * basis)) / np.sum(np.hanning(len(t)))
 
 
-@pytest.mark.parametrize("gaps", [ONES, 1 + 0.1 * np.cos(np.arange(8) * 1.3)], ids=["equal", "own gaps"])
+@pytest.mark.parametrize(
+    "gaps", [ONES, 1 + 0.1 * np.cos(np.arange(8) * 1.3)], ids=["equal", "own gaps"]
+)
 @pytest.mark.parametrize("law", ["alternating", "constant-voltage"])
 def test_law_is_the_current_of_the_capacitors(law, gaps):
     gains = ONES if gaps is ONES else 1 + 0.05 * np.sin(np.arange(8))
@@ -68,4 +70,11 @@ def test_equal_electrodes_one_by_one_are_the_closed_law():
 
 def test_a_wave_that_reaches_a_gap_is_refused():
     with pytest.raises(HrgError, match="narrowest gap"):
-        pick_off("alternating", 1.0, np.array([0.5, *ONES[1:]]), ONES, np.full((2, 3), 0.6), np.zeros((2, 3)))
+        pick_off(
+            "alternating",
+            1.0,
+            np.array([0.5, *ONES[1:]]),
+            ONES,
+            np.full((2, 3), 0.6),
+            np.zeros((2, 3)),
+        )

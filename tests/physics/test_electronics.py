@@ -1,4 +1,5 @@
-"""A board's loops against the theory of sampled loops: steady state, delay margin, phase noise, saturation, multiplexing, spring."""
+"""A board's loops against the theory of sampled loops: steady state, delay margin, phase noise,
+saturation, multiplexing, spring."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,19 @@ from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_p
 from hrg_cli.physics.resonator import Mechanics
 
 
-def run(mechanics, control, electronics, seconds=4.0, fs=8000.0, rate=0.0, start=1.0, quadrature=0.0, angle=0.3, noise=None, seed=1):
+def run(
+    mechanics,
+    control,
+    electronics,
+    seconds=4.0,
+    fs=8000.0,
+    rate=0.0,
+    start=1.0,
+    quadrature=0.0,
+    angle=0.3,
+    noise=None,
+    seed=1,
+):
     grid = np.array([0.0, 2 * seconds])
     world = Environment(grid, *[np.full(2, v) for v in (20.0, rate, 20.0, rate)])
     u0 = ellipse.envelopes(start, quadrature, angle, 0.4, 2)
@@ -29,7 +42,13 @@ def run(mechanics, control, electronics, seconds=4.0, fs=8000.0, rate=0.0, start
 
 
 GYRO = Mechanics(1000.0, 0.5, 0.02, 0.3, 0.4, 0.8, 0.55)
-CONTROL = Control(forced=True, amplitude_gain_1_s=5.0, amplitude_integral_1_s2=6.0, quadrature_loop="finite", quadrature_gain_1_s=10.0)
+CONTROL = Control(
+    forced=True,
+    amplitude_gain_1_s=5.0,
+    amplitude_integral_1_s2=6.0,
+    quadrature_loop="finite",
+    quadrature_gain_1_s=10.0,
+)
 
 
 @pytest.mark.parametrize("drive", ["force", "parametric"])
@@ -45,7 +64,8 @@ def test_a_quick_board_does_what_ideal_loops_do(drive, loop):
 
 @pytest.mark.parametrize(("margin", "stable"), [(1.0, True), (2.2, False)])
 def test_a_late_amplitude_loop_is_unstable_beyond_pi_half(margin, stable):
-    """ȧ = −g·a(t − τ) oscillates and grows from gτ = π/2; τ: the delay, half a window of averaging and half of holding."""
+    """ȧ = −g·a(t − τ) oscillates and grows from gτ = π/2; τ: the delay, half a window of averaging
+    and half of holding."""
     e = Electronics(10, delay_periods=90, phase_loop_hz=1.0)
     control = Control(forced=True, amplitude_gain_1_s=margin / 0.1)
     _, a_A, *_ = run(Mechanics(1000.0, 0.05), control, e, seconds=6.0, start=1.02)
@@ -59,7 +79,12 @@ def test_phase_loop_has_the_noise_of_its_bandwidth():
     """σ² = S·B, S = 4σ_y²/f_s a² the one-sided density of the phase, B = ω_n(ζ + 1/4ζ)/2 Hz."""
     natural, sigma, fs = 3.0, 5e-3, 8000.0
     t, _, _, angle, phase, _, drive = run(
-        Mechanics(1000.0, 0.5), Control(forced=True), Electronics(4, phase_loop_hz=natural), 20.0, fs, noise=Noise(readout=sigma)
+        Mechanics(1000.0, 0.5),
+        Control(forced=True),
+        Electronics(4, phase_loop_hz=natural),
+        20.0,
+        fs,
+        noise=Noise(readout=sigma),
     )
     e_A = np.stack([np.cos(2 * angle), np.sin(2 * angle)])
     along = np.sum(e_A * drive, axis=0) * np.exp(-1j * (2 * np.pi * 1000.0 * t + phase))
@@ -71,14 +96,20 @@ def test_phase_loop_has_the_noise_of_its_bandwidth():
 
 
 def test_a_saturated_drive_holds_what_its_force_can():
-    """A command far beyond the limit makes a square wave of that height: between its peak and 4/π of it, over ν."""
+    """A command far beyond the limit makes a square wave of that height: between its peak and 4/π
+    of it, over ν."""
     control = Control(forced=True, amplitude_gain_1_s=50.0, amplitude_integral_1_s2=500.0)
-    _, a_A, *_ = run(Mechanics(1000.0, 2.0), control, Electronics(4, drive_limit=0.8), 6.0, 40000.0, angle=0.0)
+    _, a_A, *_ = run(
+        Mechanics(1000.0, 2.0), control, Electronics(4, drive_limit=0.8), 6.0, 40000.0, angle=0.0
+    )
     assert 0.4 * 0.98 < a_A[-1] < 0.4 * 4 / np.pi * 1.02
 
 
 def test_multiplexed_drive_gives_the_same_mean_force():
-    both, turns = run(GYRO, CONTROL, Electronics(8)), run(GYRO, CONTROL, Electronics(8, drive_periods=8))
+    both, turns = (
+        run(GYRO, CONTROL, Electronics(8)),
+        run(GYRO, CONTROL, Electronics(8, drive_periods=8)),
+    )
     half = len(both[0]) // 2
     assert np.mean(turns[1][half:]) == pytest.approx(np.mean(both[1][half:]), abs=1e-3)
     assert np.std(turns[1][half:]) < 0.5 * 8e-3  # ripple of the loss over half a cycle
@@ -103,14 +134,21 @@ def test_spring_by_quadrature_and_by_phase_product_null_alike():
 
 
 def test_a_spring_that_follows_the_wave_fights_at_high_rates_and_a_constant_one_does_not():
-    """Late by τ the spring stands 2KΩτ behind the wave: ṙ = δω_s − k_q cos(2KΩτ) r. Beyond a quarter turn it feeds what it should null."""
+    """Late by τ the spring stands 2KΩτ behind the wave: ṙ = δω_s − k_q cos(2KΩτ) r. Beyond a
+    quarter turn it feeds what it should null."""
     e = Electronics(8, delay_periods=40, phase_loop_hz=1.0)
     tau = (8 + 40) / 1000.0
-    follow = Control(forced=True, amplitude_gain_1_s=5.0, quadrature_loop="spring", quadrature_gain_1_s=10.0)
+    follow = Control(
+        forced=True, amplitude_gain_1_s=5.0, quadrature_loop="spring", quadrature_gain_1_s=10.0
+    )
     none = Control(forced=True, amplitude_gain_1_s=5.0)
     for turned, better in ((0.1, True), (0.6 * np.pi, False)):
         rate = turned / (2 * 0.55 * tau)
-        loop, off = (np.abs(run(GYRO, c, e, 6.0, rate=rate)[2][-16000:]).max() for c in (follow, none))
+        loop, off = (
+            np.abs(run(GYRO, c, e, 6.0, rate=rate)[2][-16000:]).max() for c in (follow, none)
+        )
         assert (loop < off) == better
-    round_one = Mechanics(1000.0, 0.5, 0.02, 0.3, 0.0, 0.0, 0.55)  # what the constant spring along the stiffest axis leaves
+    round_one = Mechanics(
+        1000.0, 0.5, 0.02, 0.3, 0.0, 0.0, 0.55
+    )  # what the constant spring along the stiffest axis leaves
     assert np.abs(run(round_one, none, e, 6.0, rate=rate)[2][-16000:]).max() < 0.5 * off

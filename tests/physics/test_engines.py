@@ -1,4 +1,5 @@
-"""The engines against laws they do not contain: exact solutions, another integrator, and each other."""
+"""The engines against laws they do not contain: exact solutions, another integrator, and each
+other."""
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ PLAIN = ThermalCourses()
 
 def world(rate=0.0, temperature=20.0, end=10.0, rows=2):
     t = np.linspace(0, end * 1.01, rows)
-    w, T = (np.broadcast_to(v(t) if callable(v) else v, t.shape).astype(float) for v in (rate, temperature))
+    w, T = (
+        np.broadcast_to(v(t) if callable(v) else v, t.shape).astype(float)
+        for v in (rate, temperature)
+    )
     return Environment(t, T.copy(), w.copy(), T.copy(), w.copy())
 
 
@@ -26,7 +30,9 @@ def fast(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN, c
     plant = linear_plant(mechanics, courses, environment)
     if change:
         change(plant)
-    return _whole(fast_engine.run(environment, plant, control or Control(), u0, 1 / fs, round(seconds * fs)))
+    return _whole(
+        fast_engine.run(environment, plant, control or Control(), u0, 1 / fs, round(seconds * fs))
+    )
 
 
 def slow(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN):
@@ -43,7 +49,10 @@ def slow(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN):
 
 
 def _whole(blocks):
-    parts = [(b.samples.time_s, b.samples.z, b.envelopes(np.arange(len(b.samples.time_s)))) for b in blocks]
+    parts = [
+        (b.samples.time_s, b.samples.z, b.envelopes(np.arange(len(b.samples.time_s))))
+        for b in blocks
+    ]
     t, z, u = zip(*parts)
     return np.concatenate(t), np.concatenate(z, axis=1), np.concatenate(u)
 
@@ -67,10 +76,17 @@ def test_a_million_periods_keep_their_phase():
     t, z = None, None
     environment = world(end=1000.0)
     for block in fast_engine.run(
-        environment, linear_plant(mechanics, ThermalCourses(), environment), Control(), start(phase=0.3), 1 / 4001.0, n
+        environment,
+        linear_plant(mechanics, ThermalCourses(), environment),
+        Control(),
+        start(phase=0.3),
+        1 / 4001.0,
+        n,
     ):
         t, z = block.samples.time_s, block.samples.z
-    np.testing.assert_allclose(z[0], np.cos(np.mod(2 * np.pi * 1000.0 * t, 2 * np.pi) + 0.3), atol=1e-8)
+    np.testing.assert_allclose(
+        z[0], np.cos(np.mod(2 * np.pi * 1000.0 * t, 2 * np.pi) + 0.3), atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("mode_number", [1, 2, 3])
@@ -98,7 +114,8 @@ def test_centrifugal_frequency_of_rotation():
 
 
 def test_run_down_and_growth_of_quadrature():
-    """a_A decays by ν; r grows as δω t sin ζ, undamped (PHYSICS M2), its sign that of the split's axis."""
+    """a_A decays by ν; r grows as δω t sin ζ, undamped (PHYSICS M2), its sign that of the split's
+    axis."""
     mechanics = Mechanics(4987.3, 0.31, frequency_split_rad_s=0.02, stiffness_axis_rad=0.3)
     t, _, u = fast(mechanics, world(), start(angle=0.5), 40_000.0, 4.0)
     a_A, a_B, angle, phase = wave(u)
@@ -106,11 +123,14 @@ def test_run_down_and_growth_of_quadrature():
     np.testing.assert_allclose(np.log(a_A**2 + a_B**2) / 2, -0.31 * t, atol=1e-6)
     np.testing.assert_allclose(a_B / a_A, 0.02 * np.sin(zeta) * t, atol=3e-4)
     np.testing.assert_allclose(phase, 0.02 * np.cos(zeta) * t, atol=3e-4)
-    np.testing.assert_allclose(angle - 0.5, -(0.02**2) * t**2 / 4 * np.sin(2 * zeta), atol=3e-5)  # 2θ̇ = D = −δω² t sin 2ζ
+    np.testing.assert_allclose(
+        angle - 0.5, -(0.02**2) * t**2 / 4 * np.sin(2 * zeta), atol=3e-5
+    )  # 2θ̇ = D = −δω² t sin 2ζ
 
 
 def test_damping_anisotropy_moves_the_wave_and_locks_it():
-    """2θ̇ = νδμ sin χ at rest; at a rate locked below νδμ = KΩ, above it the mean is √((KΩ)² − (νδμ)²) (PHYSICS M1, M1b)."""
+    """2θ̇ = νδμ sin χ at rest; at a rate locked below νδμ = KΩ, above it the mean is √((KΩ)² −
+    (νδμ)²) (PHYSICS M1, M1b)."""
     split, K = 0.2, 0.55
     mechanics = Mechanics(2000.0, 0.5, split, 0.3, scale_factor=K)
     t, _, u = fast(mechanics, world(), start(angle=0.5), 8000.0, 0.05)
@@ -127,9 +147,12 @@ def test_damping_anisotropy_moves_the_wave_and_locks_it():
 
 @pytest.mark.parametrize(("drive", "factor"), [("force", 1.0), ("parametric", 0.5)])
 def test_second_order_of_the_split_in_a_forced_run(drive, factor):
-    """Fixed wave: r = δω sin ζ/ν and D = −δω² sin 2ζ/ν with the force drive (M3), half of both with the parametric drive (M3p)."""
+    """Fixed wave: r = δω sin ζ/ν and D = −δω² sin 2ζ/ν with the force drive (M3), half of both with
+    the parametric drive (M3p)."""
     mechanics = Mechanics(3000.0, 2.0, frequency_split_rad_s=0.05, stiffness_axis_rad=0.0)
-    control = Control(forced=True, drive=drive, amplitude_gain_1_s=20.0, amplitude_integral_1_s2=100.0)
+    control = Control(
+        forced=True, drive=drive, amplitude_gain_1_s=20.0, amplitude_integral_1_s2=100.0
+    )
     t, _, u = fast(mechanics, world(end=5.0), start(angle=0.1), 13_000.0, 5.0, control)
     a_A, a_B, angle, _ = wave(u[::13])
     t = t[::13]
@@ -157,21 +180,31 @@ def test_rotating_forced_wave_keeps_a_rate_error_of_the_split():
     begin = np.searchsorted(t, 3.0)
     turned = 2 * (angle[-1] - angle[begin])
     stop_error = -K * rate * (t[-1] - t[begin])
-    assert (turned - stop_error) / (t[-1] - t[begin]) == pytest.approx(-lam * split**2 / (nu**2 + lam**2), rel=0.05)
+    assert (turned - stop_error) / (t[-1] - t[begin]) == pytest.approx(
+        -lam * split**2 / (nu**2 + lam**2), rel=0.05
+    )
 
 
 def test_loops_null_the_quadrature():
-    """A finite gain leaves r = δω sin ζ/(ν + k) (C6); an integral or a spring nulls it; a_ΦB = −δω sin ζ a_A."""
+    """A finite gain leaves r = δω sin ζ/(ν + k) (C6); an integral or a spring nulls it; a_ΦB = −δω
+    sin ζ a_A."""
     mechanics = Mechanics(3000.0, 1.0, frequency_split_rad_s=0.1, stiffness_axis_rad=0.0)
     zeta = 4 * 0.3
     common = {"forced": True, "amplitude_gain_1_s": 20.0, "amplitude_integral_1_s2": 100.0}
     finite = Control(**common, quadrature_loop="finite", quadrature_gain_1_s=30.0)
     _, _, u = fast(mechanics, world(end=1.0), start(angle=0.3), 13_000.0, 1.0, finite)
     assert (ellipse.wave(u[-500:])[1]).mean() == pytest.approx(0.1 * np.sin(zeta) / 31, rel=1e-2)
-    spring = Control(**common, quadrature_loop="spring", quadrature_gain_1_s=30.0, quadrature_integral_1_s2=225.0)
+    spring = Control(
+        **common, quadrature_loop="spring", quadrature_gain_1_s=30.0, quadrature_integral_1_s2=225.0
+    )
     parts = list(
         fast_engine.run(
-            world(end=2.0), linear_plant(mechanics, ThermalCourses(), world(end=2.0)), spring, start(angle=0.3), 1 / 13_000, 26_000
+            world(end=2.0),
+            linear_plant(mechanics, ThermalCourses(), world(end=2.0)),
+            spring,
+            start(angle=0.3),
+            1 / 13_000,
+            26_000,
         )
     )
     assert abs(ellipse.wave(parts[-1].envelopes(np.arange(25_000, 26_000)))[1].mean()) < 1e-5
@@ -208,14 +241,22 @@ def random_case(seed):
         int(g.integers(1, 4)),
     )
     speed = g.uniform(-10, 10)
-    environment = world(lambda t: speed * np.sin(6 * t), lambda t: 20 + 20 * t**2, end=1.0, rows=301)
+    environment = world(
+        lambda t: speed * np.sin(6 * t), lambda t: 20 + 20 * t**2, end=1.0, rows=301
+    )
     courses = ThermalCourses(20.0, (9e-5,), (0.01, 1e-4), (0.02,), (0.01,), (1e-3,))
-    return mechanics, environment, courses, start(mechanics.mode_number, quadrature=0.1, angle=g.uniform(0, 1.5), phase=1.0)
+    return (
+        mechanics,
+        environment,
+        courses,
+        start(mechanics.mode_number, quadrature=0.1, angle=g.uniform(0, 1.5), phase=1.0),
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_fast_engine_against_a_general_integrator(seed):
-    """DOP853 on z'' + 2(N − KΩJ)z' + (W − (KΩ)'J)z = 0, everything moving at once: 1e-6 at seven samples a period."""
+    """DOP853 on z'' + 2(N − KΩJ)z' + (W − (KΩ)'J)z = 0, everything moving at once: 1e-6 at seven
+    samples a period."""
     from scipy.integrate import solve_ivp
 
     mechanics, environment, courses, u0 = random_case(seed)
@@ -224,21 +265,27 @@ def test_fast_engine_against_a_general_integrator(seed):
     turn = K * environment.rate_rad_s
 
     def at(t, values):
-        return np.array([np.interp(t, grid, values[:, i, j]) for i in (0, 1) for j in (0, 1)]).reshape(2, 2)
+        return np.array(
+            [np.interp(t, grid, values[:, i, j]) for i in (0, 1) for j in (0, 1)]
+        ).reshape(2, 2)
 
     def equation(t, state):
         z, v = state[:2], state[2:]
         k = np.interp(t, grid, K) * np.interp(t, grid, environment.rate_rad_s)
         cell = min(np.searchsorted(grid, t, side="right"), len(grid) - 1)
         k_dot = (turn[cell] - turn[cell - 1]) / (grid[cell] - grid[cell - 1])
-        return np.concatenate([v, -2 * (at(t, plant.damping) - k * J) @ v - (at(t, plant.stiffness) - k_dot * J) @ z])
+        return np.concatenate(
+            [v, -2 * (at(t, plant.damping) - k * J) @ v - (at(t, plant.stiffness) - k_dot * J) @ z]
+        )
 
     _, z, _ = fast(mechanics, environment, u0, 3500.0, 0.15, courses=courses)
     t, n0 = np.arange(z.shape[1]) / 3500.0, plant.damping[0]
     table = Coefficients(environment, plant)
     z0, w0 = state_of(table, np.zeros(1), u0[None], mechanics.omega_rad_s)
     v0 = table.omega(np.zeros(1))[0] * w0[0] - n0 @ z0[0] + turn[0] * J @ z0[0]
-    exact = solve_ivp(equation, (0, t[-1]), np.concatenate([z0[0], v0]), "DOP853", t, rtol=1e-10, atol=1e-10)
+    exact = solve_ivp(
+        equation, (0, t[-1]), np.concatenate([z0[0], v0]), "DOP853", t, rtol=1e-10, atol=1e-10
+    )
     assert np.abs(exact.y[:2] - z).max() < 1e-6
 
 
@@ -251,7 +298,9 @@ def test_kicks_are_second_order_in_the_step():
 
     z = {}
     for fs in (4000.0, 8000.0, 64_000.0):
-        z[fs] = fast(mechanics, world(), start(angle=0.2, quadrature=0.3), fs, 1.0, change=cubic)[1][:, :: round(fs / 4000)]
+        z[fs] = fast(mechanics, world(), start(angle=0.2, quadrature=0.3), fs, 1.0, change=cubic)[
+            1
+        ][:, :: round(fs / 4000)]
     coarse, fine = (np.abs(z[fs] - z[64_000.0]).max() for fs in (4000.0, 8000.0))
     assert coarse / fine == pytest.approx(4, rel=0.1)
     assert fine < 1e-2
@@ -268,7 +317,9 @@ def test_duffing_pull_and_precession():
     t, _, u = fast(mechanics, world(), start(quadrature=0.3), 13_000.0, 1.0, change=cubic)
     _, _, angle, phase = wave(u)
     assert np.polyfit(t, phase, 1)[0] == pytest.approx(0.5 * 1.09, rel=1e-3)
-    assert 2 * np.polyfit(t, angle, 1)[0] == pytest.approx(-kappa * 0.3 / (4 * mechanics.omega_rad_s), rel=1e-3)
+    assert 2 * np.polyfit(t, angle, 1)[0] == pytest.approx(
+        -kappa * 0.3 / (4 * mechanics.omega_rad_s), rel=1e-3
+    )
 
 
 def test_extra_acceleration_is_the_same_as_the_polynomial():
@@ -279,9 +330,15 @@ def test_extra_acceleration_is_the_same_as_the_polynomial():
         plant.polynomial[0] = -kappa
 
     def own(plant):
-        plant.extra = lambda t, x, y, vx, vy: (-kappa * (x * x + y * y) * x, -kappa * (x * x + y * y) * y)
+        plant.extra = lambda t, x, y, vx, vy: (
+            -kappa * (x * x + y * y) * x,
+            -kappa * (x * x + y * y) * y,
+        )
 
-    a, b = (fast(mechanics, world(), start(quadrature=0.3), 40_000.0, 0.1, change=change)[1] for change in (cubic, own))
+    a, b = (
+        fast(mechanics, world(), start(quadrature=0.3), 40_000.0, 0.1, change=change)[1]
+        for change in (cubic, own)
+    )
     np.testing.assert_allclose(a, b, atol=1e-10)
 
 
@@ -289,7 +346,10 @@ def test_plain_python_is_the_same_function(monkeypatch):
     """Without numba the same loop runs, slower, with the same samples."""
     import sys
 
-    mechanics, control = Mechanics(3000.0, 1.0, 0.1, 0.2, 0.3, 0.4), Control(forced=True, quadrature_loop="finite", quadrature_gain_1_s=5.0)
+    mechanics, control = (
+        Mechanics(3000.0, 1.0, 0.1, 0.2, 0.3, 0.4),
+        Control(forced=True, quadrature_loop="finite", quadrature_gain_1_s=5.0),
+    )
     compiled = fast(mechanics, world(1.0), start(quadrature=0.1), 13_000.0, 0.1, control)[1]
     monkeypatch.setitem(sys.modules, "numba", None)
     fast_loop.compiled.cache_clear()
@@ -303,12 +363,18 @@ FREE = [(0.0, 0.0), (3.0, 0.0), (0.0, 5.0), (3.0, 5.0)]
 
 @pytest.mark.parametrize(("rate", "warming"), FREE)
 def test_engines_agree_over_free_runs(rate, warming):
-    """Second order and beyond: the difference falls as (L/ω)² at least, so 1e-6 at |L| = 6 1/s, ω = 31 000 1/s."""
+    """Second order and beyond: the difference falls as (L/ω)² at least, so 1e-6 at |L| = 6 1/s, ω =
+    31 000 1/s."""
     mechanics = Mechanics(4987.3, 0.31, 0.05, 0.35, 1.0, 0.9)
-    environment = world(lambda t: rate * np.cos(2 * t), lambda t: 20 + warming * t, end=2.0, rows=400)
+    environment = world(
+        lambda t: rate * np.cos(2 * t), lambda t: 20 + warming * t, end=2.0, rows=400
+    )
     courses = ThermalCourses(20.0, (85e-6,), (0.01,), (), (0.02,), (1e-4,))
     u0 = start(quadrature=0.05, angle=0.2, phase=1.0)
-    a, b = (engine(mechanics, environment, u0, 40_000.0, 2.0, courses=courses) for engine in (fast, slow))
+    a, b = (
+        engine(mechanics, environment, u0, 40_000.0, 2.0, courses=courses)
+        for engine in (fast, slow)
+    )
     assert np.abs(a[1] - b[1]).max() < 1e-6
     assert np.abs(a[2] - b[2]).max() < 1e-6
 
@@ -316,7 +382,8 @@ def test_engines_agree_over_free_runs(rate, warming):
 @pytest.mark.parametrize("loop", ["off", "finite", "spring"])
 @pytest.mark.parametrize("drive", ["force", "parametric"])
 def test_engines_agree_over_forced_runs(drive, loop):
-    """With the drive on the loops see instants, not periods: the difference is of first order in (gains, splits)/ω, and falls with it."""
+    """With the drive on the loops see instants, not periods: the difference is of first order in
+    (gains, splits)/ω, and falls with it."""
     differences = []
     for frequency in (2000.0, 8000.0):
         mechanics = Mechanics(frequency, 0.31, 0.05, 0.35, 0.5, 0.9)
@@ -325,7 +392,10 @@ def test_engines_agree_over_forced_runs(drive, loop):
             amplitude_gain_1_s=5.0, amplitude_integral_1_s2=6.0, on_off=np.array([[1.0, 1.3]]),
         )  # fmt: skip
         u0 = start(quadrature=0.05, angle=0.2, phase=1.0)
-        a, b = (engine(mechanics, world(2.0), u0, 8 * frequency, 2.0, control) for engine in (fast, slow))
+        a, b = (
+            engine(mechanics, world(2.0), u0, 8 * frequency, 2.0, control)
+            for engine in (fast, slow)
+        )
         away = (a[0] < 0.99) | (a[0] > 1.31)
         differences.append(np.abs(a[2] - b[2])[away].max())
     assert differences[1] < 5e-5
@@ -353,12 +423,18 @@ def test_stiffness_axes_turn_with_the_mode_number():
 
 
 def test_engines_agree_as_well_at_a_high_gain_of_the_amplitude_loop():
-    """The loops act on the envelopes: what a split leaves at 2ω in p/ω does not go through the gain and come back as a force."""
-    mechanics = Mechanics(2000.0, 0.3, frequency_split_rad_s=0.3, stiffness_axis_rad=0.2, scale_factor=0.7)
+    """The loops act on the envelopes: what a split leaves at 2ω in p/ω does not go through the gain
+    and come back as a force."""
+    mechanics = Mechanics(
+        2000.0, 0.3, frequency_split_rad_s=0.3, stiffness_axis_rad=0.2, scale_factor=0.7
+    )
     apart = []
     for gain in (5.0, 50.0):
         control = Control(forced=True, amplitude_gain_1_s=gain)
-        both = [run(mechanics, world(end=2.0), start(angle=0.1), 9_000.0, 2.0, control)[2] for run in (fast, slow)]
+        both = [
+            run(mechanics, world(end=2.0), start(angle=0.1), 9_000.0, 2.0, control)[2]
+            for run in (fast, slow)
+        ]
         apart.append(float(np.abs(both[0] - both[1]).max()))
     # δω/4ω of the amplitude, 6e-6, times the loops' part of what happens would come in
     assert apart[1] == pytest.approx(apart[0], abs=1e-6)

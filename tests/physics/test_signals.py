@@ -1,11 +1,18 @@
-"""The eight signals of seed B (1): the carrier's multiplication, the envelope convention and the sixteen symmetries."""
+"""The eight signals of seed B (1): the carrier's multiplication, the envelope convention and the
+sixteen symmetries."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.signals import envelopes_of_direct, from_sidebands, sidebands, signals, symmetries
+from hrg_cli.physics.signals import (
+    envelopes_of_direct,
+    from_sidebands,
+    sidebands,
+    signals,
+    symmetries,
+)
 
 amplitude = st.floats(-2, 2)
 angle = st.floats(-10, 10)
@@ -13,11 +20,14 @@ vectors = st.tuples(amplitude, amplitude, angle, angle, angle).map(np.array)
 
 
 def test_the_signals_are_the_spectrum_of_displacement_times_carrier():
-    """Twice C(t)·(−sin(ω_c t + ψ)), fitted by cosines and sines at ω_c ∓ ω, gives z: signs and order of (1), from samples."""
+    """Twice C(t)·(−sin(ω_c t + ψ)), fitted by cosines and sines at ω_c ∓ ω, gives z: signs and
+    order of (1), from samples."""
     generator = np.random.default_rng(1)
     t = np.arange(4000) / 4000
     lower, upper = 2 * np.pi * (400 - 50), 2 * np.pi * (400 + 50)
-    basis = np.column_stack([np.cos(lower * t), np.cos(upper * t), np.sin(lower * t), np.sin(upper * t)])
+    basis = np.column_stack(
+        [np.cos(lower * t), np.cos(upper * t), np.sin(lower * t), np.sin(upper * t)]
+    )
     for _ in range(20):
         A, B, theta, phi, psi = x = generator.uniform(-3, 3, 5)
         u = ellipse.envelopes(A, B, theta / 2, phi, mode_number=2)
@@ -54,5 +64,9 @@ def test_direct_signals_are_cosine_and_sine_coefficients():
     four = np.array([0.3, -0.2, 0.7, 0.1])
     t = np.linspace(0, 1, 50)
     u = envelopes_of_direct(four)
-    np.testing.assert_allclose((u[0] * np.exp(7j * t)).real, 0.3 * np.cos(7 * t) - 0.2 * np.sin(7 * t))
-    np.testing.assert_allclose((u[1] * np.exp(7j * t)).real, 0.7 * np.cos(7 * t) + 0.1 * np.sin(7 * t))
+    np.testing.assert_allclose(
+        (u[0] * np.exp(7j * t)).real, 0.3 * np.cos(7 * t) - 0.2 * np.sin(7 * t)
+    )
+    np.testing.assert_allclose(
+        (u[1] * np.exp(7j * t)).real, 0.7 * np.cos(7 * t) + 0.1 * np.sin(7 * t)
+    )

@@ -1,4 +1,5 @@
-"""A page in headless Debian chromium through chromium-driver's HTTP interface (W3C WebDriver); no further library."""
+"""A page in headless Debian chromium through chromium-driver's HTTP interface (W3C WebDriver); no
+further library."""
 
 from __future__ import annotations
 
@@ -36,7 +37,15 @@ class Session:
     """One window."""
 
     def __init__(self, base: str, browser: str, profile: Path) -> None:
-        options = {"binary": browser, "args": [*FLAGS, f"--user-data-dir={profile}", "--hide-scrollbars", "--force-device-scale-factor=1"]}
+        options = {
+            "binary": browser,
+            "args": [
+                *FLAGS,
+                f"--user-data-dir={profile}",
+                "--hide-scrollbars",
+                "--force-device-scale-factor=1",
+            ],
+        }
         wanted = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
         self._base = base
         answer = self._call("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})
@@ -44,7 +53,9 @@ class Session:
 
     def _call(self, method: str, path: str, body: Any = None) -> Any:
         data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(self._base + path, data, {"Content-Type": "application/json"}, method=method)
+        request = urllib.request.Request(
+            self._base + path, data, {"Content-Type": "application/json"}, method=method
+        )
         try:
             with urllib.request.urlopen(request, timeout=90) as answer:
                 return json.load(answer)["value"]
@@ -66,7 +77,9 @@ class Session:
     def keys(self, *keys: str) -> None:
         """Press keys one after another where the focus is."""
         actions = [{"type": kind, "value": key} for key in keys for kind in ("keyDown", "keyUp")]
-        self._call("POST", "/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": actions}]})
+        self._call(
+            "POST", "/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": actions}]}
+        )
 
     def log(self) -> list[dict[str, Any]]:
         """Console entries so far."""
@@ -74,15 +87,27 @@ class Session:
 
     def size(self, width: int, height: int) -> None:
         """Lay the page out for a screen of this size."""
-        self.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.devtools(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
 
     def scheme(self, name: str) -> None:
         """The system's colour scheme, "light" or "dark"."""
-        self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": name}])
+        self.devtools(
+            "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": name}]
+        )
 
     def picture(self) -> bytes:
         """PNG of the whole page, beyond the window too."""
-        return base64.b64decode(self.devtools("Page.captureScreenshot", format="png", captureBeyondViewport=True)["data"])
+        return base64.b64decode(
+            self.devtools("Page.captureScreenshot", format="png", captureBeyondViewport=True)[
+                "data"
+            ]
+        )
 
     def close(self) -> None:
         """End the browser."""
@@ -97,7 +122,9 @@ def session(profile: Path) -> Iterator[Session]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    driver = subprocess.Popen([found[1], f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    driver = subprocess.Popen(
+        [found[1], f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     try:
         base = f"http://127.0.0.1:{port}"
         for _ in range(100):

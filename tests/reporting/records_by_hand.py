@@ -8,7 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from hrg_cli import store
-from hrg_cli.records import Calibration, Compensated, Diagnosis, Periods, Provenance, Recording, Resonator, Source, Wave
+from hrg_cli.records import (
+    Calibration,
+    Compensated,
+    Diagnosis,
+    Periods,
+    Provenance,
+    Recording,
+    Resonator,
+    Source,
+    Wave,
+)
 
 RATE_HZ, FREQUENCY_HZ = 5000.0, 431.0
 
@@ -29,7 +39,17 @@ def recording(seconds=8.0, run="run-1", truth=True) -> Recording:
     noise = 1e-3 * rng.standard_normal((2, len(time))) + 2e-3 * np.sin(2 * np.pi * 50 * time)
     log = np.linspace(0, seconds, 50)
     known = np.linspace(0, seconds, 200)
-    true = dict(zip(("truth_main_amplitude", "truth_quadrature_amplitude", "truth_wave_angle_rad", "truth_phase_rad"), course(known)))
+    true = dict(
+        zip(
+            (
+                "truth_main_amplitude",
+                "truth_quadrature_amplitude",
+                "truth_wave_angle_rad",
+                "truth_phase_rad",
+            ),
+            course(known),
+        )
+    )
     return Recording(
         c=np.round((c + noise[0]) * 20000).astype("i2"),
         s=np.round((s + noise[1]) * 20000).astype("i2"),
@@ -44,7 +64,11 @@ def recording(seconds=8.0, run="run-1", truth=True) -> Recording:
         auxiliary_time_s=log,
         temperature_degc=20 + 0.3 * log,
         rate_rad_s=0.02 * np.sin(log),
-        **(dict(truth_time_s=known, truth_settings="[resonator]\nfrequency_hz = 431.0\n", **true) if truth else {}),
+        **(
+            dict(truth_time_s=known, truth_settings="[resonator]\nfrequency_hz = 431.0\n", **true)
+            if truth
+            else {}
+        ),
     )
 
 
@@ -177,11 +201,30 @@ def calibration(nodes=5) -> Calibration:
         ]
     )[0]
     scale = np.stack(
-        [0.277 * (1 + 1e-6 * temperature), 3e-5 + 0 * temperature, -2e-5 + 0 * temperature, 2e-6 + 0 * temperature, 1e-6 + 0 * temperature],
+        [
+            0.277 * (1 + 1e-6 * temperature),
+            3e-5 + 0 * temperature,
+            -2e-5 + 0 * temperature,
+            2e-6 + 0 * temperature,
+            1e-6 + 0 * temperature,
+        ],
         1,
     )
-    basis = np.stack([np.ones_like(angle), np.cos(4 * angle), np.sin(4 * angle), np.cos(8 * angle), np.sin(8 * angle)])
-    ladder = [("nothing", 6.1, 310.0), ("constant drift", 5.2, 310.0), ("harmonics", 0.6, 42.0), ("harmonics and temperature", 0.21, 11.0)]
+    basis = np.stack(
+        [
+            np.ones_like(angle),
+            np.cos(4 * angle),
+            np.sin(4 * angle),
+            np.cos(8 * angle),
+            np.sin(8 * angle),
+        ]
+    )
+    ladder = [
+        ("nothing", 6.1, 310.0),
+        ("constant drift", 5.2, 310.0),
+        ("harmonics", 0.6, 42.0),
+        ("harmonics and temperature", 0.21, 11.0),
+    ]
     return Calibration(
         temperature_degc=temperature,
         wave_angle_rad=angle,
@@ -201,9 +244,16 @@ def calibration(nodes=5) -> Calibration:
         gyro_id="G-17",
         details=json.dumps(
             {
-                "drift_rms_rad_s": {"before": 6.1 * unit, "after": 0.21 * unit, "held_out": 0.24 * unit},
+                "drift_rms_rad_s": {
+                    "before": 6.1 * unit,
+                    "after": 0.21 * unit,
+                    "held_out": 0.24 * unit,
+                },
                 "scale_factor_rms_ppm": {"before": 310.0, "after": 11.0, "held_out": 12.4},
-                "ladder": [{"stage": s, "drift_rms_rad_s": d * unit, "scale_factor_rms_ppm": k} for s, d, k in ladder],
+                "ladder": [
+                    {"stage": s, "drift_rms_rad_s": d * unit, "scale_factor_rms_ppm": k}
+                    for s, d, k in ladder
+                ],
             }
         ),
     )
@@ -233,9 +283,15 @@ def forecast() -> dict[str, object]:
     course = {
         "run": "run-1",
         "time_s": time.tolist(),
-        "before": {name: (size * (time - 42)).tolist() for name, size in zip(names, (0.02, 0.05, -0.01))},
-        "after": {name: (size * np.sin(time)).tolist() for name, size in zip(names, (0.01, 0.05, 0.02))},
-        "after_std": {name: (size * (time - 41)).tolist() for name, size in zip(names, (0.001, 0.004, 0.002))},
+        "before": {
+            name: (size * (time - 42)).tolist() for name, size in zip(names, (0.02, 0.05, -0.01))
+        },
+        "after": {
+            name: (size * np.sin(time)).tolist() for name, size in zip(names, (0.01, 0.05, 0.02))
+        },
+        "after_std": {
+            name: (size * (time - 41)).tolist() for name, size in zip(names, (0.001, 0.004, 0.002))
+        },
     }
     rms = [dict(zip(names, v)) for v in ((0.2, 0.5, 0.1), (0.01, 0.05, 0.02))]
     return {
@@ -261,8 +317,13 @@ def diagnosis() -> Diagnosis:
     theta = 0.1 * time
     amplitude, sigma = np.exp(-0.02 * time), 1e-4
     after = rng.standard_normal((count, 4))
-    before = after + np.stack([4 * np.cos(8 * theta), 2 * np.sin(4 * theta), np.sin(4 * theta), 0 * theta], 1)
-    measured = amplitude[:, None] * np.stack([np.cos(2 * theta), np.sin(2 * theta), -0.05 * np.sin(2 * theta), 0.05 * np.cos(2 * theta)], 1)
+    before = after + np.stack(
+        [4 * np.cos(8 * theta), 2 * np.sin(4 * theta), np.sin(4 * theta), 0 * theta], 1
+    )
+    measured = amplitude[:, None] * np.stack(
+        [np.cos(2 * theta), np.sin(2 * theta), -0.05 * np.sin(2 * theta), 0.05 * np.cos(2 * theta)],
+        1,
+    )
     report = {
         "verdict": "explained",
         "baseline": {"chi2_per_dof": 6.2, "residual_rms": 2.5},
@@ -293,9 +354,24 @@ def diagnosis() -> Diagnosis:
             "after": 1.02,
             "ratio": 2.35,
             "std": 0.08,
-            "drift_error_deg_h": {"before": 41.0, "before_std": 6.0, "after": 4.2, "after_std": 0.7},
-            "angle_error_ppm": {"before": 310.0, "before_std": 40.0, "after": 31.0, "after_std": 5.0},
-            "amplitude_error_ppm": {"before": 120.0, "before_std": 11.0, "after": 90.0, "after_std": 9.0},
+            "drift_error_deg_h": {
+                "before": 41.0,
+                "before_std": 6.0,
+                "after": 4.2,
+                "after_std": 0.7,
+            },
+            "angle_error_ppm": {
+                "before": 310.0,
+                "before_std": 40.0,
+                "after": 31.0,
+                "after_std": 5.0,
+            },
+            "amplitude_error_ppm": {
+                "before": 120.0,
+                "before_std": 11.0,
+                "after": 90.0,
+                "after_std": 9.0,
+            },
         },
         "forecast": forecast(),
         "mode_number": 2,
@@ -305,7 +381,12 @@ def diagnosis() -> Diagnosis:
         },
         "tested": [
             {"name": n, "z": z, "upper_limit": 1e-4, "units": "1"}
-            for n, z in (("mains_tone", 1.2), ("saturation", -0.4), ("thermal_damping", 2.1), ("rate_bias", 0.1))
+            for n, z in (
+                ("mains_tone", 1.2),
+                ("saturation", -0.4),
+                ("thermal_damping", 2.1),
+                ("rate_bias", 0.1),
+            )
         ],
         "remainder": None,
         "extended_model": "extended.toml",
@@ -345,8 +426,15 @@ def write_all(folder: Path) -> list[Path]:
     for kind, make in RECORDS.items():
         path = folder / f"{kind}.h5"
         sources = tuple(Source(p.name, p.stem, store.sha256(p)) for p in paths[-1:])
-        lines = ("2026-01-02T03:04:05Z hrg 0.1.0 hrg simulate run.toml -o recording.h5", f"2026-01-02T03:05:00Z hrg 0.1.0 hrg make {kind}")
-        record = make().replace(provenance=Provenance(lines, f"[{kind}]\nlevel = 1\n", sources, "2026-01-02T03:05:00Z", "hrg 0.1.0"))
+        lines = (
+            "2026-01-02T03:04:05Z hrg 0.1.0 hrg simulate run.toml -o recording.h5",
+            f"2026-01-02T03:05:00Z hrg 0.1.0 hrg make {kind}",
+        )
+        record = make().replace(
+            provenance=Provenance(
+                lines, f"[{kind}]\nlevel = 1\n", sources, "2026-01-02T03:05:00Z", "hrg 0.1.0"
+            )
+        )
         store.write(path, record)
         paths.append(path)
     return paths

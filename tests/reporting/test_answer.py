@@ -1,4 +1,5 @@
-"""The answer: shares that are physics, words that a result earned, numbers rounded by their σ, one answer for every screen."""
+"""The answer: shares that are physics, words that a result earned, numbers rounded by their σ, one
+answer for every screen."""
 
 import json
 import re
@@ -51,7 +52,9 @@ def programme(effects):
 
 @pytest.fixture(scope="module")
 def two_faults():
-    return diagnose(programme({"gain_mismatch": {"gain": GAIN}, "nonlinear_damping": {"damping_1_s": DAMPING}}))
+    return diagnose(
+        programme({"gain_mismatch": {"gain": GAIN}, "nonlinear_damping": {"damping_1_s": DAMPING}})
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,10 +63,13 @@ def sound():
 
 
 def test_difference_of_two_waves_is_what_was_put_between_them():
-    """A drift of 100 °/h, an amplitude 300 ppm larger and 2 mHz more, with the phase's and the angle's half turns in between."""
+    """A drift of 100 °/h, an amplitude 300 ppm larger and 2 mHz more, with the phase's and the
+    angle's half turns in between."""
     t = np.linspace(0, 8, 400)
     theta, drift = 0.3 + 0.9 * t, 100 * DEGREE_PER_HOUR
-    first = ellipse.envelopes(1.0003 * np.exp(-0.1 * t), 0.05, theta + drift * t / 2, 2 * np.pi * 2e-3 * t + 3.0, 2)
+    first = ellipse.envelopes(
+        1.0003 * np.exp(-0.1 * t), 0.05, theta + drift * t / 2, 2 * np.pi * 2e-3 * t + 3.0, 2
+    )
     second = ellipse.envelopes(np.exp(-0.1 * t), 0.05, theta, np.full(len(t), 3.0), 2)
     rows = [np.concatenate([u.real, u.imag], axis=1) for u in (first, second)]
     found = figures(difference(*rows), np.zeros(len(t), int), t)
@@ -73,26 +79,40 @@ def test_difference_of_two_waves_is_what_was_put_between_them():
 
 
 def test_a_round_wave_has_no_angle():
-    round_ = ellipse.envelopes(np.ones(50), np.full(50, 0.99), np.linspace(0, 1, 50), np.zeros(50), 2)
+    round_ = ellipse.envelopes(
+        np.ones(50), np.full(50, 0.99), np.linspace(0, 1, 50), np.zeros(50), 2
+    )
     rows = np.concatenate([round_.real, round_.imag], axis=1)
-    assert figures(difference(rows, rows), np.zeros(50, int), np.arange(50.0))["drift_deg_h"] is None
+    assert (
+        figures(difference(rows, rows), np.zeros(50, int), np.arange(50.0))["drift_deg_h"] is None
+    )
 
 
 def test_shares_of_the_causes(two_faults):
-    """What is left without one cause is what the fit without it leaves: all without any is the base model, and no share is negative."""
+    """What is left without one cause is what the fit without it leaves: all without any is the base
+    model, and no share is negative."""
     report = json.loads(two_faults.report)
     assert {e["name"] for e in report["effects"]} == {"gain_mismatch", "nonlinear_damping"}
     sets = [tuple(s) for s in json.loads(two_faults.left_out)]
     assert set(map(frozenset, sets)) == {
-        frozenset(s) for s in (("gain_mismatch", "nonlinear_damping"), ("gain_mismatch",), ("nonlinear_damping",))
+        frozenset(s)
+        for s in (
+            ("gain_mismatch", "nonlinear_damping"),
+            ("gain_mismatch",),
+            ("nonlinear_damping",),
+        )
     }
     both = max(range(len(sets)), key=lambda k: len(sets[k]))
     assert np.array_equal(two_faults.simulated_without[:, :, both], two_faults.simulated_before)
-    chi2 = [np.sum((two_faults.measured - two_faults.simulated_without[:, :, k]) ** 2) for k in range(3)]
+    chi2 = [
+        np.sum((two_faults.measured - two_faults.simulated_without[:, :, k]) ** 2) for k in range(3)
+    ]
     full = np.sum((two_faults.measured - two_faults.simulated_after) ** 2)
     assert all(full < one <= chi2[both] * 1.01 for one in chi2)
     shares = {e["name"]: e["share"] for e in report["effects"]}
-    assert shares["gain_mismatch"]["drift_deg_h"] > 3 * shares["nonlinear_damping"]["drift_deg_h"] > 0
+    assert (
+        shares["gain_mismatch"]["drift_deg_h"] > 3 * shares["nonlinear_damping"]["drift_deg_h"] > 0
+    )
     stds = [v["std"] for v in report["values"]]
     assert np.sqrt(np.diag(report["covariance"])) == pytest.approx(stds, rel=1e-9)
 
@@ -100,23 +120,41 @@ def test_shares_of_the_causes(two_faults):
 def test_sets_that_are_fitted():
     assert sets_left_out(["a"]) == [] and len(sets_left_out(["a", "b", "c"])) == 6
     many = sets_left_out(["a", "b", "c", "d", "e"])
-    assert {("a",), ("e",), ("d", "e"), ("b", "c", "d", "e")} <= set(many) and len(many) == len(set(many)) == 8
+    assert {("a",), ("e",), ("d", "e"), ("b", "c", "d", "e")} <= set(many) and len(many) == len(
+        set(many)
+    ) == 8
 
 
 def test_a_fault_is_the_answer(two_faults):
     found = answer([two_faults], (), {"diagnosis": "d.h5"})
-    assert found.health == "fault found" and found.validity == "valid" and found.verdict == "explained"
-    assert found.sentence.startswith("The drift is ") and "is a gain mismatch of " in found.sentence and len(found.sentence) < 230
+    assert (
+        found.health == "fault found" and found.validity == "valid" and found.verdict == "explained"
+    )
+    assert (
+        found.sentence.startswith("The drift is ")
+        and "is a gain mismatch of " in found.sentence
+        and len(found.sentence) < 230
+    )
     said = re.search(r"gain mismatch of ([\d.]+)\((\d+)\) %", found.sentence)
     assert abs(float(said[1]) - 100 * GAIN) < 5e-4 * float(said[2])
-    assert found.causes[0].name == "gain_mismatch" and found.departure.before > 5 * found.departure.after
-    assert {p.name: p for p in found.parameters}["damping_rate_1_s"].text.startswith("2.50") and found.parameters_of == "extended model"
+    assert (
+        found.causes[0].name == "gain_mismatch"
+        and found.departure.before > 5 * found.departure.after
+    )
+    assert {p.name: p for p in found.parameters}["damping_rate_1_s"].text.startswith(
+        "2.50"
+    ) and found.parameters_of == "extended model"
     assert json.loads(json.dumps(found.json()))["health"] == "fault found"
 
 
 def test_a_sound_gyro_is_the_answer(sound):
     found = answer([sound])
-    assert (found.health, found.validity, found.causes, found.next_runs) == ("sound", "valid", (), ())
+    assert (found.health, found.validity, found.causes, found.next_runs) == (
+        "sound",
+        "valid",
+        (),
+        (),
+    )
     assert "no fault was found" in found.sentence
 
 
@@ -124,13 +162,18 @@ def test_the_snippet_undoes_the_readout(two_faults):
     """C put right by (1 + E)⁻¹: what the snippet multiplies by takes a gain mismatch away."""
     matrix = matrix_of({"gain_mismatch": {"gain": GAIN}})
     assert matrix == pytest.approx(np.diag([1 + GAIN / 2, 1 - GAIN / 2]))
-    assert matrix_of({"pickoff_nonlinearity": {"cubic": 1e-3}}) is None and matrix_of({"nonlinear_damping": {"damping_1_s": 1e-3}}) is None
+    assert (
+        matrix_of({"pickoff_nonlinearity": {"cubic": 1e-3}}) is None
+        and matrix_of({"nonlinear_damping": {"damping_1_s": 1e-3}}) is None
+    )
     found = answer([two_faults])
     size = json.loads(two_faults.report)["effects"][0]["parameters"]
     assert "double c1 = 0.99" in found.snippet and "rate_rad_s" in found.snippet and size
     assert snippet({}, None, ()) == ""
     tables = answer([two_faults, by_hand.calibration()])
-    assert "c1" not in tables.snippet and "hrg_rate_rad_s" in tables.snippet, "the tables were made of the channels as they are"
+    assert "c1" not in tables.snippet and "hrg_rate_rad_s" in tables.snippet, (
+        "the tables were made of the channels as they are"
+    )
 
 
 @pytest.mark.parametrize(
@@ -140,18 +183,27 @@ def test_the_snippet_undoes_the_readout(two_faults):
         ("explained", {}, "fault found", "valid"),
         ("partly explained", {}, "fault found", "suspect"),
         ("unexplained", {"effects": []}, "in doubt", "suspect"),
-        ("explained", {"effects": [{"name": "rate_bias", "parameters": {}}]}, "bench fault", "valid"),
+        (
+            "explained",
+            {"effects": [{"name": "rate_bias", "parameters": {}}]},
+            "bench fault",
+            "valid",
+        ),
     ],
 )
 def test_two_words(verdict, change, health, validity):
     record = by_hand.diagnosis()
-    record = record.replace(verdict=verdict, report=json.dumps(json.loads(record.report) | change | {"verdict": verdict}))
+    record = record.replace(
+        verdict=verdict,
+        report=json.dumps(json.loads(record.report) | change | {"verdict": verdict}),
+    )
     found = answer([record])
     assert (found.health, found.validity) == (health, validity)
 
 
 def test_what_later_versions_write_is_said():
-    """Failed checks, forecast, suspect runs and stability, in words; a file without them says nothing of them."""
+    """Failed checks, forecast, suspect runs and stability, in words; a file without them says
+    nothing of them."""
     record = by_hand.diagnosis()
     more = {
         "checks": [
@@ -168,14 +220,23 @@ def test_what_later_versions_write_is_said():
     assert found.suspect_runs == ("run r7: its amplitude steps (12 sigma)",)
     assert found.stability == ("with windows of twice the length the causes are gain mismatch",)
     bare = answer([record.replace(report="{}")])
-    assert (bare.why, bare.forecast, bare.suspect_runs, bare.stability, bare.causes) == ((), "", (), (), ())
+    assert (bare.why, bare.forecast, bare.suspect_runs, bare.stability, bare.causes) == (
+        (),
+        "",
+        (),
+        (),
+        (),
+    )
 
 
 def test_requirements_have_a_margin():
     row = Row("scale_factor", 0.55, 0.5, 0.56, True, std=0.002)
     assert row.margin_sigma == pytest.approx(5.0)
     found = answer([by_hand.diagnosis()], [row, Row("causes", 2.0, None, 0.0, False)])
-    assert found.requirements[0].value == "0.5500(20)" and found.requirements[0].limit == "≥ 0.5 and ≤ 0.56"
+    assert (
+        found.requirements[0].value == "0.5500(20)"
+        and found.requirements[0].limit == "≥ 0.5 and ≤ 0.56"
+    )
     assert not found.requirements[1].passed and found.requirements[1].margin_sigma is None
 
 
@@ -184,18 +245,30 @@ def test_the_extended_resonator_is_a_resonator(two_faults, tmp_path):
     written = store.write(output, two_faults)
     model, path = write_extended(written, output, force=False)
     resonator = store.read(path, Resonator)
-    assert model.name == "d.extended.toml" and path.name == "d.extended_resonator.h5" and resonator.status == "valid"
+    assert (
+        model.name == "d.extended.toml"
+        and path.name == "d.extended_resonator.h5"
+        and resonator.status == "valid"
+    )
     values = resonator.parameters()
-    for name, truth in (("damping_rate_1_s", 0.4), ("scale_factor", 0.554), ("frequency_split_rad_s", 0.4)):
+    for name, truth in (
+        ("damping_rate_1_s", 0.4),
+        ("scale_factor", 0.554),
+        ("frequency_split_rad_s", 0.4),
+    ):
         value, std, _ = values[name]
         assert abs(value - truth) < 5 * std, name
     assert resonator.provenance.sources[0].kind == "diagnosis"
-    assert store.read(path, Resonator).covariance[1, 1] == pytest.approx(values["damping_rate_1_s"][1] ** 2)
+    assert store.read(path, Resonator).covariance[1, 1] == pytest.approx(
+        values["damping_rate_1_s"][1] ** 2
+    )
 
 
 def test_an_open_verdict_makes_its_resonator_suspect(two_faults, tmp_path):
     store.write(tmp_path / "d.h5", two_faults.replace(verdict="partly explained"))
-    _, path = write_extended(store.read(tmp_path / "d.h5", Diagnosis), tmp_path / "d.h5", force=False)
+    _, path = write_extended(
+        store.read(tmp_path / "d.h5", Diagnosis), tmp_path / "d.h5", force=False
+    )
     assert store.read(path, Resonator).status == "suspect"
 
 
@@ -217,12 +290,21 @@ def test_rounded_by_sigma(value, std, text):
 
 
 def test_units_of_people():
-    assert quantity("gain", 0.004, 1.5e-5, "1") == "0.4000(15) %" and quantity("gain", 4e-4, 1.5e-6, "1") == "400.0(15) ppm"
-    assert quantity("rate_rad_s", 5 * DEGREE_PER_HOUR, 0.1 * DEGREE_PER_HOUR, "rad s-1") == "5.00(10) °/h"
     assert (
-        quantity("frequency_split_rad_s", np.pi, 0.0, "rad s-1") == "1000 mHz" and quantity("x_axis_rad", np.pi / 2, None, "rad") == "90 °"
+        quantity("gain", 0.004, 1.5e-5, "1") == "0.4000(15) %"
+        and quantity("gain", 4e-4, 1.5e-6, "1") == "400.0(15) ppm"
     )
-    assert readable("rad s-1 K-1") == "rad/(s·K)" and readable("s-2") == "1/s²" and readable("1") == ""
+    assert (
+        quantity("rate_rad_s", 5 * DEGREE_PER_HOUR, 0.1 * DEGREE_PER_HOUR, "rad s-1")
+        == "5.00(10) °/h"
+    )
+    assert (
+        quantity("frequency_split_rad_s", np.pi, 0.0, "rad s-1") == "1000 mHz"
+        and quantity("x_axis_rad", np.pi / 2, None, "rad") == "90 °"
+    )
+    assert (
+        readable("rad s-1 K-1") == "rad/(s·K)" and readable("s-2") == "1/s²" and readable("1") == ""
+    )
 
 
 def test_waves_alone_have_no_answer():

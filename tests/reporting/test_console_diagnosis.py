@@ -1,4 +1,5 @@
-"""What a person reads after `hrg diagnose` and `hrg calibrate --ladder`: every figure of the JSON that decides something."""
+"""What a person reads after `hrg diagnose` and `hrg calibrate --ladder`: every figure of the JSON
+that decides something."""
 
 import json
 
@@ -10,8 +11,24 @@ from hrg_cli.reporting import tables
 REPORT = {
     "verdict": "partly explained",
     "values": [
-        {"name": "scale_factor", "value": 0.55, "std": 1e-5, "units": "1", "believed": 0.554, "sigma": -400.0, "wrong": True},
-        {"name": "damping_rate_1_s", "value": 0.3, "std": 1e-5, "units": "s-1", "believed": 0.3, "sigma": 0.1, "wrong": False},
+        {
+            "name": "scale_factor",
+            "value": 0.55,
+            "std": 1e-5,
+            "units": "1",
+            "believed": 0.554,
+            "sigma": -400.0,
+            "wrong": True,
+        },
+        {
+            "name": "damping_rate_1_s",
+            "value": 0.3,
+            "std": 1e-5,
+            "units": "s-1",
+            "believed": 0.3,
+            "sigma": 0.1,
+            "wrong": False,
+        },
     ],
     "effects": [
         {
@@ -45,7 +62,11 @@ def test_a_diagnosis_shows_wrong_values_causes_gain_remainder_and_the_next_run(c
     tables.show(diagnosis_of(REPORT), REPORT)
     shown = capsys.readouterr().out
     lines = shown.splitlines()
-    assert lines[0].startswith("The drift is 400 °/h off") and "6 °/h are left" in lines[0] and "damping × a step at t = 1.2 s" in lines[0]
+    assert (
+        lines[0].startswith("The drift is 400 °/h off")
+        and "6 °/h are left" in lines[0]
+        and "damping × a step at t = 1.2 s" in lines[0]
+    )
     assert lines[1] == "gyro: bench fault; fit: suspect; verdict: partly explained"
     assert any("1.25(4)" in line and "thermal lag" in line for line in lines)
     assert any(line.startswith("scale factor K") and "−400" in line for line in lines)
@@ -57,12 +78,24 @@ def test_an_adequate_model_claims_no_gain(capsys):
     report = REPORT | {"verdict": "adequate", "effects": [], "values": [], "remainder": None}
     tables.show(diagnosis_of(report), report)
     shown = capsys.readouterr().out
-    assert "gyro: sound; fit: valid; verdict: adequate" in shown and "no fault was found" in shown and "better" not in shown
+    assert (
+        "gyro: sound; fit: valid; verdict: adequate" in shown
+        and "no fault was found" in shown
+        and "better" not in shown
+    )
 
 
 def test_the_ladder_shows_the_faults_of_loops_and_readout_that_it_could_measure(capsys):
     report = {
-        "loops": [{"name": "quadrature_drive_phase_error", "value": 5e-3, "std": 5e-5, "units": "rad", "z": 100.0}],
+        "loops": [
+            {
+                "name": "quadrature_drive_phase_error",
+                "value": 5e-3,
+                "std": 5e-5,
+                "units": "rad",
+                "z": 100.0,
+            }
+        ],
         "readout_matrix": {
             "gain_mismatch": 2e-3,
             "gain_mismatch_std": 1e-4,

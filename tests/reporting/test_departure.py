@@ -1,4 +1,5 @@
-"""Figures of where a simulation departs from the motion: known differences come out in the quantity they were put into."""
+"""Figures of where a simulation departs from the motion: known differences come out in the quantity
+they were put into."""
 
 import re
 
@@ -24,7 +25,10 @@ def reals(u):
 
 
 @pytest.mark.parametrize("mode_number", [1, 2, 3])
-@pytest.mark.parametrize(("quantity", "size", "rms"), [("wave angle", 2e-3, 2.0), ("amplitude", 5e-3, 0.5), ("phase", 3e-3, 3.0)])
+@pytest.mark.parametrize(
+    ("quantity", "size", "rms"),
+    [("wave angle", 2e-3, 2.0), ("amplitude", 5e-3, 0.5), ("phase", 3e-3, 3.0)],
+)
 def test_a_known_difference_stands_in_its_own_figure(quantity, size, rms, mode_number):
     t = np.linspace(0, 10, 400)
     a, theta, phase = np.exp(-0.05 * t), 0.4 * t, 0.7 * t
@@ -47,4 +51,6 @@ def test_a_known_difference_stands_in_its_own_figure(quantity, size, rms, mode_n
             continue
         before, after = figures(words)
         assert after == pytest.approx(0, abs=1e-9)
-        assert before == pytest.approx(rms if key == f"departure-{quantity.replace(' ', '-')}" else 0, abs=2e-2 * rms)
+        assert before == pytest.approx(
+            rms if key == f"departure-{quantity.replace(' ', '-')}" else 0, abs=2e-2 * rms
+        )

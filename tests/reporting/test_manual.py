@@ -1,4 +1,5 @@
-"""The man page is fresh, names every command, option and status, and the formatter has nothing to say against it."""
+"""The man page is fresh, names every command, option and status, and the formatter has nothing to
+say against it."""
 
 import re
 import shutil
@@ -22,7 +23,11 @@ def test_manual_is_fresh():
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
 def test_formatter_accepts_it_and_nothing_is_lost():
     done = subprocess.run(
-        ["groff", "-man", "-Tascii", "-ww", "-P-cbou", "-rLL=200n"], input=manual(), capture_output=True, text=True, check=True
+        ["groff", "-man", "-Tascii", "-ww", "-P-cbou", "-rLL=200n"],
+        input=manual(),
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert done.stderr == ""
     text = " ".join(done.stdout.split())

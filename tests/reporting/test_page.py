@@ -1,4 +1,5 @@
-"""The report page: what it says, that it loads nothing and trusts nothing, and that the same files give the same bytes."""
+"""The report page: what it says, that it loads nothing and trusts nothing, and that the same files
+give the same bytes."""
 
 from __future__ import annotations
 
@@ -65,7 +66,12 @@ def test_page_holds_every_kind_and_loads_nothing(whole, files):
     for kind in by_hand.RECORDS:
         assert kind in ids
     assert len(elements.all("svg")) == len(elements.all("figure")) >= 20
-    addresses = [a.get(key) for _, a in elements.found for key in ("src", "href", "xlink:href", "action") if a.get(key)]
+    addresses = [
+        a.get(key)
+        for _, a in elements.found
+        for key in ("src", "href", "xlink:href", "action")
+        if a.get(key)
+    ]
     assert all(a.startswith(("#", "data:image/png;base64,")) for a in addresses)
     assert "@import" not in whole and not re.search(r"url\((?!#)", whole)
     for path in files:
@@ -111,14 +117,23 @@ def test_page_stays_small(files, whole, monkeypatch):
 
 
 def test_hostile_text_stays_text(tmp_path):
-    attack = "</title><script>alert(1)</script><img src=x onerror=alert(1)> \x00\x1b[31m \u202e $\\frac{1}{0}$ {{ 7*7 }}"
+    attack = (
+        "</title><script>alert(1)</script><img src=x onerror=alert(1)> \x00\x1b[31m \u202e"
+        " $\\frac{1}{0}$ {{ 7*7 }}"
+    )
     path = tmp_path / "wave.h5"
     record = by_hand.wave(run=attack).replace(
         gyro_id=attack.replace("\x00", ""),
         units="<b>V</b> & $x^",
         status="suspect",
         status_reasons=(attack,),
-        provenance=Provenance((attack.replace("\x00", ""),), attack.replace("\x00", ""), (), "now", attack.replace("\x00", "")),
+        provenance=Provenance(
+            (attack.replace("\x00", ""),),
+            attack.replace("\x00", ""),
+            (),
+            "now",
+            attack.replace("\x00", ""),
+        ),
     )
     store.write(path, record.replace(run_id=attack.replace("\x00", "")))
     text = page.build_report([path], full=True)
@@ -133,10 +148,18 @@ def test_hostile_results_stay_text(tmp_path):
     resonator = by_hand.resonator()
     diagnosis = by_hand.diagnosis()
     store.write(
-        tmp_path / "a.h5", resonator.replace(name=np.array([attack + str(i) for i in range(7)], object), run=np.array([attack] * 3, object))
+        tmp_path / "a.h5",
+        resonator.replace(
+            name=np.array([attack + str(i) for i in range(7)], object),
+            run=np.array([attack] * 3, object),
+        ),
     )
-    report = diagnosis.report.replace("pickoff_nonlinearity", "<script>alert(1)</script> $").replace("two amplitudes", "<img src=x>")
-    store.write(tmp_path / "b.h5", diagnosis.replace(report=report, series='["<script>x</script>", "$_{"]'))
+    report = diagnosis.report.replace(
+        "pickoff_nonlinearity", "<script>alert(1)</script> $"
+    ).replace("two amplitudes", "<img src=x>")
+    store.write(
+        tmp_path / "b.h5", diagnosis.replace(report=report, series='["<script>x</script>", "$_{"]')
+    )
     elements = Elements(page.build_report([tmp_path / "a.h5", tmp_path / "b.h5"], full=True))
     assert len(elements.all("script")) == 1 and not elements.all("img")
 
@@ -158,7 +181,10 @@ def test_any_diagnosis_json_gives_a_page(tmp_path, report):
     "details",
     [
         "{}",
-        '{"ladder": [1, {"stage": null}], "drift_rms_rad_s": 3, "scale_factor_rms_ppm": {"before": "x"}}',
+        (
+            '{"ladder": [1, {"stage": null}], "drift_rms_rad_s": 3, "scale_factor_rms_ppm":'
+            ' {"before": "x"}}'
+        ),
         '{"a": {"b": {"c": [1, 2]}}, "n": 1e400}',
     ],
 )
@@ -173,7 +199,9 @@ def test_short_flagged_and_empty_series(tmp_path):
     for name, record in {
         "one": wave.rows(0, 1),
         "none": wave.rows(0, 0),
-        "bad": wave.replace(flags=np.full(len(wave), 4, "u1"), wave_angle_rad=np.full(len(wave), np.nan)),
+        "bad": wave.replace(
+            flags=np.full(len(wave), 4, "u1"), wave_angle_rad=np.full(len(wave), np.nan)
+        ),
         "still": wave.replace(
             wave_angle_rad=np.zeros(len(wave)),
             main_amplitude=np.ones(len(wave)),
@@ -221,7 +249,9 @@ def test_long_recording_is_read_in_looks(tmp_path, monkeypatch):
     read = []
     original = by_hand.Recording.physical
     monkeypatch.setattr(
-        by_hand.Recording, "physical", lambda self, start=0, stop=None: read.append(stop - start) or original(self, start, stop)
+        by_hand.Recording,
+        "physical",
+        lambda self, start=0, stop=None: read.append(stop - start) or original(self, start, stop),
     )
     page.build_report([tmp_path / "r.h5"], full=True)
     assert max(read) <= 1 << 13 and sum(read) < 0.7 * 120 * by_hand.RATE_HZ
@@ -230,23 +260,45 @@ def test_long_recording_is_read_in_looks(tmp_path, monkeypatch):
 def test_png_figures(files, tmp_path):
     written = page.write_figures(files[3:5], tmp_path / "figures")
     assert len(written) == len(set(written)) >= 5
-    assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and p.parent == tmp_path / "figures" for p in written)
+    assert all(
+        p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and p.parent == tmp_path / "figures"
+        for p in written
+    )
 
 
 def test_the_answer_comes_first(files):
-    """Sentence, the two words, one figure, causes, parameters and methods before anything else; figures of files only when asked."""
+    """Sentence, the two words, one figure, causes, parameters and methods before anything else;
+    figures of files only when asked."""
     text = page.build_report(files)
     order = [
         text.index(mark)
-        for mark in ('class="sentence"', "gyro: fault found", "<svg", "<h3>Causes</h3>", "<h3>Parameters", "<h3>Methods", 'class="behind"')
+        for mark in (
+            'class="sentence"',
+            "gyro: fault found",
+            "<svg",
+            "<h3>Causes</h3>",
+            "<h3>Parameters",
+            "<h3>Methods",
+            'class="behind"',
+        )
     ]
-    assert order == sorted(order) and text.count("<svg") == 2 and len(text) < len(page.build_report(files, full=True)) / 3
-    assert text.count("pickoff nonlinearity") >= 2 and "False" not in text and "0.00e+00" not in text
+    assert (
+        order == sorted(order)
+        and text.count("<svg") == 2
+        and len(text) < len(page.build_report(files, full=True)) / 3
+    )
+    assert (
+        text.count("pickoff nonlinearity") >= 2 and "False" not in text and "0.00e+00" not in text
+    )
 
 
 def test_errors_are_sentences(tmp_path, files):
     (tmp_path / "text.h5").write_text("no")
-    for paths, word in (([], "no file"), ([tmp_path / "none.h5"], "no such file"), ([files[0], tmp_path / "text.h5"], "not an HDF5 file")):
+    for paths, word in (
+        ([], "no file"),
+        ([tmp_path / "none.h5"], "no such file"),
+        ([files[0], tmp_path / "text.h5"], "not an HDF5 file"),
+    ):
         with pytest.raises(HrgError, match=word):
             page.build_report(paths, full=True)
 

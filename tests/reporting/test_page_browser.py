@@ -1,4 +1,5 @@
-"""The report in a real browser: nothing on the console, every figure there and inked, both modes, keyboard, narrow screens."""
+"""The report in a real browser: nothing on the console, every figure there and inked, both modes,
+keyboard, narrow screens."""
 
 from __future__ import annotations
 
@@ -20,7 +21,12 @@ import records_by_hand
 from hrg_cli import store
 from hrg_cli.reporting.page import build_report
 
-pytestmark = [pytest.mark.browser, pytest.mark.skipif(browser.programs() is None, reason="chromium and chromium-driver are not installed")]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(
+        browser.programs() is None, reason="chromium and chromium-driver are not installed"
+    ),
+]
 
 BOXES = """return [...document.querySelectorAll('figure')].map(f => {
   const s = f.querySelector('svg').getBoundingClientRect();
@@ -39,14 +45,21 @@ def page(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def living(tmp_path_factory):
-    """A page whose diagnosis can be switched: without the first cause a bend of 4 mrad is left, without the second one of 1 mrad."""
+    """A page whose diagnosis can be switched: without the first cause a bend of 4 mrad is left,
+    without the second one of 1 mrad."""
     folder = tmp_path_factory.mktemp("living")
     record = records_by_hand.diagnosis()
     t, theta = record.time_s, record.wave_angle_rad
-    across = np.stack([-np.sin(2 * theta), np.cos(2 * theta), 0 * t, 0 * t], 1) * record.main_amplitude[:, None]
+    across = (
+        np.stack([-np.sin(2 * theta), np.cos(2 * theta), 0 * t, 0 * t], 1)
+        * record.main_amplitude[:, None]
+    )
     bends = {"pickoff_nonlinearity": 4e-3, "gain_mismatch": 1e-3}
     sets = [list(bends), *([name] for name in bends)]
-    rows = [record.simulated_after - sum(bends[n] for n in names) * np.sin(t / 5)[:, None] * across for names in sets]
+    rows = [
+        record.simulated_after - sum(bends[n] for n in names) * np.sin(t / 5)[:, None] * across
+        for names in sets
+    ]
     record = record.replace(simulated_without=np.stack(rows, axis=-1), left_out=json.dumps(sets))
     store.write(folder / "d.h5", record)
     (folder / "page.html").write_text(build_report([folder / "d.h5"]), encoding="utf-8")
@@ -110,7 +123,9 @@ def test_the_button_turns_the_page_dark_by_keyboard(window, page):
     window.run("document.getElementById('theme').focus()")
     window.keys(" ")
     assert window.run(BACKGROUND) != light
-    assert window.run("return document.getElementById('theme').getAttribute('aria-pressed')") == "true"
+    assert (
+        window.run("return document.getElementById('theme').getAttribute('aria-pressed')") == "true"
+    )
     window.keys("\ue007")
     assert window.run(BACKGROUND) == light
     window.run("localStorage.clear()")
@@ -126,8 +141,10 @@ def test_the_first_tab_stop_skips_to_the_content(window, page):
 
 
 def test_every_scrolling_part_can_be_reached_by_keyboard(window):
-    stuck = window.run("""return [...document.querySelectorAll('*')].filter(e => e.scrollWidth > e.clientWidth + 1
-        && ['auto', 'scroll'].includes(getComputedStyle(e).overflowX) && e.tabIndex < 0).map(e => e.outerHTML.slice(0, 80))""")
+    stuck = window.run(
+        """return [...document.querySelectorAll('*')].filter(e => e.scrollWidth > e.clientWidth + 1
+        && ['auto', 'scroll'].includes(getComputedStyle(e).overflowX) && e.tabIndex < 0).map(e => e.outerHTML.slice(0, 80))"""
+    )
     assert stuck == []
 
 
@@ -158,10 +175,18 @@ def test_text_inside_figures_does_not_overlap(window):
 
 
 def test_headings_and_ids_are_in_order(window):
-    levels = window.run("return [...document.querySelectorAll('h1,h2,h3,h4')].map(h => +h.tagName[1])")
+    levels = window.run(
+        "return [...document.querySelectorAll('h1,h2,h3,h4')].map(h => +h.tagName[1])"
+    )
     assert levels[0] == 1 and levels.count(1) == 1
     assert all(b - a <= 1 for a, b in itertools.pairwise(levels))
-    assert window.run("const ids = [...document.querySelectorAll('[id]')].map(e => e.id); return ids.length - new Set(ids).size") == 0
+    assert (
+        window.run(
+            "const ids = [...document.querySelectorAll('[id]')].map(e => e.id); return ids.length -"
+            " new Set(ids).size"
+        )
+        == 0
+    )
     missing = window.run("""return [...document.querySelectorAll('[aria-labelledby]')]
         .filter(e => !document.getElementById(e.getAttribute('aria-labelledby')))
         .map(e => e.getAttribute('aria-labelledby'))""")
@@ -178,7 +203,8 @@ def drift(window) -> float:
 
 
 def test_the_living_figure_follows_its_switches(window, living):
-    """Each switch changes residual, drift and Allan curve; by keyboard too; nothing is loaded and nothing said on the console."""
+    """Each switch changes residual, drift and Allan curve; by keyboard too; nothing is loaded and
+    nothing said on the console."""
     window.open(living.as_uri())
     assert window.run("return document.querySelectorAll('.living svg').length") == 2
     with_all, flat = drift(window), window.run(SPREAD)
@@ -187,10 +213,16 @@ def test_the_living_figure_follows_its_switches(window, living):
     assert without_first > 3 * with_all and bent > 5 * flat
     window.run("document.querySelectorAll('.living input')[1].focus()")
     window.keys(" ")
-    assert window.run("return document.querySelector('.living').dataset.state") == "00" and drift(window) > without_first
+    assert (
+        window.run("return document.querySelector('.living').dataset.state") == "00"
+        and drift(window) > without_first
+    )
     window.run("document.querySelectorAll('.living input')[0].click()")
     assert with_all < drift(window) < without_first
-    assert window.log() == [] and window.run("return performance.getEntriesByType('resource').length") == 0
+    assert (
+        window.log() == []
+        and window.run("return performance.getEntriesByType('resource').length") == 0
+    )
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -200,7 +232,10 @@ def test_the_answer_fits_every_screen(window, living, scheme, width):
     window.scheme(scheme)
     window.size(width, 800)
     assert window.run("return document.documentElement.scrollWidth") <= width
-    first = window.run("const b = document.querySelector('.sentence').getBoundingClientRect(); return [b.top, b.bottom]")
+    first = window.run(
+        "const b = document.querySelector('.sentence').getBoundingClientRect(); return [b.top,"
+        " b.bottom]"
+    )
     assert first[0] > 0 and first[1] < 800, "the answer is on the first screen"
     window.scheme("light")
     window.size(1200, 900)

@@ -1,7 +1,9 @@
-"""Damages as data: drawn by a generator, applied to a copy of a good file, kept in the corpus as they are.
+"""Damages as data: drawn by a generator, applied to a copy of a good file, kept in the corpus as
+they are.
 
-A damage is a list [kind, …] of plain values, so that a failing input is a line of JSON: of HDF5 the structure is damaged (types, shapes,
-values, links, chunks, attributes), of TOML and text the tokens, of anything the bytes.
+A damage is a list [kind, …] of plain values, so that a failing input is a line of JSON: of HDF5 the
+structure is damaged (types, shapes, values, links, chunks, attributes), of TOML and text the
+tokens, of anything the bytes.
 """
 
 from __future__ import annotations
@@ -36,7 +38,23 @@ TYPES = ("?", "f2", "c16", ">f8", "u8", "i1", "S4", "V8")
 SHAPES = ("empty", "scalar", "shorter", "longer", "two", "one row")
 VALUES = ("put", "all", "reversed", "shuffled", "first", "scaled")
 LINKS = ("missing", "dangling", "external", "group", "cycle", "huge", "unwritten", "bomb")
-TOKENS = ("nan", "inf", "-1", "0", "1e400", "9" * 5000, "true", '"x"', "[]", "{}", "1e-320", "99999999999999999999", "'\x00'", "1e12", "")
+TOKENS = (
+    "nan",
+    "inf",
+    "-1",
+    "0",
+    "1e400",
+    "9" * 5000,
+    "true",
+    '"x"',
+    "[]",
+    "{}",
+    "1e-320",
+    "99999999999999999999",
+    "'\x00'",
+    "1e12",
+    "",
+)
 
 
 def draw(rng: np.random.Generator, path: Path) -> list[Damage]:
@@ -56,7 +74,11 @@ def draw(rng: np.random.Generator, path: Path) -> list[Damage]:
 def _draw_hdf5(rng: np.random.Generator, path: Path) -> Damage:
     datasets, holders = places(path)
     place = str(rng.choice(datasets)) if datasets else "/"
-    kind = str(rng.choice(["type", "shape", "value", "value", "value", "link", "attribute", "attribute", "text"]))
+    kind = str(
+        rng.choice(
+            ["type", "shape", "value", "value", "value", "link", "attribute", "attribute", "text"]
+        )
+    )
     seed = int(rng.integers(1 << 30))
     if kind == "type":
         return [kind, place, str(rng.choice(TYPES))]
@@ -73,7 +95,8 @@ def _draw_hdf5(rng: np.random.Generator, path: Path) -> Damage:
 
 
 def places(path: Path) -> tuple[list[str], list[tuple[str, str]]]:
-    """The datasets of a file, and its attributes as (holder, name); none where it cannot be opened."""
+    """The datasets of a file, and its attributes as (holder, name); none where it cannot be
+    opened."""
     datasets: list[str] = []
     holders: list[tuple[str, str]] = []
     try:
@@ -81,9 +104,22 @@ def places(path: Path) -> tuple[list[str], list[tuple[str, str]]]:
             holders += [("/", name) for name in file.attrs]
 
             def visit(name: str, item: Any) -> None:
-                if isinstance(item, h5py.Dataset) and "This is a netCDF" not in str(item.attrs.get("NAME", "")):
+                if isinstance(item, h5py.Dataset) and "This is a netCDF" not in str(
+                    item.attrs.get("NAME", "")
+                ):
                     datasets.append(f"/{name}")
-                own = [key for key in item.attrs if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid")]
+                own = [
+                    key
+                    for key in item.attrs
+                    if key
+                    not in (
+                        "DIMENSION_LIST",
+                        "REFERENCE_LIST",
+                        "CLASS",
+                        "NAME",
+                        "_Netcdf4Dimid",
+                    )
+                ]
                 holders.extend((f"/{name}", key) for key in own)
 
             file.visititems(visit)
@@ -93,7 +129,8 @@ def places(path: Path) -> tuple[list[str], list[tuple[str, str]]]:
 
 
 def apply(path: Path, damages: list[Damage]) -> None:
-    """Damage a file in place; a damage that no longer fits (the place is gone already) does nothing."""
+    """Damage a file in place; a damage that no longer fits (the place is gone already) does
+    nothing."""
     for kind, *rest in damages:
         if kind == "bytes":
             path.write_bytes(mutation.damaged(path.read_bytes(), np.random.default_rng(rest[0])))
@@ -103,7 +140,15 @@ def apply(path: Path, damages: list[Damage]) -> None:
             try:
                 with h5py.File(path, "r+") as file:
                     HDF5[kind](file, *rest)
-            except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, IndexError):
+            except (
+                OSError,
+                RuntimeError,
+                KeyError,
+                ValueError,
+                TypeError,
+                OverflowError,
+                IndexError,
+            ):
                 continue
 
 
@@ -117,7 +162,11 @@ def _token(path: Path, seed: int, new: str) -> None:
 
 
 def _replace(file: h5py.File, place: str, data: Any) -> None:
-    attributes = {key: value for key, value in file[place].attrs.items() if key in ("units", "long_name", "scale_factor", "add_offset")}
+    attributes = {
+        key: value
+        for key, value in file[place].attrs.items()
+        if key in ("units", "long_name", "scale_factor", "add_offset")
+    }
     del file[place]
     dataset = file.create_dataset(place, data=data)
     dataset.attrs.update(attributes)
@@ -125,7 +174,15 @@ def _replace(file: h5py.File, place: str, data: Any) -> None:
 
 def _type(file: h5py.File, place: str, kind: str) -> None:
     values = file[place][()]
-    _replace(file, place, np.zeros(np.shape(values), kind) if kind in ("S4", "V8") else np.asarray(values).astype(kind))
+    _replace(
+        file,
+        place,
+        (
+            np.zeros(np.shape(values), kind)
+            if kind in ("S4", "V8")
+            else np.asarray(values).astype(kind)
+        ),
+    )
 
 
 def _shape(file: h5py.File, place: str, how: str) -> None:
@@ -146,7 +203,9 @@ def _value(file: h5py.File, place: str, how: str, number: str, seed: int) -> Non
     rng = np.random.default_rng(seed)
     what = NUMBERS[number]
     if values.dtype.kind in "iu":
-        what = float(np.clip(np.nan_to_num(what), np.iinfo(values.dtype).min, np.iinfo(values.dtype).max - 1))
+        what = float(
+            np.clip(np.nan_to_num(what), np.iinfo(values.dtype).min, np.iinfo(values.dtype).max - 1)
+        )
     if how == "put":
         values.reshape(-1)[int(rng.integers(values.size))] = what
     elif how == "all":
@@ -166,7 +225,11 @@ def _link(file: h5py.File, place: str, how: str) -> None:
     group, _, name = place.rpartition("/")
     holder, dataset = file[group or "/"], file[place]
     shape, kind = dataset.shape, dataset.dtype
-    attributes = {key: value for key, value in dataset.attrs.items() if key in ("units", "scale_factor", "add_offset")}
+    attributes = {
+        key: value
+        for key, value in dataset.attrs.items()
+        if key in ("units", "scale_factor", "add_offset")
+    }
     del holder[name]
     if how == "dangling":
         holder[name] = h5py.SoftLink("/nowhere")
@@ -181,7 +244,13 @@ def _link(file: h5py.File, place: str, how: str) -> None:
     elif how == "unwritten":
         holder.create_dataset(name, shape=shape, dtype=kind)
     elif how == "bomb":
-        holder.create_dataset(name, shape=(1 << 26, *shape[1:]), dtype=kind, chunks=(1 << 20, *shape[1:]), compression="gzip")
+        holder.create_dataset(
+            name,
+            shape=(1 << 26, *shape[1:]),
+            dtype=kind,
+            chunks=(1 << 20, *shape[1:]),
+            compression="gzip",
+        )
     if name in holder and isinstance(holder.get(name, getlink=True), h5py.HardLink):
         holder[name].attrs.update(attributes)
 
@@ -201,4 +270,11 @@ def _text(file: h5py.File, holder: str, name: str, what: str) -> None:
     file[holder].attrs[name] = what
 
 
-HDF5 = {"type": _type, "shape": _shape, "value": _value, "link": _link, "attribute": _attribute, "text": _text}
+HDF5 = {
+    "type": _type,
+    "shape": _shape,
+    "value": _value,
+    "link": _link,
+    "attribute": _attribute,
+    "text": _text,
+}

@@ -1,6 +1,8 @@
-"""Faults over all commands: `faults.py --trials 20000` puts damaged inputs into them, `--failures 200` so many failing calls of each kind.
+"""Faults over all commands: `faults.py --trials 20000` puts damaged inputs into them, `--failures
+200` so many failing calls of each kind.
 
-Every failing input is told with its seed and kept below build/faults, its damage as a line of JSON that belongs into corpus.json.
+Every failing input is told with its seed and kept below build/faults, its damage as a line of JSON
+that belongs into corpus.json.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ CALLS = (
 
 
 def words_of(case: programme.Case, good: Path, folder: Path, changed: str) -> list[str]:
-    """The command line, the damaged input and the output in the trial's folder, the rest where the good ones are."""
+    """The command line, the damaged input and the output in the trial's folder, the rest where the
+    good ones are."""
     out = []
     for word in case.words:
         if word.startswith("{") and word != "{out}":
@@ -43,7 +46,9 @@ def words_of(case: programme.Case, good: Path, folder: Path, changed: str) -> li
     return [*out, "-q", "--json"]
 
 
-def attempt(case: programme.Case, good: Path, folder: Path, changed: str, damages: list[damage.Damage]) -> judge.Outcome:
+def attempt(
+    case: programme.Case, good: Path, folder: Path, changed: str, damages: list[damage.Damage]
+) -> judge.Outcome:
     """One damaged input of one command."""
     judge.clean(folder)
     shutil.copy(good / changed, folder / changed)
@@ -71,7 +76,10 @@ def put_damage(
         counts[case.name, found.status] += 1
         if found.broken:
             line = json.dumps({"case": case.name, "input": changed, "damages": damages})
-            failures.append(f"seed {seed}, trial {trial}: {line}\n  {'; '.join(found.broken)}\n  {found.err.strip()[-600:]}")
+            failures.append(
+                f"seed {seed}, trial {trial}: {line}\n  {'; '.join(found.broken)}\n "
+                f" {found.err.strip()[-600:]}"
+            )
             print(failures[-1], file=sys.stderr, flush=True)
             if kept is not None:
                 kept.mkdir(parents=True, exist_ok=True)
@@ -79,7 +87,9 @@ def put_damage(
     return counts, failures
 
 
-def put_failures(good: Path, folder: Path, cases: list[programme.Case], most: int) -> tuple[Counter, list[str]]:
+def put_failures(
+    good: Path, folder: Path, cases: list[programme.Case], most: int
+) -> tuple[Counter, list[str]]:
     """The first `most` opens, reads, writes and renames of each command, failing one at a time."""
     counts: Counter = Counter()
     failures = []
@@ -87,7 +97,9 @@ def put_failures(good: Path, folder: Path, cases: list[programme.Case], most: in
         for call, code in CALLS:
             for nth in range(1, most + 1):
                 judge.clean(folder)
-                for name in (word[1:-1] for word in case.words if word.startswith("{") and word != "{out}"):
+                for name in (
+                    word[1:-1] for word in case.words if word.startswith("{") and word != "{out}"
+                ):
                     shutil.copy(good / name, folder / name)
                 if case.name == "batch":
                     shutil.copy(good / "recording.h5", folder)
@@ -95,7 +107,10 @@ def put_failures(good: Path, folder: Path, cases: list[programme.Case], most: in
                 found = judge.run(words, folder, folder / case.output, (call, nth, code))
                 counts[case.name, call, found.status] += 1
                 if found.broken:
-                    told = f"{case.name}: {call} {nth} fails with {errno.errorcode[code]}: {'; '.join(found.broken)}"
+                    told = (
+                        f"{case.name}: {call} {nth} fails with {errno.errorcode[code]}:"
+                        f" {'; '.join(found.broken)}"
+                    )
                     failures.append(f"{told}\n  {found.err.strip()[-300:]}")
                 if found.status == 0 and nth > 3 and counts[case.name, call, 0] > 3:
                     break
@@ -110,7 +125,10 @@ def replay(good: Path, folder: Path) -> list[str]:
         if entry["case"] in cases:
             found = attempt(cases[entry["case"]], good, folder, entry["input"], entry["damages"])
             if found.broken:
-                failures.append(f"{json.dumps(entry)}\n  {'; '.join(found.broken)}\n  {found.err.strip()[-300:]}")
+                failures.append(
+                    f"{json.dumps(entry)}\n  {'; '.join(found.broken)}\n "
+                    f" {found.err.strip()[-300:]}"
+                )
     return failures
 
 
@@ -119,7 +137,9 @@ def _preloaded() -> None:
     if "HRG_FAULT_SHIM" in os.environ:
         return
     made = Path(tempfile.mkdtemp()) / "fail_nth.so"
-    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(SHIM), "-ldl"], check=True)
+    subprocess.run(
+        ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(SHIM), "-ldl"], check=True
+    )
     os.environ |= {"LD_PRELOAD": str(made), "HRG_FAULT_SHIM": str(made)}
     os.execv(sys.executable, [sys.executable, *sys.argv])
 
@@ -129,7 +149,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--failures", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=int(os.environ.get("HRG_TEST_SEED") or time.time()) % 2**31)
+    parser.add_argument(
+        "--seed", type=int, default=int(os.environ.get("HRG_TEST_SEED") or time.time()) % 2**31
+    )
     parser.add_argument("--only", default="", help="commands whose names contain this")
     parser.add_argument("--no-costly", action="store_true")
     asked = parser.parse_args()
@@ -141,18 +163,33 @@ def main() -> int:
     cases = [case for case in programme.ready(good, not asked.no_costly) if asked.only in case.name]
     failures = replay(good, folder / "trial") if not asked.only else []
     started = time.monotonic()
-    counts, broken = put_damage(good, folder / "trial", cases, asked.trials, asked.seed, Path("build/faults"))
+    counts, broken = put_damage(
+        good, folder / "trial", cases, asked.trials, asked.seed, Path("build/faults")
+    )
     failures += broken
-    print(f"{asked.trials} damaged inputs over {len(cases)} commands, seed {asked.seed}, {time.monotonic() - started:.0f} s")
+    print(
+        f"{asked.trials} damaged inputs over {len(cases)} commands, seed {asked.seed},"
+        f" {time.monotonic() - started:.0f} s"
+    )
     for name in sorted({name for name, _ in counts}):
-        print(f"  {name:20}" + ", ".join(f"{n} × {status}" for (case, status), n in sorted(counts.items()) if case == name))
+        print(
+            f"  {name:20}"
+            + ", ".join(
+                f"{n} × {status}" for (case, status), n in sorted(counts.items()) if case == name
+            )
+        )
     if asked.failures:
         counts, broken = put_failures(good, folder / "trial", cases, asked.failures)
         failures += broken
         print(f"{sum(counts.values())} failing calls over {len(cases)} commands")
         for name in sorted({name for name, *_ in counts}):
             print(
-                f"  {name:20}" + ", ".join(f"{call} {n} × {status}" for (case, call, status), n in sorted(counts.items()) if case == name)
+                f"  {name:20}"
+                + ", ".join(
+                    f"{call} {n} × {status}"
+                    for (case, call, status), n in sorted(counts.items())
+                    if case == name
+                )
             )
     print(f"{len(failures)} broke a promise")
     print("\n".join(failures[:40]))

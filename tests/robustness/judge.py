@@ -1,8 +1,10 @@
-"""One judge for every command and fault: a command runs in a process forked from a warm one; what it leaves is held against the promises.
+"""One judge for every command and fault: a command runs in a process forked from a warm one; what
+it leaves is held against the promises.
 
-The promises: exit status 0, 1, 2 or 3; with 1 and 2 one sentence on standard error, nothing on standard output and no output file; with 0
-and 3 one JSON object; no traceback, no internal error, no library's warning, no half file; no figure that is not finite in what is
-handed on under 0; bounded processor time and memory.
+The promises: exit status 0, 1, 2 or 3; with 1 and 2 one sentence on standard error, nothing on
+standard output and no output file; with 0 and 3 one JSON object; no traceback, no internal error,
+no library's warning, no half file; no figure that is not finite in what is handed on under 0;
+bounded processor time and memory.
 """
 
 from __future__ import annotations
@@ -29,14 +31,35 @@ MEMORY_MB = 1500
 NOISE = re.compile(r"Traceback|internal error|Warning|\*\* On entry|Fatal|Segmentation|core dumped")
 NOT_FINITE = re.compile(r"(?<![\w.])[-+]?(nan|inf|infinity)(?![\w.])", re.IGNORECASE)
 WARM = (
-    *("pipeline", "store", "exporting", "limits", "verification", "formats", "reporting.page", "cli"),
-    *(f"commands.{name}" for name in ("answering", "reporting", "importing", "simulating", "batching", "planning", "diagnosing")),
+    *(
+        "pipeline",
+        "store",
+        "exporting",
+        "limits",
+        "verification",
+        "formats",
+        "reporting.page",
+        "cli",
+    ),
+    *(
+        f"commands.{name}"
+        for name in (
+            "answering",
+            "reporting",
+            "importing",
+            "simulating",
+            "batching",
+            "planning",
+            "diagnosing",
+        )
+    ),
 )
 
 
 @dataclass
 class Outcome:
-    """What a command left: its exit status (negative: killed by a signal), what it said, its peak memory, its broken promises."""
+    """What a command left: its exit status (negative: killed by a signal), what it said, its peak
+    memory, its broken promises."""
 
     status: int
     out: str
@@ -61,8 +84,11 @@ def pipeline_stages() -> list[str]:
     return list(STAGES)
 
 
-def run(words: list[str], folder: Path, output: Path, arm: tuple[str, int, int] | None = None) -> Outcome:
-    """Run `hrg WORDS` in `folder` in a child of this process and judge what it left; arm: (call, n-th, errno) to fail there."""
+def run(
+    words: list[str], folder: Path, output: Path, arm: tuple[str, int, int] | None = None
+) -> Outcome:
+    """Run `hrg WORDS` in `folder` in a child of this process and judge what it left; arm: (call,
+    n-th, errno) to fail there."""
     before = {p.name for p in folder.iterdir()}
     said = [folder / ".stdout", folder / ".stderr"]
     started = time.monotonic()
@@ -92,7 +118,9 @@ def _waited(child: int) -> tuple[int, resource.struct_rusage]:
         time.sleep(0.002)
 
 
-def _in_child(words: list[str], folder: Path, said: list[Path], arm: tuple[str, int, int] | None) -> None:
+def _in_child(
+    words: list[str], folder: Path, said: list[Path], arm: tuple[str, int, int] | None
+) -> None:
     status = 70
     try:
         os.chdir(folder)

@@ -21,7 +21,8 @@ FRESH_MB = 500.0
 
 
 def damaged(good: bytes, rng: np.random.Generator) -> bytes:
-    """A copy with one to three damages: flipped bits, overwritten runs, huge or tiny sizes, cut, doubled or moved parts."""
+    """A copy with one to three damages: flipped bits, overwritten runs, huge or tiny sizes, cut,
+    doubled or moved parts."""
     data = bytearray(good)
     for _ in range(int(rng.integers(1, 4))):
         if not data:
@@ -35,9 +36,16 @@ def damaged(good: bytes, rng: np.random.Generator) -> bytes:
             data[at] = int(rng.integers(256))
         elif kind == 2:
             run = int(rng.integers(1, 64))
-            data[at : at + run] = bytes([int(rng.choice([0, 255, 32, 48]))]) * len(data[at : at + run])
+            data[at : at + run] = bytes([int(rng.choice([0, 255, 32, 48]))]) * len(
+                data[at : at + run]
+            )
         elif kind == 3:
-            value = int(rng.choice([0, 1, 2**31 - 1, 2**32 - 1, 2**40, 2**62, 2**63 - 1], p=[0.1, 0.1, 0.2, 0.2, 0.2, 0.1, 0.1]))
+            value = int(
+                rng.choice(
+                    [0, 1, 2**31 - 1, 2**32 - 1, 2**40, 2**62, 2**63 - 1],
+                    p=[0.1, 0.1, 0.2, 0.2, 0.2, 0.1, 0.1],
+                )
+            )
             size = int(rng.choice([4, 8]))
             at -= at % 8 if rng.random() < 0.7 else 0
             part = (value & (2 ** (8 * size) - 1)).to_bytes(size, "little")
@@ -73,7 +81,12 @@ class Trials:
 
     def _start(self) -> subprocess.Popen[bytes]:
         roots = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(roots)}
+        environment = {
+            **os.environ,
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+            "PYTHONPATH": os.pathsep.join(roots),
+        }
         worker = Path(__file__).with_name("trial_worker.py")
         self._process = subprocess.Popen(
             [sys.executable, str(worker)],
@@ -95,7 +108,8 @@ class Trials:
         return json.loads(line) if line else None
 
     def _answer(self, process: subprocess.Popen[bytes]) -> dict | None:
-        """The worker's answer; TimeoutError after `HANG_S` of its own processor time, or `WAITS` times that on the clock."""
+        """The worker's answer; TimeoutError after `HANG_S` of its own processor time, or `WAITS`
+        times that on the clock."""
         used = psutil.Process(process.pid).cpu_times()
         for _ in range(WAITS):
             try:

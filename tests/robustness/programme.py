@@ -55,7 +55,8 @@ flagged_part = 0.1
 
 @dataclass(frozen=True)
 class Case:
-    """A command; `{NAME}` in its words is an input, `{out}` the output; `damaged`: the inputs that faults are put into."""
+    """A command; `{NAME}` in its words is an input, `{out}` the output; `damaged`: the inputs that
+    faults are put into."""
 
     name: str
     words: tuple[str, ...]
@@ -74,21 +75,46 @@ CASES = (
     _case("demodulate", "demodulate {recording.h5} -o {out}", "recording.h5", "out.h5"),
     _case("estimate", "estimate {periods.h5} -o {out}", "periods.h5", "out.h5"),
     _case("identify", "identify {free0.h5} {free1.h5} {free2.h5} -o {out}", "free0.h5", "out.h5"),
-    _case("rate", "rate {free0.h5} --resonator {resonator.h5} -o {out} --nodes 4", "free0.h5 resonator.h5", "out.h5"),
+    _case(
+        "rate",
+        "rate {free0.h5} --resonator {resonator.h5} -o {out} --nodes 4",
+        "free0.h5 resonator.h5",
+        "out.h5",
+    ),
     _case(
         "calibrate",
         f"calibrate {FORCED} -o {{out}} --harmonics 1",
         "forced0.h5",
         "out.h5",
     ),
-    _case("compensate", "compensate {forced0.h5} --calibration {calibration.h5} -o {out}", "forced0.h5 calibration.h5", "out.h5"),
+    _case(
+        "compensate",
+        "compensate {forced0.h5} --calibration {calibration.h5} -o {out}",
+        "forced0.h5 calibration.h5",
+        "out.h5",
+    ),
     _case("diagnose", "diagnose {free0.h5} {free1.h5} -o {out}", "free0.h5", "out.h5", costly=True),
     _case("export csv", "export {calibration.h5} -o {out}", "calibration.h5", "out.csv"),
     _case("export json", "export {calibration.h5} -o {out}", "calibration.h5", "out.json"),
     _case("export header", "export {calibration.h5} -o {out}", "calibration.h5", "out.h"),
-    _case("export fixed", "export {calibration.h5} -o {out} --fixed-point-bits 16", "calibration.h5", "out.h"),
-    _case("check resonator", "check {resonator.h5} --limits {limits.toml} -o {out}", "resonator.h5 limits.toml", "out.json"),
-    _case("check calibration", "check {calibration.h5} --limits {limits.toml} -o {out}", "calibration.h5", "out.json"),
+    _case(
+        "export fixed",
+        "export {calibration.h5} -o {out} --fixed-point-bits 16",
+        "calibration.h5",
+        "out.h",
+    ),
+    _case(
+        "check resonator",
+        "check {resonator.h5} --limits {limits.toml} -o {out}",
+        "resonator.h5 limits.toml",
+        "out.json",
+    ),
+    _case(
+        "check calibration",
+        "check {calibration.h5} --limits {limits.toml} -o {out}",
+        "calibration.h5",
+        "out.json",
+    ),
     _case("info recording", "info {recording.h5} -o {out}", "recording.h5", "out.json"),
     _case("info calibration", "info {calibration.h5} -o {out}", "calibration.h5", "out.json"),
     _case("info diagnosis", "info {diagnosis.h5} -o {out}", "diagnosis.h5", "out.json"),
@@ -100,7 +126,13 @@ CASES = (
     _case("import matlab", "import {log.mat} -o {out}", "log.mat", "out.h5"),
     _case("import parquet", "import {log.parquet} -o {out}", "log.parquet", "out.h5"),
     _case("import tdms", "import {log.tdms} -o {out}", "log.tdms", "out.h5"),
-    _case("plan", "plan {resonator.h5} --menu {menu.toml} -o {out}", "resonator.h5 menu.toml", "out.toml", costly=True),
+    _case(
+        "plan",
+        "plan {resonator.h5} --menu {menu.toml} -o {out}",
+        "resonator.h5 menu.toml",
+        "out.toml",
+        costly=True,
+    ),
     _case(
         "report",
         "report {wave.h5} {calibration.h5} {diagnosis.h5} -o {out}",
@@ -118,19 +150,27 @@ def build(folder: Path) -> Path:
     values = settings.checked(pipeline.STAGES["demodulate"].function(), {})
     pipeline.run_stage("demodulate", [folder / "recording.h5"], folder / "periods.h5", values)
     for n, (theta, rate) in enumerate(((0.1, 0.0), (0.6, 2.0), (0.4, -2.0))):
-        wave = synthetic_waves.run_down(theta, rate, seconds=1.0, window=5e-3, seed=n, gyro_id="G-17")
+        wave = synthetic_waves.run_down(
+            theta, rate, seconds=1.0, window=5e-3, seed=n, gyro_id="G-17"
+        )
         store.write(folder / f"free{n}.h5", wave)
     truth = forced_runs.Truth()
     for n, (temperature, rate) in enumerate((t, r) for t in (0.0, 40.0) for r in (-0.5, 0.02, 0.5)):
-        wave = forced_runs.forced_run(truth, temperature, rate, 40.0, n, dt=0.1, run_id=f"{n}", gyro_id="G-17")
+        wave = forced_runs.forced_run(
+            truth, temperature, rate, 40.0, n, dt=0.1, run_id=f"{n}", gyro_id="G-17"
+        )
         store.write(folder / f"forced{n}.h5", wave)
     values = settings.checked(pipeline.STAGES["identify"].function(), {})
-    pipeline.run_stage("identify", [folder / f"free{n}.h5" for n in range(3)], folder / "resonator.h5", values)
+    pipeline.run_stage(
+        "identify", [folder / f"free{n}.h5" for n in range(3)], folder / "resonator.h5", values
+    )
     for kind in ("wave", "diagnosis"):
         record = records_by_hand.RECORDS[kind]()
         store.write(folder / f"{kind}.h5", record if kind != "wave" else record.rows(0, 300))
     table = settings.checked(pipeline.STAGES["calibrate"].function(), {"harmonics": 1})
-    pipeline.run_stage("calibrate", [folder / f"forced{n}.h5" for n in range(6)], folder / "calibration.h5", table)
+    pipeline.run_stage(
+        "calibrate", [folder / f"forced{n}.h5" for n in range(6)], folder / "calibration.h5", table
+    )
     (folder / "gyro.toml").write_text(GYRO)
     (folder / "limits.toml").write_text(LIMITS)
     (folder / "menu.toml").write_text((ROOT / "configs" / "menu.toml").read_text())
@@ -144,7 +184,9 @@ def _logs(folder: Path) -> None:
     time = np.arange(400) / 5000
     c, s = np.cos(2 * np.pi * 431 * time), np.sin(2 * np.pi * 431 * time)
     rows = [f"{t:.6f},{a:.6f},{b:.6f},20.0" for t, a, b in zip(time, c, s)]
-    (folder / "log.csv").write_text("time [s],C [V],S [V],temperature [degC]\n" + "\n".join(rows) + "\n")
+    (folder / "log.csv").write_text(
+        "time [s],C [V],S [V],temperature [degC]\n" + "\n".join(rows) + "\n"
+    )
     soundfile.write(folder / "log.wav", np.stack([c, s], 1), 5000)
     with h5py.File(folder / "log.h5", "w") as file:
         for name, values in (("time", time), ("c", c), ("s", s)):
@@ -160,11 +202,20 @@ def _logs(folder: Path) -> None:
         from nptdms import ChannelObject, TdmsWriter
 
         with TdmsWriter(folder / "log.tdms") as writer:
-            writer.write_segment([ChannelObject("g", name, values) for name, values in (("time", time), ("c", c), ("s", s))])
+            writer.write_segment(
+                [
+                    ChannelObject("g", name, values)
+                    for name, values in (("time", time), ("c", c), ("s", s))
+                ]
+            )
     except ImportError:
         pass
 
 
 def ready(folder: Path, costly: bool = True) -> list[Case]:
     """The cases whose inputs could be made here."""
-    return [case for case in CASES if (costly or not case.costly) and all((folder / name).exists() for name in case.damaged)]
+    return [
+        case
+        for case in CASES
+        if (costly or not case.costly) and all((folder / name).exists() for name in case.damaged)
+    ]

@@ -1,4 +1,5 @@
-"""A seeded sample of the faults that `make faults` puts into every command, every input that ever broke a promise, and the judge itself."""
+"""A seeded sample of the faults that `make faults` puts into every command, every input that ever
+broke a promise, and the judge itself."""
 
 import os
 import subprocess
@@ -22,7 +23,9 @@ def good(tmp_path_factory):
     return programme.build(tmp_path_factory.mktemp("good"))
 
 
-@pytest.mark.parametrize("case", [case for case in programme.CASES if not case.costly], ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "case", [case for case in programme.CASES if not case.costly], ids=lambda case: case.name
+)
 def test_good_inputs_break_no_promise(case, good, tmp_path):
     """The harness tests something: without a fault every command ends with a result."""
     if case not in programme.ready(good):
@@ -32,7 +35,9 @@ def test_good_inputs_break_no_promise(case, good, tmp_path):
 
 
 def test_damaged_inputs_break_no_promise(good, tmp_path):
-    counts, failures = faults.put_damage(good, tmp_path / "trial", programme.ready(good, costly=False), SAMPLE, SEED, None)
+    counts, failures = faults.put_damage(
+        good, tmp_path / "trial", programme.ready(good, costly=False), SAMPLE, SEED, None
+    )
     assert not failures, "\n".join(failures)
     assert sum(counts.values()) == SAMPLE
 
@@ -45,7 +50,9 @@ def test_what_broke_a_promise_once_does_not_again(good, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("more", range(10))
 def test_thousands_of_damaged_inputs(more, good, tmp_path):
-    _, failures = faults.put_damage(good, tmp_path / "trial", programme.ready(good), 400, 1000 * SEED + more, None)
+    _, failures = faults.put_damage(
+        good, tmp_path / "trial", programme.ready(good), 400, 1000 * SEED + more, None
+    )
     assert not failures, "\n".join(failures)
 
 
@@ -54,7 +61,11 @@ def shim(tmp_path_factory):
     """The library that makes calls fail."""
     made = tmp_path_factory.mktemp("shim") / "fail_nth.so"
     try:
-        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(faults.SHIM), "-ldl"], check=True, capture_output=True)
+        subprocess.run(
+            ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(faults.SHIM), "-ldl"],
+            check=True,
+            capture_output=True,
+        )
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("no C compiler here")
     return made
@@ -78,7 +89,14 @@ print(sum(n for (_, _, status), n in counts.items() if status == 1), "failed as 
 print("\\n".join(failures))
 """
     environment = os.environ | {"LD_PRELOAD": str(shim), "HRG_FAULT_SHIM": str(shim)}
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, timeout=600, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=600,
+        check=True,
+    )
     failed, *broken = done.stdout.strip().splitlines()
     assert int(failed.split()[0]) > 0, "no call failed: the shim did nothing"
     assert not broken, done.stdout
@@ -86,8 +104,14 @@ print("\\n".join(failures))
 
 JUDGED = {
     "two sentences": (judge.Outcome(1, "", "hrg: a\nhrg: b\n", 0, 0), "not one sentence"),
-    "a traceback": (judge.Outcome(1, "", "Traceback (most recent call last):", 0, 0), "a traceback"),
-    "words on standard output": (judge.Outcome(1, "x", "hrg: a\n", 0, 0), "standard output of a failed command"),
+    "a traceback": (
+        judge.Outcome(1, "", "Traceback (most recent call last):", 0, 0),
+        "a traceback",
+    ),
+    "words on standard output": (
+        judge.Outcome(1, "x", "hrg: a\n", 0, 0),
+        "standard output of a failed command",
+    ),
     "a strange status": (judge.Outcome(70, "", "hrg: a\n", 0, 0), "ended with 70"),
     "no JSON": (judge.Outcome(0, "done", "", 0, 0), "no JSON object"),
     "too slow": (judge.Outcome(1, "", "hrg: a\n", 1e4, 0), "took 10000 s"),
@@ -99,14 +123,26 @@ JUDGED = {
 @pytest.mark.parametrize("what", JUDGED)
 def test_the_judge_sees_broken_promises(what, tmp_path):
     outcome, says = JUDGED[what]
-    assert any(says in sentence for sentence in judge._broken(outcome, tmp_path, tmp_path / "out.h5", set()))
+    assert any(
+        says in sentence
+        for sentence in judge._broken(outcome, tmp_path, tmp_path / "out.h5", set())
+    )
 
 
 def test_the_judge_sees_what_is_left_behind(tmp_path):
     for name in (".out.h5.hrg-1-1.tmp", "out.h5"):
         (tmp_path / name).write_text("half")
-    said = judge._broken(judge.Outcome(1, "", "hrg: a\n", 0, 0), tmp_path, tmp_path / "out.h5", set())
-    assert any("behind" in sentence for sentence in said) and any("an output of a failed" in sentence for sentence in said)
+    said = judge._broken(
+        judge.Outcome(1, "", "hrg: a\n", 0, 0), tmp_path, tmp_path / "out.h5", set()
+    )
+    assert any("behind" in sentence for sentence in said) and any(
+        "an output of a failed" in sentence for sentence in said
+    )
     (tmp_path / "t.csv").write_text("a,b\n1,nan\n")
-    said = judge._broken(judge.Outcome(0, '{"status": "valid"}', "", 0, 0), tmp_path, tmp_path / "t.csv", {".out.h5.hrg-1-1.tmp", "out.h5"})
+    said = judge._broken(
+        judge.Outcome(0, '{"status": "valid"}', "", 0, 0),
+        tmp_path,
+        tmp_path / "t.csv",
+        {".out.h5.hrg-1-1.tmp", "out.h5"},
+    )
     assert said == ["nan in t.csv of a valid result"]

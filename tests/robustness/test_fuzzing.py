@@ -1,4 +1,5 @@
-"""Damaged inputs: every file is read or refused in one sentence; nothing crashes, hangs, or takes memory because a header says so."""
+"""Damaged inputs: every file is read or refused in one sentence; nothing crashes, hangs, or takes
+memory because a header says so."""
 
 from __future__ import annotations
 
@@ -58,11 +59,24 @@ def good(tmp_path_factory):
         store.write(path, make(seconds=0.4) if kind == "recording" else make())
     (folder / "gyro.toml").write_text(CONFIG)
     time = np.arange(400) / 5000
-    rows = [f"{t:.6f},{np.cos(2 * np.pi * 431 * t):.6f},{np.sin(2 * np.pi * 431 * t):.6f},20.0" for t in time]
-    (folder / "log.csv").write_text("time [s],C [V],S [V],temperature [degC]\n" + "\n".join(rows) + "\n")
-    soundfile.write(folder / "log.wav", np.stack([np.cos(2 * np.pi * 431 * time), np.sin(2 * np.pi * 431 * time)], 1), 5000)
+    rows = [
+        f"{t:.6f},{np.cos(2 * np.pi * 431 * t):.6f},{np.sin(2 * np.pi * 431 * t):.6f},20.0"
+        for t in time
+    ]
+    (folder / "log.csv").write_text(
+        "time [s],C [V],S [V],temperature [degC]\n" + "\n".join(rows) + "\n"
+    )
+    soundfile.write(
+        folder / "log.wav",
+        np.stack([np.cos(2 * np.pi * 431 * time), np.sin(2 * np.pi * 431 * time)], 1),
+        5000,
+    )
     with h5py.File(folder / "log.h5", "w") as file:
-        for name, values in (("time", time), ("c", np.cos(2 * np.pi * 431 * time)), ("s", np.sin(2 * np.pi * 431 * time))):
+        for name, values in (
+            ("time", time),
+            ("c", np.cos(2 * np.pi * 431 * time)),
+            ("s", np.sin(2 * np.pi * 431 * time)),
+        ):
             file.create_dataset(name, data=values, chunks=True, compression="gzip")
     logs = [folder / f"log.{suffix}" for suffix in ("csv", "wav", "h5")]
     return {"record": records, "chain": records[:1], "toml": [folder / "gyro.toml"], "log": logs}
@@ -91,7 +105,9 @@ def fuzz(good, trials, folder, tasks: dict[str, int], seed: int) -> Counter:
                 kept = path.with_name(f"{task}-{seed}-{trial}-{answer.result}{suffix}")
                 os.replace(path, kept)
                 failures.append(f"{kept}: {answer.result}, {answer.peak_mb:.0f} MB: {answer.says}")
-    assert not failures, f"{len(failures)} of {sum(tasks.values())}, {dict(counts)}\n" + "\n".join(failures[:5])
+    assert not failures, f"{len(failures)} of {sum(tasks.values())}, {dict(counts)}\n" + "\n".join(
+        failures[:5]
+    )
     return counts
 
 

@@ -1,4 +1,5 @@
-"""Outputs are whole or absent: under kill -9, on a full disk, with two writers, when a source changes, with hostile names."""
+"""Outputs are whole or absent: under kill -9, on a full disk, with two writers, when a source
+changes, with hostile names."""
 
 from __future__ import annotations
 
@@ -73,7 +74,9 @@ def kill_at_random(path: Path, tries: int, seed: int) -> None:
         writer.join()
         if path.exists():
             seen.add(assert_whole(path))
-    assert len(seen) > 1, "every writer died before its first file was whole; the kills tested nothing"
+    assert len(seen) > 1, (
+        "every writer died before its first file was whole; the kills tested nothing"
+    )
     store.write(path, stamped(7), force=True)
     assert sorted(p.name for p in path.parent.iterdir()) == [path.name]
 
@@ -89,7 +92,16 @@ def test_hundreds_of_killed_writers_leave_whole_files(tmp_path):
 
 def test_a_killed_command_leaves_nothing(tmp_path):
     store.write(tmp_path / "in.h5", records_by_hand.recording(seconds=30.0, truth=False))
-    command = [sys.executable, "-m", "hrg_cli.cli", "demodulate", str(tmp_path / "in.h5"), "-o", str(tmp_path / "out.h5"), "-q"]
+    command = [
+        sys.executable,
+        "-m",
+        "hrg_cli.cli",
+        "demodulate",
+        str(tmp_path / "in.h5"),
+        "-o",
+        str(tmp_path / "out.h5"),
+        "-q",
+    ]
     running = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     for _ in range(600):
         if running.poll() is not None or any(".hrg-" in p.name for p in tmp_path.iterdir()):
@@ -118,7 +130,10 @@ def write_once(path: Path, number: int, force: bool, barrier, outcome) -> None:
 def test_many_writers_of_one_output(tmp_path, force):
     writers = 6
     barrier, outcome = FORK.Barrier(writers), FORK.Queue()
-    processes = [FORK.Process(target=write_once, args=(tmp_path / "out.h5", k, force, barrier, outcome)) for k in range(writers)]
+    processes = [
+        FORK.Process(target=write_once, args=(tmp_path / "out.h5", k, force, barrier, outcome))
+        for k in range(writers)
+    ]
     for process in processes:
         process.start()
     answers = [outcome.get(timeout=60) for _ in processes]
@@ -130,7 +145,9 @@ def test_many_writers_of_one_output(tmp_path, force):
     assert [p.name for p in tmp_path.iterdir()] == ["out.h5"]
 
 
-def write_with_little_room(folder: str, limit: int | None, conclusion: str) -> subprocess.CompletedProcess:
+def write_with_little_room(
+    folder: str, limit: int | None, conclusion: str
+) -> subprocess.CompletedProcess:
     """A process that writes a few megabytes, where a file may not grow beyond `limit`."""
     script = f"""
 import sys
@@ -150,25 +167,45 @@ except HrgError as error:
         if limit is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, preexec_fn=limited, timeout=120, check=False)
+    return subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        preexec_fn=limited,
+        timeout=120,
+        check=False,
+    )
 
 
 def noise(seed: int) -> Periods:
     """Rows that do not compress."""
     rng = np.random.default_rng(seed)
     record = stamped(0)
-    return record.replace(time_s=record.time_s + seed * ROWS, signals=rng.standard_normal((ROWS, 4)), signals_std=rng.random((ROWS, 4)))
+    return record.replace(
+        time_s=record.time_s + seed * ROWS,
+        signals=rng.standard_normal((ROWS, 4)),
+        signals_std=rng.random((ROWS, 4)),
+    )
 
 
 def mount(disk: Path, options: str) -> subprocess.CompletedProcess:
     """Try to put a small disk in memory there."""
-    return subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(disk)], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(disk)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 @pytest.mark.parametrize("limit", [3000, 50_000, 1_000_000])
 def test_a_file_that_may_not_grow_is_refused_in_words(tmp_path, limit):
-    result = write_with_little_room(str(tmp_path), limit, "import os; sys.stdout.flush(); os._exit(1)")
-    assert result.stdout.startswith("DiskFullError") and "may not grow so large" in result.stdout, result
+    result = write_with_little_room(
+        str(tmp_path), limit, "import os; sys.stdout.flush(); os._exit(1)"
+    )
+    assert result.stdout.startswith("DiskFullError") and "may not grow so large" in result.stdout, (
+        result
+    )
     assert "Traceback" not in result.stderr
     assert result.returncode == 1 and list(tmp_path.iterdir()) == []
 
@@ -181,7 +218,9 @@ def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, size_kb):
     if mounted.returncode:
         pytest.skip(f"no right to mount a small disk here: {mounted.stderr.strip()}")
     try:
-        result = write_with_little_room(str(disk), None, "import os; sys.stdout.flush(); os._exit(1)")
+        result = write_with_little_room(
+            str(disk), None, "import os; sys.stdout.flush(); os._exit(1)"
+        )
         left = list(disk.iterdir())
     finally:
         subprocess.run(["umount", str(disk)], check=True)
@@ -227,12 +266,22 @@ def test_a_source_that_changes_while_it_is_read(change, tmp_path):
     assert not [p for p in tmp_path.iterdir() if ".hrg-" in p.name]
 
 
-HOSTILE = ("../../escaped", "/tmp/escaped-hrg-test", "..", "a\\b", "con\x1b[31m\nline", "x" * 400, "ün☃ $(touch x)")
+HOSTILE = (
+    "../../escaped",
+    "/tmp/escaped-hrg-test",
+    "..",
+    "a\\b",
+    "con\x1b[31m\nline",
+    "x" * 400,
+    "ün☃ $(touch x)",
+)
 
 
 def inside(folder: Path, before: set[str]) -> None:
     assert {p.name for p in folder.parent.iterdir()} == before
-    assert not Path("/tmp/escaped-hrg-test").exists() and not Path("/tmp/escaped-hrg-test.h5").exists()
+    assert (
+        not Path("/tmp/escaped-hrg-test").exists() and not Path("/tmp/escaped-hrg-test.h5").exists()
+    )
 
 
 @pytest.mark.parametrize("name", HOSTILE, ids=range(len(HOSTILE)))
@@ -240,7 +289,10 @@ def test_hostile_names_stay_inside_the_output_folder(name, hrg, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
     recording = tmp_path / "in.h5"
-    store.write(recording, records_by_hand.recording(seconds=1.0).replace(gyro_id=name, run_id=name, lot_id=name))
+    store.write(
+        recording,
+        records_by_hand.recording(seconds=1.0).replace(gyro_id=name, run_id=name, lot_id=name),
+    )
     before = {p.name for p in tmp_path.iterdir()}
     for command in (
         ["demodulate", recording, "-o", folder / "periods.h5"],
@@ -259,26 +311,38 @@ def test_hostile_runs_of_a_simulation_stay_inside(name, hrg, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
     config = tmp_path / "two.toml"
-    text = "[device]\nfrequency_hz = 500.0\ntime_constant_s = 2.0\n[recording]\nsample_rate_hz = 4000.0\nduration_s = 0.2\n"
+    text = (
+        "[device]\nfrequency_hz = 500.0\ntime_constant_s = 2.0\n[recording]\nsample_rate_hz ="
+        " 4000.0\nduration_s = 0.2\n"
+    )
     config.write_text(text + settings.to_toml({"run": [{"run_id": name}, {"run_id": "other"}]}))
     before = {p.name for p in tmp_path.iterdir()}
     result = hrg("simulate", config, "-o", folder / "run.h5", "--seed", "1")
     assert result.status in (0, 1) and "Traceback" not in result.err, result
     inside(folder, before)
     for path in folder.iterdir():
-        assert path.is_file() and path.name.startswith("run-") and store.read(path, Recording).run_id in (name, "other")
+        assert (
+            path.is_file()
+            and path.name.startswith("run-")
+            and store.read(path, Recording).run_id in (name, "other")
+        )
 
 
 def test_nothing_in_a_file_is_executed(tmp_path):
-    """Objects another library would unpickle are opaque bytes here, and links lead nowhere outside."""
+    """Objects another library would unpickle are opaque bytes here, and links lead nowhere
+    outside."""
     path = tmp_path / "in.h5"
     store.write(path, records_by_hand.recording(seconds=1.0))
     other = tmp_path / "other.h5"
     store.write(other, records_by_hand.recording(seconds=1.0))
     for change in (
         lambda f: f["recording"].__setitem__("c", h5py.ExternalLink(str(other), "/recording/c")),
-        lambda f: f["recording"].create_dataset("c", shape=(5000,), dtype="i2", external=[("/etc/passwd", 0, 10_000)]),
-        lambda f: f["recording"].create_dataset("c", data=np.array([np.void(b"cos\nsystem\n")] * 5000)),
+        lambda f: f["recording"].create_dataset(
+            "c", shape=(5000,), dtype="i2", external=[("/etc/passwd", 0, 10_000)]
+        ),
+        lambda f: f["recording"].create_dataset(
+            "c", data=np.array([np.void(b"cos\nsystem\n")] * 5000)
+        ),
     ):
         with h5py.File(path, "r+") as file:
             units = dict(file["recording/c"].attrs) if "c" in file["recording"] else {}

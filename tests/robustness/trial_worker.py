@@ -1,4 +1,5 @@
-"""A process that tries damaged files: one line of JSON in ({task, path}), one out ({result, says, peak_mb}).
+"""A process that tries damaged files: one line of JSON in ({task, path}), one out ({result, says,
+peak_mb}).
 
 Apart from the test, so that a crash or a hang of a library ends this process and not the tests.
 """
@@ -48,8 +49,18 @@ def run_chain(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         periods, wave = Path(folder, "periods.h5"), Path(folder, "wave.h5")
         try:
-            pipeline.run_stage("demodulate", [path], periods, settings.checked(pipeline.STAGES["demodulate"].function(), {}))
-            pipeline.run_stage("estimate", [periods], wave, settings.checked(pipeline.STAGES["estimate"].function(), {}))
+            pipeline.run_stage(
+                "demodulate",
+                [path],
+                periods,
+                settings.checked(pipeline.STAGES["demodulate"].function(), {}),
+            )
+            pipeline.run_stage(
+                "estimate",
+                [periods],
+                wave,
+                settings.checked(pipeline.STAGES["estimate"].function(), {}),
+            )
         finally:
             for left in Path(folder).iterdir():
                 assert left in (periods, wave), f"a part was left: {left.name}"
@@ -83,13 +94,25 @@ def attempt(task: str, path: Path) -> dict[str, object]:
         sentence = "\n" not in text.strip() and len(text) < 2000
         return {"result": "refused" if sentence else "bad words", "says": text[:300]}
     except BaseException as error:
-        return {"result": "defect", "says": f"{type(error).__name__}: {error}"[:200], "where": traceback.format_exc()[-1500:]}
+        return {
+            "result": "defect",
+            "says": f"{type(error).__name__}: {error}"[:200],
+            "where": traceback.format_exc()[-1500:],
+        }
 
 
 def main() -> None:
     """Try files until the input ends."""
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE))
-    print(json.dumps({"result": "ready", "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}), flush=True)
+    print(
+        json.dumps(
+            {
+                "result": "ready",
+                "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            }
+        ),
+        flush=True,
+    )
     for line in sys.stdin:
         asked = json.loads(line)
         answer = attempt(asked["task"], Path(asked["path"]))

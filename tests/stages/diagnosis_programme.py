@@ -1,4 +1,5 @@
-"""Programmes of runs for the diagnosis tests: random devices, the fast engine's raw samples, demodulated and estimated."""
+"""Programmes of runs for the diagnosis tests: random devices, the fast engine's raw samples,
+demodulated and estimated."""
 
 import numpy as np
 
@@ -11,8 +12,20 @@ from hrg_cli.stages.simulate import run_ids, simulate
 RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0, 1.0, -1.0)
 
 
-def programme(seed, effects=None, *, runs=6, duration_s=2.0, noise=3e-4, forced=False, quadrature_loop="off", cycle=False, rate=None):
-    """A simulation file's tables: a random device at several angles, amplitudes, rates and temperatures; `forced`: every other run."""
+def programme(
+    seed,
+    effects=None,
+    *,
+    runs=6,
+    duration_s=2.0,
+    noise=3e-4,
+    forced=False,
+    quadrature_loop="off",
+    cycle=False,
+    rate=None,
+):
+    """A simulation file's tables: a random device at several angles, amplitudes, rates and
+    temperatures; `forced`: every other run."""
     random = np.random.default_rng(seed)
     table = {
         "device": {
@@ -30,9 +43,19 @@ def programme(seed, effects=None, *, runs=6, duration_s=2.0, noise=3e-4, forced=
         "run": [],
     }
     for k in range(runs):
-        warm = {"kind": "ramp", "start_degc": 22.0 + k % 3, "stop_degc": 22.0 + k % 3 + (1.0, -0.8, 0.5)[k % 3]}
+        warm = {
+            "kind": "ramp",
+            "start_degc": 22.0 + k % 3,
+            "stop_degc": 22.0 + k % 3 + (1.0, -0.8, 0.5)[k % 3],
+        }
         if cycle:
-            warm = {"kind": "cycle", "low_degc": 22.0, "high_degc": 23.0, "period_s": duration_s * (0.5, 0.75, 1.0)[k % 3], "shape": "sine"}
+            warm = {
+                "kind": "cycle",
+                "low_degc": 22.0,
+                "high_degc": 23.0,
+                "period_s": duration_s * (0.5, 0.75, 1.0)[k % 3],
+                "shape": "sine",
+            }
         run = {
             "run_id": f"run{k}",
             "start": {
@@ -41,7 +64,8 @@ def programme(seed, effects=None, *, runs=6, duration_s=2.0, noise=3e-4, forced=
                 "quadrature": random.uniform(-0.1, 0.1),
                 "amplitude": (1.0, 0.5, 1.0, 0.7)[k % 4],
             },
-            "environment": {"temperature": warm} | ({"rate": rate} if rate else {"rate_rad_s": RATES[k]}),
+            "environment": {"temperature": warm}
+            | ({"rate": rate} if rate else {"rate_rad_s": RATES[k]}),
         }
         if forced and k % 2 == 0:
             run["control"] = {"mode": "forced", "quadrature_loop": quadrature_loop}
@@ -54,7 +78,12 @@ def waves(table, extra=(), seed=0, periods_per_window=40.0):
     """What the chain makes of the programme's raw samples."""
     out = []
     for run in run_ids(table):
-        periods = collect(demodulate(collect(simulate(table, extra, run=run, seed=seed)), periods_per_window=periods_per_window))
+        periods = collect(
+            demodulate(
+                collect(simulate(table, extra, run=run, seed=seed)),
+                periods_per_window=periods_per_window,
+            )
+        )
         out.append(collect(estimate(periods)))
     return out
 

@@ -1,4 +1,5 @@
-"""Random hidden effects of a stated size, clean programmes of every kind, and what the true model would gain."""
+"""Random hidden effects of a stated size, clean programmes of every kind, and what the true model
+would gain."""
 
 import dataclasses
 import zlib
@@ -25,7 +26,9 @@ CYCLE = {"thermal_gradient", "thermal_hysteresis", "thermal_lag"}
 POSITIVE = {"nonlinear_damping", "inertial_nonlinearity", "finite_quadrature_gain", "thermal_lag"}
 COHERENT = {"coherent_offset", "drive_feedthrough", "parasitic_force"}
 """The overall sign of these is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave."""
-BACKGROUND = {"thermal_lag": {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.5}}}
+BACKGROUND = {
+    "thermal_lag": {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.5}}
+}
 """What an effect needs beside it to do anything."""
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
 
@@ -62,12 +65,16 @@ def measured(table, name=""):
     """The waves; a loop of unknown gain comes without a log of its command."""
     found = waves(table)
     if name == "finite_quadrature_gain":
-        found = [w.replace(drive_main=None, drive_quadrature=None) if w.mode == "forced" else w for w in found]
+        found = [
+            w.replace(drive_main=None, drive_quadrature=None) if w.mode == "forced" else w
+            for w in found
+        ]
     return found
 
 
 def sized(effect, fit, z, random):
-    """Values of a random direction at which an ideal detector sees z σ beside everything else that is free."""
+    """Values of a random direction at which an ideal detector sees z σ beside everything else that
+    is free."""
     values = effect.values()
     if "reference_temperature_degc" in values:
         values["reference_temperature_degc"] = 22.5
@@ -89,12 +96,18 @@ def sized(effect, fit, z, random):
     S = extended_fit.sensitivity(fit.flow, effect, values, steps)
     free, whole = beside(S), np.linalg.norm(S, axis=0)
     size = np.linalg.norm(free, axis=0)
-    if effect.name == "centrifugal_stiffness":  # hidden in the runs' own frequencies: 1e-6 of the wave's phase is what its offsets show
+    if (
+        effect.name == "centrifugal_stiffness"
+    ):  # hidden in the runs' own frequencies: 1e-6 of the wave's phase is what its offsets show
         return values | {"coefficient": float(random.choice([-1, 1]) * z * 0.3)}
-    direction = np.where(size > 1e-6 * whole, random.standard_normal(len(size)) / np.where(size > 0, size, 1.0), 0.0)
+    direction = np.where(
+        size > 1e-6 * whole, random.standard_normal(len(size)) / np.where(size > 0, size, 1.0), 0.0
+    )
     direction = np.abs(direction) if effect.name in POSITIVE else direction
     direction *= z / np.linalg.norm(free @ direction)
-    return values | {name: values[name] + float(d) for name, d in zip(steps, direction, strict=True)}
+    return values | {
+        name: values[name] + float(d) for name, d in zip(steps, direction, strict=True)
+    }
 
 
 def hidden(name, seed, z=None):
@@ -103,19 +116,29 @@ def hidden(name, seed, z=None):
     z = z or float(np.exp(random.uniform(np.log(8), np.log(100))))
     effects = dict(BACKGROUND.get(name, {}))
     if name == "dropped_samples":
-        effects[name] = {"lost_s": int(random.integers(1, 4)) / 20011.0, "time_s": float(random.uniform(0.4, 1.6))}
+        effects[name] = {
+            "lost_s": int(random.integers(1, 4)) / 20011.0,
+            "time_s": float(random.uniform(0.4, 1.6)),
+        }
     elif name == "mains_tone":
         clean = measured(table)
         vector = random.standard_normal(4)
-        vector *= max(z, 15) * np.median(clean[0].signal_std) / np.sqrt(sum(len(w) for w in clean)) / np.linalg.norm(vector)
+        vector *= (
+            max(z, 15)
+            * np.median(clean[0].signal_std)
+            / np.sqrt(sum(len(w) for w in clean))
+            / np.linalg.norm(vector)
+        )
         away = float(random.choice([-1, 1]) * random.uniform(5, 50))
-        effects[name] = dict(zip(("c_cos", "c_sin", "s_cos", "s_sin"), map(float, vector), strict=True)) | {
-            "frequency_hz": table["device"]["frequency_hz"] + away
-        }
+        effects[name] = dict(
+            zip(("c_cos", "c_sin", "s_cos", "s_sin"), map(float, vector), strict=True)
+        ) | {"frequency_hz": table["device"]["frequency_hz"] + away}
     else:
         fit = base_of(measured({**table, "effects": effects}, name))
         for other, values in effects.items():
-            fit = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, find(other), values), fit.freedom)
+            fit = extended_fit.fit(
+                fit.series, extended_fit.with_effect(fit.point, find(other), values), fit.freedom
+            )
         effects[name] = sized(find(name), fit, z, random)
     return effects, measured({**table, "effects": effects}, name)
 
@@ -129,8 +152,13 @@ def errors(out, effects):
         parts = {k: entry["parameters"][k] for k in common}
         sign = 1.0
         if entry["name"] in COHERENT:
-            sign = np.sign(sum(p["value"] * true[k] / p["std"] ** 2 for k, p in parts.items())) or 1.0
-        found |= {f"{entry['name']}.{k}": (sign * p["value"] - true[k]) / p["std"] for k, p in parts.items()}
+            sign = (
+                np.sign(sum(p["value"] * true[k] / p["std"] ** 2 for k, p in parts.items())) or 1.0
+            )
+        found |= {
+            f"{entry['name']}.{k}": (sign * p["value"] - true[k]) / p["std"]
+            for k, p in parts.items()
+        }
     return found
 
 
@@ -142,7 +170,12 @@ def true_gain(runs, effects):
         for name, values in effects.items():
             effect = find(name)
             if held:
-                effect = dataclasses.replace(effect, parameters=tuple(dataclasses.replace(p, fitted=False) for p in effect.parameters))
+                effect = dataclasses.replace(
+                    effect,
+                    parameters=tuple(
+                        dataclasses.replace(p, fitted=False) for p in effect.parameters
+                    ),
+                )
             point = extended_fit.with_effect(point, effect, effect.values(values))
         point = extended_fit.fit(base.series, point, base.freedom).point
     gain = held_out(base, extended_fit.fit(base.series, point, base.freedom)).errors
@@ -150,18 +183,26 @@ def true_gain(runs, effects):
 
 
 def gain_without(runs, clean):
-    """Fall of the held-out mean squared error where the effect is taken out by truth: the same noise without it."""
+    """Fall of the held-out mean squared error where the effect is taken out by truth: the same
+    noise without it."""
     gain = held_out(base_of(runs), base_of(clean)).errors
     return float(gain.before.mean() / gain.after.mean())
 
 
 def clean_programme(seed):
-    """(table, periods a window, temperature logged) of a clean gyro: any mode, frequency, noise, converter, rates, temperatures."""
+    """(table, periods a window, temperature logged) of a clean gyro: any mode, frequency, noise,
+    converter, rates, temperatures."""
     random = np.random.default_rng([seed, 5])
-    frequency = float(random.choice([1000.0, 2000.0, 5000.0, 8000.0])) * float(random.uniform(0.97, 1.03))
+    frequency = float(random.choice([1000.0, 2000.0, 5000.0, 8000.0])) * float(
+        random.uniform(0.97, 1.03)
+    )
     length = float(random.uniform(1.5, 4))
     mode = int(random.choice([1, 2, 2, 3]))
-    forced, warm, turning = random.random() < 0.35, str(random.choice(["none", "constant", "ramp", "cycle"])), random.random() < 0.6
+    forced, warm, turning = (
+        random.random() < 0.35,
+        str(random.choice(["none", "constant", "ramp", "cycle"])),
+        random.random() < 0.6,
+    )
     table = {
         "device": {
             "frequency_hz": frequency,
@@ -173,7 +214,10 @@ def clean_programme(seed):
             "scale_factor": float(random.uniform(0.3, 0.9)),
             "mode_number": mode,
         },
-        "recording": {"sample_rate_hz": float(np.ceil(frequency * random.uniform(4.2, 9))), "duration_s": length},
+        "recording": {
+            "sample_rate_hz": float(np.ceil(frequency * random.uniform(4.2, 9))),
+            "duration_s": length,
+        },
         "readout": {"noise": float(10 ** random.uniform(np.log10(3e-5), -2))},
         "run": [],
     }
@@ -184,10 +228,20 @@ def clean_programme(seed):
         if warm == "constant":
             environment["temperature_degc"] = 24.0
         elif warm == "ramp":
-            environment["temperature"] = {"kind": "ramp", "start_degc": 22.0, "stop_degc": 22 + float(random.uniform(-2, 2))}
+            environment["temperature"] = {
+                "kind": "ramp",
+                "start_degc": 22.0,
+                "stop_degc": 22 + float(random.uniform(-2, 2)),
+            }
         elif warm == "cycle":
             period = length * float(random.uniform(0.4, 1.5))
-            environment["temperature"] = {"kind": "cycle", "low_degc": 22.0, "high_degc": 24.0, "period_s": period, "shape": "sine"}
+            environment["temperature"] = {
+                "kind": "cycle",
+                "low_degc": 22.0,
+                "high_degc": 24.0,
+                "period_s": period,
+                "shape": "sine",
+            }
         if turning:
             environment["rate_rad_s"] = float(random.choice([0, 1, 2, 3]) * random.choice([-1, 1]))
         start = {
@@ -198,15 +252,21 @@ def clean_programme(seed):
         }
         run = {"run_id": f"run{k}", "start": start, "environment": environment}
         if forced and random.random() < 0.5:
-            run["control"] = {"mode": "forced", "quadrature_loop": str(random.choice(["off", "finite"]))}
+            run["control"] = {
+                "mode": "forced",
+                "quadrature_loop": str(random.choice(["off", "finite"])),
+            }
             run["start"]["quadrature"] = 0.0
         table["run"].append(run)
-    periods = max(float(random.choice([1, 2, 5, 10, 20, 50])), float(np.ceil(frequency * length / 20000)))
+    periods = max(
+        float(random.choice([1, 2, 5, 10, 20, 50])), float(np.ceil(frequency * length / 20000))
+    )
     return table, periods, warm != "none"
 
 
 def stepped_programme(seed):
-    """A clean programme whose table goes through levels of the rate in most runs, each held for a part of the run."""
+    """A clean programme whose table goes through levels of the rate in most runs, each held for a
+    part of the run."""
     table, periods, logged = clean_programme(seed)
     random = np.random.default_rng([seed, 6])
     length = table["recording"]["duration_s"]

@@ -22,22 +22,35 @@ def even_scale_factor(seed):
     return truth
 
 
-def normalised_errors(seed, temperatures=(-20, 0, 20, 40, 60), points=300, settings=None, gyro=Truth, **more):
+def normalised_errors(
+    seed, temperatures=(-20, 0, 20, 40, 60), points=300, settings=None, gyro=Truth, **more
+):
     """Error / stated standard deviation of D and K at points the runs never stood at."""
     truth = gyro(100 + seed)
     record = calibrate(
-        programme(truth, temperatures, seed=seed, rates=(-0.5, 0.0, 0.5), **more), **(FIXED if settings is None else settings)
+        programme(truth, temperatures, seed=seed, rates=(-0.5, 0.0, 0.5), **more),
+        **(FIXED if settings is None else settings),
     )
     assert record.status == "valid", record.status_reasons
     draw = np.random.default_rng(seed)
-    x, theta = draw.uniform(temperatures[0], temperatures[-1], points), draw.uniform(0, np.pi, points)
+    x, theta = (
+        draw.uniform(temperatures[0], temperatures[-1], points),
+        draw.uniform(0, np.pi, points),
+    )
     found, std = values(record, x, theta), standard_deviations(record, x, theta)
-    return [(f - t) / s for f, t, s in zip(found, (truth.drift(x, theta), truth.scale(x, theta)), std)]
+    return [
+        (f - t) / s for f, t, s in zip(found, (truth.drift(x, theta), truth.scale(x, theta)), std)
+    ]
 
 
 @pytest.mark.parametrize("walk", [0.0, 1e-11])
 def test_errors_at_unseen_points_are_as_stated(walk):
-    drift, scale = (np.concatenate(z) for z in zip(*(normalised_errors(s, (-20, 20, 60), duration=20.0, walk=walk) for s in range(6))))
+    drift, scale = (
+        np.concatenate(z)
+        for z in zip(
+            *(normalised_errors(s, (-20, 20, 60), duration=20.0, walk=walk) for s in range(6))
+        )
+    )
     for z in (drift, scale):
         # six gyros with some nine independent coefficients each: the rms of z scatters by 10 %
         assert 0.7 < np.sqrt(np.mean(z**2)) < 1.3
@@ -46,10 +59,15 @@ def test_errors_at_unseen_points_are_as_stated(walk):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gyro", [Truth, even_scale_factor])
-@pytest.mark.parametrize(("walk", "settings"), [(0.0, FIXED), (1e-11, FIXED), (0.0, {"bootstrap": 0})])
+@pytest.mark.parametrize(
+    ("walk", "settings"), [(0.0, FIXED), (1e-11, FIXED), (0.0, {"bootstrap": 0})]
+)
 def test_coverage_over_many_gyros(walk, settings, gyro):
     """Limits given, and chosen by the stage; all four harmonics there, and most of them absent."""
-    errors = [normalised_errors(s, duration=30.0, walk=walk, settings=settings, gyro=gyro) for s in range(30)]
+    errors = [
+        normalised_errors(s, duration=30.0, walk=walk, settings=settings, gyro=gyro)
+        for s in range(30)
+    ]
     for z in (np.concatenate(z) for z in zip(*errors)):
         assert np.sqrt(np.mean(z**2)) < 1.2
         # thirty gyros with some 25 coefficients each tell a coverage to 0.9 %
@@ -58,7 +76,9 @@ def test_coverage_over_many_gyros(walk, settings, gyro):
 
 def test_without_noise_the_tables_are_the_truth():
     truth = Truth(5)
-    record = calibrate(programme(truth, (0, 20, 40), (-0.3, 0.3), duration=30, noise=1e-12), **FIXED)
+    record = calibrate(
+        programme(truth, (0, 20, 40), (-0.3, 0.3), duration=30, noise=1e-12), **FIXED
+    )
     x, theta = np.linspace(0, 40, 50), np.linspace(0, 1.5, 50)
     drift, scale = values(record, x, theta)
     assert np.abs(drift - truth.drift(x, theta)).max() < 2e-5 * np.abs(truth.d[0]).max()
@@ -78,14 +98,19 @@ def test_held_out_drift_is_near_what_the_true_coefficients_leave(monkeypatch):
             truth_coefficients[layout.drift(j)][:5] = powers @ truth.d
             truth_coefficients[layout.scale(j)][:5] = powers @ truth.k
         exact = np.repeat(truth_coefficients[:, None], whole.shape[1], axis=1)
-        caught["truth"] = original(fitted, exact, np.repeat(exact[:, :, None], held.shape[2], axis=2), folds)[1]
+        caught["truth"] = original(
+            fitted, exact, np.repeat(exact[:, :, None], held.shape[2], axis=2), folds
+        )[1]
         return original(fitted, whole, held, folds)
 
     monkeypatch.setattr(stage, "cells", spy)
     ratios = []
     for seed in range(4):
         truth = Truth(seed)
-        record = calibrate(programme(truth, (-20, 20, 60), (-0.5, 0.02, 0.5), seed=seed, duration=30, noise=3e-5), bootstrap=0)
+        record = calibrate(
+            programme(truth, (-20, 20, 60), (-0.5, 0.02, 0.5), seed=seed, duration=30, noise=3e-5),
+            bootstrap=0,
+        )
         left = caught["truth"]
         true_rms = np.sqrt(np.mean(left.residual_rad_s[left.low, -1] ** 2))
         figures = summary(record)["drift_rms_rad_s"]
@@ -112,13 +137,21 @@ def test_band_limit_is_found_and_the_ladder_descends():
     drift = [row["drift_rms_rad_s"] for row in out["ladder"]]
     scale = [row["scale_factor_rms_ppm"] for row in out["ladder"]]
     assert drift[0] > drift[1] > drift[2] and scale[0] > scale[1] > scale[2]
-    assert out["ladder"][2]["drift_interval_rad_s"][0] <= drift[2] <= out["ladder"][2]["drift_interval_rad_s"][1]
+    assert (
+        out["ladder"][2]["drift_interval_rad_s"][0]
+        <= drift[2]
+        <= out["ladder"][2]["drift_interval_rad_s"][1]
+    )
     json.dumps(out, allow_nan=False)
 
 
 def test_repeated_programmes_are_held_out_as_whole_runs():
     truth = Truth(4)
-    waves = [w for day in range(3) for w in programme(truth, (10, 40), (-0.4, 0.4), seed=day, duration=15)]
+    waves = [
+        w
+        for day in range(3)
+        for w in programme(truth, (10, 40), (-0.4, 0.4), seed=day, duration=15)
+    ]
     waves = [w.replace(run_id=f"{w.run_id} {i}") for i, w in enumerate(waves)]
     assert summary(calibrate(waves, **FIXED))["held_out_by"] == "runs"
 
@@ -126,13 +159,25 @@ def test_repeated_programmes_are_held_out_as_whole_runs():
 @pytest.mark.parametrize(
     ("temperatures", "rates", "kept", "words"),
     [
-        ((20,), (0.5,), slice(None), "one rate only.*0.5 rad/s.*K and D cannot be told apart.*add a run"),
+        (
+            (20,),
+            (0.5,),
+            slice(None),
+            "one rate only.*0.5 rad/s.*K and D cannot be told apart.*add a run",
+        ),
         ((0, 40), (-0.5, 0.5), slice(0, 3), "at 40 °C there is one rate only"),
         ((20,), (0.0,), slice(None), "no run turns"),
-        ((20,), (0.05, 0.02), slice(None), "cover .* % of the wave angle's period of 90°: .* is missing"),
+        (
+            (20,),
+            (0.05, 0.02),
+            slice(None),
+            "cover .* % of the wave angle's period of 90°: .* is missing",
+        ),
     ],
 )
-def test_programmes_that_cannot_serve_are_refused_with_the_missing_run(temperatures, rates, kept, words):
+def test_programmes_that_cannot_serve_are_refused_with_the_missing_run(
+    temperatures, rates, kept, words
+):
     record = calibrate(programme(Truth(1), temperatures, rates, duration=12)[kept], bootstrap=0)
     assert record.status == "refused"
     import re
@@ -147,9 +192,14 @@ def test_one_temperature_gives_one_node_with_a_narrow_range():
 
 
 def test_runs_without_temperature_and_rates_by_run():
-    waves = [w.replace(temperature_degc=None, rate_rad_s=None) for w in programme(Truth(1, curved=False), (20,), (-0.5, 0.5), duration=15)]
+    waves = [
+        w.replace(temperature_degc=None, rate_rad_s=None)
+        for w in programme(Truth(1, curved=False), (20,), (-0.5, 0.5), duration=15)
+    ]
     record = calibrate(waves, rates_rad_s={"T20 R-0.5": -0.5, "T20 R0.5": 0.5}, **FIXED)
-    assert record.status == "suspect" and record.scale_factor_harmonics[0, 0] == pytest.approx(0.55, rel=1e-4)
+    assert record.status == "suspect" and record.scale_factor_harmonics[0, 0] == pytest.approx(
+        0.55, rel=1e-4
+    )
     with pytest.raises(HrgError, match="no rate log"):
         calibrate(waves)
 
@@ -160,14 +210,21 @@ def test_earth_rate_moves_the_drift_by_k_times_it():
     seen = [w.replace(rate_rad_s=w.rate_rad_s - earth) for w in waves]
     right = calibrate(seen, earth_rate_rad_s=earth, **FIXED)
     wrong = calibrate(seen, **FIXED)
-    assert right.drift_harmonics[0, 0] == pytest.approx(truth.d[0, 0], abs=5 * right.drift_harmonics_std[0, 0])
-    assert wrong.drift_harmonics[0, 0] - right.drift_harmonics[0, 0] == pytest.approx(-0.55 * earth, rel=0.01)
+    assert right.drift_harmonics[0, 0] == pytest.approx(
+        truth.d[0, 0], abs=5 * right.drift_harmonics_std[0, 0]
+    )
+    assert wrong.drift_harmonics[0, 0] - right.drift_harmonics[0, 0] == pytest.approx(
+        -0.55 * earth, rel=0.01
+    )
 
 
 def test_frequency_in_place_of_temperature():
     truth = Truth(7)
     waves = programme(truth, (0, 20, 40), (-0.5, 0.5), duration=20)
-    by_temperature, by_frequency = calibrate(waves, **FIXED), calibrate(waves, axis="frequency", **FIXED)
+    by_temperature, by_frequency = (
+        calibrate(waves, **FIXED),
+        calibrate(waves, axis="frequency", **FIXED),
+    )
     assert by_frequency.node == pytest.approx(5000 + 0.4 * (by_temperature.node - 20))
     assert by_frequency.drift_harmonics == pytest.approx(by_temperature.drift_harmonics, abs=1e-9)
     assert by_frequency.temperature_degc is None
@@ -177,7 +234,8 @@ def test_frequency_in_place_of_temperature():
 def test_sweeps_over_temperature(interpolation):
     truth = Truth(8, curved=False)
     waves = [
-        forced_run(truth, lambda t: -20 + 2 * t, rate, 40, i, dt=0.04, run_id=f"sweep {i}") for i, rate in enumerate((-0.5, 0.5, -0.5, 0.5))
+        forced_run(truth, lambda t: -20 + 2 * t, rate, 40, i, dt=0.04, run_id=f"sweep {i}")
+        for i, rate in enumerate((-0.5, 0.5, -0.5, 0.5))
     ]
     record = calibrate(waves, interpolation=interpolation, **FIXED)
     assert record.status == "valid" and len(record.node) == 6
@@ -203,9 +261,14 @@ def test_a_stray_harmonic_is_reported_and_kept_out_of_the_tables():
     truth = Truth(1)
     waves = programme(truth, (20,), (-0.5, 0.5), duration=30)
     # an offset at the resonance: an angle error of 2θ
-    shifted = [w.replace(wave_angle_rad=w.wave_angle_rad + 2e-4 * np.sin(2 * w.wave_angle_rad)) for w in waves]
+    shifted = [
+        w.replace(wave_angle_rad=w.wave_angle_rad + 2e-4 * np.sin(2 * w.wave_angle_rad))
+        for w in waves
+    ]
     record = calibrate(shifted, **FIXED)
-    assert record.status == "suspect" and any("stray harmonic 2θ" in reason for reason in record.status_reasons)
+    assert record.status == "suspect" and any(
+        "stray harmonic 2θ" in reason for reason in record.status_reasons
+    )
     assert not any("6θ" in reason for reason in record.status_reasons)
     assert calibrate(waves, **FIXED).status_reasons[0].startswith("all runs are near")
 
@@ -225,7 +288,9 @@ def test_wrong_company_is_named():
 def test_mode_number_one():
     truth = Truth(11, mode_number=1, drift=5e-4)
     record = calibrate(programme(truth, (20,), (-0.4, 0.4), duration=40), **FIXED)
-    assert record.wave_angle_rad.max() < np.pi and record.drift_harmonics[0, 1:3] == pytest.approx(truth.d[0, 1:3], rel=0.02)
+    assert record.wave_angle_rad.max() < np.pi and record.drift_harmonics[0, 1:3] == pytest.approx(
+        truth.d[0, 1:3], rel=0.02
+    )
 
 
 @pytest.mark.parametrize(
@@ -243,7 +308,9 @@ def test_mode_number_one():
 def test_odd_columns(change, status, words):
     waves = [w.replace(**change) for w in programme(Truth(1), (0, 40), (-0.5, 0.5), duration=12)]
     record = calibrate(waves, model="all", ladder=True, bootstrap=5)
-    assert record.status == status and (words is None or any(words in reason for reason in record.status_reasons))
+    assert record.status == status and (
+        words is None or any(words in reason for reason in record.status_reasons)
+    )
     assert np.isfinite(record.drift_rad_s_std).all()
     json.dumps(summary(record), allow_nan=False)
 
@@ -251,8 +318,13 @@ def test_odd_columns(change, status, words):
 def test_noise_that_damps_the_harmonics_is_said():
     draw = np.random.default_rng(0)
     waves = programme(Truth(1), (20,), (-0.5, 0.5), duration=12)
-    loud = [w.replace(wave_angle_rad=w.wave_angle_rad + 0.1 * draw.normal(size=len(w))) for w in waves]
-    assert any("damps the harmonic 8θ" in reason for reason in calibrate(loud, model="table", **FIXED).status_reasons)
+    loud = [
+        w.replace(wave_angle_rad=w.wave_angle_rad + 0.1 * draw.normal(size=len(w))) for w in waves
+    ]
+    assert any(
+        "damps the harmonic 8θ" in reason
+        for reason in calibrate(loud, model="table", **FIXED).status_reasons
+    )
 
 
 class Curvy(Truth):

@@ -1,9 +1,12 @@
-"""Gyros whose loops act on real electronics, through the whole chain: tables in their own standard deviations of what theory expects.
+"""Gyros whose loops act on real electronics, through the whole chain: tables in their own standard
+deviations of what theory expects.
 
-The main force stands τ behind the wave (half a window read, half a window held, and the delay): it turns the wave by a_ΦA/a_A·(−mθ')τ. It
-follows the loss ν(1 + δμ cos χ) through the amplitude loop, closed-loop response H(jλ) = L/(1 + L), L = (g + g²/4s)e^{−sτ}/(s + ν) at
-s = jλ = 2jKΩ. So (1 + ντ)mθ' = −K(1 − ντδμ Re H cos χ)Ω + D with D = νδμ(1 + Im H·KΩτ) sin χ − δω²k/(k² + λ²) sin 2ζ, k = ν + k_q.
-τ is known to 1/2ω only, a force's power being largest twice a period: the phase at which a window begins counts.
+The main force stands τ behind the wave (half a window read, half a window held, and the delay): it
+turns the wave by a_ΦA/a_A·(−mθ')τ. It follows the loss ν(1 + δμ cos χ) through the amplitude loop,
+closed-loop response H(jλ) = L/(1 + L), L = (g + g²/4s)e^{−sτ}/(s + ν) at s = jλ = 2jKΩ. So (1 +
+ντ)mθ' = −K(1 − ντδμ Re H cos χ)Ω + D with D = νδμ(1 + Im H·KΩτ) sin χ − δω²k/(k² + λ²) sin 2ζ, k =
+ν + k_q. τ is known to 1/2ω only, a force's power being largest twice a period: the phase at which a
+window begins counts.
 """
 
 import numpy as np
@@ -29,7 +32,12 @@ def gyro(seed):
         "damping_axis_rad": float(draw.uniform(0, np.pi / 2)), "frequency_split_rad_s": float(draw.uniform(0.0, 0.02)),
         "stiffness_axis_rad": float(draw.uniform(0, np.pi / 2)), "scale_factor": float(draw.uniform(0.5, 0.6)),
     }  # fmt: skip
-    board = {"periods_per_update": WINDOW, "delay_periods": float(draw.integers(0, 60)), "drive_bits": 16, "drive_full_scale": 4.0}
+    board = {
+        "periods_per_update": WINDOW,
+        "delay_periods": float(draw.integers(0, 60)),
+        "drive_bits": 16,
+        "drive_full_scale": 4.0,
+    }
     return device, board | {"phase_loop_hz": 1.0}
 
 
@@ -44,7 +52,10 @@ def calibrated(seed, duration=10.0):
     }  # fmt: skip
     recordings = [collect(simulate(config, run=f"R{r:g}", seed=seed)) for r in (-RATE, RATE)]
     assert all(record.status == "valid" for record in recordings)
-    waves = [collect(estimate(collect(demodulate(record, periods_per_window=5)))) for record in recordings]
+    waves = [
+        collect(estimate(collect(demodulate(record, periods_per_window=5))))
+        for record in recordings
+    ]
     waves = [wave.rows(int(np.searchsorted(wave.time_s, SETTLED_S)), len(wave)) for wave in waves]
     return calibrate(waves, model="table", harmonics=2, scale_factor_harmonics=1, bootstrap=0)
 
@@ -62,29 +73,49 @@ def expected(seed):
     mu, stiff = 4 * device["damping_axis_rad"], 8 * device["stiffness_axis_rad"]
     split = nu * device["damping_split"]
     four = split * (1 + H.imag * K * RATE * late)
-    drift = [0.0, -four * np.sin(mu), four * np.cos(mu), -eight * np.sin(stiff), eight * np.cos(stiff)]
+    drift = [
+        0.0,
+        -four * np.sin(mu),
+        four * np.cos(mu),
+        -eight * np.sin(stiff),
+        eight * np.cos(stiff),
+    ]
     ripple = -K * split * late * H.real
     behind = 1 + nu * late
-    return np.array(drift) / behind, np.array([K, ripple * np.cos(mu), ripple * np.sin(mu)]) / behind
+    return (
+        np.array(drift) / behind,
+        np.array([K, ripple * np.cos(mu), ripple * np.sin(mu)]) / behind,
+    )
 
 
 def errors(seeds):
     drift, scale = [], []
     for seed in seeds:
         record, (truth, K) = calibrated(seed), expected(seed)
-        assert record.status != "refused" and len(record.status_reasons) == 1, record.status_reasons  # one temperature
+        assert record.status != "refused" and len(record.status_reasons) == 1, (
+            record.status_reasons
+        )  # one temperature
         drift += list((record.drift_harmonics[0] - truth) / record.drift_harmonics_std[0])
-        phase = K[0] / gyro(seed)[0]["time_constant_s"] / (4 * np.pi * FREQUENCY) * np.array([1, 0, 0])
-        scale += list((record.scale_factor_harmonics[0] - K) / np.hypot(record.scale_factor_harmonics_std[0], phase))
+        phase = (
+            K[0] / gyro(seed)[0]["time_constant_s"] / (4 * np.pi * FREQUENCY) * np.array([1, 0, 0])
+        )
+        scale += list(
+            (record.scale_factor_harmonics[0] - K)
+            / np.hypot(record.scale_factor_harmonics_std[0], phase)
+        )
     return np.array(drift), np.array(scale)
 
 
 def test_recorded_loops_with_delay_and_noise_still_calibrate():
     drift, scale = errors(range(2))
-    assert np.sqrt(np.mean(drift**2)) < 2.1 and np.sqrt(np.mean(scale**2)) < 2.2  # 10 and 6 values: chance 1e-4 each
+    assert (
+        np.sqrt(np.mean(drift**2)) < 2.1 and np.sqrt(np.mean(scale**2)) < 2.2
+    )  # 10 and 6 values: chance 1e-4 each
 
 
 @pytest.mark.slow
 def test_a_lot_of_gyros_on_real_electronics_is_right_within_its_errors():
     drift, scale = errors(range(16))
-    assert np.sqrt(np.mean(drift**2)) < 1.2 and np.sqrt(np.mean(scale**2)) < 1.2  # 80 and 48 values: chance 1e-2
+    assert (
+        np.sqrt(np.mean(drift**2)) < 1.2 and np.sqrt(np.mean(scale**2)) < 1.2
+    )  # 80 and 48 values: chance 1e-2

@@ -1,4 +1,5 @@
-"""Stages 5 to 7 of the ladder on raw samples: hidden faults of loops and read-out, named with their sizes; a clean gyro shows none."""
+"""Stages 5 to 7 of the ladder on raw samples: hidden faults of loops and read-out, named with their
+sizes; a clean gyro shows none."""
 
 import json
 
@@ -24,15 +25,25 @@ LOOPS = ("phase error of the quadrature loop", "drive matrix, by the drive's log
 
 
 def programme(names, seed=3, duration=8.0, device=DEVICE):
-    """Forced runs with the quadrature loop on and off, and free run-downs, both senses of rotation, by the fast engine."""
+    """Forced runs with the quadrature loop on and off, and free run-downs, both senses of rotation,
+    by the fast engine."""
     pytest.importorskip("numba")
     controls = {
-        "on": {"mode": "forced", "amplitude": 1.0, "quadrature_loop": "finite", "quadrature_gain_1_s": 20.0},
+        "on": {
+            "mode": "forced",
+            "amplitude": 1.0,
+            "quadrature_loop": "finite",
+            "quadrature_gain_1_s": 20.0,
+        },
         "off": {"mode": "forced", "amplitude": 1.0, "quadrature_loop": "off"},
         "free": {"mode": "free"},
     }
     runs = [
-        {"run_id": f"{name}{rate:+g}", "control": control, "environment": {"rate_rad_s": rate, "temperature_degc": 20.0}}
+        {
+            "run_id": f"{name}{rate:+g}",
+            "control": control,
+            "environment": {"rate_rad_s": rate, "temperature_degc": 20.0},
+        }
         for rate in (3.0, -3.0)
         for name, control in controls.items()
     ]
@@ -41,7 +52,16 @@ def programme(names, seed=3, duration=8.0, device=DEVICE):
         "effects": {name: dict([HIDDEN[name]]) for name in names}, "run": runs,
     }  # fmt: skip
     return [
-        collect(estimate(collect(demodulate(collect(simulate(config, run=run["run_id"], seed=seed)), periods_per_window=5))))
+        collect(
+            estimate(
+                collect(
+                    demodulate(
+                        collect(simulate(config, run=run["run_id"], seed=seed)),
+                        periods_per_window=5,
+                    )
+                )
+            )
+        )
         for run in runs
     ]
 
@@ -72,7 +92,11 @@ def test_five_faults_at_once_are_named_with_their_sizes():
     factors = {f["name"]: f for f in analysis["factors"]}
     for name in LOOPS:
         # stage 6: without the factor, tables shared by free and forced runs do not serve
-        assert factors[name]["z"] > 50 and factors[name]["drift_without_rad_s"] > 3 * floor and factors[name]["independence"] > 0.2
+        assert (
+            factors[name]["z"] > 50
+            and factors[name]["drift_without_rad_s"] > 3 * floor
+            and factors[name]["independence"] > 0.2
+        )
     assert ["drift over angle", LOOPS[1]] in [pair[:2] for pair in analysis["correlated"]]
 
 
@@ -82,7 +106,11 @@ def test_a_clean_gyro_shows_no_fault():
         assert abs(value) < 4 * std, name
     assert not set(LOOPS) & set(analysis["significant"])
     drift = [row["drift_rms_rad_s"] for row in out["ladder"]]
-    assert drift[3] < 0.1 * drift[2] and drift[4] == pytest.approx(drift[3], rel=0.1) and drift[5] == pytest.approx(drift[3], rel=0.1)
+    assert (
+        drift[3] < 0.1 * drift[2]
+        and drift[4] == pytest.approx(drift[3], rel=0.1)
+        and drift[5] == pytest.approx(drift[3], rel=0.1)
+    )
 
 
 @pytest.mark.slow
@@ -92,12 +120,17 @@ def test_one_fault_alone_is_told_from_the_others(name):
     for other, (value, std) in found(out).items():
         size = HIDDEN[name][1] if other == name else 0.0
         assert abs(value - size) < 4 * std, other
-    guilty = {"quadrature_drive_phase_error": {LOOPS[0]}, "gain_mismatch": set()}.get(name, {LOOPS[1]})
+    guilty = {"quadrature_drive_phase_error": {LOOPS[0]}, "gain_mismatch": set()}.get(
+        name, {LOOPS[1]}
+    )
     assert set(LOOPS) & set(analysis["significant"]) == guilty
 
 
 def test_without_a_log_of_the_drive_the_free_runs_still_tell_its_matrix():
-    unlogged = [w.replace(drive_main=None, drive_quadrature=None) for w in programme(["drive_gain_mismatch", "drive_rotation"])]
+    unlogged = [
+        w.replace(drive_main=None, drive_quadrature=None)
+        for w in programme(["drive_gain_mismatch", "drive_rotation"])
+    ]
     out, _ = climbed(unlogged)
     for name in ("drive_gain_mismatch", "drive_rotation"):
         value, std = found(out)[name]
@@ -107,15 +140,33 @@ def test_without_a_log_of_the_drive_the_free_runs_still_tell_its_matrix():
 
 
 def blameless(seed):
-    """z of the factors of a gyro in which nothing acts but its tables: a drive that is logged and a quadrature that turns nothing."""
+    """z of the factors of a gyro in which nothing acts but its tables: a drive that is logged and a
+    quadrature that turns nothing."""
     truth, runs = Truth(seed, curved=False), []
     for i, rate in enumerate((-0.5, 0.5)):
         for mode in ("forced", "free"):
-            made = forced_run(truth, 20.0, rate, 15, 1000 * seed + 10 * i + len(mode), run_id=f"{mode}{i}", gyro_id="g")
+            made = forced_run(
+                truth,
+                20.0,
+                rate,
+                15,
+                1000 * seed + 10 * i + len(mode),
+                run_id=f"{mode}{i}",
+                gyro_id="g",
+            )
             wobble = 0.01 * np.sin(0.7 * made.time_s + seed + i)
-            logs = {"drive_main": np.full(len(made), 0.2), "drive_quadrature": 0.05 * np.cos(1.3 * made.time_s + i)}
-            runs.append(made.replace(mode=mode, quadrature_amplitude=wobble, **(logs if mode == "forced" else {})))
-    analysis = json.loads(calibrate(runs, ladder=True, harmonics=2, scale_factor_harmonics=2, bootstrap=0).details)["final_analysis"]
+            logs = {
+                "drive_main": np.full(len(made), 0.2),
+                "drive_quadrature": 0.05 * np.cos(1.3 * made.time_s + i),
+            }
+            runs.append(
+                made.replace(
+                    mode=mode, quadrature_amplitude=wobble, **(logs if mode == "forced" else {})
+                )
+            )
+    analysis = json.loads(
+        calibrate(runs, ladder=True, harmonics=2, scale_factor_harmonics=2, bootstrap=0).details
+    )["final_analysis"]
     return {f["name"]: f["z"] for f in analysis["factors"] if "values" in f}, analysis
 
 

@@ -1,4 +1,5 @@
-"""Seed A's variants and ladder against the exact slow model, repeats and thermal memory against known causes."""
+"""Seed A's variants and ladder against the exact slow model, repeats and thermal memory against
+known causes."""
 
 import json
 
@@ -17,26 +18,51 @@ DEVICE = Mechanics(5000.0, 0.02, 8e-4, 0.4, 4e-3, 0.15, 0.55)
 
 
 def free_run(device, rate, start, ratio, run_id, duration=20.0, noise=1e-7, seed=0):
-    """Free run of the exact slow model u' = L u from a wave angle and a quadrature: no formula of the drift enters."""
+    """Free run of the exact slow model u' = L u from a wave angle and a quadrature: no formula of
+    the drift enters."""
     t = np.arange(int(duration / 0.02)) * 0.02
     L = generator(device, rate, second_order=0)
-    u = np.einsum("nij,j->ni", exponential(np.broadcast_to(L, (len(t), 2, 2)), t), ellipse.envelopes(1.0, ratio, start, 0.0))
+    u = np.einsum(
+        "nij,j->ni",
+        exponential(np.broadcast_to(L, (len(t), 2, 2)), t),
+        ellipse.envelopes(1.0, ratio, start, 0.0),
+    )
     a, b, theta, phase = ellipse.wave(u)
     theta, phase = ellipse.unwrap(theta, phase)
     draw = np.random.default_rng(seed)
     full = np.full(len(t), 20.0)
-    wave = wave_of(t, theta + noise * draw.normal(size=len(t)), full, np.full(len(t), rate), noise, run_id, ratio=b, mode="free")
+    wave = wave_of(
+        t,
+        theta + noise * draw.normal(size=len(t)),
+        full,
+        np.full(len(t), rate),
+        noise,
+        run_id,
+        ratio=b,
+        mode="free",
+    )
     return wave.replace(main_amplitude=a, frequency_hz=5000.0 + np.gradient(phase, t) / (2 * np.pi))
 
 
 @pytest.fixture(scope="module")
 def free_runs():
-    plan = [(0.4, 0.1, 0.01), (-0.4, 0.9, -0.01), (0.4, 0.7, -0.01), (-0.4, 0.3, 0.01), (0.0, 0.2, 0.02), (0.0, 1.1, -0.02)]
-    return [free_run(DEVICE, rate, start, ratio, f"f{i}", seed=i) for i, (rate, start, ratio) in enumerate(plan)]
+    plan = [
+        (0.4, 0.1, 0.01),
+        (-0.4, 0.9, -0.01),
+        (0.4, 0.7, -0.01),
+        (-0.4, 0.3, 0.01),
+        (0.0, 0.2, 0.02),
+        (0.0, 1.1, -0.02),
+    ]
+    return [
+        free_run(DEVICE, rate, start, ratio, f"f{i}", seed=i)
+        for i, (rate, start, ratio) in enumerate(plan)
+    ]
 
 
 def test_quadrature_variant_finds_both_anisotropies(free_runs):
-    """(11) to first order in r: νδμ sin 2m(θ − θ_μ) from the table, −2rδω cos 2m(θ − θ_ω) from the observed a_B."""
+    """(11) to first order in r: νδμ sin 2m(θ − θ_μ) from the table, −2rδω cos 2m(θ − θ_ω) from the
+    observed a_B."""
     record = calibrate(free_runs, model="quadrature", scale_factor_harmonics=0, bootstrap=0)
     drift = record.drift_harmonics[0]
     assert np.hypot(drift[1], drift[2]) == pytest.approx(8e-4, rel=0.005)
@@ -50,11 +76,19 @@ def test_quadrature_variant_finds_both_anisotropies(free_runs):
 def test_phase_variant_needs_no_stiffness_axes_but_the_mean_frequency(free_runs):
     record = calibrate(free_runs, model="phase", scale_factor_harmonics=0, bootstrap=0)
     assert np.hypot(*record.drift_harmonics[0, 1:3]) == pytest.approx(8e-4, rel=0.01)
-    assert json.loads(record.details)["measured"]["mean_frequency_hz"][0] == pytest.approx(5000.0, abs=2e-5)
+    assert json.loads(record.details)["measured"]["mean_frequency_hz"][0] == pytest.approx(
+        5000.0, abs=2e-5
+    )
 
 
 def test_all_variants_in_one_table(free_runs):
-    names = ("damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
+    names = (
+        "damping_split_1_s",
+        "damping_axis_rad",
+        "frequency_split_rad_s",
+        "stiffness_axis_rad",
+        "scale_factor",
+    )
     resonator = Resonator(
         name=np.array(names), value=np.array([8e-4, 0.4, 4e-3, 0.15, 0.55]), std=np.full(5, 1e-7),
         units=np.array(["s-1", "rad", "rad s-1", "rad", "1"]),
@@ -68,10 +102,16 @@ def test_all_variants_in_one_table(free_runs):
     assert rows["physical"]["coefficients"] == 0
     # (12) in numbers: δD = 4πr·δf
     phase = next(v for v in json.loads(record.details)["variants"] if v["stage"] == "phase")
-    assert phase["mean_frequency_needed_hz"] * 4 * np.pi * phase["quadrature_ratio_rms"] == pytest.approx(rows["table"]["drift_rms_rad_s"])
+    assert phase["mean_frequency_needed_hz"] * 4 * np.pi * phase[
+        "quadrature_ratio_rms"
+    ] == pytest.approx(rows["table"]["drift_rms_rad_s"])
     physical = calibrate(free_runs, resonator, model="physical", bootstrap=0)
-    assert physical.drift_harmonics[0, 1:3] == pytest.approx([-8e-4 * np.sin(1.6), 8e-4 * np.cos(1.6)])
-    assert physical.drift_harmonics_std[0, 2] == pytest.approx(1e-7 * np.hypot(np.cos(1.6), 4 * 8e-4 * np.sin(1.6)), rel=1e-6)
+    assert physical.drift_harmonics[0, 1:3] == pytest.approx(
+        [-8e-4 * np.sin(1.6), 8e-4 * np.cos(1.6)]
+    )
+    assert physical.drift_harmonics_std[0, 2] == pytest.approx(
+        1e-7 * np.hypot(np.cos(1.6), 4 * 8e-4 * np.sin(1.6)), rel=1e-6
+    )
 
 
 def test_measured_part_is_applied_in_operation(free_runs):
@@ -79,8 +119,13 @@ def test_measured_part_is_applied_in_operation(free_runs):
     after = {}
     for model in ("parametric", "quadrature", "phase"):
         record = calibrate(free_runs, model=model, scale_factor_harmonics=0, bootstrap=0)
-        after[model] = compensated_figures(collect(compensate(unseen, record)))["angle_cell_rms_rad_s"]["after"]
-    assert after["quadrature"] < 0.15 * after["parametric"] and after["phase"] < 0.15 * after["parametric"]
+        after[model] = compensated_figures(collect(compensate(unseen, record)))[
+            "angle_cell_rms_rad_s"
+        ]["after"]
+    assert (
+        after["quadrature"] < 0.15 * after["parametric"]
+        and after["phase"] < 0.15 * after["parametric"]
+    )
 
 
 def driven(seed=0, drive_error=3e-4):
@@ -92,7 +137,11 @@ def driven(seed=0, drive_error=3e-4):
     runs = []
     for i, (T, rate) in enumerate([(T, R) for T in (0, 40) for R in (-0.5, 0.5)]):
         runs.append(forced_run(drive, T, rate, 30, seed + i, run_id=f"forced {i}"))
-        runs.append(forced_run(resonator, T, rate, 30, seed + 50 + i, run_id=f"free {i}").replace(mode="free"))
+        runs.append(
+            forced_run(resonator, T, rate, 30, seed + 50 + i, run_id=f"free {i}").replace(
+                mode="free"
+            )
+        )
     return runs
 
 
@@ -100,18 +149,33 @@ def test_the_ladder_separates_the_drive_by_free_runs():
     record = calibrate(driven(), ladder=True, harmonics=2, scale_factor_harmonics=0, bootstrap=50)
     rows = summary(record)["ladder"]
     assert [row["stage"][0] for row in rows] == list("1234567")
-    assert all(np.isfinite([row["drift_rms_rad_s"], row["scale_factor_rms_ppm"]]).all() for row in rows)
+    assert all(
+        np.isfinite([row["drift_rms_rad_s"], row["scale_factor_rms_ppm"]]).all() for row in rows
+    )
     assert "note" in rows[3] and "note" in rows[4] and "note" not in rows[5]
     factors = {f["name"]: f for f in json.loads(record.details)["final_analysis"]["factors"]}
     drive = factors["drive matrix, forced runs against free ones"]
     assert drive["values"][1] == pytest.approx(3e-4, abs=5 * drive["std"][1])
-    assert abs(drive["values"][2]) < 5 * drive["std"][2] and drive["z"] > 10 and drive["independence"] > 0.5
-    assert "drive matrix, forced runs against free ones" in json.loads(record.details)["final_analysis"]["significant"]
+    assert (
+        abs(drive["values"][2]) < 5 * drive["std"][2]
+        and drive["z"] > 10
+        and drive["independence"] > 0.5
+    )
+    assert (
+        "drive matrix, forced runs against free ones"
+        in json.loads(record.details)["final_analysis"]["significant"]
+    )
 
 
 def test_ladder_names_what_it_cannot_reach():
-    rows = summary(calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=15), ladder=True, bootstrap=0))["ladder"]
-    assert len(rows) == 7 and "no free run" in rows[5]["note"] and "no drive is logged" in rows[4]["note"]
+    rows = summary(
+        calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=15), ladder=True, bootstrap=0)
+    )["ladder"]
+    assert (
+        len(rows) == 7
+        and "no free run" in rows[5]["note"]
+        and "no drive is logged" in rows[4]["note"]
+    )
 
 
 def test_harmonics_that_do_not_repeat_are_named_and_dropped():
@@ -123,21 +187,37 @@ def test_harmonics_that_do_not_repeat_are_named_and_dropped():
         today.d = truth.d.copy()
         today.d[0, 3:] = draw.normal(size=2) * 2e-4
         waves += [
-            forced_run(today, T, R, 20, 100 * day + i, run_id=f"{day} {i}", start_time=f"2026-03-0{day + 1}T08:00:00Z")
+            forced_run(
+                today,
+                T,
+                R,
+                20,
+                100 * day + i,
+                run_id=f"{day} {i}",
+                start_time=f"2026-03-0{day + 1}T08:00:00Z",
+            )
             for i, (T, R) in enumerate([(0, -0.5), (0, 0.5), (40, -0.5), (40, 0.5)])
         ]
     record = calibrate(waves, harmonics=2, scale_factor_harmonics=1, stable_only=True, bootstrap=0)
     details = json.loads(record.details)
     found = {(row["kind"], row["harmonic"]): row for row in details["stability"]["harmonics"]}
     assert details["stability"]["told_by"] == "day" and len(details["stability"]["programmes"]) == 5
-    assert not found["drift", 2]["repeats"] and found["drift", 1]["repeats"] and found["scale", 1]["repeats"]
+    assert (
+        not found["drift", 2]["repeats"]
+        and found["drift", 1]["repeats"]
+        and found["scale", 1]["repeats"]
+    )
     assert found["drift", 2]["scatter"] == pytest.approx(2e-4 * np.sqrt(2), rel=0.6)
     assert details["dropped"] == ["drift 8θ"]
-    assert np.abs(record.drift_harmonics[:, 3:]).max() == 0 and np.abs(record.drift_harmonics[:, 1]).min() > 0
+    assert (
+        np.abs(record.drift_harmonics[:, 3:]).max() == 0
+        and np.abs(record.drift_harmonics[:, 1]).min() > 0
+    )
 
 
 def sweeps(lag=0.0, hysteresis=0.0, speeds=(1.0, -1.0), seed=0):
-    """Up and down sweeps; the resonator stands at T + lag·dT/dt + hysteresis·sign(dT/dt) of the thermometer."""
+    """Up and down sweeps; the resonator stands at T + lag·dT/dt + hysteresis·sign(dT/dt) of the
+    thermometer."""
     truth, waves = Truth(8, curved=False), []
     truth.d[1] = truth.d[0] * 0.8
     for i, (speed, rate) in enumerate([(s, r) for s in speeds for r in (-0.5, 0.5)]):
@@ -158,7 +238,9 @@ def sweeps(lag=0.0, hysteresis=0.0, speeds=(1.0, -1.0), seed=0):
 
 
 def test_one_sweep_speed_cannot_tell_lag_from_hysteresis():
-    found = json.loads(calibrate(sweeps(lag=2.0), harmonics=2, scale_factor_harmonics=2, bootstrap=0).details)["thermal_memory"]
+    found = json.loads(
+        calibrate(sweeps(lag=2.0), harmonics=2, scale_factor_harmonics=2, bootstrap=0).details
+    )["thermal_memory"]
     assert not found["separable"] and "another speed" in found["sentence"]
     assert found["lag"]["value"] == pytest.approx(2.0, abs=5 * found["lag"]["std"])
 
@@ -166,18 +248,26 @@ def test_one_sweep_speed_cannot_tell_lag_from_hysteresis():
 @pytest.mark.parametrize(("lag", "hysteresis"), [(2.0, 0.0), (0.0, 1.5)])
 def test_two_sweep_speeds_tell_lag_from_hysteresis(lag, hysteresis):
     waves = sweeps(lag, hysteresis, speeds=(1.5, -1.5, 0.5, -0.5))
-    found = json.loads(calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0).details)["thermal_memory"]
+    found = json.loads(
+        calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0).details
+    )["thermal_memory"]
     assert found["separable"]
     for name, truth in (("lag", lag), ("hysteresis", hysteresis)):
-        assert found[name]["value"] == pytest.approx(truth, abs=5 * found[name]["std"] + 0.03 * (lag + hysteresis))
+        assert found[name]["value"] == pytest.approx(
+            truth, abs=5 * found[name]["std"] + 0.03 * (lag + hysteresis)
+        )
         assert found[name]["std"] < 0.2
 
 
 def test_a_drift_that_moves_with_the_quadrature_is_said(free_runs):
-    """−2rδω cos ζ stays in the residual of a table; the quadrature variant takes it and is silent."""
+    """−2rδω cos ζ stays in the residual of a table; the quadrature variant takes it and is
+    silent."""
     words = "moves with the measured quadrature"
     assert any(
-        words in reason for reason in calibrate(free_runs, model="table", harmonics=1, scale_factor_harmonics=0, bootstrap=0).status_reasons
+        words in reason
+        for reason in calibrate(
+            free_runs, model="table", harmonics=1, scale_factor_harmonics=0, bootstrap=0
+        ).status_reasons
     )
     model = calibrate(free_runs, model="quadrature", scale_factor_harmonics=0, bootstrap=0)
     assert not any(words in reason for reason in model.status_reasons)
@@ -186,13 +276,19 @@ def test_a_drift_that_moves_with_the_quadrature_is_said(free_runs):
 
 
 def test_a_drift_that_moves_with_the_rate_alone_is_said():
-    """An asymmetric scale factor, K₊ ≠ K₋, is an even function of the rate: no table over temperature and angle holds it."""
+    """An asymmetric scale factor, K₊ ≠ K₋, is an even function of the rate: no table over
+    temperature and angle holds it."""
     truth, waves = Truth(4, curved=False), []
     for i, rate in enumerate((-0.5, -0.2, 0.02, 0.2, 0.5)):
         wave = forced_run(truth, 20.0, rate * (1 + 2e-4 * (rate > 0)), 20, 30 + i, run_id=f"r{i}")
         waves.append(wave.replace(rate_rad_s=np.full(len(wave), rate)))
     record = calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0)
-    assert any("moves with the rate itself" in reason for reason in record.status_reasons), record.status_reasons
-    clean = [forced_run(truth, 20.0, rate, 20, 40 + i, run_id=f"r{i}") for i, rate in enumerate((-0.5, -0.2, 0.02, 0.2, 0.5))]
+    assert any("moves with the rate itself" in reason for reason in record.status_reasons), (
+        record.status_reasons
+    )
+    clean = [
+        forced_run(truth, 20.0, rate, 20, 40 + i, run_id=f"r{i}")
+        for i, rate in enumerate((-0.5, -0.2, 0.02, 0.2, 0.5))
+    ]
     silent = calibrate(clean, harmonics=2, scale_factor_harmonics=2, bootstrap=0)
     assert not any("rate itself" in reason for reason in silent.status_reasons)

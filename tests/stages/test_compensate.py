@@ -20,12 +20,25 @@ def truth():
 
 @pytest.fixture(scope="module")
 def tables(truth):
-    return calibrate(programme(truth, (-10, 15, 40), (-0.5, 0.05, 0.5), duration=40), harmonics=2, scale_factor_harmonics=2, bootstrap=0)
+    return calibrate(
+        programme(truth, (-10, 15, 40), (-0.5, 0.05, 0.5), duration=40),
+        harmonics=2,
+        scale_factor_harmonics=2,
+        bootstrap=0,
+    )
 
 
 @pytest.fixture(scope="module")
 def run(truth):
-    return forced_run(truth, lambda t: -5 + t, lambda t: 0.3 * np.sin(0.4 * t), 40, 99, run_id="flight", noise=1e-6)
+    return forced_run(
+        truth,
+        lambda t: -5 + t,
+        lambda t: 0.3 * np.sin(0.4 * t),
+        40,
+        99,
+        run_id="flight",
+        noise=1e-6,
+    )
 
 
 def test_angle_and_rate_of_an_unseen_run(tables, run):
@@ -33,7 +46,10 @@ def test_angle_and_rate_of_an_unseen_run(tables, run):
     true_angle = np.interp(done.time_s, run.time_s, 0.3 / 0.4 * (1 - np.cos(0.4 * run.time_s)))
     constant = np.cumsum(np.append(0, -2 * np.diff(run.wave_angle_rad))) / 0.55
     assert np.abs(done.angle_estimate_rad - true_angle).max() < 2e-5
-    assert np.abs(np.interp(done.time_s, run.time_s, constant) - true_angle).max() > 20 * np.abs(done.angle_estimate_rad - true_angle).max()
+    assert (
+        np.abs(np.interp(done.time_s, run.time_s, constant) - true_angle).max()
+        > 20 * np.abs(done.angle_estimate_rad - true_angle).max()
+    )
     figures = summary(done)["angle_cell_rms_rad_s"]
     assert figures["after"] < 0.1 * figures["before"]
     assert done.status == "valid"
@@ -48,14 +64,18 @@ def test_a_stream_of_pieces_equals_the_whole(tables, run, monkeypatch):
     pieces = list(compensate(run, tables, windows_per_increment=3))
     assert len(pieces) > 5
     joined = collect(pieces)
-    assert joined.rate_estimate_rad_s.sum() == pytest.approx(whole.rate_estimate_rad_s.sum(), rel=1e-6)
+    assert joined.rate_estimate_rad_s.sum() == pytest.approx(
+        whole.rate_estimate_rad_s.sum(), rel=1e-6
+    )
     assert joined.angle_estimate_rad[-1] == pytest.approx(whole.angle_estimate_rad[-1], abs=1e-9)
 
 
 def test_without_a_rate_log_there_are_no_residuals(tables, run):
     done = collect(compensate(run.replace(rate_rad_s=None), tables))
     assert done.residual_after_rad_s is None and done.status == "valid"
-    assert done.rate_estimate_rad_s == pytest.approx(collect(compensate(run, tables)).rate_estimate_rad_s)
+    assert done.rate_estimate_rad_s == pytest.approx(
+        collect(compensate(run, tables)).rate_estimate_rad_s
+    )
 
 
 @pytest.mark.parametrize(
@@ -63,7 +83,10 @@ def test_without_a_rate_log_there_are_no_residuals(tables, run):
     [
         ({"gyro_id": "g2"}, "is of gyro g2, the tables are of gyro g1"),
         ({"mode_number": 3}, "mode_number 3"),
-        ({"provenance": Provenance(history=("2026 hrg 0.1 compensate wave.h5",))}, "compensated already"),
+        (
+            {"provenance": Provenance(history=("2026 hrg 0.1 compensate wave.h5",))},
+            "compensated already",
+        ),
         ({"temperature_degc": np.full(2000, 80.0)}, "80 to 80 °C, the tables hold from -10 to 40"),
         ({"temperature_degc": None}, "temperature is missing"),
         ({"flags": np.ones(2000, "u1")}, "no good windows"),
@@ -93,11 +116,16 @@ def test_rates_outside_are_doubted(tables, truth):
 
 
 def test_a_scale_factor_of_another_gyro_is_doubted(tables, truth):
-    """The run's own K, seen against its rate log, differs by a tenth from the tables': suspect; by a fiftieth it is not."""
+    """The run's own K, seen against its rate log, differs by a tenth from the tables': suspect; by
+    a fiftieth it is not."""
     for factor, status in ((1.1, "suspect"), (1.02, "valid")):
         other = Truth(21)
         other.k = truth.k * factor
-        run = forced_run(other, 10.0, lambda t: 0.4 * np.sin(0.4 * t), 40, 7, run_id="other", noise=1e-6)
+        run = forced_run(
+            other, 10.0, lambda t: 0.4 * np.sin(0.4 * t), 40, 7, run_id="other", noise=1e-6
+        )
         done = collect(compensate(run, tables))
         assert done.status == status, done.status_reasons
-        assert any("own scale factor" in reason for reason in done.status_reasons) == (status == "suspect")
+        assert any("own scale factor" in reason for reason in done.status_reasons) == (
+            status == "suspect"
+        )

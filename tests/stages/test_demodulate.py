@@ -1,4 +1,5 @@
-"""demodulate on even sampling: recovery and honest standard deviations, no leakage, drift, carrier, streams, flags."""
+"""demodulate on even sampling: recovery and honest standard deviations, no leakage, drift, carrier,
+streams, flags."""
 
 import dataclasses
 import tracemalloc
@@ -8,7 +9,14 @@ import pytest
 
 from hrg_cli import store
 from hrg_cli.physics import resonator
-from hrg_cli.records import FLAG_CLIPPED, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Recording, collect
+from hrg_cli.records import (
+    FLAG_CLIPPED,
+    FLAG_NOT_FINITE,
+    FLAG_SETTLING,
+    Periods,
+    Recording,
+    collect,
+)
 from hrg_cli.stages.demodulate import demodulate, summary
 
 
@@ -17,13 +25,19 @@ def recording(c: np.ndarray, s: np.ndarray, rate: float, **more: object) -> Reco
 
 
 def truth(periods: Periods, frequency: float, u: np.ndarray, growth: float = 0.0) -> np.ndarray:
-    """Signals of envelopes u (2,) at a frequency, growing as e^{growth·t}, against the reference."""
-    turn = np.exp((growth + 2j * np.pi * (frequency - periods.reference_frequency_hz)) * periods.time_s)
-    return np.stack([(u[0] * turn).real, -(u[0] * turn).imag, (u[1] * turn).real, -(u[1] * turn).imag], -1)
+    """Signals of envelopes u (2,) at a frequency, growing as e^{growth·t}, against the
+    reference."""
+    turn = np.exp(
+        (growth + 2j * np.pi * (frequency - periods.reference_frequency_hz)) * periods.time_s
+    )
+    return np.stack(
+        [(u[0] * turn).real, -(u[0] * turn).imag, (u[1] * turn).real, -(u[1] * turn).imag], -1
+    )
 
 
 def test_errors_are_as_large_as_their_standard_deviations_say() -> None:
-    """220 random recordings: frequency, sampling, window, offset, amplitude, decay, noise, integers or floats."""
+    """220 random recordings: frequency, sampling, window, offset, amplitude, decay, noise, integers
+    or floats."""
     rng = np.random.default_rng(1)
     ratios, worst = [], []
     for _ in range(220):
@@ -34,13 +48,22 @@ def test_errors_are_as_large_as_their_standard_deviations_say() -> None:
         u = rng.normal(size=2) + 1j * rng.normal(size=2)
         growth = -rng.uniform(0, 2) / time[-1]
         noise = 10 ** rng.uniform(-4, -1)
-        z = (u[:, None] * np.exp((growth + 2j * np.pi * frequency) * time)).real + noise * rng.normal(size=(2, n)) + rng.normal(size=(2, 1))
+        z = (
+            (u[:, None] * np.exp((growth + 2j * np.pi * frequency) * time)).real
+            + noise * rng.normal(size=(2, n))
+            + rng.normal(size=(2, 1))
+        )
         more = {}
         if rng.uniform() < 0.4:
             quantum = noise * rng.uniform(0.1, 2)
             more = {"c_scale_factor": quantum, "s_scale_factor": quantum}
             z = np.rint(z / quantum).astype("i4")
-        made = collect(demodulate(recording(z[0], z[1], rate, **more), periods_per_window=rng.choice([1.0, 1.0, rng.uniform(0.6, 12)])))
+        made = collect(
+            demodulate(
+                recording(z[0], z[1], rate, **more),
+                periods_per_window=rng.choice([1.0, 1.0, rng.uniform(0.6, 12)]),
+            )
+        )
         z = (made.signals - truth(made, frequency, u, growth)) / made.signals_std
         ratios.append((z**2).mean())
         worst.append(np.abs(z.mean(0)).max() * np.sqrt(len(z)))
@@ -74,11 +97,20 @@ def test_a_turning_decaying_split_resonator_is_seen_without_bias(periods: float)
         return resonator.exponential(generator, time) @ start
 
     time = np.arange(n) / rate
-    z = (envelope(time) * np.exp(2j * np.pi * 5000.0 * time)[:, None]).real + noise * rng.normal(size=(n, 2))
+    z = (envelope(time) * np.exp(2j * np.pi * 5000.0 * time)[:, None]).real + noise * rng.normal(
+        size=(n, 2)
+    )
     made = collect(demodulate(recording(z[:, 0], z[:, 1], rate), periods_per_window=periods))
-    u = envelope(made.time_s) * np.exp(2j * np.pi * (5000.0 - made.reference_frequency_hz) * made.time_s)[:, None]
-    error = (made.signals - np.stack([u[:, 0].real, -u[:, 0].imag, u[:, 1].real, -u[:, 1].imag], -1)) / made.signals_std
-    assert 0.4 < (error**2).mean() < 1.4  # σ may be cautious where the envelope's own motion dwarfs the noise
+    u = (
+        envelope(made.time_s)
+        * np.exp(2j * np.pi * (5000.0 - made.reference_frequency_hz) * made.time_s)[:, None]
+    )
+    error = (
+        made.signals - np.stack([u[:, 0].real, -u[:, 0].imag, u[:, 1].real, -u[:, 1].imag], -1)
+    ) / made.signals_std
+    assert (
+        0.4 < (error**2).mean() < 1.4
+    )  # σ may be cautious where the envelope's own motion dwarfs the noise
     assert np.abs(error.mean(0)).max() * np.sqrt(len(error)) < 4.5
 
 
@@ -90,10 +122,15 @@ def test_a_frequency_that_drifts_is_followed(periods: float) -> None:
     cycles = 5000 * time + 0.05 * time**2  # 3 Hz in 30 s
     u = np.array([1.0, 0.5j])
     z = (u[:, None] * np.exp(2j * np.pi * cycles)).real + noise * rng.normal(size=(2, n))
-    made = collect(demodulate(recording(z[0], z[1], rate, mode="forced"), periods_per_window=periods))
+    made = collect(
+        demodulate(recording(z[0], z[1], rate, mode="forced"), periods_per_window=periods)
+    )
     t = made.time_s
     turn = np.exp(2j * np.pi * (5000 * t + 0.05 * t**2 - made.reference_frequency_hz * t))
-    error = (made.signals - np.stack([turn.real, -turn.imag, (0.5j * turn).real, -(0.5j * turn).imag], -1)) / made.signals_std
+    error = (
+        made.signals
+        - np.stack([turn.real, -turn.imag, (0.5j * turn).real, -(0.5j * turn).imag], -1)
+    ) / made.signals_std
     assert 0.85 < (error**2).mean() < 1.2
     assert np.abs(error.mean(0)).max() * np.sqrt(len(error)) < 4.5
 
@@ -120,7 +157,8 @@ def seed_b(main: float, quadrature: float, theta: float, phi: np.ndarray, psi: f
 
 @pytest.mark.parametrize(("carrier", "periods"), [(60_000.0, 1.0), (60_000.0, 2.7), (3_000.0, 4.0)])
 def test_carrier_signals_are_those_of_seed_b(carrier: float, periods: float) -> None:
-    """The samples are the sum over the side bands of a·cos + b·sin; at 3 kHz the difference frequency is negative."""
+    """The samples are the sum over the side bands of a·cos + b·sin; at 3 kHz the difference
+    frequency is negative."""
     rng = np.random.default_rng(4)
     rate, frequency, n, noise = 400_000.0, 5_003.37, 160_000, 1e-3
     main, quadrature, theta, phi, psi = 1.0, 0.05, 0.7, 0.3, 1.1
@@ -128,11 +166,22 @@ def test_carrier_signals_are_those_of_seed_b(carrier: float, periods: float) -> 
     eight = seed_b(main, quadrature, theta, np.array(phi), psi)
     low, high = 2 * np.pi * (carrier - frequency) * time, 2 * np.pi * (carrier + frequency) * time
     z = np.stack(
-        [eight[k] * np.cos(low) + eight[k + 1] * np.cos(high) + eight[k + 2] * np.sin(low) + eight[k + 3] * np.sin(high) for k in (0, 4)]
+        [
+            eight[k] * np.cos(low)
+            + eight[k + 1] * np.cos(high)
+            + eight[k + 2] * np.sin(low)
+            + eight[k + 3] * np.sin(high)
+            for k in (0, 4)
+        ]
     )
     leak = 0.02 * np.cos(2 * np.pi * carrier * time + 2)
     z = z + leak + noise * rng.normal(size=(2, n)) + 0.1
-    made = collect(demodulate(recording(z[0], z[1], rate, readout="carrier", carrier_hz=carrier), periods_per_window=periods))
+    made = collect(
+        demodulate(
+            recording(z[0], z[1], rate, readout="carrier", carrier_hz=carrier),
+            periods_per_window=periods,
+        )
+    )
     assert made.signals.shape[1] == 8 and made.readout == "carrier"
     moved = phi + 2 * np.pi * (frequency - made.reference_frequency_hz) * made.time_s
     error = (made.signals - seed_b(main, quadrature, theta, moved, psi)) / made.signals_std
@@ -143,7 +192,9 @@ def test_carrier_signals_are_those_of_seed_b(carrier: float, periods: float) -> 
 def test_blocks_do_not_change_results_and_a_lazy_file_streams() -> None:
     rng = np.random.default_rng(5)
     time = np.arange(1_200_000) / 50_000
-    z = np.rint(9000 * np.cos(2 * np.pi * 5003.3 * time) + 3 * rng.normal(size=(2, len(time)))).astype("i2")
+    z = np.rint(
+        9000 * np.cos(2 * np.pi * 5003.3 * time) + 3 * rng.normal(size=(2, len(time)))
+    ).astype("i2")
     whole = recording(z[0], z[1], 50_000.0)
     for periods in (1.0, 20.0):
         one = collect(demodulate(whole, periods_per_window=periods))
@@ -157,15 +208,30 @@ def test_blocks_do_not_change_results_and_a_lazy_file_streams() -> None:
 def test_a_file_read_lazily_gives_the_same(tmp_path) -> None:  # type: ignore[no-untyped-def]
     rng = np.random.default_rng(6)
     time = np.arange(60_000) / 50_000
-    z = np.rint(900 * np.cos(2 * np.pi * 3003.3 * time) + rng.normal(size=(2, len(time)))).astype("i2")
-    whole = recording(z[0], z[1], 50_000.0, gyro_id="g", lot_id="l", start_time="2026-01-01T00:00:00Z", mode_number=1)
+    z = np.rint(900 * np.cos(2 * np.pi * 3003.3 * time) + rng.normal(size=(2, len(time)))).astype(
+        "i2"
+    )
+    whole = recording(
+        z[0],
+        z[1],
+        50_000.0,
+        gyro_id="g",
+        lot_id="l",
+        start_time="2026-01-01T00:00:00Z",
+        mode_number=1,
+    )
     store.write(tmp_path / "r.h5", whole)
     with store.open_record(tmp_path / "r.h5", Recording) as lazy:
         store.write(tmp_path / "p.h5", demodulate(lazy, block_samples=10_000))
     read, here = store.read(tmp_path / "p.h5", Periods), collect(demodulate(whole))
     np.testing.assert_array_equal(read.signals, here.signals)
     assert read.spectrum_density is not None and len(read.spectrum_density) > 100
-    assert (read.gyro_id, read.lot_id, read.mode_number, read.start_time) == ("g", "l", 1, "2026-01-01T00:00:00Z")
+    assert (read.gyro_id, read.lot_id, read.mode_number, read.start_time) == (
+        "g",
+        "l",
+        1,
+        "2026-01-01T00:00:00Z",
+    )
 
 
 class Generated:
@@ -206,13 +272,29 @@ def oscillation(n: int = 100_000, noise: float = 1e-3) -> tuple[np.ndarray, np.n
 def test_clipped_samples_are_flagged_at_integer_rails_and_at_others() -> None:
     c, s = oscillation()
     for top, made in (
-        (32_767, recording(np.clip(np.rint(36_000 * c), -32_768, 32_767).astype("i2"), np.rint(36_000 * s).astype("i2"), 40_000.0)),
-        (8_191, recording(np.clip(np.rint(9_000 * c), -8_192, 8_191).astype("i2"), np.rint(9_000 * s).astype("i2"), 40_000.0)),
+        (
+            32_767,
+            recording(
+                np.clip(np.rint(36_000 * c), -32_768, 32_767).astype("i2"),
+                np.rint(36_000 * s).astype("i2"),
+                40_000.0,
+            ),
+        ),
+        (
+            8_191,
+            recording(
+                np.clip(np.rint(9_000 * c), -8_192, 8_191).astype("i2"),
+                np.rint(9_000 * s).astype("i2"),
+                40_000.0,
+            ),
+        ),
         (0.9, recording(np.clip(c, -0.9, 0.9), s, 40_000.0)),
     ):
         periods = collect(demodulate(made))
         stuck = (np.asarray(made.c) >= top)[: len(periods) * 8].reshape(-1, 8).any(1)
-        assert (periods.flags[stuck] & FLAG_CLIPPED).all() and (periods.flags & FLAG_CLIPPED != 0).mean() < 2.5 * stuck.mean()
+        assert (periods.flags[stuck] & FLAG_CLIPPED).all() and (
+            periods.flags & FLAG_CLIPPED != 0
+        ).mean() < 2.5 * stuck.mean()
         assert periods.status == "suspect" and "clipped" in " ".join(periods.status_reasons)
 
 
@@ -220,8 +302,13 @@ def test_clean_recordings_are_not_called_clipped() -> None:
     k = np.arange(60_000)
     for samples_a_period in (8.0, 20.0, 12.34, 400.0):
         u = np.exp(2j * np.pi * k / samples_a_period + 0.1j)
-        for c, s in ((u.real, u.imag), (np.rint(100 * u.real).astype("i2"), np.rint(60 * u.imag).astype("i2"))):
-            assert not (collect(demodulate(recording(c, s, 10_000.0, mode="forced"))).flags & FLAG_CLIPPED).any()
+        for c, s in (
+            (u.real, u.imag),
+            (np.rint(100 * u.real).astype("i2"), np.rint(60 * u.imag).astype("i2")),
+        ):
+            assert not (
+                collect(demodulate(recording(c, s, 10_000.0, mode="forced"))).flags & FLAG_CLIPPED
+            ).any()
 
 
 def test_values_that_are_not_finite_are_flagged_and_kept() -> None:
@@ -229,7 +316,11 @@ def test_values_that_are_not_finite_are_flagged_and_kept() -> None:
     c[1000:1100], c[50_000] = np.nan, np.inf
     made = collect(demodulate(recording(c, s, 40_000.0)))
     bad = (made.flags & FLAG_NOT_FINITE) != 0
-    assert bad.sum() == 14 and np.isnan(made.signals[bad, 0]).all() and np.isfinite(made.signals[~bad]).all()
+    assert (
+        bad.sum() == 14
+        and np.isnan(made.signals[bad, 0]).all()
+        and np.isfinite(made.signals[~bad]).all()
+    )
     assert len(made) == 12_500 and np.isfinite(made.signals[:, 2]).all()
 
 
@@ -250,9 +341,9 @@ def test_lost_samples_show_in_the_residual() -> None:
     assert np.argmax(made.residual_rms[:, 0]) == 50_003 // 8
     assert made.residual_rms[:, 0].max() > 50 * np.median(made.residual_rms[:, 0])
     row = 50_003 // 8
-    assert made.signals_std[row, 0] > 30 * np.median(made.signals_std[:, 0]) and made.signals_std[row - 2, 0] < 2 * np.median(
-        made.signals_std[:, 0]
-    )
+    assert made.signals_std[row, 0] > 30 * np.median(made.signals_std[:, 0]) and made.signals_std[
+        row - 2, 0
+    ] < 2 * np.median(made.signals_std[:, 0])
 
 
 def test_harmonics_and_mains_are_kept_as_lines_and_do_not_spoil_the_standard_deviations() -> None:
@@ -261,51 +352,87 @@ def test_harmonics_and_mains_are_kept_as_lines_and_do_not_spoil_the_standard_dev
     c = c + 0.2 * np.cos(2 * np.pi * 10_000.6 * time) + 0.05 * np.cos(2 * np.pi * 50 * time)
     made = collect(demodulate(recording(c, s, 40_000.0)))
     assert made.spectrum_line_frequency_hz is not None and made.spectrum_line_amplitude is not None
-    lines = dict(zip(made.spectrum_line_frequency_hz.round(), made.spectrum_line_amplitude[:, 0], strict=True))
-    assert lines[10_001.0] == pytest.approx(0.2, rel=0.02) and lines[50.0] == pytest.approx(0.05, rel=0.02)
+    lines = dict(
+        zip(
+            made.spectrum_line_frequency_hz.round(), made.spectrum_line_amplitude[:, 0], strict=True
+        )
+    )
+    assert lines[10_001.0] == pytest.approx(0.2, rel=0.02) and lines[50.0] == pytest.approx(
+        0.05, rel=0.02
+    )
     error = (made.signals - truth(made, 5000.3, np.array([1, -0.5j]), -0.1)) / made.signals_std
     ratios = (error**2).mean(0)
     assert (ratios > 0.8).all() and (ratios < 1.25).all()
     held = summary(made)
-    assert held["windows"] == 25_000 and held["residual_lines"][0]["power_ratio"] > 100 and held["flagged"]["clipped"] == 0
+    assert (
+        held["windows"] == 25_000
+        and held["residual_lines"][0]["power_ratio"] > 100
+        and held["flagged"]["clipped"] == 0
+    )
 
 
 def test_the_frequency_is_found_beside_larger_tones_with_a_hint() -> None:
     c, s = oscillation()
     time = np.arange(len(c)) / 40_000
-    made = collect(demodulate(recording(c + 3 * np.cos(2 * np.pi * 50 * time), s, 40_000.0, nominal_frequency_hz=5050.0)))
+    made = collect(
+        demodulate(
+            recording(
+                c + 3 * np.cos(2 * np.pi * 50 * time), s, 40_000.0, nominal_frequency_hz=5050.0
+            )
+        )
+    )
     assert made.reference_frequency_hz == pytest.approx(5000.3, abs=0.01) and made.status == "valid"
 
 
 def test_a_converter_without_noise_never_gives_zero_standard_deviations() -> None:
     k = np.arange(20_000)
     c = np.rint(1000 * np.cos(2 * np.pi * k / 8)).astype("i2")
-    made = collect(demodulate(recording(c, np.rint(c / 2).astype("i2"), 40_000.0, c_scale_factor=1e-3, s_scale_factor=1e-3)))
+    made = collect(
+        demodulate(
+            recording(
+                c, np.rint(c / 2).astype("i2"), 40_000.0, c_scale_factor=1e-3, s_scale_factor=1e-3
+            )
+        )
+    )
     assert (made.signals_std >= 0.9e-3 * np.sqrt(2 / 8 / 12)).all()
 
 
 def test_the_log_is_interpolated_and_not_stretched() -> None:
     c, s = oscillation()
     log = np.arange(0, 2.01, 0.5)
-    made = collect(demodulate(recording(c, s, 40_000.0, auxiliary_time_s=log, temperature_degc=20 + log, rate_rad_s=-log)))
+    made = collect(
+        demodulate(
+            recording(
+                c, s, 40_000.0, auxiliary_time_s=log, temperature_degc=20 + log, rate_rad_s=-log
+            )
+        )
+    )
     assert made.temperature_degc is not None and made.rate_rad_s is not None
     within = made.time_s <= 2.5  # a steady course goes on for one step of the log
     np.testing.assert_allclose(made.temperature_degc[within], 20 + made.time_s[within])
     np.testing.assert_allclose(made.rate_rad_s[within], -made.time_s[within])
     short = recording(c, s, 40_000.0, auxiliary_time_s=log[:3], temperature_degc=20 + log[:3])
     late = collect(demodulate(short))
-    assert late.temperature_degc is not None and np.isnan(late.temperature_degc[-1]) and "auxiliary log" in " ".join(late.status_reasons)
+    assert (
+        late.temperature_degc is not None
+        and np.isnan(late.temperature_degc[-1])
+        and "auxiliary log" in " ".join(late.status_reasons)
+    )
 
 
 def test_few_samples_a_period_take_longer_windows_and_say_so() -> None:
     rng = np.random.default_rng(8)
     time = np.arange(50_000) / 40_000
     for frequency in (16_000.0, 19_500.0):
-        z = np.stack([np.cos(2 * np.pi * frequency * time), 0.4 * np.sin(2 * np.pi * frequency * time)]) + 1e-3 * rng.normal(
-            size=(2, len(time))
-        )
+        z = np.stack(
+            [np.cos(2 * np.pi * frequency * time), 0.4 * np.sin(2 * np.pi * frequency * time)]
+        ) + 1e-3 * rng.normal(size=(2, len(time)))
         made = collect(demodulate(recording(z[0], z[1], 40_000.0)))
-        assert made.periods_per_window > 1.5 and "too few" in " ".join(made.status_reasons) and made.status == "valid"
+        assert (
+            made.periods_per_window > 1.5
+            and "too few" in " ".join(made.status_reasons)
+            and made.status == "valid"
+        )
         error = (made.signals - truth(made, frequency, np.array([1, -0.4j]))) / made.signals_std
         assert 0.85 < (error**2).mean() < 1.2
 
@@ -319,7 +446,9 @@ def test_noise_alone_is_refused_and_one_dead_channel_is_suspect() -> None:
     c, s = oscillation()
     dead = collect(demodulate(recording(c, 0 * s, 40_000.0)))
     assert dead.status == "suspect" and "channel S" in dead.status_reasons[0]
-    assert (dead.signals_std > 0).all() and dead.reference_frequency_hz == pytest.approx(5000.3, abs=0.01)
+    assert (dead.signals_std > 0).all() and dead.reference_frequency_hz == pytest.approx(
+        5000.3, abs=0.01
+    )
 
 
 def test_scale_and_offset_only_change_the_unit() -> None:
@@ -327,9 +456,22 @@ def test_scale_and_offset_only_change_the_unit() -> None:
     raw = recording(np.rint(8000 * c), np.rint(8000 * s), 40_000.0)
     one = collect(demodulate(raw))
     other = collect(
-        demodulate(dataclasses.replace(raw, c_scale_factor=2e-3, s_scale_factor=-2e-3, c_add_offset=5.0, c_units="V", s_units="V"))
+        demodulate(
+            dataclasses.replace(
+                raw,
+                c_scale_factor=2e-3,
+                s_scale_factor=-2e-3,
+                c_add_offset=5.0,
+                c_units="V",
+                s_units="V",
+            )
+        )
     )
-    np.testing.assert_allclose(other.signals[:, :2], 2e-3 * one.signals[:, :2], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(other.signals[:, 2:], -2e-3 * one.signals[:, 2:], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        other.signals[:, :2], 2e-3 * one.signals[:, :2], rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        other.signals[:, 2:], -2e-3 * one.signals[:, 2:], rtol=1e-9, atol=1e-12
+    )
     np.testing.assert_allclose(other.signals_std[:, 2:], 2e-3 * one.signals_std[:, 2:], rtol=1e-6)
     assert other.units == "V"

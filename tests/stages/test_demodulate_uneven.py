@@ -1,4 +1,5 @@
-"""demodulate on uneven sampling: true times, gaps, the recorded pendulum; and the sentences for inputs that cannot be demodulated."""
+"""demodulate on uneven sampling: true times, gaps, the recorded pendulum; and the sentences for
+inputs that cannot be demodulated."""
 
 import dataclasses
 import os
@@ -12,17 +13,27 @@ from hrg_cli.records import FLAG_GAP, FLAG_NOT_FINITE, Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 
 
-def pendulum(time: np.ndarray, frequency: float = 0.1118, noise: float = 1e-3, **more: object) -> tuple[Recording, np.ndarray]:
+def pendulum(
+    time: np.ndarray, frequency: float = 0.1118, noise: float = 1e-3, **more: object
+) -> tuple[Recording, np.ndarray]:
     """A slowly decaying oscillation at given times, and its envelopes (2,) and growth."""
     rng = np.random.default_rng(1)
     u = np.array([1 + 0.3j, 0.4 - 0.2j])
-    z = (u[:, None] * np.exp((-2e-5 + 2j * np.pi * frequency) * time)).real + noise * rng.normal(size=(2, len(time))) + 5
-    return Recording(c=z[0], s=z[1], time_s=time, **({"mode": "free", "mode_number": 1, "run_id": "p"} | more)), u  # type: ignore[arg-type]
+    z = (
+        (u[:, None] * np.exp((-2e-5 + 2j * np.pi * frequency) * time)).real
+        + noise * rng.normal(size=(2, len(time)))
+        + 5
+    )
+    return Recording(
+        c=z[0], s=z[1], time_s=time, **({"mode": "free", "mode_number": 1, "run_id": "p"} | more)
+    ), u  # type: ignore[arg-type]
 
 
 def errors(made, u: np.ndarray, frequency: float = 0.1118) -> np.ndarray:  # type: ignore[no-untyped-def]
     turn = np.exp((-2e-5 + 2j * np.pi * (frequency - made.reference_frequency_hz)) * made.time_s)
-    true = np.stack([(u[0] * turn).real, -(u[0] * turn).imag, (u[1] * turn).real, -(u[1] * turn).imag], -1)
+    true = np.stack(
+        [(u[0] * turn).real, -(u[0] * turn).imag, (u[1] * turn).real, -(u[1] * turn).imag], -1
+    )
     return (made.signals - true) / made.signals_std
 
 
@@ -30,7 +41,9 @@ def camera_times(n: int, begin: float = 0.0) -> np.ndarray:
     return begin + np.cumsum(np.random.default_rng(2).choice([0.243, 0.314], n))
 
 
-@pytest.mark.parametrize(("periods", "begin"), [(0.6, 0.0), (1.0, -1000.0), (3.3, 1e4), (20.0, 0.0)])
+@pytest.mark.parametrize(
+    ("periods", "begin"), [(0.6, 0.0), (1.0, -1000.0), (3.3, 1e4), (20.0, 0.0)]
+)
 def test_errors_are_as_large_as_their_standard_deviations_say(periods: float, begin: float) -> None:
     made_from, u = pendulum(camera_times(12_000, begin))
     made = collect(demodulate(made_from, periods_per_window=periods))
@@ -45,10 +58,16 @@ def test_even_times_given_one_by_one_agree_with_even_sampling() -> None:
     time = np.arange(20_000) / 20.0
     one, _ = pendulum(time, 1.2345)
     other = dataclasses.replace(one, time_s=None, sample_rate_hz=20.0)
-    a, b = collect(demodulate(one, periods_per_window=10.0)), collect(demodulate(other, periods_per_window=10.0))
+    a, b = (
+        collect(demodulate(one, periods_per_window=10.0)),
+        collect(demodulate(other, periods_per_window=10.0)),
+    )
     turn = np.exp(2j * np.pi * (a.reference_frequency_hz - b.reference_frequency_hz) * a.time_s)
     c = (a.signals[:, 0] - 1j * a.signals[:, 1]) * turn
-    assert np.abs(np.interp(a.time_s, b.time_s, b.signals[:, 0]) - c.real)[1:-1].max() < 6 * a.signals_std[:, 0].max()
+    assert (
+        np.abs(np.interp(a.time_s, b.time_s, b.signals[:, 0]) - c.real)[1:-1].max()
+        < 6 * a.signals_std[:, 0].max()
+    )
     assert a.signals_std[:, 0].mean() == pytest.approx(b.signals_std[:, 0].mean(), rel=0.1)
 
 
@@ -56,7 +75,9 @@ def test_gaps_are_flagged_and_no_row_is_dropped() -> None:
     time = camera_times(12_000)
     whole, u = pendulum(time)
     kept = ~((time > 300) & (time < 317)) & ~((time > 900) & (time < 977))
-    made = collect(demodulate(dataclasses.replace(whole, c=whole.c[kept], s=whole.s[kept], time_s=time[kept])))
+    made = collect(
+        demodulate(dataclasses.replace(whole, c=whole.c[kept], s=whole.s[kept], time_s=time[kept]))
+    )
     gap = made.flags & FLAG_GAP != 0
     width = made.window_s
     touched = ((made.time_s + width / 2 > 300) & (made.time_s - width / 2 < 317)) | (
@@ -73,7 +94,10 @@ def test_gaps_are_flagged_and_no_row_is_dropped() -> None:
 def test_blocks_do_not_change_results() -> None:
     made_from, _ = pendulum(camera_times(9_000))
     for periods in (1.0, 5.0):
-        one, many = (collect(demodulate(made_from, periods_per_window=periods, block_samples=size)) for size in (1 << 20, 500))
+        one, many = (
+            collect(demodulate(made_from, periods_per_window=periods, block_samples=size))
+            for size in (1 << 20, 500)
+        )
         np.testing.assert_array_equal(one.signals, many.signals)
         np.testing.assert_array_equal(one.signals_std, many.signals_std)
 
@@ -84,7 +108,11 @@ def test_values_that_are_not_finite_are_flagged() -> None:
     c[4000:4003] = np.nan
     made = collect(demodulate(dataclasses.replace(made_from, c=c)))
     bad = made.flags & FLAG_NOT_FINITE != 0
-    assert 1 <= bad.sum() <= 2 and np.isnan(made.signals[bad, 0]).all() and np.isfinite(made.signals[~bad]).all()
+    assert (
+        1 <= bad.sum() <= 2
+        and np.isnan(made.signals[bad, 0]).all()
+        and np.isfinite(made.signals[~bad]).all()
+    )
 
 
 def changed(**changes: object) -> Recording:
@@ -120,9 +148,15 @@ def at(row: int, value: float) -> np.ndarray:
         (changed(sample_rate_hz=float("nan")), "positive"),
         (changed(readout="carrier"), "carrier_hz is missing"),
         (changed(readout="carrier", carrier_hz=600.0), "above half"),
-        (changed(readout="carrier", carrier_hz=450.0, nominal_frequency_hz=100.0), "the sum of its carrier"),
+        (
+            changed(readout="carrier", carrier_hz=450.0, nominal_frequency_hz=100.0),
+            "the sum of its carrier",
+        ),
         (changed(readout="radio"), "direct or carrier"),
-        (changed(auxiliary_time_s=np.array([0.0, 0.0]), temperature_degc=np.array([1.0, 2.0])), "auxiliary log"),
+        (
+            changed(auxiliary_time_s=np.array([0.0, 0.0]), temperature_degc=np.array([1.0, 2.0])),
+            "auxiliary log",
+        ),
         (uneven(time_s=at(2000, -0.0011)), "strictly increasing"),
         (uneven(time_s=at(2000, -1.0)), "strictly increasing"),
         (uneven(time_s=at(2000, 1e6)), "clock jumps"),
@@ -151,9 +185,22 @@ def measured() -> Path:
 
 
 def test_the_recorded_pendulum(measured: Path) -> None:
-    """Published 8.94 s a period; two gaps near the start; neighbouring windows scatter as their standard deviations say."""
-    rows = [line.split(",") for line in (measured / "foucault_yverdon/oscillation4.csv").read_text().splitlines() if line.strip()]
-    time = np.array([sum(float(part) * unit for part, unit in zip(row[2].split(":"), (3600, 60, 1), strict=True)) for row in rows])
+    """Published 8.94 s a period; two gaps near the start; neighbouring windows scatter as their
+    standard deviations say."""
+    rows = [
+        line.split(",")
+        for line in (measured / "foucault_yverdon/oscillation4.csv").read_text().splitlines()
+        if line.strip()
+    ]
+    time = np.array(
+        [
+            sum(
+                float(part) * unit
+                for part, unit in zip(row[2].split(":"), (3600, 60, 1), strict=True)
+            )
+            for row in rows
+        ]
+    )
     made_from = Recording(
         c=np.array([float(row[0]) for row in rows]),
         s=np.array([float(row[1]) for row in rows]),
@@ -177,6 +224,16 @@ def test_the_recorded_pendulum(measured: Path) -> None:
 def test_the_recorded_bell(measured: Path) -> None:
     soundfile = pytest.importorskip("soundfile")
     data, rate = soundfile.read(measured / "bell/perc_bell.flac", dtype="int16")
-    made = collect(demodulate(Recording(c=data[:, 0], s=data[:, 1], sample_rate_hz=float(rate), mode="free", nominal_frequency_hz=3618.0)))
+    made = collect(
+        demodulate(
+            Recording(
+                c=data[:, 0],
+                s=data[:, 1],
+                sample_rate_hz=float(rate),
+                mode="free",
+                nominal_frequency_hz=3618.0,
+            )
+        )
+    )
     assert 3610 < made.reference_frequency_hz < 3626
     assert np.isfinite(made.signals).all() and made.status != "refused"

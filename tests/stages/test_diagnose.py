@@ -1,4 +1,5 @@
-"""diagnose finds what is hidden in raw samples, is silent on clean ones, and describes what no catalogue holds."""
+"""diagnose finds what is hidden in raw samples, is silent on clean ones, and describes what no
+catalogue holds."""
 
 import tomllib
 import warnings
@@ -25,25 +26,56 @@ FORCED = {
 SIZES = {
     "thermal_frequency": {"relative_1_k": 3e-8, "reference_temperature_degc": 22.0},
     "thermal_damping": {"relative_1_k": 2e-3, "reference_temperature_degc": 22.0},
-    "split_temperature": {"cos_rad_s_k": 1e-3, "sin_rad_s_k": -5e-4, "reference_temperature_degc": 22.0},
+    "split_temperature": {
+        "cos_rad_s_k": 1e-3,
+        "sin_rad_s_k": -5e-4,
+        "reference_temperature_degc": 22.0,
+    },
     "thermal_gradient": {"frequency_s_k": 2e-8, "split_cos_rad_k": 3e-4, "split_sin_rad_k": 0.0},
     "thermal_hysteresis": {"relative": 2e-8},
     "inertial_nonlinearity": {"inverse_length_squared": 1e-6},
     "centrifugal_stiffness": {"coefficient": 20.0},
     "saturation": {"inverse_level": 1.05},
 }
-SAMPLE = ("gain_mismatch", "pickoff_nonlinearity", "cubic_stiffness", "thermal_frequency", "drive_gain_mismatch", "rate_bias")
-BLIND = {"clock_error", "table_rate_error", "finite_quadrature_gain", "thermal_lag", "dropped_samples", "mains_tone"}
+SAMPLE = (
+    "gain_mismatch",
+    "pickoff_nonlinearity",
+    "cubic_stiffness",
+    "thermal_frequency",
+    "drive_gain_mismatch",
+    "rate_bias",
+)
+BLIND = {
+    "clock_error",
+    "table_rate_error",
+    "finite_quadrature_gain",
+    "thermal_lag",
+    "dropped_samples",
+    "mains_tone",
+}
 """Tested on their own below, or not separable at all."""
 
 
 def hidden(effect, seed):
     """A programme that can see the effect."""
-    values = SIZES.get(effect.name) or {p.name: p.typical * (-1) ** k for k, p in enumerate(effect.fitted())}
+    values = SIZES.get(effect.name) or {
+        p.name: p.typical * (-1) ** k for k, p in enumerate(effect.fitted())
+    }
     cycle = effect.name in ("thermal_gradient", "thermal_hysteresis")
-    rate = {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45} if effect.name == "centrifugal_stiffness" else None
+    rate = (
+        {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}
+        if effect.name == "centrifugal_stiffness"
+        else None
+    )
     loop = "finite" if effect.name == "quadrature_drive_phase_error" else "off"
-    return values, programme(seed, {effect.name: values}, forced=effect.name in FORCED, quadrature_loop=loop, cycle=cycle, rate=rate)
+    return values, programme(
+        seed,
+        {effect.name: values},
+        forced=effect.name in FORCED,
+        quadrature_loop=loop,
+        cycle=cycle,
+        rate=rate,
+    )
 
 
 def check(effect, seed):
@@ -57,7 +89,9 @@ def check(effect, seed):
     if first["name"] == effect.name:
         for parameter in effect.fitted():
             found = first["parameters"][parameter.name]
-            assert abs(found["value"] - values.get(parameter.name, 0.0)) < 4 * found["std"] + 0.01 * abs(values.get(parameter.name, 0.0))
+            assert abs(found["value"] - values.get(parameter.name, 0.0)) < 4 * found[
+                "std"
+            ] + 0.01 * abs(values.get(parameter.name, 0.0))
     assert out["gain"]["held_out"] == "runs" and out["gain"]["ratio"] > 1.05
 
 
@@ -68,13 +102,17 @@ def test_a_hidden_effect_is_named(effect):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", (1, 2, 3))
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in BLIND], ids=lambda e: e.name)
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS if e.name not in BLIND], ids=lambda e: e.name
+)
 def test_every_hidden_effect_is_named(effect, seed):
     check(effect, seed)
 
 
 def clean(seed):
-    table = programme(seed, runs=(4, 6)[seed % 2], noise=(1e-4, 3e-4, 1e-3)[seed % 3], forced=seed % 3 == 2)
+    table = programme(
+        seed, runs=(4, 6)[seed % 2], noise=(1e-4, 3e-4, 1e-3)[seed % 3], forced=seed % 3 == 2
+    )
     return verdict(table)[1]
 
 
@@ -109,16 +147,26 @@ def test_a_tone_is_seen_near_and_far_from_the_resonance(offset_hz):
     table["effects"] = {"mains_tone": {"frequency_hz": frequency, "c_cos": 2e-4}}
     _, out = verdict(table)
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
-    assert out["effects"][0]["parameters"]["frequency_hz"]["value"] == pytest.approx(frequency, abs=0.5)
+    assert out["effects"][0]["parameters"]["frequency_hz"]["value"] == pytest.approx(
+        frequency, abs=0.5
+    )
     assert out["effects"][0]["parameters"]["c_cos"]["value"] == pytest.approx(2e-4, rel=0.15)
 
 
 def test_lag_needs_a_temperature_dependence_and_is_then_named_beside_it():
-    effects = {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}, "thermal_lag": {"time_constant_s": 0.1}}
+    effects = {
+        "thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0},
+        "thermal_lag": {"time_constant_s": 0.1},
+    }
     _, out = verdict(programme(6, effects, cycle=True))
     names = [e["name"] for e in out["effects"]]
-    assert names[0] == "thermal_frequency" and "thermal_lag" in names + out["effects"][1]["indistinguishable_from"]
-    tau = next(e for e in out["effects"] if e["name"] == "thermal_lag")["parameters"]["time_constant_s"]
+    assert (
+        names[0] == "thermal_frequency"
+        and "thermal_lag" in names + out["effects"][1]["indistinguishable_from"]
+    )
+    tau = next(e for e in out["effects"] if e["name"] == "thermal_lag")["parameters"][
+        "time_constant_s"
+    ]
     assert tau["value"] == pytest.approx(0.1, abs=4 * tau["std"] + 2e-3)
 
 
@@ -132,14 +180,17 @@ def test_what_cannot_be_told_apart_is_said():
 
 
 def test_gain_and_damping_split_need_rotation():
-    """PHYSICS gauge theorem: beside a damping split ring-downs of one rate hardly show a gain mismatch, those of both signs do."""
+    """PHYSICS gauge theorem: beside a damping split ring-downs of one rate hardly show a gain
+    mismatch, those of both signs do."""
     independence = {}
     for rates in ((2.0, 2.0), (2.0, -2.0)):
         table = programme(8, runs=2)
         for run, rate in zip(table["run"], rates, strict=True):
             run["environment"] = {"rate_rad_s": rate}
         _, out = verdict(table)
-        independence[rates] = next(t for t in out["tested"] if t["name"] == "gain_mismatch")["independence"]
+        independence[rates] = next(t for t in out["tested"] if t["name"] == "gain_mismatch")[
+            "independence"
+        ]
     # exact to first order only: the second order of a real resonator, which is held, tells a little
     assert independence[2.0, 2.0] < 0.15 * independence[2.0, -2.0]
 
@@ -149,7 +200,9 @@ def step(p, plant, env):
 
 
 def modulation(p, plant, env):
-    plant.damping = plant.damping + (p["size"] * np.sin(2 * np.pi * 3.0 * env.time_s))[:, None, None] * np.eye(2)
+    plant.damping = plant.damping + (p["size"] * np.sin(2 * np.pi * 3.0 * env.time_s))[
+        :, None, None
+    ] * np.eye(2)
 
 
 def quintic(p, plant, env):
@@ -157,7 +210,11 @@ def quintic(p, plant, env):
 
 
 def drifting_gain(p, readout):
-    readout.steps.append(lambda block, y: y * np.stack([1 + p["size"] * block.time_s / 2, 1 - p["size"] * block.time_s / 2]))
+    readout.steps.append(
+        lambda block, y: (
+            y * np.stack([1 + p["size"] * block.time_s / 2, 1 - p["size"] * block.time_s / 2])
+        )
+    )
 
 
 STRANGERS = {
@@ -168,17 +225,31 @@ STRANGERS = {
 }
 
 
-@pytest.mark.parametrize("name", [n if n.startswith("a d") and "step" in n else pytest.param(n, marks=pytest.mark.slow) for n in STRANGERS])
+@pytest.mark.parametrize(
+    "name",
+    [
+        n if n.startswith("a d") and "step" in n else pytest.param(n, marks=pytest.mark.slow)
+        for n in STRANGERS
+    ],
+)
 def test_what_no_catalogue_holds_is_described_and_not_blamed(name):
     hooks, size, place, covariate, word = STRANGERS[name]
-    stranger = Effect(name="stranger", family="test", page=name, parameters=(Parameter("size", "1", 1.0, name),), **hooks)
+    stranger = Effect(
+        name="stranger",
+        family="test",
+        page=name,
+        parameters=(Parameter("size", "1", 1.0, name),),
+        **hooks,
+    )
     _, out = verdict(programme(9, {"stranger": {"size": size}}), (stranger,))
     assert out["verdict"] in ("unexplained", "partly explained")
     assert out["remainder"]["terms"][0]["place"] == place
     assert out["remainder"]["covariate"] == covariate
     assert word in out["remainder"]["formula"]
     if word == "tone of":
-        assert float(out["remainder"]["formula"].split("tone of ")[1].split(" Hz")[0]) == pytest.approx(3, abs=0.03)
+        assert float(
+            out["remainder"]["formula"].split("tone of ")[1].split(" Hz")[0]
+        ) == pytest.approx(3, abs=0.03)
 
 
 def test_the_users_own_effect_is_a_candidate():
@@ -197,7 +268,9 @@ def test_the_users_own_effect_is_a_candidate():
 
 
 def test_two_effects_at_once():
-    _, out = verdict(programme(10, {"gain_mismatch": {"gain": 1e-3}, "cubic_stiffness": {"pull_rad_s": 5e-3}}))
+    _, out = verdict(
+        programme(10, {"gain_mismatch": {"gain": 1e-3}, "cubic_stiffness": {"pull_rad_s": 5e-3}})
+    )
     assert {e["name"] for e in out["effects"]} == {"gain_mismatch", "cubic_stiffness"}
     assert out["verdict"] == "explained"
 
@@ -206,7 +279,9 @@ def test_wrong_values_are_values_and_not_effects():
     table = programme(12, runs=4)
     device = table["device"]
     names = ("damping_rate_1_s", "scale_factor", "frequency_split_rad_s")
-    believed = np.array([device["damping_rate_1_s"] * 1.01, device["scale_factor"], device["frequency_split_rad_s"]])
+    believed = np.array(
+        [device["damping_rate_1_s"] * 1.01, device["scale_factor"], device["frequency_split_rad_s"]]
+    )
     resonator = Resonator(
         name=np.array(names, object),
         value=believed,
@@ -222,7 +297,8 @@ def test_wrong_values_are_values_and_not_effects():
 
 
 def test_the_extended_model_simulates_and_is_then_adequate():
-    """Data -> diagnosis -> simulation file -> data: the second diagnosis finds the same gain mismatch."""
+    """Data -> diagnosis -> simulation file -> data: the second diagnosis finds the same gain
+    mismatch."""
     diagnosis, first = verdict(programme(13, {"gain_mismatch": {"gain": 2e-3}}, runs=4))
     table = tomllib.loads(diagnosis.extended_model)
     assert len(runs_of(table)) == 4
@@ -244,7 +320,13 @@ def test_it_takes_what_laboratories_bring(change):
         ]
     if change == "other unit":
         size = 250.0
-        columns = ("main_amplitude", "quadrature_amplitude", "main_amplitude_std", "quadrature_amplitude_std", "signal_std")
+        columns = (
+            "main_amplitude",
+            "quadrature_amplitude",
+            "main_amplitude_std",
+            "quadrature_amplitude_std",
+            "signal_std",
+        )
         found = [w.replace(**{c: getattr(w, c) * size for c in columns}) for w in found]
     if change == "other mode number":
         found = [w.replace(mode_number=3, wave_angle_rad=w.wave_angle_rad * 2 / 3) for w in found]

@@ -1,4 +1,5 @@
-"""Between the runs: a frequency that differs from run to run is named where a cause follows it, and only said where none does."""
+"""Between the runs: a frequency that differs from run to run is named where a cause follows it, and
+only said where none does."""
 
 import numpy as np
 import pytest
@@ -12,28 +13,37 @@ def test_a_stiffness_lowered_by_rotation_is_found_from_runs_of_one_rate_each():
     for run, rate in zip(table["run"], (0.0, 3.0, -3.0, 6.0, -6.0, 9.0, -9.0), strict=True):
         run["environment"]["rate_rad_s"] = rate
     _, out = verdict(table)
-    assert [e["name"] for e in out["effects"]] == ["centrifugal_stiffness"] and out["verdict"] == "explained"
+    assert [e["name"] for e in out["effects"]] == ["centrifugal_stiffness"] and out[
+        "verdict"
+    ] == "explained"
     found = out["effects"][0]["parameters"]["coefficient"]
     assert abs(found["value"] - 20.0) < 4 * found["std"] and found["std"] < 0.2
     assert out["frequencies"]["follow"] == ["centrifugal_stiffness"]
 
 
 def test_a_stiffness_lowered_by_rotation_is_found_and_sized_in_runs_whose_rate_steps():
-    """What a step of the rate leaves unknown takes no part of a cause that acts between the steps."""
+    """What a step of the rate leaves unknown takes no part of a cause that acts between the
+    steps."""
     steps = {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}
     _, out = verdict(programme(4, {"centrifugal_stiffness": {"coefficient": 20.0}}, rate=steps))
-    assert [e["name"] for e in out["effects"]] == ["centrifugal_stiffness"] and out["verdict"] == "explained"
+    assert [e["name"] for e in out["effects"]] == ["centrifugal_stiffness"] and out[
+        "verdict"
+    ] == "explained"
     found = out["effects"][0]["parameters"]["coefficient"]
     assert abs(found["value"] - 20.0) < 4 * found["std"] and found["std"] < 1.0
 
 
 def test_frequencies_follow_temperatures_that_stand_still_in_every_run():
-    table = programme(4, {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}}, runs=6)
+    table = programme(
+        4, {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}}, runs=6
+    )
     for run, warm in zip(table["run"], (20.0, 23.0, 26.0, 25.0, 21.0, 24.0), strict=True):
         run["environment"].pop("temperature")
         run["environment"]["temperature_degc"] = warm
     _, out = verdict(table)
-    assert [e["name"] for e in out["effects"]] == ["thermal_frequency"] and out["verdict"] == "explained"
+    assert [e["name"] for e in out["effects"]] == ["thermal_frequency"] and out[
+        "verdict"
+    ] == "explained"
     found = out["effects"][0]["parameters"]["relative_1_k"]
     assert abs(found["value"] - 3e-7) < 4 * found["std"]
 
@@ -42,7 +52,9 @@ def test_a_wander_that_nothing_follows_is_said_and_blamed_on_nothing():
     table = programme(5, runs=6)
     random = np.random.default_rng(5)
     for run in table["run"]:
-        run["device"] = {"frequency_hz": table["device"]["frequency_hz"] + 0.02 * random.standard_normal()}
+        run["device"] = {
+            "frequency_hz": table["device"]["frequency_hz"] + 0.02 * random.standard_normal()
+        }
     _, out = verdict(table)
     assert out["verdict"] == "adequate" and out["effects"] == []
     assert out["frequencies"]["sigma"] > 100 and 0.005 < out["frequencies"]["scatter_hz"] < 0.06
@@ -61,18 +73,25 @@ def test_one_sign_of_rotation_hides_a_gain_behind_the_damping_split():
         run["environment"]["rate_rad_s"] = 2.0
     out = summary(diagnose(waves(table)))
     entry = next(g for g in out["not_separable"] if g["effects"] == ["gain_mismatch"])
-    assert out["effects"] == [] and entry["base"] == "damping split" and "rotating" in entry["next_experiment"]
+    assert (
+        out["effects"] == []
+        and entry["base"] == "damping split"
+        and "rotating" in entry["next_experiment"]
+    )
 
 
 def test_a_logged_loop_is_measured_and_not_named():
-    _, out = verdict(programme(7, {"finite_quadrature_gain": {"gain_1_s": 5.0}}, runs=4, forced=True))
+    _, out = verdict(
+        programme(7, {"finite_quadrature_gain": {"gain_1_s": 5.0}}, runs=4, forced=True)
+    )
     entry = next(g for g in out["not_separable"] if g["effects"] == ["finite_quadrature_gain"])
     assert out["effects"] == [] and "its gain is 5 ±" in entry["base"] and entry["next_experiment"]
 
 
 @pytest.mark.slow
 def test_a_gradient_beside_a_temperature_dependence_has_its_own_size():
-    """Slopes that stand still in every run show the split's gradient; the frequency's is hidden and stays at nothing."""
+    """Slopes that stand still in every run show the split's gradient; the frequency's is hidden and
+    stays at nothing."""
     warm = {"reference_temperature_degc": 22.0}
     effects = {
         "thermal_frequency": {"relative_1_k": 3e-7} | warm,
@@ -82,7 +101,10 @@ def test_a_gradient_beside_a_temperature_dependence_has_its_own_size():
     _, out = verdict(programme(6, effects))
     assert sorted(e["name"] for e in out["effects"]) == sorted(effects)
     gradient = next(e for e in out["effects"] if e["name"] == "thermal_gradient")
-    assert abs(gradient["parameters"]["split_cos_rad_k"]["value"] - 4e-3) < 4 * gradient["parameters"]["split_cos_rad_k"]["std"]
+    assert (
+        abs(gradient["parameters"]["split_cos_rad_k"]["value"] - 4e-3)
+        < 4 * gradient["parameters"]["split_cos_rad_k"]["std"]
+    )
     assert gradient["held"]["frequency_s_k"]["value"] == 0
 
 

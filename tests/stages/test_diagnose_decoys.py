@@ -1,4 +1,5 @@
-"""Causes beside the decoy each could be taken for: the tool must name the cause, or say that the runs cannot tell."""
+"""Causes beside the decoy each could be taken for: the tool must name the cause, or say that the
+runs cannot tell."""
 
 import numpy as np
 import pytest
@@ -7,23 +8,41 @@ from diagnosis_programme import programme, verdict, waves
 from hrg_cli.effects import Effect, Parameter
 from hrg_cli.stages.diagnose import diagnose, summary
 
-SOAK = {"kind": "soak", "levels_degc": [22.0, 24.0, 21.0, 23.0], "dwell_s": 0.35, "transition_s": 0.15}
-FEED = {"displacement_c_s": 3e-4, "displacement_s_s": -1e-4, "velocity_c_s": 0.0, "velocity_s_s": 2e-4}
+SOAK = {
+    "kind": "soak",
+    "levels_degc": [22.0, 24.0, 21.0, 23.0],
+    "dwell_s": 0.35,
+    "transition_s": 0.15,
+}
+FEED = {
+    "displacement_c_s": 3e-4,
+    "displacement_s_s": -1e-4,
+    "velocity_c_s": 0.0,
+    "velocity_s_s": 2e-4,
+}
 OFFSET = {"in_phase_c": 1e-4, "in_phase_s": -5e-5, "quadrature_c": 0.0, "quadrature_s": 1e-4}
 FOLLOWS = {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}
 AXES = {"damping_axis_rad", "stiffness_axis_rad"}
 
 
 def named(table, *wanted, extra=()):
-    """The wanted effects, and they alone, are found, each alone or in a group; every parameter within 4 σ; the rest is white."""
+    """The wanted effects, and they alone, are found, each alone or in a group; every parameter
+    within 4 σ; the rest is white."""
     _, out = verdict(table, extra)
     groups = [{e["name"], *e["indistinguishable_from"]} for e in out["effects"]]
-    assert len(groups) == len(wanted) and all(any(name in group for group in groups) for name in wanted), (out["verdict"], groups)
+    assert len(groups) == len(wanted) and all(
+        any(name in group for group in groups) for name in wanted
+    ), (out["verdict"], groups)
     assert out["verdict"] == "explained" and out["remainder"] is None
     for effect in out["effects"]:
         for name, found in effect["parameters"].items():
             true = table["effects"].get(effect["name"], {}).get(name, 0.0)
-            assert abs(found["value"] - true) < 4 * found["std"] + 0.01 * abs(true), (effect["name"], name, found, true)
+            assert abs(found["value"] - true) < 4 * found["std"] + 0.01 * abs(true), (
+                effect["name"],
+                name,
+                found,
+                true,
+            )
     return out
 
 
@@ -75,7 +94,9 @@ def test_a_phase_error_of_the_quadrature_drive_is_not_a_damping_split(split_rad_
     table["device"]["frequency_split_rad_s"] = split_rad_s
     for run in table["run"]:
         if "control" in run:
-            run["control"]["quadrature_gain_1_s"] = 2.0  # a fast loop at 5 kHz has a phase error of its own, k_q/4ω
+            run["control"]["quadrature_gain_1_s"] = (
+                2.0  # a fast loop at 5 kHz has a phase error of its own, k_q/4ω
+            )
     true_values(table, named(table, "quadrature_drive_phase_error"), "damping_split_1_s")
 
 
@@ -84,7 +105,9 @@ def test_a_cubic_spring_beside_a_quadrature_is_not_a_frequency_split():
     table = programme(35, {"cubic_stiffness": {"pull_rad_s": 5e-3}})
     for k, run in enumerate(table["run"]):
         run["start"]["quadrature"] = 0.1 * run["start"]["amplitude"] * (-1) ** (k // 2)
-    true_values(table, named(table, "cubic_stiffness"), "frequency_split_rad_s", "stiffness_axis_rad")
+    true_values(
+        table, named(table, "cubic_stiffness"), "frequency_split_rad_s", "stiffness_axis_rad"
+    )
 
 
 @pytest.mark.slow
@@ -94,12 +117,16 @@ def test_a_gap_nonlinearity_is_no_quartic_spring():
 
 @pytest.mark.slow
 def test_a_quartic_spring_is_no_gap_nonlinearity():
-    named(programme(36, {"anisotropic_cubic_stiffness": {"cos_rad_s": 3e-3, "sin_rad_s": -2e-3}}), "anisotropic_cubic_stiffness")
+    named(
+        programme(36, {"anisotropic_cubic_stiffness": {"cos_rad_s": 3e-3, "sin_rad_s": -2e-3}}),
+        "anisotropic_cubic_stiffness",
+    )
 
 
 @pytest.mark.slow
 def test_a_great_frequency_split_is_neither_a_gap_nor_a_scale_error():
-    """Its second order makes 8θ without any a², and a mean drift that imitates a scale factor at low rates (PHYSICS M3)."""
+    """Its second order makes 8θ without any a², and a mean drift that imitates a scale factor at
+    low rates (PHYSICS M3)."""
     table = programme(37)
     table["device"] |= {"frequency_split_rad_s": 1.0}
     for run, rate in zip(table["run"], (0.0, 0.3, -0.3, 1.0, -1.0, 2.0), strict=True):
@@ -111,18 +138,30 @@ def test_a_great_frequency_split_is_neither_a_gap_nor_a_scale_error():
 
 @pytest.mark.slow
 def test_a_lag_is_neither_hysteresis_nor_gradient():
-    named(in_soak(38, {"thermal_frequency": FOLLOWS, "thermal_lag": {"time_constant_s": 0.05}}), "thermal_frequency", "thermal_lag")
+    named(
+        in_soak(38, {"thermal_frequency": FOLLOWS, "thermal_lag": {"time_constant_s": 0.05}}),
+        "thermal_frequency",
+        "thermal_lag",
+    )
 
 
 @pytest.mark.slow
 def test_a_gradient_is_neither_lag_nor_hysteresis():
     gradient = {"frequency_s_k": 2e-8, "split_cos_rad_k": 3e-4, "split_sin_rad_k": -2e-4}
-    named(in_soak(39, {"thermal_frequency": FOLLOWS, "thermal_gradient": gradient}), "thermal_frequency", "thermal_gradient")
+    named(
+        in_soak(39, {"thermal_frequency": FOLLOWS, "thermal_gradient": gradient}),
+        "thermal_frequency",
+        "thermal_gradient",
+    )
 
 
 @pytest.mark.slow
 def test_hysteresis_is_neither_lag_nor_gradient():
-    named(in_soak(40, {"thermal_frequency": FOLLOWS, "thermal_hysteresis": {"relative": 5e-8}}), "thermal_frequency", "thermal_hysteresis")
+    named(
+        in_soak(40, {"thermal_frequency": FOLLOWS, "thermal_hysteresis": {"relative": 5e-8}}),
+        "thermal_frequency",
+        "thermal_hysteresis",
+    )
 
 
 def test_damping_that_drifts_does_not_grow_with_amplitude():
@@ -145,7 +184,13 @@ def constant_quadrature(p, readout):
 
 
 SIZE = Parameter("size", "1", 1e-3, "r₀")
-TURNED = Effect(name="stranger", family="test", page="constant quadrature", parameters=(SIZE,), readout=constant_quadrature)
+TURNED = Effect(
+    name="stranger",
+    family="test",
+    page="constant quadrature",
+    parameters=(SIZE,),
+    readout=constant_quadrature,
+)
 
 
 @pytest.mark.slow
@@ -163,7 +208,9 @@ def test_a_constant_quadrature_stands_alone_where_the_frequency_split_moves():
     moving = {"cos_rad_s_k": 0.05, "sin_rad_s_k": -0.03, "reference_temperature_degc": 22.0}
     table = programme(42, {"stranger": {"size": 1e-3}, "split_temperature": moving}, noise=1e-4)
     _, out = verdict(table, (TURNED,))
-    assert [e["name"] for e in out["effects"]] == ["split_temperature"] and out["verdict"] == "partly explained"
+    assert [e["name"] for e in out["effects"]] == ["split_temperature"] and out[
+        "verdict"
+    ] == "partly explained"
     assert out["remainder"]["terms"][0]["place"] == "quadrature offset"
     assert out["remainder"]["terms"][0]["size"] == pytest.approx(1e-3, rel=0.1)
 
@@ -178,7 +225,8 @@ def test_a_wrong_table_rate_is_said_to_be_the_scale_factor():
 
 @pytest.mark.slow
 def test_the_papers_traps_leave_no_mark():
-    """No half of the damping split, no axis 45° off, no factor π: every value of a clean gyro is the device's."""
+    """No half of the damping split, no axis 45° off, no factor π: every value of a clean gyro is
+    the device's."""
     table = programme(44)
     _, out = verdict(table)
     assert out["verdict"] == "adequate"
@@ -187,7 +235,8 @@ def test_the_papers_traps_leave_no_mark():
 
 @pytest.mark.slow
 def test_a_parametric_drive_damps_the_quadrature():
-    """One ring electrode pumps a_A and damps a_B alike (PHYSICS M3p): no log says so, but the runs show a quadrature gain of ν."""
+    """One ring electrode pumps a_A and damps a_B alike (PHYSICS M3p): no log says so, but the runs
+    show a quadrature gain of ν."""
     table = programme(45, forced=True)
     for run in table["run"]:
         if "control" in run:
@@ -195,20 +244,29 @@ def test_a_parametric_drive_damps_the_quadrature():
     _, out = verdict(table, most_effects=1)
     (first,) = out["effects"]
     assert first["name"] == "finite_quadrature_gain"
-    assert first["parameters"]["gain_1_s"]["value"] == pytest.approx(table["device"]["damping_rate_1_s"], rel=0.05)
+    assert first["parameters"]["gain_1_s"]["value"] == pytest.approx(
+        table["device"]["damping_rate_1_s"], rel=0.05
+    )
 
 
 def test_a_gap_is_no_cause():
-    """Nothing is measured for a third of every run, in which the wave turns by a radian; the model crosses it in small steps."""
+    """Nothing is measured for a third of every run, in which the wave turns by a radian; the model
+    crosses it in small steps."""
     table = programme(46, runs=4)
-    found = [w.replace(flags=np.where((w.time_s > 0.6) & (w.time_s < 1.2), 4, w.flags).astype(w.flags.dtype)) for w in waves(table)]
+    found = [
+        w.replace(
+            flags=np.where((w.time_s > 0.6) & (w.time_s < 1.2), 4, w.flags).astype(w.flags.dtype)
+        )
+        for w in waves(table)
+    ]
     out = summary(diagnose(found))
     assert out["verdict"] == "adequate" and out["effects"] == []
     true_values(table, out, "scale_factor", "damping_split_1_s", "frequency_split_rad_s")
 
 
 def test_a_loop_that_settles_within_a_row_is_no_cause():
-    """A quadrature loop of 20 1/s takes the wave's quadrature out within two of the fit's rows: the command bends within them."""
+    """A quadrature loop of 20 1/s takes the wave's quadrature out within two of the fit's rows: the
+    command bends within them."""
     table = programme(47, runs=4, forced=True, quadrature_loop="finite", noise=1e-4)
     for run in table["run"]:
         run["start"]["quadrature"] = 0.05

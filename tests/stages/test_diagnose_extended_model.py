@@ -1,4 +1,5 @@
-"""The extended model, simulated, gives the measured runs back to the noise: courses of temperature and rate, loops of forced runs."""
+"""The extended model, simulated, gives the measured runs back to the noise: courses of temperature
+and rate, loops of forced runs."""
 
 import tomllib
 
@@ -10,11 +11,14 @@ from hrg_cli.physics import ellipse
 
 
 def envelopes(wave):
-    return ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad)
+    return ellipse.envelopes(
+        wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad
+    )
 
 
 def misfit(table):
-    """Of every run, rms over σ of 20 windows' means of measured less simulated (no noise in the simulation)."""
+    """Of every run, rms over σ of 20 windows' means of measured less simulated (no noise in the
+    simulation)."""
     diagnosis, out = verdict(table)
     model = tomllib.loads(diagnosis.extended_model)
     for run in model["run"]:
@@ -22,16 +26,33 @@ def misfit(table):
         run["readout"] = {"noise": 0.0}
     found = []
     for measured, simulated in zip(waves(table), waves(model), strict=True):
-        turn = np.exp(2j * np.pi * (measured.reference_frequency_hz - simulated.reference_frequency_hz) * simulated.time_s)
+        turn = np.exp(
+            2j
+            * np.pi
+            * (measured.reference_frequency_hz - simulated.reference_frequency_hz)
+            * simulated.time_s
+        )
         count = min(len(measured), len(simulated)) // 20 * 20
-        difference = (envelopes(measured)[:count] * turn[:count, None] - envelopes(simulated)[:count]) / measured.signal_std[:count, None]
-        found.append(float(np.sqrt(np.mean(np.abs(difference.reshape(-1, 20, 2).mean(axis=1)) ** 2) / 2 * 20)))
+        difference = (
+            envelopes(measured)[:count] * turn[:count, None] - envelopes(simulated)[:count]
+        ) / measured.signal_std[:count, None]
+        found.append(
+            float(
+                np.sqrt(np.mean(np.abs(difference.reshape(-1, 20, 2).mean(axis=1)) ** 2) / 2 * 20)
+            )
+        )
     return out, np.array(found)
 
 
-@pytest.mark.parametrize("effect", (pytest.param("thermal_hysteresis", marks=pytest.mark.slow), "thermal_frequency"))
+@pytest.mark.parametrize(
+    "effect", (pytest.param("thermal_hysteresis", marks=pytest.mark.slow), "thermal_frequency")
+)
 def test_a_cycle_of_temperature_is_given_back(effect):
-    values = {"relative": 1e-7} if effect == "thermal_hysteresis" else {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}
+    values = (
+        {"relative": 1e-7}
+        if effect == "thermal_hysteresis"
+        else {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}
+    )
     out, found = misfit(programme(8, {effect: values}, cycle=True, runs=4))
     assert [e["name"] for e in out["effects"]] == [effect]
     assert found.max() < 5  # the turning points are known to a row
@@ -45,11 +66,20 @@ def test_a_rate_in_steps_is_given_back():
 
 
 def test_the_loops_of_a_forced_run_are_given_back():
-    force = {"in_phase_c_1_s": 1e-4, "in_phase_s_1_s": 0.0, "quadrature_c_1_s": 2e-4, "quadrature_s_1_s": 1e-4}
+    force = {
+        "in_phase_c_1_s": 1e-4,
+        "in_phase_s_1_s": 0.0,
+        "quadrature_c_1_s": 2e-4,
+        "quadrature_s_1_s": 1e-4,
+    }
     table = programme(15, {"parasitic_force": force}, forced=True, quadrature_loop="finite", runs=4)
     for run in table["run"]:
         if "control" in run:
-            run["control"] |= {"quadrature_gain_1_s": 9.0, "amplitude_gain_1_s": 7.0, "amplitude": 1.01 * run["start"]["amplitude"]}
+            run["control"] |= {
+                "quadrature_gain_1_s": 9.0,
+                "amplitude_gain_1_s": 7.0,
+                "amplitude": 1.01 * run["start"]["amplitude"],
+            }
     out, found = misfit(table)
     assert [e["name"] for e in out["effects"]] == ["parasitic_force"]
     assert found.max() < 6

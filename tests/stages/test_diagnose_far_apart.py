@@ -1,4 +1,5 @@
-"""Runs at temperatures so far apart that their frequencies beat hundreds of times a run: the mean turn is exact, and no beat is a tone."""
+"""Runs at temperatures so far apart that their frequencies beat hundreds of times a run: the mean
+turn is exact, and no beat is a tone."""
 
 from diagnosis_programme import programme, verdict
 
@@ -6,7 +7,10 @@ TRUE = {"thermal_frequency": ("relative_1_k", 8.8e-5), "thermal_damping": ("rela
 
 
 def test_temperatures_forty_degrees_apart_are_named_with_their_sizes_and_no_tone():
-    effects = {name: {parameter: value, "reference_temperature_degc": 20.0} for name, (parameter, value) in TRUE.items()}
+    effects = {
+        name: {parameter: value, "reference_temperature_degc": 20.0}
+        for name, (parameter, value) in TRUE.items()
+    }
     table = programme(11, effects, runs=6, forced=True)
     for k, run in enumerate(table["run"]):
         run["environment"].pop("temperature")
@@ -15,7 +19,15 @@ def test_temperatures_forty_degrees_apart_are_named_with_their_sizes_and_no_tone
     found = {e["name"]: e for e in out["effects"]}
     assert set(found) == set(TRUE) and out["verdict"] == "explained"
     for name, (parameter, value) in TRUE.items():
-        got, held = found[name]["parameters"][parameter], found[name]["held"]["reference_temperature_degc"]["value"]
-        there = value / (1 + value * (held - 20.0))  # relative to the value at the diagnosis's own reference
-        # relative to the demodulation's reference frequency, which is some millihertz beside the gyro's
-        assert abs(got["value"] - there) < 4 * got["std"] + 1e-5 * value and got["std"] < 1e-3 * value
+        got, held = (
+            found[name]["parameters"][parameter],
+            found[name]["held"]["reference_temperature_degc"]["value"],
+        )
+        there = value / (
+            1 + value * (held - 20.0)
+        )  # relative to the value at the diagnosis's own reference
+        # relative to the demodulation's reference frequency, which is some millihertz beside the
+        # gyro's
+        assert (
+            abs(got["value"] - there) < 4 * got["std"] + 1e-5 * value and got["std"] < 1e-3 * value
+        )

@@ -1,4 +1,5 @@
-"""Units, orders and directions are no physics: the same runs told otherwise get the same causes of the same size."""
+"""Units, orders and directions are no physics: the same runs told otherwise get the same causes of
+the same size."""
 
 from dataclasses import replace
 
@@ -11,13 +12,22 @@ from hrg_cli.stages.diagnose import diagnose, summary
 PULL = 0.02
 IN_TIME = ("time_s",)
 RATES = ("rate_rad_s", "drive_main", "drive_quadrature", "frequency_hz", "reference_frequency_hz")
-SIZES = ("main_amplitude", "quadrature_amplitude", "main_amplitude_std", "quadrature_amplitude_std", "signal_std", "residual_rms")
+SIZES = (
+    "main_amplitude",
+    "quadrature_amplitude",
+    "main_amplitude_std",
+    "quadrature_amplitude_std",
+    "signal_std",
+    "residual_rms",
+)
 
 
 @pytest.fixture(scope="module")
 def runs():
     table = programme(3, {"cubic_stiffness": {"pull_rad_s": PULL}}, runs=4, duration_s=1.0)
-    return [w.replace(spectrum_frequency_hz=None, spectrum_line_frequency_hz=None) for w in waves(table)]
+    return [
+        w.replace(spectrum_frequency_hz=None, spectrum_line_frequency_hz=None) for w in waves(table)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -27,11 +37,16 @@ def found(runs):
 
 def named(runs):
     report = summary(diagnose(runs))
-    return report["verdict"], {e["name"]: {k: (p["value"], p["std"]) for k, p in e["parameters"].items()} for e in report["effects"]}
+    return report["verdict"], {
+        e["name"]: {k: (p["value"], p["std"]) for k, p in e["parameters"].items()}
+        for e in report["effects"]
+    }
 
 
 def scaled(wave, names, factor):
-    return wave.replace(**{name: getattr(wave, name) * factor for name in names if getattr(wave, name) is not None})
+    return wave.replace(
+        **{name: getattr(wave, name) * factor for name in names if getattr(wave, name) is not None}
+    )
 
 
 def in_units(runs, time=1.0, amplitude=1.0):
@@ -76,9 +91,14 @@ def test_channels_turned_by_any_angle_do_not_matter(runs, found):
 
 
 def test_channels_swapped_in_all_runs_do_not_matter(runs, found):
-    """S for C turns the sense of everything: of the angle, of the quadrature, and of the rate as the channels see it."""
+    """S for C turns the sense of everything: of the angle, of the quadrature, and of the rate as
+    the channels see it."""
     mirrored = [
-        w.replace(wave_angle_rad=np.pi / 4 - w.wave_angle_rad, quadrature_amplitude=-w.quadrature_amplitude, rate_rad_s=-w.rate_rad_s)
+        w.replace(
+            wave_angle_rad=np.pi / 4 - w.wave_angle_rad,
+            quadrature_amplitude=-w.quadrature_amplitude,
+            rate_rad_s=-w.rate_rad_s,
+        )
         for w in runs
     ]
     same(found, named(mirrored), sigma=0.1)

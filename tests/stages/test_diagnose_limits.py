@@ -1,4 +1,5 @@
-"""Upper limits at 95 %: what was not found is not larger than they say, in ninety-five of a hundred and not in all."""
+"""Upper limits at 95 %: what was not found is not larger than they say, in ninety-five of a hundred
+and not in all."""
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis import report
 from hrg_cli.stages.diagnosis.search import variants
 
-PLAIN = [e.name for e in EFFECTS if e.name not in FORCED | CYCLE | {"saturation", "dropped_samples", "mains_tone", "ageing"}]
+PLAIN = [
+    e.name
+    for e in EFFECTS
+    if e.name not in FORCED | CYCLE | {"saturation", "dropped_samples", "mains_tone", "ageing"}
+]
 OTHERS = {
     "clock_error",
     "table_rate_error",
@@ -25,7 +30,8 @@ OTHERS = {
 
 
 def test_limits_of_one_parameter_hold_in_ninety_five_of_a_hundred():
-    """Over draws of the noise at the fit: sizes of 2 and 3 σ are covered as often as is said, smaller ones always."""
+    """Over draws of the noise at the fit: sizes of 2 and 3 σ are covered as often as is said,
+    smaller ones always."""
     fit = base_of(waves(programme(5)))
     random = np.random.default_rng(5)
     draws, tried, held, small = 150, 0, 0, 0
@@ -37,7 +43,12 @@ def test_limits_of_one_parameter_hold_in_ninety_five_of_a_hundred():
         for size in (0.5, 2.0, 3.0):
             true = size / unit
             for _ in range(draws if evidence.score("", fit.residual, S, fit.basis).visible else 0):
-                score = evidence.score(variant.effect.name, random.standard_normal(len(S)) + S[:, 0] * true, S, fit.basis)
+                score = evidence.score(
+                    variant.effect.name,
+                    random.standard_normal(len(S)) + S[:, 0] * true,
+                    S,
+                    fit.basis,
+                )
                 inside = true <= report._limit(score, 1.0, variant)[0]
                 small += inside and size < 1
                 held += inside and size > 1
@@ -50,12 +61,18 @@ def test_limits_of_one_parameter_hold_in_ninety_five_of_a_hundred():
 def holds(name, seed):
     """Whether an effect of 0 … 3 σ by chance is named or lies below its limit."""
     table, random = table_for(name, seed)
-    table["effects"] = {name: sized(find(name), base_of(measured(table, name)), float(random.uniform(0, 3)), random)}
+    table["effects"] = {
+        name: sized(find(name), base_of(measured(table, name)), float(random.uniform(0, 3)), random)
+    }
     out = summary(diagnose(measured(table, name)))
     row = next(t for t in out["tested"] if t["name"] == name)
     if row["upper_limit"] is None:
         return any(e["name"] == name for e in out["effects"])
-    true = [abs(table["effects"][name][p.name] - p.neutral) for p in find(name).fitted() if p.units == row["units"]]
+    true = [
+        abs(table["effects"][name][p.name] - p.neutral)
+        for p in find(name).fitted()
+        if p.units == row["units"]
+    ]
     return max(true) <= row["upper_limit"]
 
 
@@ -69,4 +86,6 @@ def test_faint_effects_of_the_whole_catalogue_lie_below_their_limits():
     names = [e.name for e in EFFECTS if e.name not in OTHERS and not e.part_of]
     held = [holds(name, seed) for seed in range(4) for name in names]
     # sizes below 1.6 σ are always covered, larger ones in ninety-five of a hundred
-    assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(held)), dict(zip(names * 4, held, strict=True))
+    assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(held)), dict(
+        zip(names * 4, held, strict=True)
+    )

@@ -1,4 +1,5 @@
-"""A vector coherent with the phase has its own sign in every run: (mθ, φ) and (mθ + π, φ + π) are one wave."""
+"""A vector coherent with the phase has its own sign in every run: (mθ, φ) and (mθ + π, φ + π) are
+one wave."""
 
 import tomllib
 
@@ -11,7 +12,9 @@ OFFSET = {"in_phase_c": 1.5e-4, "in_phase_s": -5e-5, "quadrature_c": 4e-5, "quad
 
 
 def envelopes(wave):
-    return ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad)
+    return ellipse.envelopes(
+        wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad
+    )
 
 
 def test_an_offset_is_found_whatever_sign_each_run_gives_it():
@@ -20,16 +23,27 @@ def test_an_offset_is_found_whatever_sign_each_run_gives_it():
     for sign, run in zip(signs, table["run"], strict=True):
         run["effects"] = {"coherent_offset": {k: sign * v for k, v in OFFSET.items()}}
     diagnosis, out = verdict(table)
-    assert [e["name"] for e in out["effects"]] == ["coherent_offset"] and out["verdict"] == "explained"
+    assert [e["name"] for e in out["effects"]] == ["coherent_offset"] and out[
+        "verdict"
+    ] == "explained"
     found = out["effects"][0]["parameters"]
     overall = np.sign(found["in_phase_c"]["value"])
-    assert all(abs(overall * found[k]["value"] - v) < 4 * found[k]["std"] for k, v in OFFSET.items())
+    assert all(
+        abs(overall * found[k]["value"] - v) < 4 * found[k]["std"] for k, v in OFFSET.items()
+    )
 
     model = tomllib.loads(diagnosis.extended_model)
     for run in model["run"]:
         run["recording"] = table["recording"]
         run["readout"] = {"noise": 0.0}
     for measured, simulated in zip(waves(table), waves(model), strict=True):
-        turn = np.exp(2j * np.pi * (measured.reference_frequency_hz - simulated.reference_frequency_hz) * simulated.time_s)
+        turn = np.exp(
+            2j
+            * np.pi
+            * (measured.reference_frequency_hz - simulated.reference_frequency_hz)
+            * simulated.time_s
+        )
         difference = envelopes(measured) * turn[:, None] - envelopes(simulated)
-        assert np.sqrt(np.mean(np.abs(difference) ** 2, axis=1) / measured.signal_std**2).mean() < 1.8
+        assert (
+            np.sqrt(np.mean(np.abs(difference) ** 2, axis=1) / measured.signal_std**2).mean() < 1.8
+        )

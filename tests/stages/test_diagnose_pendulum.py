@@ -1,4 +1,5 @@
-"""Pendulums: the recorded one, whose linear model is far from enough, and simulated ones whose truth is known."""
+"""Pendulums: the recorded one, whose linear model is far from enough, and simulated ones whose
+truth is known."""
 
 import os
 from pathlib import Path
@@ -22,9 +23,20 @@ def pendulum():
     folder = os.environ.get("HRG_MEASURED_DATA")
     if not folder:
         pytest.skip("set HRG_MEASURED_DATA to the folder of measured data")
-    rows = [line.split(",") for line in (Path(folder) / "foucault_yverdon" / "oscillation4.csv").read_text().split()]
+    rows = [
+        line.split(",")
+        for line in (Path(folder) / "foucault_yverdon" / "oscillation4.csv").read_text().split()
+    ]
     x, y = np.array([[float(a), float(b)] for a, b, _ in rows]).T
-    t = np.array([sum(float(part) * unit for part, unit in zip(clock.split(":"), (3600, 60, 1), strict=True)) for *_, clock in rows])
+    t = np.array(
+        [
+            sum(
+                float(part) * unit
+                for part, unit in zip(clock.split(":"), (3600, 60, 1), strict=True)
+            )
+            for *_, clock in rows
+        ]
+    )
     keep = np.concatenate([[True], np.diff(t) > 0])
     t = (t - t[0])[keep]
     return Recording(
@@ -33,8 +45,18 @@ def pendulum():
     )  # fmt: skip
 
 
-def simulated(seed, wander_1_s, noise=1e-3, power=POWER, loss_1_s=LOSS_1_S, damping_1_s=2e-5, walk_1_s=0.0, curvature=CURVATURE):
-    """Samples of a spherical pendulum whose loss follows the amplitude, seen by a camera whose clock, gain and angle walk at random."""
+def simulated(
+    seed,
+    wander_1_s,
+    noise=1e-3,
+    power=POWER,
+    loss_1_s=LOSS_1_S,
+    damping_1_s=2e-5,
+    walk_1_s=0.0,
+    curvature=CURVATURE,
+):
+    """Samples of a spherical pendulum whose loss follows the amplitude, seen by a camera whose
+    clock, gain and angle walk at random."""
     random = np.random.default_rng(seed)
     table = {
         "device": {
@@ -56,7 +78,12 @@ def simulated(seed, wander_1_s, noise=1e-3, power=POWER, loss_1_s=LOSS_1_S, damp
         "run": [
             {
                 "run_id": "pendulum",
-                "start": {"amplitude": 1.0, "quadrature": 0.08, "wave_angle_rad": random.uniform(0, 3), "phase_rad": 0.0},
+                "start": {
+                    "amplitude": 1.0,
+                    "quadrature": 0.08,
+                    "wave_angle_rad": random.uniform(0, 3),
+                    "phase_rad": 0.0,
+                },
                 "environment": {"rate_rad_s": EARTH_RATE_RAD_S},
             }
         ],
@@ -67,7 +94,11 @@ def simulated(seed, wander_1_s, noise=1e-3, power=POWER, loss_1_s=LOSS_1_S, damp
     walk, gain, angle = np.cumsum(random.normal(size=(3, len(t))), axis=1) * scale[:, None]
     seen = CubicSpline(t, np.stack([still.c, still.s], axis=1))(t + walk / (2 * np.pi * 0.1118))
     seen = (1 + gain)[:, None] * np.stack(
-        [np.cos(angle) * seen[:, 0] - np.sin(angle) * seen[:, 1], np.sin(angle) * seen[:, 0] + np.cos(angle) * seen[:, 1]], 1
+        [
+            np.cos(angle) * seen[:, 0] - np.sin(angle) * seen[:, 1],
+            np.sin(angle) * seen[:, 0] + np.cos(angle) * seen[:, 1],
+        ],
+        1,
     )
     c, s = (seen + noise * random.normal(size=seen.shape)).T
     return still.replace(c=c, s=s)
@@ -87,10 +118,14 @@ def found_in(out):
 
 @pytest.mark.slow
 def test_a_pendulum_seen_by_a_walking_clock_is_never_called_explained():
-    """The loss follows the amplitude, not its square, and the clock walks: named in part, and what is not white is said."""
+    """The loss follows the amplitude, not its square, and the clock walks: named in part, and what
+    is not white is said."""
     out = diagnosed(simulated(1, 2e-8))
     found = found_in(out)
-    assert out["verdict"] == "partly explained" and {"nonlinear_damping", "inertial_nonlinearity"} <= set(found)
+    assert out["verdict"] == "partly explained" and {
+        "nonlinear_damping",
+        "inertial_nonlinearity",
+    } <= set(found)
     power = found["nonlinear_damping"]["power"]
     assert abs(power["value"] - POWER) < 4 * power["std"] and power["std"] < 0.3
     curvature = found["inertial_nonlinearity"]["inverse_length_squared"]
@@ -98,14 +133,22 @@ def test_a_pendulum_seen_by_a_walking_clock_is_never_called_explained():
     failed = {c["name"] for c in out["checks"] if not c["passed"]}
     assert "white_in_time" in failed and "chi2_per_dof" in failed
     forecast = out["forecast"]
-    assert forecast["train_fraction"] == 0.7 and 1 < forecast["low"] <= forecast["ratio"] <= forecast["high"]
+    assert (
+        forecast["train_fraction"] == 0.7
+        and 1 < forecast["low"] <= forecast["ratio"] <= forecast["high"]
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", (1, 2, 3))
 def test_a_supply_that_no_log_tells_of_is_never_called_explained(seed):
-    """A constant power beside linear damping: the amplitude falls towards the one at which they balance."""
-    out = diagnosed(simulated(seed, 2e-8, power=-2.0, loss_1_s=-4e-5, damping_1_s=1.6e-4, walk_1_s=2e-9, curvature=0.0))
+    """A constant power beside linear damping: the amplitude falls towards the one at which they
+    balance."""
+    out = diagnosed(
+        simulated(
+            seed, 2e-8, power=-2.0, loss_1_s=-4e-5, damping_1_s=1.6e-4, walk_1_s=2e-9, curvature=0.0
+        )
+    )
     assert out["verdict"] in ("partly explained", "unexplained")
 
 
@@ -113,7 +156,9 @@ def florence(scale=1.0):
     folder = os.environ.get("HRG_MEASURED_DATA")
     if not folder:
         pytest.skip("set HRG_MEASURED_DATA to the folder of measured data")
-    t, x, y = np.loadtxt(Path(folder) / "foucault_florence" / "2021_09_17_14_57_N.csv", delimiter=";", skiprows=1).T
+    t, x, y = np.loadtxt(
+        Path(folder) / "foucault_florence" / "2021_09_17_14_57_N.csv", delimiter=";", skiprows=1
+    ).T
     keep = np.concatenate([[True], np.diff(t) > 0])
     t, x, y = (t[keep] - t[0]) / scale, x[keep], y[keep]
     return Recording(
@@ -126,7 +171,10 @@ def shown_by_florence(periods, scale):
     wave = collect(estimate(collect(demodulate(florence(scale), periods_per_window=periods))))
     out = summary(diagnose([wave]))
     first = next(e for e in out["effects"] if e.get("view") != "waveform")
-    assert first["name"] in ("cubic_stiffness", "inertial_nonlinearity") and out["verdict"] == "partly explained"
+    assert (
+        first["name"] in ("cubic_stiffness", "inertial_nonlinearity")
+        and out["verdict"] == "partly explained"
+    )
     # an independent fit of the linear model leaves 49.6 px, with a frequency ∝ a² 2.4 px
     assert out["baseline"]["residual_rms"] > 40 and out["after"]["residual_rms"] < 3
     assert out["forecast"] is None or out["forecast"]["low"] > 1
@@ -147,4 +195,6 @@ def test_windows_and_the_unit_of_time_do_not_matter_to_it(periods, scale):
 def test_a_pendulum_that_the_catalogue_does_not_hold_is_not_explained():
     out = diagnosed(pendulum())
     assert out["verdict"] == "partly explained"
-    assert out["forecast"]["low"] > 1  # better than the linear model's, chosen from the first 70 % alone
+    assert (
+        out["forecast"]["low"] > 1
+    )  # better than the linear model's, chosen from the first 70 % alone

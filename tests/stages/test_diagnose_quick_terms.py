@@ -8,12 +8,16 @@ from hrg_cli.effects.effect import Effect, Parameter
 
 
 def modulation(p, plant, env):
-    plant.damping = plant.damping + (p["size"] * np.sin(2 * np.pi * 8.0 * env.time_s))[:, None, None] * np.eye(2)
+    plant.damping = plant.damping + (p["size"] * np.sin(2 * np.pi * 8.0 * env.time_s))[
+        :, None, None
+    ] * np.eye(2)
 
 
 def test_a_quick_modulation_of_the_damping_is_found():
     size = Parameter("size", "s-1", 1.0, "size")
-    stranger = Effect(name="stranger", family="test", page="modulation", parameters=(size,), plant=modulation)
+    stranger = Effect(
+        name="stranger", family="test", page="modulation", parameters=(size,), plant=modulation
+    )
     _, out = verdict(programme(12, {"stranger": {"size": 8e-3}}, runs=5), (stranger,))
     assert out["verdict"] == "unexplained" and out["effects"] == []
     term = out["remainder"]["terms"][0]

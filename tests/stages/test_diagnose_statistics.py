@@ -1,4 +1,5 @@
-"""The statistics diagnosis is held to: every effect at a random size, clean programmes of every kind, pairs of effects.
+"""The statistics diagnosis is held to: every effect at a random size, clean programmes of every
+kind, pairs of effects.
 
 A few of each run always; all of them are `slow`.
 """
@@ -26,10 +27,18 @@ from hrg_cli.effects import EFFECTS, find
 from hrg_cli.stages.diagnose import diagnose, summary
 
 INSEPARABLE = {"clock_error", "table_rate_error"}
-"""Exactly the scale factor, or frequency, damping and scale factor together, in every experiment."""
+"""Exactly the scale factor, or frequency, damping and scale factor together, in every
+experiment."""
 ALL = [e.name for e in EFFECTS if e.name not in INSEPARABLE]
 SAMPLE = ("electrode_nonorthogonality", "coherent_offset", "nonlinear_damping", "drive_rotation")
-ALONE = {*IN_THE_WAVEFORM, "saturation", "drive_feedthrough", "centrifugal_stiffness", "finite_quadrature_gain", "thermal_lag"}
+ALONE = {
+    *IN_THE_WAVEFORM,
+    "saturation",
+    "drive_feedthrough",
+    "centrifugal_stiffness",
+    "finite_quadrature_gain",
+    "thermal_lag",
+}
 PAIRED = [name for name in ALL if name not in ALONE | {"thermal_gradient"}]
 TOO_ALIKE = {frozenset(("damping_drift", "thermal_damping"))}
 """Pairs that ramps of temperature hardly tell from one another."""
@@ -44,7 +53,11 @@ def check(name, seed):
     assert name in group and len(group) <= 3
     off = {k: v for k, v in errors(out, {name: effects[name]}).items()}
     assert all(abs(v) < 4 for v in off.values()), off
-    wanted = gain_without(runs, measured(table_for(name, seed)[0])) if name in IN_THE_WAVEFORM else true_gain(runs, effects)
+    wanted = (
+        gain_without(runs, measured(table_for(name, seed)[0]))
+        if name in IN_THE_WAVEFORM
+        else true_gain(runs, effects)
+    )
     assert out["gain"]["ratio"] ** 2 - 1 >= 0.9 * (wanted - 1) - 1e-3
 
 
@@ -63,7 +76,12 @@ def test_every_hidden_effect_of_random_size_is_named_sized_and_worth_it(name, se
 def alarm(seed, programme_of=clean_programme):
     table, periods, logged = programme_of(seed)
     runs = waves(table, seed=seed, periods_per_window=periods)
-    return summary(diagnose(runs if logged else [w.replace(temperature_degc=None) for w in runs]))["verdict"] != "adequate"
+    return (
+        summary(diagnose(runs if logged else [w.replace(temperature_degc=None) for w in runs]))[
+            "verdict"
+        ]
+        != "adequate"
+    )
 
 
 def test_clean_programmes_of_every_kind_raise_no_alarm():
@@ -78,7 +96,8 @@ def test_a_hundred_clean_programmes_raise_two_alarms_at_most():
 
 @pytest.mark.parametrize("seed", (34, 41))
 def test_abrupt_steps_of_the_rate_raise_no_alarm(seed):
-    """Within a step nobody knows the table's way; low noise and a frequency split make a quadrature of it."""
+    """Within a step nobody knows the table's way; low noise and a frequency split make a quadrature
+    of it."""
     assert not alarm(seed, stepped_programme)
 
 
@@ -104,11 +123,15 @@ def pair(seed):
         cycle=bool(set(names) & (CYCLE | {"ageing", "thermal_damping"})),
     )
     base = base_of(waves(table))
-    table["effects"] = {name: sized(find(name), base, float(random.uniform(15, 60)), random) for name in names}
+    table["effects"] = {
+        name: sized(find(name), base, float(random.uniform(15, 60)), random) for name in names
+    }
     return names, summary(diagnose(waves(table)))
 
 
-@pytest.mark.parametrize("seed", (0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 20))))
+@pytest.mark.parametrize(
+    "seed", (0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 20)))
+)
 def test_two_effects_at_once_are_both_found(seed):
     names, out = pair(seed)
     groups = [{e["name"], *e["indistinguishable_from"]} for e in out["effects"]]

@@ -1,4 +1,5 @@
-"""Effects that no catalogue holds: never called adequate, never blamed on a catalogued cause alone, described by what they are."""
+"""Effects that no catalogue holds: never called adequate, never blamed on a catalogued cause alone,
+described by what they are."""
 
 import re
 from dataclasses import dataclass, field
@@ -14,7 +15,8 @@ IDENTITY = np.eye(2)
 
 @dataclass(frozen=True)
 class Stranger:
-    """Where it acts, its size, and what the first open term must say: place, covariate, a piece of the formula, size, harmonic of θ."""
+    """Where it acts, its size, and what the first open term must say: place, covariate, a piece of
+    the formula, size, harmonic of θ."""
 
     hooks: dict
     size: float
@@ -37,7 +39,10 @@ def damped(plant, course, matrix=IDENTITY):
 
 
 def stiffened(plant, course, matrix=IDENTITY):
-    plant.stiffness = plant.stiffness + (2 * plant.mechanics.omega_rad_s * np.asarray(course))[:, None, None] * matrix
+    plant.stiffness = (
+        plant.stiffness
+        + (2 * plant.mechanics.omega_rad_s * np.asarray(course))[:, None, None] * matrix
+    )
 
 
 def stiffness_step(p, plant, env):
@@ -62,7 +67,12 @@ def rippling_rate(p, env):
 
 def warm_channel(p, readout):
     """The gain of C alone follows temperature."""
-    readout.steps.append(lambda block, y: y * np.stack([1 + p["size"] * (block.temperature_degc - 22), np.ones_like(block.time_s)]))
+    readout.steps.append(
+        lambda block, y: (
+            y
+            * np.stack([1 + p["size"] * (block.temperature_degc - 22), np.ones_like(block.time_s)])
+        )
+    )
 
 
 def late_leakage(p, readout):
@@ -71,7 +81,9 @@ def late_leakage(p, readout):
 
     def step(block, y):
         late = round(0.05 / (block.time_s[1] - block.time_s[0]))
-        whole = np.concatenate([kept[-1] if kept else np.zeros((2, late), complex), block.drive], axis=1)
+        whole = np.concatenate(
+            [kept[-1] if kept else np.zeros((2, late), complex), block.drive], axis=1
+        )
         kept.append(whole[:, -late:])
         return y + p["size"] * whole[:, : y.shape[1]].real
 
@@ -95,7 +107,10 @@ def following_stiffness(p, plant, env):
     size, cos, sin = 2 * omega * p["size"], float(np.cos(1.0)), float(np.sin(1.0))
 
     def extra(t, x, y, vx, vy):
-        s1, s2 = x * x - y * y + (vx * vx - vy * vy) / omega / omega, 2 * (x * y + vx * vy / omega / omega)
+        s1, s2 = (
+            x * x - y * y + (vx * vx - vy * vy) / omega / omega,
+            2 * (x * y + vx * vy / omega / omega),
+        )
         q = (s1 * s1 + s2 * s2) ** 0.5 + 1e-300
         c, s = (s1 * cos - s2 * sin) / q, (s2 * cos + s1 * sin) / q
         return -size * (c * x + s * y), -size * (s * x - c * y)
@@ -108,7 +123,10 @@ def twelve_theta(p, plant, env):
     omega, size = plant.mechanics.omega_rad_s, p["size"]
 
     def extra(t, x, y, vx, vy):
-        s1, s2 = x * x - y * y + (vx * vx - vy * vy) / omega / omega, 2 * (x * y + vx * vy / omega / omega)
+        s1, s2 = (
+            x * x - y * y + (vx * vx - vy * vy) / omega / omega,
+            2 * (x * y + vx * vy / omega / omega),
+        )
         c = s1 / ((s1 * s1 + s2 * s2) ** 0.5 + 1e-300)
         cubed = 4 * c * c * c - 3 * c
         return -2 * size * cubed * vx, -2 * size * cubed * vy
@@ -118,7 +136,9 @@ def twelve_theta(p, plant, env):
 
 def damping_by_table_angle(p, plant, env):
     step = np.diff(env.time_s) * (env.rate_rad_s[1:] + env.rate_rad_s[:-1]) / 2
-    damped(plant, p["size"] * np.cos(np.concatenate([[0.0], np.cumsum(step)])) * (env.rate_rad_s != 0))
+    damped(
+        plant, p["size"] * np.cos(np.concatenate([[0.0], np.cumsum(step)])) * (env.rate_rad_s != 0)
+    )
 
 
 def frequency_by_root_of_time(p, plant, env):
@@ -182,7 +202,11 @@ def kicked(p, plant, env):
 
 
 def gain_step_of_one_channel(p, readout):
-    readout.steps.append(lambda block, y: y * np.stack([1 + p["size"] * (block.time_s > 1.1), np.ones_like(block.time_s)]))
+    readout.steps.append(
+        lambda block, y: (
+            y * np.stack([1 + p["size"] * (block.time_s > 1.1), np.ones_like(block.time_s)])
+        )
+    )
 
 
 def phase_by_amplitude(p, readout):
@@ -207,41 +231,107 @@ def angle_of_eight_theta(p, readout):
 
 
 STRANGERS = {
-    "stiffness step": Stranger({"plant": stiffness_step}, 1e-2, "frequency", "time", r"step at t = 0\.70", 1e-2),
-    "rippling rate": Stranger({"environment": rippling_rate}, 1e-2, "turning", "time", r"tone of 1\.70"),
-    "split step": Stranger({"plant": split_step}, 5e-3, "frequency split", "time", r"step at t = 1\.[12]", 5e-3),
-    "damping by rate": Stranger({"plant": damping_by_rate}, 2e-3, "damping", "rate", r"\(Ω/Ω₀\)²", 8e-3, programme={"runs": 8}),
-    "warming up": Stranger({"plant": warming_up}, 2e-2, "frequency", "time", r"e\^\(−t/0\.[34]", 2e-2),
-    "warm channel": Stranger({"readout": warm_channel}, 1e-3, "gain of C", "temperature", "T − T₀", same="gain_mismatch"),
-    "damping by |amplitude|": Stranger({"plant": absolute_damping}, 1e-2, "damping", "amplitude", r"\(a/a₀\)"),
-    "following stiffness": Stranger({"plant": following_stiffness}, 3e-3, "frequency split", "wave angle", "4θ", 3e-3, 4),
-    "twelve theta": Stranger({"plant": twelve_theta}, 2e-3, "damping", "wave angle", "12θ", 2e-3, 12),
+    "stiffness step": Stranger(
+        {"plant": stiffness_step}, 1e-2, "frequency", "time", r"step at t = 0\.70", 1e-2
+    ),
+    "rippling rate": Stranger(
+        {"environment": rippling_rate}, 1e-2, "turning", "time", r"tone of 1\.70"
+    ),
+    "split step": Stranger(
+        {"plant": split_step}, 5e-3, "frequency split", "time", r"step at t = 1\.[12]", 5e-3
+    ),
+    "damping by rate": Stranger(
+        {"plant": damping_by_rate},
+        2e-3,
+        "damping",
+        "rate",
+        r"\(Ω/Ω₀\)²",
+        8e-3,
+        programme={"runs": 8},
+    ),
+    "warming up": Stranger(
+        {"plant": warming_up}, 2e-2, "frequency", "time", r"e\^\(−t/0\.[34]", 2e-2
+    ),
+    "warm channel": Stranger(
+        {"readout": warm_channel}, 1e-3, "gain of C", "temperature", "T − T₀", same="gain_mismatch"
+    ),
+    "damping by |amplitude|": Stranger(
+        {"plant": absolute_damping}, 1e-2, "damping", "amplitude", r"\(a/a₀\)"
+    ),
+    "following stiffness": Stranger(
+        {"plant": following_stiffness}, 3e-3, "frequency split", "wave angle", "4θ", 3e-3, 4
+    ),
+    "twelve theta": Stranger(
+        {"plant": twelve_theta}, 2e-3, "damping", "wave angle", "12θ", 2e-3, 12
+    ),
     "table angle": Stranger(
-        {"plant": damping_by_table_angle}, 4e-3, "damping", "table angle × 1", "table angle", 4e-3, 1, programme={"runs": 8}
+        {"plant": damping_by_table_angle},
+        4e-3,
+        "damping",
+        "table angle × 1",
+        "table angle",
+        4e-3,
+        1,
+        programme={"runs": 8},
     ),
-    "root of time": Stranger({"plant": frequency_by_root_of_time}, 2e-2, "frequency", "time", "√", 2e-2),
-    "turning axis": Stranger({"plant": turning_axis}, 5e-3, "frequency split", "time", r"tone of 0\.4", 5e-3),
-    "damping by |rate|": Stranger({"plant": damping_by_speed}, 3e-3, "damping", "rate", r"\|Ω\|", 6e-3, programme={"runs": 8}),
-    "damping split modulated": Stranger({"plant": split_modulated}, 1e-2, "damping split", "time", r"tone of 2\.[45]", 1e-2),
-    "split that settles": Stranger({"plant": split_settling}, 1e-2, "frequency split", "time", r"e\^\(−t/0\.[45]", 1e-2),
-    "scale of one sign": Stranger({"plant": scale_of_one_sign}, 2e-3, "turning", "rate", r"\|Ω\|", programme={"runs": 8}),
-    "scale factor that ages": Stranger({"plant": ageing_scale}, 2e-3, "turning", "rate and time", "× t/T", programme={"runs": 8}),
+    "root of time": Stranger(
+        {"plant": frequency_by_root_of_time}, 2e-2, "frequency", "time", "√", 2e-2
+    ),
+    "turning axis": Stranger(
+        {"plant": turning_axis}, 5e-3, "frequency split", "time", r"tone of 0\.4", 5e-3
+    ),
+    "damping by |rate|": Stranger(
+        {"plant": damping_by_speed}, 3e-3, "damping", "rate", r"\|Ω\|", 6e-3, programme={"runs": 8}
+    ),
+    "damping split modulated": Stranger(
+        {"plant": split_modulated}, 1e-2, "damping split", "time", r"tone of 2\.[45]", 1e-2
+    ),
+    "split that settles": Stranger(
+        {"plant": split_settling}, 1e-2, "frequency split", "time", r"e\^\(−t/0\.[45]", 1e-2
+    ),
+    "scale of one sign": Stranger(
+        {"plant": scale_of_one_sign}, 2e-3, "turning", "rate", r"\|Ω\|", programme={"runs": 8}
+    ),
+    "scale factor that ages": Stranger(
+        {"plant": ageing_scale}, 2e-3, "turning", "rate and time", "× t/T", programme={"runs": 8}
+    ),
     "scale by temperature": Stranger(
-        {"plant": scale_by_temperature}, 1e-3, "turning", "rate and temperature", r"Ω/Ω₀ × \(T − T₀\)/ΔT", programme={"runs": 8}
+        {"plant": scale_by_temperature},
+        1e-3,
+        "turning",
+        "rate and temperature",
+        r"Ω/Ω₀ × \(T − T₀\)/ΔT",
+        programme={"runs": 8},
     ),
-    "precession by 1/a": Stranger({"plant": precession_by_inverse_amplitude}, 4e-3, "turning", "amplitude", "a₀/a"),
+    "precession by 1/a": Stranger(
+        {"plant": precession_by_inverse_amplitude}, 4e-3, "turning", "amplitude", "a₀/a"
+    ),
     "kick": Stranger({"plant": kicked}, 3e-3, "", "time", r"step at t = (0\.99|1\.0)"),
-    "gain step of C": Stranger({"readout": gain_step_of_one_channel}, 1e-3, "gain of C", "time", r"step at t = 1\.", 1e-3),
-    "phase by amplitude": Stranger({"readout": phase_by_amplitude}, 2e-3, "phase of S", "amplitude", r"\(a/a₀\)"),
-    "angle of 8θ": Stranger({"readout": angle_of_eight_theta}, 1e-3, "angle", "wave angle", "8θ", 1e-3, 8),
+    "gain step of C": Stranger(
+        {"readout": gain_step_of_one_channel}, 1e-3, "gain of C", "time", r"step at t = 1\.", 1e-3
+    ),
+    "phase by amplitude": Stranger(
+        {"readout": phase_by_amplitude}, 2e-3, "phase of S", "amplitude", r"\(a/a₀\)"
+    ),
+    "angle of 8θ": Stranger(
+        {"readout": angle_of_eight_theta}, 1e-3, "angle", "wave angle", "8θ", 1e-3, 8
+    ),
 }
 QUICK = ("rippling rate", "angle of 8θ")
 
 
 def check(name, seed):
     hidden = STRANGERS[name]
-    effect = Effect(name="stranger", family="test", page=name, parameters=(Parameter("size", "1", 1.0, name),), **hidden.hooks)
-    _, out = verdict(programme(seed, {"stranger": {"size": hidden.size}}, **hidden.programme), (effect,))
+    effect = Effect(
+        name="stranger",
+        family="test",
+        page=name,
+        parameters=(Parameter("size", "1", 1.0, name),),
+        **hidden.hooks,
+    )
+    _, out = verdict(
+        programme(seed, {"stranger": {"size": hidden.size}}, **hidden.programme), (effect,)
+    )
     assert out["verdict"] in ("unexplained", "partly explained")
     assert {e["name"] for e in out["effects"]} <= {hidden.same}
     first = out["remainder"]["terms"][0]
@@ -269,7 +359,8 @@ def test_every_stranger_is_described(name):
 
 @pytest.mark.slow
 def test_leakage_that_comes_late_is_not_called_adequate():
-    """Where the wave turns within the delay, it is near the catalogue's feed-through, which may be named, but something is left."""
+    """Where the wave turns within the delay, it is near the catalogue's feed-through, which may be
+    named, but something is left."""
     effect = Effect(
         name="stranger",
         family="test",
@@ -289,12 +380,23 @@ def test_noise_that_depends_on_the_angle_is_no_cause():
 
     def noisy(p, readout):
         def step(block, y):
-            s1 = block.z[0] ** 2 + block.v_over_omega[0] ** 2 - block.z[1] ** 2 - block.v_over_omega[1] ** 2
+            s1 = (
+                block.z[0] ** 2
+                + block.v_over_omega[0] ** 2
+                - block.z[1] ** 2
+                - block.v_over_omega[1] ** 2
+            )
             size = np.sum(block.z**2 + block.v_over_omega**2, axis=0)
             return y + p["size"] * np.abs(s1 / size) * random.standard_normal(y.shape)
 
         readout.steps.append(step)
 
-    effect = Effect(name="stranger", family="test", page="noise", parameters=(Parameter("size", "1", 1.0, "size"),), readout=noisy)
+    effect = Effect(
+        name="stranger",
+        family="test",
+        page="noise",
+        parameters=(Parameter("size", "1", 1.0, "size"),),
+        readout=noisy,
+    )
     _, out = verdict(programme(9, {"stranger": {"size": 6e-4}}), (effect,))
     assert out["effects"] == [] and out["remainder"] is None

@@ -1,4 +1,5 @@
-"""The waveform view from raw samples: a tone's true size through the windows, harmonics that the sampling folds beside the resonance."""
+"""The waveform view from raw samples: a tone's true size through the windows, harmonics that the
+sampling folds beside the resonance."""
 
 import numpy as np
 import pytest
@@ -19,10 +20,13 @@ RATE_HZ = 20011.0
 
 @pytest.mark.parametrize("offset_hz", (32.0, 55.0))
 def test_a_tone_keeps_its_size_where_the_windows_damp_it(offset_hz):
-    """8 ms leave 0.89 of it at 32 Hz and 0.69 at 55 Hz, of which the curvature that demodulate puts back makes 5.6 % and 0.3 % more."""
+    """8 ms leave 0.89 of it at 32 Hz and 0.69 at 55 Hz, of which the curvature that demodulate puts
+    back makes 5.6 % and 0.3 % more."""
     table = programme(5, runs=4)
     tone = {"c_cos": 4e-4, "c_sin": -2e-4, "s_cos": 1e-4, "s_sin": 3e-4}
-    table["effects"] = {"mains_tone": {"frequency_hz": table["device"]["frequency_hz"] + offset_hz, **tone}}
+    table["effects"] = {
+        "mains_tone": {"frequency_hz": table["device"]["frequency_hz"] + offset_hz, **tone}
+    }
     out = summary(diagnose(waves(table, periods_per_window=40.0)))
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
     for name, true in tone.items():
@@ -31,7 +35,10 @@ def test_a_tone_keeps_its_size_where_the_windows_damp_it(offset_hz):
         assert found["std"] < 1e-5
     frequency = out["effects"][0]["parameters"]["frequency_hz"]
     assert 0 < frequency["std"] < 0.02
-    assert abs(frequency["value"] - table["effects"]["mains_tone"]["frequency_hz"]) < 4 * frequency["std"]
+    assert (
+        abs(frequency["value"] - table["effects"]["mains_tone"]["frequency_hz"])
+        < 4 * frequency["std"]
+    )
 
 
 def test_the_size_of_a_far_tone_is_known_and_its_phase_is_not():
@@ -40,8 +47,12 @@ def test_the_size_of_a_far_tone_is_known_and_its_phase_is_not():
     _, out = verdict(table)
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
     one = out["effects"][0]
-    assert one["magnitude"]["c"] == pytest.approx(2e-4, rel=0.2) and one["magnitude"]["s"] == pytest.approx(1e-4, rel=0.2)
-    assert all(p["std"] >= 0.8e-4 for name, p in one["parameters"].items() if name != "frequency_hz")
+    assert one["magnitude"]["c"] == pytest.approx(2e-4, rel=0.2) and one["magnitude"][
+        "s"
+    ] == pytest.approx(1e-4, rel=0.2)
+    assert all(
+        p["std"] >= 0.8e-4 for name, p in one["parameters"].items() if name != "frequency_hz"
+    )
 
 
 def test_a_folded_harmonic_is_no_tone_from_outside():
@@ -56,11 +67,18 @@ def test_a_folded_harmonic_is_no_tone_from_outside():
 
 def seen(waves, tones=()):
     """The waveform's causes and lines."""
-    return causes(waves, phase_steps(waves), tones, float(np.median([w.reference_frequency_hz for w in waves])), [])
+    return causes(
+        waves,
+        phase_steps(waves),
+        tones,
+        float(np.median([w.reference_frequency_hz for w in waves])),
+        [],
+    )
 
 
 def past_a_circle(seed, split, distance):
-    """A run whose state passes the pole of the Poincaré sphere at a distance, by a turn of 2δω about the stiffness axis."""
+    """A run whose state passes the pole of the Poincaré sphere at a distance, by a turn of 2δω
+    about the stiffness axis."""
     table = table_of(seed, runs=1)
     table["device"] |= {"frequency_split_rad_s": split, "damping_split_1_s": 0.0}
     angle = table["device"]["stiffness_axis_rad"] + (np.pi / 2 - distance) / 4
@@ -68,12 +86,17 @@ def past_a_circle(seed, split, distance):
     return estimated(recordings(table, seed), 20.0)[0]
 
 
-@pytest.mark.parametrize(("split", "distance", "roundest"), [(0.8, 0.023, 0.977), (1.5, 0.1, 0.905)])
+@pytest.mark.parametrize(
+    ("split", "distance", "roundest"), [(0.8, 0.023, 0.977), (1.5, 0.1, 0.905)]
+)
 def test_a_clean_run_past_a_circle_has_no_step_where_its_phase_bends(split, distance, roundest):
-    """As a_B/a_A → 1 only φ ± mθ are determined: φ alone runs by radians in a few windows, and no sample is lost."""
+    """As a_B/a_A → 1 only φ ± mθ are determined: φ alone runs by radians in a few windows, and no
+    sample is lost."""
     for seed in range(10):
         wave = past_a_circle(seed, split, distance)
-        assert float(np.max(np.abs(wave.quadrature_amplitude / wave.main_amplitude))) == pytest.approx(roundest, abs=2e-3)
+        assert float(
+            np.max(np.abs(wave.quadrature_amplitude / wave.main_amplitude))
+        ) == pytest.approx(roundest, abs=2e-3)
         assert phase_steps([wave]) == []
 
 
@@ -82,7 +105,9 @@ def test_a_clean_run_past_a_circle_has_no_step_where_its_phase_bends(split, dist
 def test_lost_samples_are_counted_whole(count, seed):
     loss = {"dropped_samples": {"lost_s": count / RATE_HZ, "time_s": 0.9}}
     found, _ = seen(estimated(recordings(table_of(seed, loss, runs=3), seed)))
-    assert [(e["name"], e["samples"], e["what"], len(e["runs"])) for e in found] == [("dropped_samples", count, "lost", 3)]
+    assert [(e["name"], e["samples"], e["what"], len(e["runs"])) for e in found] == [
+        ("dropped_samples", count, "lost", 3)
+    ]
     lost = found[0]["parameters"]["lost_s"]
     assert abs(lost["value"] - count / RATE_HZ) < 4 * lost["std"] < 1e-7
 
@@ -90,26 +115,37 @@ def test_lost_samples_are_counted_whole(count, seed):
 @pytest.mark.parametrize("count", (1, 3))
 def test_repeated_samples_are_negative_and_called_so(count):
     records = recordings(table_of(0, runs=3), 0)
-    twice = [np.insert(np.asarray(x), 20000, np.asarray(x)[20000 - count : 20000]) for x in (records[0].c, records[0].s)]
+    twice = [
+        np.insert(np.asarray(x), 20000, np.asarray(x)[20000 - count : 20000])
+        for x in (records[0].c, records[0].s)
+    ]
     records[0] = records[0].replace(c=twice[0], s=twice[1])
     found, _ = seen(estimated(records))
-    assert [(e["name"], e["samples"], e["what"], e["runs"]) for e in found] == [("dropped_samples", -count, "repeated", ["run0"])]
+    assert [(e["name"], e["samples"], e["what"], e["runs"]) for e in found] == [
+        ("dropped_samples", -count, "repeated", ["run0"])
+    ]
 
 
 def test_half_a_sample_is_none_where_sampling_is_even():
     waves = estimated(recordings(table_of(1, runs=1), 1))
-    slip = np.where(waves[0].time_s > 1.0, 2 * np.pi * waves[0].reference_frequency_hz * 0.5 / RATE_HZ, 0.0)
+    slip = np.where(
+        waves[0].time_s > 1.0, 2 * np.pi * waves[0].reference_frequency_hz * 0.5 / RATE_HZ, 0.0
+    )
     slipped = [waves[0].replace(phase_rad=waves[0].phase_rad + slip)]
     assert len(phase_steps(slipped)) == 1 and seen(slipped)[0] == []
 
 
 def test_a_knock_is_no_lost_sample():
     wave = estimated(recordings(table_of(1, runs=1), 1))[0]
-    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad)
+    u = ellipse.envelopes(
+        wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad
+    )
     u[wave.time_s > 1.0] += 0.01 * np.exp(0.7j) * np.array([0.6, -0.8])
     a_A, a_B, angle, phase = ellipse.wave(u)
     angle, phase = ellipse.unwrap(angle, phase)
-    struck = wave.replace(main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase)
+    struck = wave.replace(
+        main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase
+    )
     assert phase_steps([struck]) == []
     assert [jump.knock for jump in jumps(struck)] == [True]
     assert abs(jumps(struck)[0].time_s - 1.0) < wave.window_s
@@ -123,19 +159,35 @@ def test_steps_and_lines_are_the_same_in_any_unit(factor):
     waves = estimated([r.replace(c=r.c + tone[: len(r.c)]) for r in records])
     before, listed = seen(waves)
     after, again = seen([timed(w, factor) for w in waves])
-    assert [e["name"] for e in before] == [e["name"] for e in after] == ["dropped_samples", "mains_tone"]
+    assert (
+        [e["name"] for e in before]
+        == [e["name"] for e in after]
+        == ["dropped_samples", "mains_tone"]
+    )
     assert before[0]["samples"] == after[0]["samples"] == 7
-    assert after[1]["parameters"]["frequency_hz"]["value"] * factor == pytest.approx(before[1]["parameters"]["frequency_hz"]["value"])
+    assert after[1]["parameters"]["frequency_hz"]["value"] * factor == pytest.approx(
+        before[1]["parameters"]["frequency_hz"]["value"]
+    )
     assert [line["multiple"] for line in listed] == [line["multiple"] for line in again]
 
 
 def quantised(records, step):
-    return [r.replace(c=step * np.round(np.asarray(r.c) / step), s=step * np.round(np.asarray(r.s) / step)) for r in records]
+    return [
+        r.replace(
+            c=step * np.round(np.asarray(r.c) / step), s=step * np.round(np.asarray(r.s) / step)
+        )
+        for r in records
+    ]
 
 
 def test_few_bits_and_a_dead_zone_are_one_converter_and_no_tones():
     records = recordings(table_of(0, runs=4, noise=1e-6), 0)
-    dead = [r.replace(**{k: np.sign(y) * np.maximum(np.abs(y) - 0.01, 0) for k, y in (("c", r.c), ("s", r.s))}) for r in records]
+    dead = [
+        r.replace(
+            **{k: np.sign(y) * np.maximum(np.abs(y) - 0.01, 0) for k, y in (("c", r.c), ("s", r.s))}
+        )
+        for r in records
+    ]
     for spoilt in (quantised(records, 2.4 / 64), dead):
         found, listed = seen(estimated(spoilt))
         assert [e["name"] for e in found] == ["converter_nonlinearity"]
@@ -147,7 +199,10 @@ def test_many_lines_are_listed_and_none_is_blamed():
     records = recordings(table_of(0, runs=1), 0)
     time = np.arange(len(records[0].c)) / RATE_HZ
     random = np.random.default_rng(1)
-    partials = sum(2e-3 * np.exp(-0.5 * time) * np.cos(2 * np.pi * f * time) for f in random.uniform(300, 9500, 15))
+    partials = sum(
+        2e-3 * np.exp(-0.5 * time) * np.cos(2 * np.pi * f * time)
+        for f in random.uniform(300, 9500, 15)
+    )
     found, listed = seen(estimated([records[0].replace(c=records[0].c + partials)]))
     assert found == [] and len(listed) >= 12
     assert any("partials or several sources" in line["meaning"] for line in listed)
@@ -166,7 +221,9 @@ def test_a_line_that_follows_the_wave_from_run_to_run_is_a_partial():
 def test_saturation_needs_clipped_samples_and_its_level_is_not_below_the_largest_sample():
     records = recordings(table_of(0, {"saturation": {"inverse_level": 1.1}}, runs=4), 0)
     found, _ = seen(estimated(records))
-    level = [1 / e["parameters"]["inverse_level"]["value"] for e in found if e["name"] == "saturation"]
+    level = [
+        1 / e["parameters"]["inverse_level"]["value"] for e in found if e["name"] == "saturation"
+    ]
     std = [e["parameters"]["inverse_level"]["std"] for e in found if e["name"] == "saturation"]
     assert len(level) == 1 and std[0] > 0
     assert abs(1.1 - 1 / level[0]) < 3 * std[0]
@@ -174,10 +231,21 @@ def test_saturation_needs_clipped_samples_and_its_level_is_not_below_the_largest
 
 def test_the_bell_and_the_bowl_have_partials_and_no_tones(measured_data):
     soundfile = pytest.importorskip("soundfile")
-    for name, near, periods in (("bell/perc_bell", 3618.0, 59.0), ("singing_bowl/bowl", 526.0, 20.0)):
+    for name, near, periods in (
+        ("bell/perc_bell", 3618.0, 59.0),
+        ("singing_bowl/bowl", 526.0, 20.0),
+    ):
         data, rate = soundfile.read(measured_data / f"{name}.flac", dtype="int16")
         if data.ndim == 1:
             data = np.stack([data, np.zeros_like(data)], axis=-1)[int(1.5 * rate) : int(19 * rate)]
-        record = Recording(c=data[:, 0].copy(), s=data[:, 1].copy(), sample_rate_hz=float(rate), mode="free", nominal_frequency_hz=near)
-        found, listed = seen([collect(estimate(collect(demodulate(record, periods_per_window=periods))))])
+        record = Recording(
+            c=data[:, 0].copy(),
+            s=data[:, 1].copy(),
+            sample_rate_hz=float(rate),
+            mode="free",
+            nominal_frequency_hz=near,
+        )
+        found, listed = seen(
+            [collect(estimate(collect(demodulate(record, periods_per_window=periods))))]
+        )
         assert found == [] and len(listed) > 20

@@ -1,4 +1,5 @@
-"""estimate: recovery within the stated deviations, continuity through blocks, and honesty about rows that fail."""
+"""estimate: recovery within the stated deviations, continuity through blocks, and honesty about
+rows that fail."""
 
 import numpy as np
 import pytest
@@ -7,7 +8,15 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.signals import signals
-from hrg_cli.records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Wave, collect
+from hrg_cli.records import (
+    FLAG_CLIPPED,
+    FLAG_GAP,
+    FLAG_NOT_FINITE,
+    FLAG_SETTLING,
+    Periods,
+    Wave,
+    collect,
+)
 from hrg_cli.stages import estimate as module
 from hrg_cli.stages.estimate import estimate, summary
 
@@ -15,7 +24,9 @@ SOLVERS = ("closed-form", "gauss-newton", "levenberg-marquardt")
 WINDOW = 0.01
 
 
-def periods(a, b, theta, phi, psi=0.0, *, readout="direct", m=2, sigma=1e-4, seed=0, **changes) -> Periods:
+def periods(
+    a, b, theta, phi, psi=0.0, *, readout="direct", m=2, sigma=1e-4, seed=0, **changes
+) -> Periods:
     """Demodulated signals of a known wave (θ physical) with white noise."""
     a, b, theta, phi, psi = np.broadcast_arrays(a, b, theta, phi, psi)
     if readout == "direct":
@@ -49,7 +60,13 @@ def periods(a, b, theta, phi, psi=0.0, *, readout="direct", m=2, sigma=1e-4, see
 def turning(n: int = 2000, m: int = 2, **settings):
     """A wave that turns many times, with its truth."""
     t = (np.arange(n) + 0.5) * WINDOW
-    truth = np.exp(-t / 60), 0.05 * np.cos(t), 0.2 + 20 / m * t, -0.3 + 40 * t + 0.5 * t**2, 0.4 + 3 * t
+    truth = (
+        np.exp(-t / 60),
+        0.05 * np.cos(t),
+        0.2 + 20 / m * t,
+        -0.3 + 40 * t + 0.5 * t**2,
+        0.4 + 3 * t,
+    )
     return periods(*truth, m=m, **settings), truth
 
 
@@ -63,7 +80,13 @@ def test_errors_of_random_waves_are_as_large_as_stated(readout, solver):
     b = a * generator.uniform(-0.7, 0.7, n)
     theta, phi, psi = generator.uniform(-1.4, 1.4, (3, n))
     theta = theta / m
-    wave = collect(estimate(periods(a, b, theta, phi, psi, readout=readout, sigma=2e-3), solver=solver, start="closed-form"))
+    wave = collect(
+        estimate(
+            periods(a, b, theta, phi, psi, readout=readout, sigma=2e-3),
+            solver=solver,
+            start="closed-form",
+        )
+    )
     angle, phase = wave.wave_angle_rad, wave.phase_rad
     errors = {
         "main_amplitude": wave.main_amplitude - a,
@@ -72,7 +95,9 @@ def test_errors_of_random_waves_are_as_large_as_stated(readout, solver):
         "phase_rad": np.remainder(phase - phi + np.pi / 2, np.pi) - np.pi / 2,
     }
     if readout == "carrier":
-        errors["carrier_phase_rad"] = np.remainder(wave.carrier_phase_rad - psi + np.pi / 2, np.pi) - np.pi / 2
+        errors["carrier_phase_rad"] = (
+            np.remainder(wave.carrier_phase_rad - psi + np.pi / 2, np.pi) - np.pi / 2
+        )
     for name, error in errors.items():
         assert 0.8 < np.mean((error / getattr(wave, f"{name}_std")) ** 2) < 1.25, name
     assert (np.abs(wave.quadrature_amplitude) <= wave.main_amplitude).all()
@@ -95,18 +120,36 @@ def test_angles_are_continuous_over_many_turns_and_through_blocks(readout, m, mo
     joined = collect(pieces)
     for name, spec in Wave.columns().items():
         if spec.dims == ("row",) and getattr(whole, name) is not None:
-            np.testing.assert_allclose(getattr(joined, name), getattr(whole, name), rtol=1e-9, atol=1e-9, err_msg=name)
+            np.testing.assert_allclose(
+                getattr(joined, name), getattr(whole, name), rtol=1e-9, atol=1e-9, err_msg=name
+            )
 
 
 def test_the_recovered_parameters_give_back_the_signals():
-    """Values and phases belong together: the wave's envelopes are the demodulated ones, whatever was unwrapped."""
+    """Values and phases belong together: the wave's envelopes are the demodulated ones, whatever
+    was unwrapped."""
     record, _ = turning(sigma=0.0)
     wave = collect(estimate(record))
-    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, 2)
-    np.testing.assert_allclose(np.stack([u[:, 0].real, -u[:, 0].imag, u[:, 1].real, -u[:, 1].imag], -1), record.signals, atol=1e-11)
+    u = ellipse.envelopes(
+        wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, 2
+    )
+    np.testing.assert_allclose(
+        np.stack([u[:, 0].real, -u[:, 0].imag, u[:, 1].real, -u[:, 1].imag], -1),
+        record.signals,
+        atol=1e-11,
+    )
     record, _ = turning(sigma=0.0, readout="carrier")
     wave = collect(estimate(record))
-    x = np.stack([wave.main_amplitude, wave.quadrature_amplitude, 2 * wave.wave_angle_rad, wave.phase_rad, wave.carrier_phase_rad], axis=-1)
+    x = np.stack(
+        [
+            wave.main_amplitude,
+            wave.quadrature_amplitude,
+            2 * wave.wave_angle_rad,
+            wave.phase_rad,
+            wave.carrier_phase_rad,
+        ],
+        axis=-1,
+    )
     np.testing.assert_allclose(signals(x), record.signals, atol=1e-11)
 
 
@@ -115,18 +158,30 @@ def test_the_recovered_parameters_give_back_the_signals():
 @pytest.mark.parametrize("readout", ["direct", "carrier"])
 def test_solvers_and_starts_agree(readout, solver, start):
     record, _ = turning(300, readout=readout)
-    expected, found = collect(estimate(record)), collect(estimate(record, solver=solver, start=start))
+    expected, found = (
+        collect(estimate(record)),
+        collect(estimate(record, solver=solver, start=start)),
+    )
     done = found.iterations > 0
     assert done.mean() > (0.5 if start == "fixed" else 0.99)
-    for name in ("main_amplitude", "quadrature_amplitude", "wave_angle_rad", "phase_rad", "carrier_phase_rad"):
+    for name in (
+        "main_amplitude",
+        "quadrature_amplitude",
+        "wave_angle_rad",
+        "phase_rad",
+        "carrier_phase_rad",
+    ):
         if start != "fixed":
-            np.testing.assert_allclose(getattr(found, name)[done], getattr(expected, name)[done], atol=1e-7, err_msg=name)
+            np.testing.assert_allclose(
+                getattr(found, name)[done], getattr(expected, name)[done], atol=1e-7, err_msg=name
+            )
     np.testing.assert_allclose(found.main_amplitude[done], expected.main_amplitude[done], atol=1e-8)
     assert (expected.iterations == 0).all()
 
 
 def test_previous_is_what_a_sequential_run_does():
-    """Row by row, each started at the row before, gives the same solutions and the same iteration counts."""
+    """Row by row, each started at the row before, gives the same solutions and the same iteration
+    counts."""
     from hrg_cli.fitting.ellipse.closed_form import closed_form
     from hrg_cli.fitting.ellipse.gauss_newton import gauss_newton
 
@@ -172,7 +227,10 @@ def test_bad_rows_stay_bad_and_leave_the_others_alone(readout):
     bad = np.isin(np.arange(500), [0, 1, 200])
     for name in ("main_amplitude", "wave_angle_rad", "phase_rad", "wave_angle_rad_std"):
         np.testing.assert_array_equal(np.isnan(getattr(wave, name)), bad, err_msg=name)
-    assert (wave.flags[[0, 5, 200, 499]] == [FLAG_NOT_FINITE, FLAG_CLIPPED, FLAG_NOT_FINITE | FLAG_CLIPPED, FLAG_SETTLING]).all()
+    assert (
+        wave.flags[[0, 5, 200, 499]]
+        == [FLAG_NOT_FINITE, FLAG_CLIPPED, FLAG_NOT_FINITE | FLAG_CLIPPED, FLAG_SETTLING]
+    ).all()
     assert not wave.good()[bad].any() and (wave.iterations[bad] < 0).all()
     assert np.ptp((wave.wave_angle_rad - theta)[~bad]) < 3e-3
     assert np.ptp((wave.phase_rad - phi)[~bad]) < 3e-3
@@ -181,22 +239,30 @@ def test_bad_rows_stay_bad_and_leave_the_others_alone(readout):
 
 @pytest.mark.parametrize("readout", ["direct", "carrier"])
 def test_stray_rows_turn_nothing_that_follows(readout):
-    """Garbage in windows at gaps, in every place of the half turn, leaves the clean rows on one path."""
+    """Garbage in windows at gaps, in every place of the half turn, leaves the clean rows on one
+    path."""
     record, (_, _, theta, phi, _) = turning(1000, readout=readout)
     stray = np.arange(5, 1000, 7)
-    record.signals[stray] = np.random.default_rng(4).standard_normal((len(stray), record.signals.shape[1]))
+    record.signals[stray] = np.random.default_rng(4).standard_normal(
+        (len(stray), record.signals.shape[1])
+    )
     record.flags[stray] = FLAG_GAP
     wave = collect(estimate(record))
     clean = wave.flags == 0
     assert np.ptp((wave.wave_angle_rad - theta)[clean]) < 3e-3
     assert np.ptp((wave.phase_rad - phi)[clean]) < 3e-3
-    assert np.abs((wave.wave_angle_rad - theta)[stray] - (wave.wave_angle_rad - theta)[0]).max() < 1.01 * np.pi / 4
+    assert (
+        np.abs((wave.wave_angle_rad - theta)[stray] - (wave.wave_angle_rad - theta)[0]).max()
+        < 1.01 * np.pi / 4
+    )
 
 
 def test_frequency_is_the_slope_of_the_phase():
     record, _ = turning(3000, sigma=1e-3)
     wave = collect(estimate(record))
-    np.testing.assert_allclose(wave.frequency_hz[:], 5000 + (40 + record.time_s) / (2 * np.pi), atol=0.02)
+    np.testing.assert_allclose(
+        wave.frequency_hz[:], 5000 + (40 + record.time_s) / (2 * np.pi), atol=0.02
+    )
     assert np.std(wave.frequency_hz - 5000 - (40 + record.time_s) / (2 * np.pi)) < 0.005
 
 
@@ -209,14 +275,35 @@ def test_columns_attributes_and_status_pass_through():
         "spectrum_line_ratio": np.array([9.0]),
     }
     n = 50
-    log = {"rate_rad_s": np.ones(n), "drive_main": np.arange(n) * 1.0, "drive_quadrature": np.zeros(n)}
+    log = {
+        "rate_rad_s": np.ones(n),
+        "drive_main": np.arange(n) * 1.0,
+        "drive_quadrature": np.zeros(n),
+    }
     record, _ = turning(
-        n, m=3, mode="forced", start_time="2024-01-01T00:00:00Z", status="suspect", status_reasons=("x",), **spectrum, **log
+        n,
+        m=3,
+        mode="forced",
+        start_time="2024-01-01T00:00:00Z",
+        status="suspect",
+        status_reasons=("x",),
+        **spectrum,
+        **log,
     )
     wave = collect(estimate(record))
     for name in (*spectrum, *log, "temperature_degc", "time_s"):
         np.testing.assert_array_equal(getattr(wave, name), getattr(record, name), err_msg=name)
-    for name in ("mode", "readout", "mode_number", "gyro_id", "run_id", "lot_id", "start_time", "units", "window_s"):
+    for name in (
+        "mode",
+        "readout",
+        "mode_number",
+        "gyro_id",
+        "run_id",
+        "lot_id",
+        "start_time",
+        "units",
+        "window_s",
+    ):
         assert getattr(wave, name) == getattr(record, name), name
     assert wave.reference_frequency_hz == 5000.0
     assert wave.status == "suspect" and wave.status_reasons == ("x",)
@@ -230,7 +317,9 @@ def test_a_stream_of_a_file_is_a_whole_file(tmp_path, monkeypatch):
         store.write(tmp_path / "wave.h5", estimate(lazy, solver="gauss-newton"))
     wave = store.read(tmp_path / "wave.h5", Wave)
     assert len(wave) == 950
-    np.testing.assert_allclose(wave.wave_angle_rad, collect(estimate(record)).wave_angle_rad, atol=1e-8)
+    np.testing.assert_allclose(
+        wave.wave_angle_rad, collect(estimate(record)).wave_angle_rad, atol=1e-8
+    )
     assert summary(wave)["usable"] == 950
 
 
@@ -259,7 +348,13 @@ def test_no_convergence_is_told():
     [
         ({"signals": np.full((100, 4), np.nan)}, "refused"),
         ({"signals": np.zeros((100, 4))}, "refused"),
-        ({"signals": np.random.default_rng(0).standard_normal((100, 4)) * 1e-3, "signals_std": np.full((100, 4), 1e-3)}, "refused"),
+        (
+            {
+                "signals": np.random.default_rng(0).standard_normal((100, 4)) * 1e-3,
+                "signals_std": np.full((100, 4), 1e-3),
+            },
+            "refused",
+        ),
         ({"flags": np.full(100, FLAG_CLIPPED, np.uint8)}, "refused"),
         ({"flags": np.array([FLAG_CLIPPED, 0] * 50, np.uint8)}, "suspect"),
         ({"flags": np.array([FLAG_SETTLING] * 30 + [0] * 70, np.uint8)}, "valid"),

@@ -13,10 +13,15 @@ def test_allan_deviation_agrees_with_allantools_and_its_coefficients_with_the_tr
     allantools = pytest.importorskip("allantools")
     draw = np.random.default_rng(0)
     interval, walk = 0.5, 3e-6
-    rate = walk / np.sqrt(interval) * draw.normal(size=40_000) + np.cumsum(draw.normal(size=40_000)) * 2e-8
+    rate = (
+        walk / np.sqrt(interval) * draw.normal(size=40_000)
+        + np.cumsum(draw.normal(size=40_000)) * 2e-8
+    )
     found = allan_figures(rate, interval)
     # allantools leaves out multiples that differ only by rounding, so it is asked for our own
-    _, expected, _, _ = allantools.oadev(rate, rate=1 / interval, data_type="freq", taus=found.time_s)
+    _, expected, _, _ = allantools.oadev(
+        rate, rate=1 / interval, data_type="freq", taus=found.time_s
+    )
     assert found.deviation_rad_s[: len(expected)] == pytest.approx(expected, rel=1e-9)
     assert found.angle_random_walk_rad_sqrt_s == pytest.approx(walk, rel=0.03)
     assert found.rate_random_walk_rad_s_sqrt_s == pytest.approx(2e-8 / np.sqrt(interval), rel=0.5)
@@ -26,13 +31,21 @@ def test_allan_deviation_agrees_with_allantools_and_its_coefficients_with_the_tr
 
 def test_scale_factor_asymmetry_and_nonlinearity():
     truth = Truth(1, drift=1e-5, scale_ripple=1e-6, curved=False)
-    runs = [forced_run(truth, 20.0, rate, 30, i, noise=1e-6) for i, rate in enumerate((-0.8, -0.4, 0.4, 0.8))]
+    runs = [
+        forced_run(truth, 20.0, rate, 30, i, noise=1e-6)
+        for i, rate in enumerate((-0.8, -0.4, 0.4, 0.8))
+    ]
     plain = scale_factor_figures(runs)
     assert plain.scale_factor == pytest.approx(0.55, rel=1e-4)
     assert abs(plain.asymmetry_ppm) < 60
     # positive rates read 300 ppm more
-    skew = [r.replace(wave_angle_rad=r.wave_angle_rad * (1 + 3e-4 * (r.rate_rad_s[0] > 0))) for r in runs]
-    assert scale_factor_figures(skew).asymmetry_ppm - plain.asymmetry_ppm == pytest.approx(300, rel=0.1)
+    skew = [
+        r.replace(wave_angle_rad=r.wave_angle_rad * (1 + 3e-4 * (r.rate_rad_s[0] > 0)))
+        for r in runs
+    ]
+    assert scale_factor_figures(skew).asymmetry_ppm - plain.asymmetry_ppm == pytest.approx(
+        300, rel=0.1
+    )
     with pytest.raises(HrgError, match="one rate only"):
         scale_factor_figures(runs[:1])
 
@@ -43,8 +56,12 @@ def test_figures_of_a_calibration_are_those_of_its_truth():
     record = calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0)
     figures = calibration_figures(record)
     theta = record.wave_angle_rad
-    bias = np.stack([truth.drift(T + 0 * theta, theta) / truth.scale(T + 0 * theta, theta) for T in (0, 20, 40)])
+    bias = np.stack(
+        [truth.drift(T + 0 * theta, theta) / truth.scale(T + 0 * theta, theta) for T in (0, 20, 40)]
+    )
     assert figures["bias_rad_s"] == pytest.approx(bias.mean(), rel=0.01, abs=1e-6)
-    assert figures["angle_dependent_bias_rad_s"] == pytest.approx(np.ptp(bias, axis=1).max() / 2, rel=0.02)
+    assert figures["angle_dependent_bias_rad_s"] == pytest.approx(
+        np.ptp(bias, axis=1).max() / 2, rel=0.02
+    )
     corrected = scale_factor_figures(waves, record)
     assert abs(corrected.error_ppm) < 5 and corrected.nonlinearity_ppm < 20

@@ -1,4 +1,5 @@
-"""The forecast of a resonator's drift against the envelopes integrated directly, against draws of its covariance, and as a command."""
+"""The forecast of a resonator's drift against the envelopes integrated directly, against draws of
+its covariance, and as a command."""
 
 import csv
 import json
@@ -9,7 +10,14 @@ from scipy.integrate import solve_ivp
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.envelopes.resonator_spread import deviation, from_vector, mechanics_of, moved, vector_covariance, vector_of
+from hrg_cli.fitting.envelopes.resonator_spread import (
+    deviation,
+    from_vector,
+    mechanics_of,
+    moved,
+    vector_covariance,
+    vector_of,
+)
 from hrg_cli.physics import drift, ellipse, resonator
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator
@@ -17,13 +25,23 @@ from hrg_cli.stages.forecast import forecast, summary
 
 
 def made(nu=0.02, split=0.004, spread=0.02, mode_number=2, **change):
-    values = dict(frequency_hz=5000.0, damping_rate_1_s=nu, damping_split_1_s=0.01 * nu, damping_axis_rad=0.35)
+    values = dict(
+        frequency_hz=5000.0, damping_rate_1_s=nu, damping_split_1_s=0.01 * nu, damping_axis_rad=0.35
+    )
     values |= dict(frequency_split_rad_s=split, stiffness_axis_rad=0.9, scale_factor=0.55) | change
     value = np.array([values[name] for name, _ in PARAMETERS])
     std = np.abs(value) * np.array([1e-9, 1e-3, spread, spread, spread, spread, 1e-6])
     units = np.array([unit for _, unit in PARAMETERS])
     names = np.array([name for name, _ in PARAMETERS])
-    return Resonator(name=names, value=value, std=std, units=units, covariance=np.diag(std**2), gyro_id="A", mode_number=mode_number)
+    return Resonator(
+        name=names,
+        value=value,
+        std=std,
+        units=units,
+        covariance=np.diag(std**2),
+        gyro_id="A",
+        mode_number=mode_number,
+    )
 
 
 def envelopes_of(g, drive, gain, rate, start, ratio, times):
@@ -62,12 +80,21 @@ def envelopes_of(g, drive, gain, rate, start, ratio, times):
 )  # fmt: skip
 def test_the_way_of_the_wave_is_that_of_the_driven_envelopes(drive, gain, rate, mode_number):
     record = made(mode_number=mode_number)
-    found = forecast(record, drive=drive, wave_angle_rad=0.7, rate_rad_s=rate, duration_s=120.0, quadrature_gain_1_s=gain)
+    found = forecast(
+        record,
+        drive=drive,
+        wave_angle_rad=0.7,
+        rate_rad_s=rate,
+        duration_s=120.0,
+        quadrature_gain_1_s=gain,
+    )
     t, g = found.table["time_s"], mechanics_of(record)
     r0 = 0.0 if drive == "free" else float(drift.quadrature_settled(g, 0.7, drive, gain))
     angle, _ = envelopes_of(g, drive, gain, rate, 0.7, r0, np.concatenate([[0.0], t]))
     moved_by = np.abs(angle[1:] - 0.7).max()
-    np.testing.assert_allclose(found.table["wave_angle_rad"], angle[1:], atol=2e-5 * moved_by + 1e-9)
+    np.testing.assert_allclose(
+        found.table["wave_angle_rad"], angle[1:], atol=2e-5 * moved_by + 1e-9
+    )
     error = -(mode_number * (angle[1:] - 0.7) / 0.55 + rate * t)
     np.testing.assert_allclose(found.table["error_rad"], error, atol=4e-5 * moved_by + 1e-8)
 
@@ -98,16 +125,24 @@ def test_deviations_are_those_of_draws_also_where_the_split_is_lost_in_noise():
 
 
 def test_forecast_figures_are_the_papers():
-    """D_max = νδμ + δω²/ν; the 8θ part is half with a parametric drive (M3p) and falls with a quadrature loop (C6)."""
+    """D_max = νδμ + δω²/ν; the 8θ part is half with a parametric drive (M3p) and falls with a
+    quadrature loop (C6)."""
     record = made()
-    for drive, gain, decay in (("force", 0.0, 0.02), ("parametric", 0.0, 0.04), ("force", 0.18, 0.2), ("free", 0.0, 0.02)):
+    for drive, gain, decay in (
+        ("force", 0.0, 0.02),
+        ("parametric", 0.0, 0.04),
+        ("force", 0.18, 0.2),
+        ("free", 0.0, 0.02),
+    ):
         f = forecast(record, drive=drive, quadrature_gain_1_s=gain, duration_s=20.0).figures
         assert f["sin_8_theta_part_rad_s"]["value"] == pytest.approx(0.004**2 / decay)
         assert f["drift_bound_rad_s"]["value"] == pytest.approx(0.0002 + 0.004**2 / decay)
         assert f["drift_largest_rad_s"]["value"] <= f["drift_bound_rad_s"]["value"] * 1.1
     f = forecast(record, rate_rad_s=0.05, duration_s=20.0).figures
     turning = 2 * 0.55 * 0.05
-    assert f["mean_drift_while_turning_rad_s"]["value"] == pytest.approx(-turning * 0.004**2 / (0.02**2 + turning**2))
+    assert f["mean_drift_while_turning_rad_s"]["value"] == pytest.approx(
+        -turning * 0.004**2 / (0.02**2 + turning**2)
+    )
 
 
 def test_the_trim_leaves_a_round_resonator():
@@ -115,7 +150,9 @@ def test_the_trim_leaves_a_round_resonator():
     record = made(split=0.3, spread=1e-3)
     trim = forecast(record, drive="free", duration_s=2.0).trim
     g = mechanics_of(record)
-    soft = 2 * g.omega_rad_s * trim.size_rad_s * (np.eye(2) + resonator.reflection(4 * trim.axis_rad))
+    soft = (
+        2 * g.omega_rad_s * trim.size_rad_s * (np.eye(2) + resonator.reflection(4 * trim.axis_rad))
+    )
     roots = np.sqrt(np.linalg.eigvalsh(g.stiffness_matrix() - soft)) / (2 * np.pi)
     assert np.ptp(roots) * 2 * np.pi < 1e-4 * 0.3
     assert roots.mean() == pytest.approx(5000 + trim.frequency_shift_hz, abs=1e-5)
@@ -150,7 +187,9 @@ def test_forecast_command(tmp_path, hrg):
     answer = json.loads(hrg("forecast", path, "--duration-s", "100", "--json").out)
     assert answer["kind"] == "forecast" and answer["status"] == "valid"
     assert [float(r["time_s"]) for r in rows] == [r["time_s"] for r in answer["table"]]
-    assert float(rows[-1]["error_worst_rad"]) == pytest.approx(answer["table"][-1]["error_worst_rad"], rel=1e-6)
+    assert float(rows[-1]["error_worst_rad"]) == pytest.approx(
+        answer["table"][-1]["error_worst_rad"], rel=1e-6
+    )
     assert hrg("forecast", path, "-o", tmp_path / "f.svg", "-q").status == 0
     assert "<svg" in (tmp_path / "f.svg").read_text()
     assert hrg("forecast", path, "-o", tmp_path / "f.h5").status == 2

@@ -1,4 +1,5 @@
-"""identify on one channel: one mode or two as the data say, its laws of the amplitude, strike and tail, aliases; real recordings."""
+"""identify on one channel: one mode or two as the data say, its laws of the amplitude, strike and
+tail, aliases; real recordings."""
 
 import json
 import os
@@ -21,31 +22,51 @@ def details(record):
 def one_signal(z, times, std, seed=1, frequency_hz=526.4):
     """A wave of one channel, the other dead."""
     u = np.stack([z, 0 * z], axis=1).astype(complex)
-    wave = as_wave(u, times, std, Mechanics(frequency_hz, 0.1), np.random.default_rng(seed), rate=np.zeros(len(times)))
+    wave = as_wave(
+        u,
+        times,
+        std,
+        Mechanics(frequency_hz, 0.1),
+        np.random.default_rng(seed),
+        rate=np.zeros(len(times)),
+    )
     return wave
 
 
 @pytest.mark.parametrize("cut", [(0.0, 21.0), (1.5, 19.0), (3.0, 18.0)])
 def test_two_modes_of_a_struck_bell_whole_or_cut(cut):
-    """Silence, a strike with a quick transient, the decay of two modes, a damper at the end: the decay alone is fitted."""
+    """Silence, a strike with a quick transient, the decay of two modes, a damper at the end: the
+    decay alone is fitted."""
     t = np.arange(0.02, 21.0, 0.04)
     t = t[(t > cut[0]) & (t < cut[1])]
     x = t - 0.5
-    z = np.exp((-0.124 + 0.02j) * x) + 0.045 * np.exp((-0.128 - 3.51j) * x + 1j) + 2.0 * np.exp((-6.0 + 5j) * x)
+    z = (
+        np.exp((-0.124 + 0.02j) * x)
+        + 0.045 * np.exp((-0.128 - 3.51j) * x + 1j)
+        + 2.0 * np.exp((-6.0 + 5j) * x)
+    )
     z = np.where(t < 0.5, 1e-3, z) * np.where(t > 19.6, np.exp(-8 * (t - 19.6)), 1.0)
     record = identify([one_signal(z, t, 1e-4)])
     modes = details(record)["modes"]
     assert len(modes) == 2 and record.status == "suspect"
-    assert [m["frequency_hz"] for m in modes] == pytest.approx([526.4 + 0.02 / (2 * np.pi), 526.4 - 3.51 / (2 * np.pi)], abs=2e-3)
+    assert [m["frequency_hz"] for m in modes] == pytest.approx(
+        [526.4 + 0.02 / (2 * np.pi), 526.4 - 3.51 / (2 * np.pi)], abs=2e-3
+    )
     for mode, decay in zip(modes, (0.124, 0.128), strict=True):
-        assert abs(mode["damping_rate_1_s"] - decay) < 5 * mode["std_1_s"] + 5e-4 and mode["std_1_s"] < 0.01
+        assert (
+            abs(mode["damping_rate_1_s"] - decay) < 5 * mode["std_1_s"] + 5e-4
+            and mode["std_1_s"] < 0.01
+        )
     assert any("left out" in s for s in record.status_reasons) == (cut[0] < 0.5)
 
 
 def test_one_mode_is_not_taken_for_two():
     t = np.arange(0.02, 20.0, 0.04)
     record = identify([one_signal(np.exp((-0.13 + 0.3j) * t), t, 1e-3)])
-    assert set(record.parameters()) == {"frequency_hz", "damping_rate_1_s"} and record.chi2_per_dof == pytest.approx(1, abs=0.2)
+    assert set(record.parameters()) == {
+        "frequency_hz",
+        "damping_rate_1_s",
+    } and record.chi2_per_dof == pytest.approx(1, abs=0.2)
     for name, true in (("frequency_hz", 526.4 + 0.3 / (2 * np.pi)), ("damping_rate_1_s", 0.13)):
         value, std, _ = record.parameters()[name]
         assert abs(value - true) < 4.5 * std
@@ -54,7 +75,8 @@ def test_one_mode_is_not_taken_for_two():
 
 @pytest.mark.parametrize("unit", [1.0, 1e3])
 def test_a_pendulum_tells_how_frequency_and_decay_follow_the_amplitude(unit):
-    """da/dt = −f − νa − ν₁a², dφ/dt = δ + κa²: each found with honest errors, in any unit of the amplitude; no gyro is refused for it."""
+    """da/dt = −f − νa − ν₁a², dφ/dt = δ + κa²: each found with honest errors, in any unit of the
+    amplitude; no gyro is refused for it."""
     f, nu, drag, kappa = 5e-3, 3e-3, 8e-3, -0.378
     t = np.arange(0.5, 140.0, 0.5)
     fine = np.linspace(0, 140, 140_001)
@@ -62,11 +84,18 @@ def test_a_pendulum_tells_how_frequency_and_decay_follow_the_amplitude(unit):
     a[0] = 1.6
     for i, step in enumerate(np.diff(fine)):
         a[i + 1] = a[i] - step * (f + nu * a[i] + drag * a[i] ** 2)
-    phase = np.concatenate([[0.0], np.cumsum((a[1:] ** 2 + a[:-1] ** 2) / 2 * np.diff(fine))]) * kappa
+    phase = (
+        np.concatenate([[0.0], np.cumsum((a[1:] ** 2 + a[:-1] ** 2) / 2 * np.diff(fine))]) * kappa
+    )
     z = np.interp(t, fine, a) * np.exp(1j * np.interp(t, fine, phase))
-    waves = [one_signal(z[k:] * unit, t[k:] - t[k] + 0.5, 2e-4 * unit, seed=k, frequency_hz=0.971) for k in (0, 20, 60)]
+    waves = [
+        one_signal(z[k:] * unit, t[k:] - t[k] + 0.5, 2e-4 * unit, seed=k, frequency_hz=0.971)
+        for k in (0, 20, 60)
+    ]
     record = identify(waves)
-    assert record.status == "suspect" and not any("contradict" in s or "disagree" in s for s in record.status_reasons)
+    assert record.status == "suspect" and not any(
+        "contradict" in s or "disagree" in s for s in record.status_reasons
+    )
     law = details(record)["amplitude_dependence"]
     for name, true in (
         ("frequency_zero_amplitude_rad_s", 2 * np.pi * 0.971),
@@ -79,25 +108,38 @@ def test_a_pendulum_tells_how_frequency_and_decay_follow_the_amplitude(unit):
 
 
 def test_a_torsion_pendulum_of_few_slow_windows_and_any_unit():
-    """Slow, weakly damped, far off the reference, in units of 1e-9 and 1e6: finite answers, never an internal error."""
+    """Slow, weakly damped, far off the reference, in units of 1e-9 and 1e6: finite answers, never
+    an internal error."""
     for size in (1e-9, 1e6):
         t = np.arange(12) * 40.0 + 20
         z = size * np.exp((-1e-4 + 3e-3j) * t)
         record = identify([one_signal(z, t, 1e-3 * size, frequency_hz=0.02)])
         assert all(np.isfinite(v) and np.isfinite(s) for v, s, _ in record.parameters().values())
-        assert record.get("damping_rate_1_s") == pytest.approx(1e-4, abs=5 * record.parameters()["damping_rate_1_s"][1])
+        assert record.get("damping_rate_1_s") == pytest.approx(
+            1e-4, abs=5 * record.parameters()["damping_rate_1_s"][1]
+        )
 
 
 def test_aliases_of_the_windows_are_named():
     t = np.arange(0.02, 20.0, 0.04)
-    record = identify([one_signal(np.exp((-0.13 + 0.3j) * t) + 0.5 * np.exp((-0.2 - 9j) * t), t, 1e-3)])
+    record = identify(
+        [one_signal(np.exp((-0.13 + 0.3j) * t) + 0.5 * np.exp((-0.2 - 9j) * t), t, 1e-3)]
+    )
     for mode in details(record)["modes"]:
-        assert mode["aliases_hz"] == pytest.approx([mode["frequency_hz"] - 25, mode["frequency_hz"] + 25])
-    assert any("cannot tell" in s and "windows every 0.04 s" in s for s in summary(record)["identifiability"]["flat_directions"])
+        assert mode["aliases_hz"] == pytest.approx(
+            [mode["frequency_hz"] - 25, mode["frequency_hz"] + 25]
+        )
+    assert any(
+        "cannot tell" in s and "windows every 0.04 s" in s
+        for s in summary(record)["identifiability"]["flat_directions"]
+    )
     assert all({"name", "value", "limit", "passed"} <= set(c) for c in summary(record)["checks"])
 
 
-measured = pytest.mark.skipif("HRG_MEASURED_DATA" not in os.environ, reason="HRG_MEASURED_DATA does not name the folder of measured data")
+measured = pytest.mark.skipif(
+    "HRG_MEASURED_DATA" not in os.environ,
+    reason="HRG_MEASURED_DATA does not name the folder of measured data",
+)
 
 
 def wave_of(hrg, tmp_path, source, *options, periods=None):
@@ -107,7 +149,13 @@ def wave_of(hrg, tmp_path, source, *options, periods=None):
     names = [tmp_path / f"{Path(source).stem}.{n}.h5" for n in ("r", "p", "w")]
     for command in (
         ("import", source, "-o", names[0], "--s", "none", "--mode", "free", *options),
-        ("demodulate", names[0], "-o", names[1], *(("--periods-per-window", periods) if periods else ())),
+        (
+            "demodulate",
+            names[0],
+            "-o",
+            names[1],
+            *(("--periods-per-window", periods) if periods else ()),
+        ),
         ("estimate", names[1], "-o", names[2]),
     ):
         assert hrg(*command).status in (0, 3)
@@ -115,7 +163,10 @@ def wave_of(hrg, tmp_path, source, *options, periods=None):
 
 
 @measured
-@pytest.mark.parametrize("periods", [pytest.param(1, marks=pytest.mark.slow), 20, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "periods",
+    [pytest.param(1, marks=pytest.mark.slow), 20, pytest.param(50, marks=pytest.mark.slow)],
+)
 def test_singing_bowl_as_recorded(hrg, tmp_path, periods):
     folder = Path(os.environ["HRG_MEASURED_DATA"]) / "singing_bowl"
     record = identify([wave_of(hrg, tmp_path, folder / "bowl.flac", periods=periods)])
@@ -127,7 +178,9 @@ def test_singing_bowl_as_recorded(hrg, tmp_path, periods):
 @measured
 def test_plane_pendulum_as_recorded(hrg, tmp_path):
     folder = Path(os.environ["HRG_MEASURED_DATA"]) / "pendulum_plane"
-    record = identify([wave_of(hrg, tmp_path, folder / f"data{n}.csv", "--mode-number", 1) for n in (31, 32)])
+    record = identify(
+        [wave_of(hrg, tmp_path, folder / f"data{n}.csv", "--mode-number", 1) for n in (31, 32)]
+    )
     law = details(record)["amplitude_dependence"]
     assert law["frequency_zero_amplitude_rad_s"]["value"] == pytest.approx(6.100, abs=2e-3)
     assert law["frequency_per_amplitude2_rad_s"]["value"] == pytest.approx(-0.378, abs=4e-3)

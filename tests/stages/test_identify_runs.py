@@ -1,4 +1,5 @@
-"""identify where runs contradict each other, drift or differ, and over the beats of a split; rate as a stage."""
+"""identify where runs contradict each other, drift or differ, and over the beats of a split; rate
+as a stage."""
 
 import json
 
@@ -24,7 +25,9 @@ def test_a_wrong_rate_log_is_refused_and_its_run_named():
     waves = programme(std=1e-4, seed=3)
     waves[4] = waves[4].replace(rate_rad_s=np.full(len(waves[4]), 1.4), run_id="the wrong log")
     record = identify(waves)
-    assert record.status == "refused" and any("the wrong log" in s and "contradict" in s for s in record.status_reasons)
+    assert record.status == "refused" and any(
+        "the wrong log" in s and "contradict" in s for s in record.status_reasons
+    )
     without = identify([w for w in waves if w.run_id != "the wrong log"])
     assert without.status == "valid"
 
@@ -34,21 +37,32 @@ def test_two_or_three_runs_say_that_they_contradict_but_not_always_which_is_wron
     rotated = [(0.1, 2.0), (0.5, -2.0), (0.9, 2.0), (0.3, 0.0)]
     waves = programme(std=1e-4, seed=3, runs=rotated)
     two = identify([waves[0].replace(**wrong), waves[1]])
-    assert two.status == "refused" and any("two runs contradict" in s and "third" in s for s in two.status_reasons)
+    assert two.status == "refused" and any(
+        "two runs contradict" in s and "third" in s for s in two.status_reasons
+    )
     three = identify([waves[0].replace(**wrong), *waves[1:3]])
-    assert three.status == "refused" and any("contradict" in s and "the wrong log" in s for s in three.status_reasons)
+    assert three.status == "refused" and any(
+        "contradict" in s and "the wrong log" in s for s in three.status_reasons
+    )
     assert identify(waves[:2]).status == identify(waves[:3]).status == "valid"
 
 
 def test_errors_hold_the_runs_disagreement():
-    """Every run of a slightly different gyro: the model is wrong everywhere, the runs' scatter is the error."""
+    """Every run of a slightly different gyro: the model is wrong everywhere, the runs' scatter is
+    the error."""
     rng = np.random.default_rng(5)
     squares = []
     for seed in range(10):
         waves = []
         for i, (angle, turning) in enumerate(PROGRAMME):
-            other = Mechanics(4987.3, 0.31 * (1 + 0.01 * rng.standard_normal()), 0.012, 0.35, 0.11, 0.9, 0.55)
-            waves.append(run_down(angle, turning, mechanics=other, std=1e-4, window=2e-2, seed=100 * seed + i))
+            other = Mechanics(
+                4987.3, 0.31 * (1 + 0.01 * rng.standard_normal()), 0.012, 0.35, 0.11, 0.9, 0.55
+            )
+            waves.append(
+                run_down(
+                    angle, turning, mechanics=other, std=1e-4, window=2e-2, seed=100 * seed + i
+                )
+            )
         record = identify(waves)
         assert record.status != "valid"
         squares.append(errors(record)["damping_rate_1_s"] ** 2)
@@ -81,12 +95,16 @@ def test_beats(beats):
 def test_rate_stage_sees_the_rate_without_the_drift():
     gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, 0.3, 0.9, 0.55)
     resonator = identify(programme(gyro, std=1e-5))
-    wave = run_down(0.3, lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2, mechanics=gyro, std=1e-4, seed=11)
+    wave = run_down(
+        0.3, lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2, mechanics=gyro, std=1e-4, seed=11
+    )
     record = rate(wave, resonator, nodes=16)
     figures = summary(record)
     assert record.status == "valid" and len(record.time_s) == 16
     assert figures["error_rms_rad_s"] < 0.2 * figures["plain_error_rms_rad_s"]
-    assert np.mean((record.residual_after_rad_s / record.rate_estimate_rad_s_std) ** 2) < 1 + 5 * np.sqrt(2 / 16)
+    assert np.mean(
+        (record.residual_after_rad_s / record.rate_estimate_rad_s_std) ** 2
+    ) < 1 + 5 * np.sqrt(2 / 16)
     unlogged = rate(wave.replace(rate_rad_s=None), resonator)
     assert unlogged.residual_after_rad_s is None and len(unlogged.time_s) == 20
     with pytest.raises(HrgError, match="no force acts"):
@@ -97,11 +115,14 @@ def test_rate_stage_sees_the_rate_without_the_drift():
 
 @pytest.mark.parametrize(("split", "ratio"), [(0.3, 0.95), (2.0, 1.0), (6.0, 0.5)])
 def test_rate_through_circular_orbits(split, ratio):
-    """A wave that starts round, or that the frequency split rounds on its way: −mθ'/K is useless, the reference model is not."""
+    """A wave that starts round, or that the frequency split rounds on its way: −mθ'/K is useless,
+    the reference model is not."""
     gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, split, 0.9, 0.55)
     resonator = identify(programme(gyro, std=1e-5, window=4e-3))
     course = lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2  # noqa: E731
-    record = rate(run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11, ratio=ratio), resonator, nodes=16)
+    record = rate(
+        run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11, ratio=ratio), resonator, nodes=16
+    )
     error = record.rate_estimate_rad_s - course(record.time_s)
     assert record.status == "valid" and np.sqrt(np.mean(error**2)) < 0.003
     assert np.mean((error / record.rate_estimate_rad_s_std) ** 2) < 4
@@ -122,7 +143,8 @@ def test_a_quick_rate_takes_more_nodes_or_says_they_are_too_few():
 
 
 def test_frequency_split_under_a_ring_electrode_through_raw_samples():
-    """The pump damps the quadrature about twice as fast as the wave; the split comes out without bias all the same."""
+    """The pump damps the quadrature about twice as fast as the wave; the split comes out without
+    bias all the same."""
     device = {
         "frequency_hz": 1500.0,
         "time_constant_s": 2.5,
@@ -138,7 +160,9 @@ def test_frequency_split_under_a_ring_electrode_through_raw_samples():
         "recording": {"sample_rate_hz": 10_000.0, "duration_s": 20.0},
         "environment": {"rate_rad_s": 0.6},
     }
-    wave = collect(estimate(collect(demodulate(collect(simulate(config, seed=3)), periods_per_window=10.0))))
+    wave = collect(
+        estimate(collect(demodulate(collect(simulate(config, seed=3)), periods_per_window=10.0)))
+    )
     record = identify([wave], method="working-mode")
     value, std, _ = record.parameters()["frequency_split_rad_s"]
     assert abs(value - np.pi * 0.01) < 4 * std and std < 0.02 * value
@@ -148,9 +172,15 @@ def test_frequency_split_under_a_ring_electrode_through_raw_samples():
 
 
 def test_a_run_begins_and_ends_without_error_where_the_envelope_moves():
-    """A wave that turns 0.1 rad a window at high precision: the first and last windows err no more than they say; 0.8 rad is suspect."""
+    """A wave that turns 0.1 rad a window at high precision: the first and last windows err no more
+    than they say; 0.8 rad is suspect."""
     config = {
-        "device": {"frequency_hz": 500.0, "time_constant_s": 5.0, "frequency_split_hz": 0.8, "stiffness_axis_rad": 0.3},
+        "device": {
+            "frequency_hz": 500.0,
+            "time_constant_s": 5.0,
+            "frequency_split_hz": 0.8,
+            "stiffness_axis_rad": 0.3,
+        },
         "readout": {"noise": 1e-5},
         "recording": {"sample_rate_hz": 20_000.0, "duration_s": 4.0},
     }
@@ -163,6 +193,11 @@ def test_a_run_begins_and_ends_without_error_where_the_envelope_moves():
         near = np.argsort(np.abs(short.time_s - long.time_s[i]))[:8]
         x = short.time_s[near] - long.time_s[i]
         fits = [np.polyfit(x, short.signals[near, k], 2)[-1] for k in range(4)]
-        assert np.all(np.abs(long.signals[i] - fits) < 6 * np.hypot(long.signals_std[i], short.signals_std[near].mean(0) / 2)), i
+        assert np.all(
+            np.abs(long.signals[i] - fits)
+            < 6 * np.hypot(long.signals_std[i], short.signals_std[near].mean(0) / 2)
+        ), i
     slow = collect(demodulate(recording, periods_per_window=80.0))
-    assert slow.status == "suspect" and any("use periods_per_window" in s for s in slow.status_reasons)
+    assert slow.status == "suspect" and any(
+        "use periods_per_window" in s for s in slow.status_reasons
+    )

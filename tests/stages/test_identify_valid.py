@@ -1,4 +1,5 @@
-""" "valid" is earned: rows follow the wave in every method, every method judges itself, and no quiet answer over the whole range."""
+""" "valid" is earned: rows follow the wave in every method, every method judges itself, and no
+quiet answer over the whole range."""
 
 import json
 import subprocess
@@ -26,9 +27,18 @@ TEN_DEG_S = np.radians(10)
 
 
 def on_a_table(std=1e-5, gyro=TABLE, windows=30_000, seed=1):
-    """Two run-downs of a 5 kHz gyro of τ = 600 s on a table at ±10 °/s, 20 min of 40 ms windows: the wave turns by 116 rad."""
+    """Two run-downs of a 5 kHz gyro of τ = 600 s on a table at ±10 °/s, 20 min of 40 ms windows:
+    the wave turns by 116 rad."""
     return [
-        run_down(angle, sign * TEN_DEG_S, mechanics=gyro, std=std, seconds=1200.0, window=1200 / windows, seed=10 * seed + i)
+        run_down(
+            angle,
+            sign * TEN_DEG_S,
+            mechanics=gyro,
+            std=std,
+            seconds=1200.0,
+            window=1200 / windows,
+            seed=10 * seed + i,
+        )
         for i, (angle, sign) in enumerate(((0.1, 1.0), (0.6, -1.0)))
     ]
 
@@ -44,7 +54,8 @@ def within(record, gyro, limit=4.5):
 @pytest.mark.parametrize("std", [1e-4, 1e-6])
 @pytest.mark.parametrize("split_hz", [1e-4, 0.05])
 def test_likelihood_on_a_turning_table_in_few_rows(std, split_hz):
-    """300 rows of 4 s: the wave turns by 0.8 rad of 2mθ in one; averaging along another motion than the fitted one biased by 10³ σ."""
+    """300 rows of 4 s: the wave turns by 0.8 rad of 2mθ in one; averaging along another motion than
+    the fitted one biased by 10³ σ."""
     gyro = Mechanics(5000.0, 1 / 600, 2e-5, 0.35, np.pi * split_hz, 0.9, 0.554)
     record = identify(on_a_table(std, gyro))
     assert record.status == "valid" and within(record, gyro), errors(record, gyro)
@@ -67,15 +78,22 @@ def test_every_method_on_a_turning_table():
             assert abs(off) < 4.5 * cell["std"], (method, name, off / cell["std"])
         assert abs(row["parameters"]["scale_factor"]["std"]) < 1e-6
     alone = identify(waves, method="products")
-    assert alone.status == "valid" and within(alone, TABLE) and alone.chi2_per_dof == pytest.approx(1, abs=0.1)
+    assert (
+        alone.status == "valid"
+        and within(alone, TABLE)
+        and alone.chi2_per_dof == pytest.approx(1, abs=0.1)
+    )
 
 
 @pytest.mark.parametrize("method", ["products", "fixed-axes-weighted", "fixed-axes", "moving-axes"])
 def test_differences_are_corrected_in_short_runs(method):
-    """K was off by 5 σ even in short runs, for the differences' truncation is x²/6 of the turning."""
+    """K was off by 5 σ even in short runs, for the differences' truncation is x²/6 of the
+    turning."""
     squares = []
     for seed in range(4):
-        record = identify(programme(std=1e-4, seed=seed, window=1e-2, runs=PROGRAMME[3:]), method=method)
+        record = identify(
+            programme(std=1e-4, seed=seed, window=1e-2, runs=PROGRAMME[3:]), method=method
+        )
         squares.append(errors(record)["scale_factor"] ** 2)
     assert np.mean(squares) < 4.5
 
@@ -86,11 +104,14 @@ def test_a_drifting_frequency_does_not_turn_the_axes_of_fixed_axes():
     for wave in programme(std=1e-4, seed=1, window=1e-2):
         waves.append(wave.replace(phase_rad=wave.phase_rad + 2 * np.pi * 0.15 * wave.time_s**2 / 8))
     record = identify(waves, method="fixed-axes")
-    assert all(abs(e) < 4.5 for n, e in errors(record).items() if n != "frequency_hz"), errors(record)
+    assert all(abs(e) < 4.5 for n, e in errors(record).items() if n != "frequency_hz"), errors(
+        record
+    )
 
 
 def test_through_raw_samples():
-    """The same chain a user runs, at a tenth of the time: 20 windows of samples a second, turned ten times as fast."""
+    """The same chain a user runs, at a tenth of the time: 20 windows of samples a second, turned
+    ten times as fast."""
     device = {
         "frequency_hz": 500.0,
         "time_constant_s": 60.0,
@@ -115,13 +136,20 @@ def test_through_raw_samples():
         waves.append(collect(estimate(collect(demodulate(recording, periods_per_window=10.0)))))
     for method in ("likelihood", "increments", "products"):
         record = identify(waves, method=method)
-        assert record.status == "valid" and within(record, gyro), (method, record.status_reasons, errors(record, gyro))
+        assert record.status == "valid" and within(record, gyro), (
+            method,
+            record.status_reasons,
+            errors(record, gyro),
+        )
 
 
 def test_a_method_that_disagrees_with_its_data_says_so():
-    """A wave of much quadrature before the equations of small quadrature, and a log that is a percent off before every method."""
+    """A wave of much quadrature before the equations of small quadrature, and a log that is a
+    percent off before every method."""
     record = identify(programme(std=1e-5, ratio=0.3), method="moving-axes-small-quadrature")
-    assert record.status == "suspect" and not checks_of(record)["distance_from_likelihood"]["passed"]
+    assert (
+        record.status == "suspect" and not checks_of(record)["distance_from_likelihood"]["passed"]
+    )
     waves = programme(std=1e-4, seed=3)
     waves[4] = waves[4].replace(rate_rad_s=waves[4].rate_rad_s * 1.01)
     for method in ("likelihood", "stokes", "products", "increments", "fixed-axes", "propagator"):
@@ -131,19 +159,34 @@ def test_a_method_that_disagrees_with_its_data_says_so():
 
 
 def test_windows_that_blur_the_wave_are_noticed():
-    waves = programme(Mechanics(5000.0, 0.01, 1e-3, 0.35, 0.11, 0.9, 0.55), runs=[(0.1, 10.0), (0.5, -10.0)], window=0.25, seconds=60.0)
-    with pytest.raises(HrgError, match=r"turns by 1.4 rad within one window of 0.25 s.* windows of at most 0.04"):
+    waves = programme(
+        Mechanics(5000.0, 0.01, 1e-3, 0.35, 0.11, 0.9, 0.55),
+        runs=[(0.1, 10.0), (0.5, -10.0)],
+        window=0.25,
+        seconds=60.0,
+    )
+    with pytest.raises(
+        HrgError, match=r"turns by 1.4 rad within one window of 0.25 s.* windows of at most 0.04"
+    ):
         identify(waves)
     slower = programme(
-        Mechanics(5000.0, 0.01, 1e-3, 0.35, 0.11, 0.9, 0.55), runs=[(0.1, 8.0), (0.5, -8.0)], window=0.25, seconds=60.0, std=1e-3
+        Mechanics(5000.0, 0.01, 1e-3, 0.35, 0.11, 0.9, 0.55),
+        runs=[(0.1, 8.0), (0.5, -8.0)],
+        window=0.25,
+        seconds=60.0,
+        std=1e-3,
     )
     record = identify(slower)
-    assert record.status != "valid" and any("within one window" in s and "windows of at most" in s for s in record.status_reasons)
+    assert record.status != "valid" and any(
+        "within one window" in s and "windows of at most" in s for s in record.status_reasons
+    )
 
 
 def test_what_memory_does_not_hold_is_refused_with_a_sentence():
     run = envelope_runs.from_wave(run_down(0.1, 1.0, seconds=100.0))
-    assert rows.needed(coordinates.from_mechanics(GYRO), [run], 300) == pytest.approx((0.55 + 0.31 + 0.122) * 100 / 0.25, rel=0.02)
+    assert rows.needed(coordinates.from_mechanics(GYRO), [run], 300) == pytest.approx(
+        (0.55 + 0.31 + 0.122) * 100 / 0.25, rel=0.02
+    )
     fast = envelope_runs.turned_by(run, 1e4)
     with pytest.raises(HrgError, match="rad a row where 1 is the most"):
         rows.needed(coordinates.from_mechanics(GYRO), [fast] * 40, 300)
@@ -158,7 +201,9 @@ def test_the_scale_of_the_noise_is_no_truth():
 
 def test_a_negative_scale_factor_is_said():
     record = identify([w.replace(rate_rad_s=-w.rate_rad_s) for w in programme(std=1e-4, seed=4)])
-    assert record.status == "suspect" and any("sign" in s and "rate log" in s for s in record.status_reasons)
+    assert record.status == "suspect" and any(
+        "sign" in s and "rate log" in s for s in record.status_reasons
+    )
 
 
 def test_the_derivative_of_the_exponential_is_exact_however_far_it_turns():
@@ -171,8 +216,15 @@ def test_the_derivative_of_the_exponential_is_exact_however_far_it_turns():
     for got, want in zip(whole, matrices.exponential(L, dt), strict=True):
         assert np.allclose(got, want, rtol=1e-10)
     step = 1e-6
-    for E, trace in (((1, 0, 0, -1), 2 * L[0]), ((0, 1, 1, 0), L[1] + L[2]), ((0, 1, -1, 0), L[2] - L[1])):
-        moved = [matrices.exponential(tuple(m + s * step * e for m, e in zip(L, E, strict=True)), dt) for s in (1, -1)]
+    for E, trace in (
+        ((1, 0, 0, -1), 2 * L[0]),
+        ((0, 1, 1, 0), L[1] + L[2]),
+        ((0, 1, -1, 0), L[2] - L[1]),
+    ):
+        moved = [
+            matrices.exponential(tuple(m + s * step * e for m, e in zip(L, E, strict=True)), dt)
+            for s in (1, -1)
+        ]
         for i in range(4):
             got = trace * (even * (i in (0, 3)) + third * L[i]) + slope * E[i]
             want = (moved[0][i] - moved[1][i]) / (2 * step)
@@ -180,12 +232,17 @@ def test_the_derivative_of_the_exponential_is_exact_however_far_it_turns():
 
 
 def test_a_long_pendulum_run_with_known_scale_factor():
-    """The frequency follows a², by 20 rad of phase in one run: followed, the damping's error at the bound, no correlation above 1."""
+    """The frequency follows a², by 20 rad of phase in one run: followed, the damping's error at the
+    bound, no correlation above 1."""
     gyro = Mechanics(0.1118, 2.5e-4, 1e-5, 0.6, 3e-5, 1.9, 1.0, 1)
     for std, kappa in ((1e-5, 1e-3), (1e-3, 1e-2)):
-        wave = run_down(0.4, 5.3e-5, mechanics=gyro, std=std, seconds=9000.0, window=9.0, ratio=0.01, seed=3)
+        wave = run_down(
+            0.4, 5.3e-5, mechanics=gyro, std=std, seconds=9000.0, window=9.0, ratio=0.01, seed=3
+        )
         a2 = wave.main_amplitude**2
-        phase = -kappa * np.concatenate([[0.0], np.cumsum((a2[1:] + a2[:-1]) / 2 * np.diff(wave.time_s))])
+        phase = -kappa * np.concatenate(
+            [[0.0], np.cumsum((a2[1:] + a2[:-1]) / 2 * np.diff(wave.time_s))]
+        )
         plain = identify([wave.replace(phase_rad=wave.phase_rad + phase)], scale_factor=1.0)
         bound = json.loads(plain.details)["cramer_rao_std"]["damping_rate_1_s"]
         assert plain.chi2_per_dof < 1.2 and plain.parameters()["damping_rate_1_s"][1] < 1.15 * bound
@@ -194,24 +251,43 @@ def test_a_long_pendulum_run_with_known_scale_factor():
     drawn = identify([wave], scale_factor=1.0, bootstrap=50)
     spread = np.sqrt(np.diag(drawn.covariance))
     seen = spread > 0
-    assert np.abs(drawn.covariance[np.ix_(seen, seen)] / np.outer(spread[seen], spread[seen])).max() < 1 + 1e-9
+    assert (
+        np.abs(drawn.covariance[np.ix_(seen, seen)] / np.outer(spread[seen], spread[seen])).max()
+        < 1 + 1e-9
+    )
     assert rate(wave, plain, nodes=4).rate_estimate_rad_s is not None
 
 
 def test_a_nominal_scale_factor_is_uncertain_in_what_the_turning_moves():
-    """Too little turning to see K, yet K·Ω is a hundred σ of the damping split: the error holds what K may be."""
+    """Too little turning to see K, yet K·Ω is a hundred σ of the damping split: the error holds
+    what K may be."""
     gyro = Mechanics(2000.0, 0.33, 1.1e-3, 0.58, 3.3e-3, 0.3, 0.84)
-    record = identify(programme(gyro, std=3e-5, seconds=6.0, window=1e-2, runs=[(0.2, 5e-4), (0.9, -5e-4)], seed=2))
+    record = identify(
+        programme(
+            gyro, std=3e-5, seconds=6.0, window=1e-2, runs=[(0.2, 5e-4), (0.9, -5e-4)], seed=2
+        )
+    )
     assert "scale_factor" not in record.parameters() and within(record, gyro)
-    told = identify(programme(gyro, std=3e-5, seconds=6.0, window=1e-2, runs=[(0.2, 5e-4), (0.9, -5e-4)], seed=2), scale_factor=0.84)
-    assert within(told, gyro) and record.parameters()["damping_split_1_s"][1] > 10 * told.parameters()["damping_split_1_s"][1]
+    told = identify(
+        programme(
+            gyro, std=3e-5, seconds=6.0, window=1e-2, runs=[(0.2, 5e-4), (0.9, -5e-4)], seed=2
+        ),
+        scale_factor=0.84,
+    )
+    assert (
+        within(told, gyro)
+        and record.parameters()["damping_split_1_s"][1]
+        > 10 * told.parameters()["damping_split_1_s"][1]
+    )
 
 
 def test_an_unknown_rate_is_the_common_offset_of_the_logs():
     gyro = Mechanics(5000.0, 0.1, 0.004, 0.35, 0.05, 0.9, 0.55)
     offset, runs = 7.3e-3, [(0.0, 0.0), (0.5, 0.0), (0.1, 1.0), (0.4, -1.0)]
     for seed in range(3):
-        waves = programme(gyro, seed=seed, seconds=10.0, window=5e-3, runs=[(a, w + offset) for a, w in runs])
+        waves = programme(
+            gyro, seed=seed, seconds=10.0, window=5e-3, runs=[(a, w + offset) for a, w in runs]
+        )
         waves = [w.replace(rate_rad_s=w.rate_rad_s - offset) for w in waves]
         assert identify(waves).status != "valid"
         record = identify(waves, fit_rate=True)
@@ -229,14 +305,25 @@ def test_earths_rate_by_value_or_latitude():
     ]
     waves = [w.replace(rate_rad_s=w.rate_rad_s - earth) for w in waves]
     assert identify(waves).status != "valid"
-    for told in ({"latitude_deg": 50.0}, {"earth_rate_deg_h": np.degrees(earth) * 3600}, {"latitude_deg": 40.0, "axis_tilt_deg": -10.0}):
+    for told in (
+        {"latitude_deg": 50.0},
+        {"earth_rate_deg_h": np.degrees(earth) * 3600},
+        {"latitude_deg": 40.0, "axis_tilt_deg": -10.0},
+    ):
         record = identify(waves, **told)
         if "axis_tilt_deg" in told:  # tilted to the south by 10° at 40°: as at 30° latitude
             assert record.status != "valid"
             record = identify(waves, **told | {"axis_tilt_deg": 10.0})
         assert within(record, gyro), told
-        on_ground = rate(waves[0], record, nodes=6, **told | ({"axis_tilt_deg": 10.0} if "axis_tilt_deg" in told else {}))
-        assert np.all(np.abs(on_ground.rate_estimate_rad_s - 0.1) < 5 * on_ground.rate_estimate_rad_s_std)
+        on_ground = rate(
+            waves[0],
+            record,
+            nodes=6,
+            **told | ({"axis_tilt_deg": 10.0} if "axis_tilt_deg" in told else {}),
+        )
+        assert np.all(
+            np.abs(on_ground.rate_estimate_rad_s - 0.1) < 5 * on_ground.rate_estimate_rad_s_std
+        )
     with pytest.raises(HrgError, match="both given"):
         identify(waves, latitude_deg=1.0, earth_rate_deg_h=1.0)
     with pytest.raises(HrgError, match="add latitude_deg"):
@@ -256,7 +343,8 @@ def test_a_rate_of_two_hertz_takes_the_nodes_it_needs():
 
 
 def quiet(seeds, methods):
-    """(worst |error|/σ of valid answers by method, all (error/σ) of valid likelihoods, their σ over the bound)."""
+    """(worst |error|/σ of valid answers by method, all (error/σ) of valid likelihoods, their σ over
+    the bound)."""
     worst, scores, ratios = {m: 0.0 for m in methods}, [], []
     for seed in seeds:
         drawn = draw(seed)
@@ -273,7 +361,10 @@ def quiet(seeds, methods):
             if method == "likelihood":
                 scores += list(found.values())
                 bound = json.loads(record.details)["cramer_rao_std"]
-                ratios += [record.parameters()[n][1] / bound[n] for n in ("damping_rate_1_s", "frequency_split_rad_s")]
+                ratios += [
+                    record.parameters()[n][1] / bound[n]
+                    for n in ("damping_rate_1_s", "frequency_split_rad_s")
+                ]
     return worst, np.abs(scores), np.array(ratios)
 
 
@@ -295,7 +386,8 @@ def test_no_quiet_answer_in_five_hundred_programmes():
 
 @pytest.mark.parametrize("course", [2.0, lambda t: 2 * np.sin(3 * t) + 1])
 def test_long_records_are_read_by_blocks_to_the_same_answer(monkeypatch, course):
-    """A sample of the windows shows the motion, all of them are averaged along it: as with every window in memory, gaps and flags too."""
+    """A sample of the windows shows the motion, all of them are averaged along it: as with every
+    window in memory, gaps and flags too."""
     waves = programme(std=1e-3, seed=8, window=1e-3, runs=[(0.1, course), (0.5, -2.0), (0.9, 0.0)])
     flags = np.zeros(len(waves[0]), "u1")
     flags[700:1100] = 2
@@ -317,7 +409,15 @@ def test_memory_does_not_grow_with_the_windows(tmp_path):
     for count in (100_000, 400_000):
         files = []
         for i, rate_ in enumerate((0.17, -0.17, 0.0, 0.1)):
-            wave = run_down(0.1 + 0.3 * i, rate_, mechanics=gyro, std=1e-3, seconds=count * 1e-3, window=1e-3, seed=i)
+            wave = run_down(
+                0.1 + 0.3 * i,
+                rate_,
+                mechanics=gyro,
+                std=1e-3,
+                seconds=count * 1e-3,
+                window=1e-3,
+                seed=i,
+            )
             files.append(str(tmp_path / f"{count}-{i}.h5"))
             store.write(files[-1], wave)
         code = (
@@ -325,6 +425,22 @@ def test_memory_does_not_grow_with_the_windows(tmp_path):
             "try:\n    main()\nexcept SystemExit:\n    pass\n"
             "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
         )
-        command = [sys.executable, "-c", code, "identify", *files, "-o", str(tmp_path / f"{count}.h5"), "-q"]
-        peak[count] = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[-1]) / 1024
+        command = [
+            sys.executable,
+            "-c",
+            code,
+            "identify",
+            *files,
+            "-o",
+            str(tmp_path / f"{count}.h5"),
+            "-q",
+        ]
+        peak[count] = (
+            int(
+                subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[
+                    -1
+                ]
+            )
+            / 1024
+        )
     assert peak[400_000] < 300 and peak[400_000] < 1.3 * peak[100_000], peak

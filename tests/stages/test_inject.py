@@ -1,4 +1,5 @@
-"""Injection: what is hidden in a recording is what a simulation with the effect holds, at any sampling, in any number format."""
+"""Injection: what is hidden in a recording is what a simulation with the effect holds, at any
+sampling, in any number format."""
 
 import json
 import subprocess
@@ -37,7 +38,12 @@ SIZES = {
     "drive_feedthrough": {"displacement_c_s": 3e-3, "velocity_s_s": 2e-3},
     "inertial_nonlinearity": {"inverse_length_squared": 1e-5},
     "dry_friction": {"slope_1_s": 2e-2},
-    "momentum_kick": {"c_velocity_over_omega": 4e-3, "s_velocity_over_omega": -7e-3, "time_s": 0.21003, "run": -1.0},
+    "momentum_kick": {
+        "c_velocity_over_omega": 4e-3,
+        "s_velocity_over_omega": -7e-3,
+        "time_s": 0.21003,
+        "run": -1.0,
+    },
     "phase_drift": {"slope_rad_s": 1e-2},
     "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }
@@ -73,7 +79,13 @@ def recorded(effects, forced=False, **changes):
 def envelopes(recording):
     wave = collect(estimate(collect(demodulate(recording, periods_per_window=10.0))))
     turn = 2 * np.pi * (wave.reference_frequency_hz - 2000.0) * wave.time_s
-    return ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad + turn, 2)
+    return ellipse.envelopes(
+        wave.main_amplitude,
+        wave.quadrature_amplitude,
+        wave.wave_angle_rad,
+        wave.phase_rad + turn,
+        2,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -81,12 +93,17 @@ def plain():
     return {forced: recorded({}, forced) for forced in (False, True)}
 
 
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in (*LOOPS, "thermal_lag")], ids=lambda e: e.name)
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS if e.name not in (*LOOPS, "thermal_lag")], ids=lambda e: e.name
+)
 def test_what_is_injected_is_what_is_simulated(effect, plain):
     forced = "drive" in effect.shown_by
     given = {effect.name: SIZES.get(effect.name) or {p.name: p.typical for p in effect.parameters}}
     base = plain[forced]
-    wanted, before, made = map(envelopes, (recorded(given, forced), base, collect(inject(base, resonator(), effects=given))))
+    wanted, before, made = map(
+        envelopes,
+        (recorded(given, forced), base, collect(inject(base, resonator(), effects=given))),
+    )
     count = min(map(len, (wanted, before, made)))
     wanted, before, made, rows = wanted[:count], before[:count], made[:count], np.ones(count, bool)
     if effect.name in ("dropped_samples", "momentum_kick"):
@@ -101,11 +118,15 @@ def test_a_lag_is_one_of_the_log():
     made = collect(inject(base, resonator(), effects={"thermal_lag": {"time_constant_s": 0.02}}))
     assert made.c == pytest.approx(base.c, abs=1e-12)
     off = np.abs(lagging.temperature_degc - base.temperature_degc).max()
-    assert off > 0.1 and np.abs(made.temperature_degc - lagging.temperature_degc)[20:].max() < 0.02 * off
+    assert (
+        off > 0.1
+        and np.abs(made.temperature_degc - lagging.temperature_degc)[20:].max() < 0.02 * off
+    )
 
 
 def test_uneven_sampling_and_a_mode_number_of_one():
-    """A pendulum tracked by a camera: the same motion at irregular instants, whole pixels about a mean position."""
+    """A pendulum tracked by a camera: the same motion at irregular instants, whole pixels about a
+    mean position."""
     random = np.random.default_rng(3)
     device = DEVICE | {"frequency_hz": 0.36, "damping_rate_1_s": 4e-4, "damping_split_1_s": 2e-5, "frequency_split_rad_s": 2e-4,
                        "scale_factor": 1.0, "mode_number": 1}  # fmt: skip
@@ -128,7 +149,10 @@ def test_uneven_sampling_and_a_mode_number_of_one():
         assert made.c.dtype == of_model.c.dtype and np.array_equal(made.time_s, of_model.time_s)
         before = tracked(base, pixels)
         for channel, position in (("c", 640), ("s", 360)):
-            change, missed = getattr(of_model, channel) - getattr(before, channel), getattr(of_model, channel) - getattr(made, channel)
+            change, missed = (
+                getattr(of_model, channel) - getattr(before, channel),
+                getattr(of_model, channel) - getattr(made, channel),
+            )
             assert np.std(change) > 5
             assert np.std(missed) < (0.02 * np.std(change) + 0.5 * pixels)
             assert abs(np.mean(getattr(made, channel)) - position) < 2
@@ -136,7 +160,14 @@ def test_uneven_sampling_and_a_mode_number_of_one():
 
 def test_samples_lost_of_an_uneven_recording_close_the_gap_up():
     t = (np.arange(4000) + np.random.default_rng(1).uniform(0, 0.9, 4000)) / 100
-    base = Recording(c=np.cos(6 * t), s=0.5 * np.cos(6 * t + 0.1), time_s=t, mode="free", mode_number=1, nominal_frequency_hz=6 / 2 / np.pi)
+    base = Recording(
+        c=np.cos(6 * t),
+        s=0.5 * np.cos(6 * t + 0.1),
+        time_s=t,
+        mode="free",
+        mode_number=1,
+        nominal_frequency_hz=6 / 2 / np.pi,
+    )
     made = collect(inject(base, effects={"dropped_samples": {"time_s": 20.0, "lost_s": 0.5}}))
     lost = (t >= 20) & (t < 20.5)
     assert len(made.c) == len(t) - lost.sum() and np.all(np.diff(made.time_s) >= 0)
@@ -149,13 +180,24 @@ def test_whole_numbers_stay_whole_and_a_full_range_is_told():
     assert made.c.dtype == base.c.dtype and made.status == "valid"
     grown = base.replace(c_scale_factor=base.c_scale_factor / 16, c=(base.c * 16).astype(np.int16))
     made = collect(inject(grown, effects={"gain_mismatch": {"gain": 0.4}}))
-    assert made.status == "suspect" and "clipped" in made.status_reasons[-1] and made.c.max() == 32767
+    assert (
+        made.status == "suspect" and "clipped" in made.status_reasons[-1] and made.c.max() == 32767
+    )
 
 
 def test_the_samples_do_not_depend_on_the_blocks(plain):
-    effects = {"phase_mismatch": {"phase_rad": 1e-2}, "momentum_kick": SIZES["momentum_kick"], "coherent_offset": SIZES["coherent_offset"]}
-    whole, parts = (collect(inject(plain[False], resonator(), effects=effects, block_samples=n)) for n in (1 << 20, 977))
-    assert parts.c == pytest.approx(np.asarray(whole.c), abs=1e-12) and len(parts.temperature_degc) == len(whole.temperature_degc)
+    effects = {
+        "phase_mismatch": {"phase_rad": 1e-2},
+        "momentum_kick": SIZES["momentum_kick"],
+        "coherent_offset": SIZES["coherent_offset"],
+    }
+    whole, parts = (
+        collect(inject(plain[False], resonator(), effects=effects, block_samples=n))
+        for n in (1 << 20, 977)
+    )
+    assert parts.c == pytest.approx(np.asarray(whole.c), abs=1e-12) and len(
+        parts.temperature_degc
+    ) == len(whole.temperature_degc)
 
 
 @pytest.mark.parametrize(
@@ -175,20 +217,28 @@ def test_what_cannot_be_hidden_is_refused_in_words(effects, says, plain):
 
 def test_a_carrier_is_refused(plain):
     with pytest.raises(HrgError, match="direct read-out were expected"):
-        inject(plain[False].replace(readout="carrier", carrier_hz=5e3), effects={"gain_mismatch": {"gain": 0.1}})
+        inject(
+            plain[False].replace(readout="carrier", carrier_hz=5e3),
+            effects={"gain_mismatch": {"gain": 0.1}},
+        )
 
 
 def hrg(*arguments):
-    return subprocess.run([sys.executable, "-m", "hrg_cli.cli", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "hrg_cli.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 def test_the_command_keeps_provenance_and_takes_several_effects(tmp_path, plain):
     store.write(tmp_path / "run.h5", plain[False], False)
     own = tmp_path / "own.py"
     own.write_text(
-        "import numpy as np\nfrom hrg_cli.effects import Effect, Parameter\n"
-        "OWN = Effect(name='runout', family='user', page='', parameters=(Parameter('a_1_s', 's-1', 1e-3, 'size'),),"
-        " slow=lambda p, u, s: -p['a_1_s'] * u)\n"
+        "import numpy as np\nfrom hrg_cli.effects import Effect, Parameter\nOWN ="
+        " Effect(name='runout', family='user', page='', parameters=(Parameter('a_1_s', 's-1', 1e-3,"
+        " 'size'),), slow=lambda p, u, s: -p['a_1_s'] * u)\n"
     )
     done = hrg(
         "inject", tmp_path / "run.h5", "--effect", "gain_mismatch", "--effect", "runout", "--effect", "phase_mismatch",
@@ -198,14 +248,35 @@ def test_the_command_keeps_provenance_and_takes_several_effects(tmp_path, plain)
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
-    effects = {"gain_mismatch": {"gain": 0.01}, "runout": {"a_1_s": 0.02}, "phase_mismatch": {"phase_rad": 0.001}}
+    effects = {
+        "gain_mismatch": {"gain": 0.01},
+        "runout": {"a_1_s": 0.02},
+        "phase_mismatch": {"phase_rad": 0.001},
+    }
     assert said["kind"] == "recording" and said["effects"] == effects and said["status"] == "valid"
     made = store.read(tmp_path / "out.h5", Recording)
-    assert "hrg inject" in made.provenance.history[-1] and made.provenance.sources[0].name == "run.h5"
-    assert "gain = 0.01" in made.provenance.settings and "periods_per_window = 5" in made.provenance.settings
+    assert (
+        "hrg inject" in made.provenance.history[-1] and made.provenance.sources[0].name == "run.h5"
+    )
+    assert (
+        "gain = 0.01" in made.provenance.settings
+        and "periods_per_window = 5" in made.provenance.settings
+    )
     assert made.truth_time_s is None, "the motion is no longer that of the simulation"
-    again = hrg("inject", tmp_path / "out.h5", "--effect", "gain_mismatch", "--set", "gain=-0.01", "-o", tmp_path / "back.h5")
-    assert again.returncode == 0 and len(store.read(tmp_path / "back.h5", Recording).provenance.history) == 2
+    again = hrg(
+        "inject",
+        tmp_path / "out.h5",
+        "--effect",
+        "gain_mismatch",
+        "--set",
+        "gain=-0.01",
+        "-o",
+        tmp_path / "back.h5",
+    )
+    assert (
+        again.returncode == 0
+        and len(store.read(tmp_path / "back.h5", Recording).provenance.history) == 2
+    )
 
 
 @pytest.mark.parametrize(
@@ -222,5 +293,7 @@ def test_the_command_keeps_provenance_and_takes_several_effects(tmp_path, plain)
 def test_a_wrong_assignment_is_a_sentence(tmp_path, plain, arguments, status, says):
     store.write(tmp_path / "run.h5", plain[False], False)
     done = hrg("inject", tmp_path / "run.h5", *arguments, "-o", tmp_path / "out.h5")
-    assert done.returncode == status and says in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+    assert (
+        done.returncode == status and says in done.stderr and len(done.stderr.splitlines()) == 1
+    ), done.stderr
     assert not (tmp_path / "out.h5").exists()

@@ -1,4 +1,5 @@
-"""Injection into measured pendulums: what is hidden does there what its law says, and leaves the rest as it was measured."""
+"""Injection into measured pendulums: what is hidden does there what its law says, and leaves the
+rest as it was measured."""
 
 import csv
 import os
@@ -26,11 +27,18 @@ def pendulum(name):
         pytest.skip("set HRG_MEASURED_DATA to the folder of measured data")
     with (Path(folder) / name[0] / name[1]).open() as file:
         if name is FLORENCE:
-            t, x, y = np.array([[float(v) for v in row] for row in list(csv.reader(file, delimiter=";"))[1:]]).T
+            t, x, y = np.array(
+                [[float(v) for v in row] for row in list(csv.reader(file, delimiter=";"))[1:]]
+            ).T
         else:
             rows = [row for row in csv.reader(file) if row]
             x, y = np.array([[float(v) for v in row[:2]] for row in rows]).T
-            t = np.array([sum(float(p) * u for p, u in zip(row[2].split(":"), (3600, 60, 1), strict=True)) for row in rows])
+            t = np.array(
+                [
+                    sum(float(p) * u for p, u in zip(row[2].split(":"), (3600, 60, 1), strict=True))
+                    for row in rows
+                ]
+            )
     keep = np.concatenate([[True], np.diff(t) > 0])
     t = (t - t[0])[keep]
     return Recording(
@@ -63,7 +71,9 @@ def test_a_gain_is_one_about_the_mean_position(measured):
     recording, _ = measured
     made = collect(inject(recording, effects={"gain_mismatch": {"gain": 0.02}}))
     c, s = (np.asarray(v) for v in (recording.c, recording.s))
-    assert np.polyfit(c, made.c, 1)[0] == pytest.approx(1.01, abs=1e-12) and np.polyfit(s, made.s, 1)[0] == pytest.approx(0.99, abs=1e-12)
+    assert np.polyfit(c, made.c, 1)[0] == pytest.approx(1.01, abs=1e-12) and np.polyfit(
+        s, made.s, 1
+    )[0] == pytest.approx(0.99, abs=1e-12)
     assert abs(np.mean(made.c) - np.mean(c)) < 0.01 * np.std(c)
 
 
@@ -73,7 +83,9 @@ def test_a_drift_of_the_damping_is_an_amplitude_quadratic_in_time(measured):
     ratio = np.log(after.main_amplitude / before.main_amplitude)[good]
     assert ratio == pytest.approx(-slope * before.time_s[good] ** 2 / 2, abs=5e-4)
     assert np.abs(np.sin(after.wave_angle_rad - before.wave_angle_rad)[good]).max() < 2e-3
-    assert np.median(after.residual_rms[good]) == pytest.approx(np.median(before.residual_rms[good]), rel=0.05)
+    assert np.median(after.residual_rms[good]) == pytest.approx(
+        np.median(before.residual_rms[good]), rel=0.05
+    )
 
 
 def test_a_rate_bias_turns_the_wave_of_a_resonator_without_splits(measured):
@@ -94,7 +106,12 @@ def test_a_frequency_that_follows_the_amplitude_pulls_the_phase(measured):
     size = float(np.median(plain.main_amplitude[plain.good()]))
     pull = 0.5 / recording.time_s[-1] / size**2
     before, after, good = both(measured, {"cubic_stiffness": {"pull_rad_s": pull}})
-    shift = 2 * np.pi * (after.reference_frequency_hz - before.reference_frequency_hz) * before.time_s[good]
+    shift = (
+        2
+        * np.pi
+        * (after.reference_frequency_hz - before.reference_frequency_hz)
+        * before.time_s[good]
+    )
     phase = np.unwrap((after.phase_rad - before.phase_rad)[good] + shift, period=np.pi)
     t, a = before.time_s[good], before.main_amplitude[good]
     wanted = np.concatenate([[0], np.cumsum(np.diff(t) * (pull * a**2)[1:])])
@@ -103,9 +120,14 @@ def test_a_frequency_that_follows_the_amplitude_pulls_the_phase(measured):
 
 def test_a_knock_changes_nothing_before_and_the_velocity_after(measured):
     recording, plain = measured
-    size, omega = 0.05 * float(np.median(plain.main_amplitude[plain.good()])), 2 * np.pi * plain.reference_frequency_hz
+    size, omega = (
+        0.05 * float(np.median(plain.main_amplitude[plain.good()])),
+        2 * np.pi * plain.reference_frequency_hz,
+    )
     at = 0.4 * recording.time_s[-1]
-    made = collect(inject(recording, effects={"momentum_kick": {"c_velocity_over_omega": size, "time_s": at}}))
+    made = collect(
+        inject(recording, effects={"momentum_kick": {"c_velocity_over_omega": size, "time_s": at}})
+    )
     change = np.asarray(made.c) - np.asarray(recording.c)
     t = np.asarray(recording.time_s)
     period = 2 * np.pi / omega
@@ -117,7 +139,10 @@ def test_a_knock_changes_nothing_before_and_the_velocity_after(measured):
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 def test_every_effect_goes_in_or_is_refused_in_words(measured, effect):
     recording, plain = measured
-    size, frequency = float(np.median(plain.main_amplitude[plain.good()])), plain.reference_frequency_hz
+    size, frequency = (
+        float(np.median(plain.main_amplitude[plain.good()])),
+        plain.reference_frequency_hz,
+    )
     from hrg_cli.fitting.causes.scales import typical
 
     given = {p.name: p.neutral + typical(p, size, frequency) for p in effect.fitted()}
@@ -126,8 +151,14 @@ def test_every_effect_goes_in_or_is_refused_in_words(measured, effect):
     try:
         made = collect(inject(recording, effects={effect.name: given}))
     except HrgError as error:
-        says = "has no temperature log" if effect.follows_temperature or "temperature cycle" in effect.shown_by else "do nothing in it"
+        says = (
+            "has no temperature log"
+            if effect.follows_temperature or "temperature cycle" in effect.shown_by
+            else "do nothing in it"
+        )
         assert says in str(error) and (effect.shown_by or effect.follows_temperature)
         return
     assert np.all(np.isfinite(np.asarray(made.c))) and made.status == "valid"
-    assert len(made.c) == len(recording.c) - (np.sum((recording.time_s >= 300) & (recording.time_s < 301)) if effect.whole_samples else 0)
+    assert len(made.c) == len(recording.c) - (
+        np.sum((recording.time_s >= 300) & (recording.time_s < 301)) if effect.whole_samples else 0
+    )

@@ -1,4 +1,5 @@
-"""Mismatch signals: what they say of a known wave, their noise counted, and a loop closed over them in theory."""
+"""Mismatch signals: what they say of a known wave, their noise counted, and a loop closed over them
+in theory."""
 
 import csv
 
@@ -36,21 +37,28 @@ def test_signals_and_their_noise():
         ("wave_angle_rad", recording.truth_wave_angle_rad),
     ):  # fmt: skip
         error = c[name] - np.interp(c["time_s"], at, truth)
-        assert np.sqrt(np.mean((error / c[f"{name}_std"]) ** 2)) == pytest.approx(1, abs=5 / np.sqrt(2 * len(error))), name
+        assert np.sqrt(np.mean((error / c[f"{name}_std"]) ** 2)) == pytest.approx(
+            1, abs=5 / np.sqrt(2 * len(error))
+        ), name
         assert np.std(error) * np.sqrt(2 * 0.01) == pytest.approx(made.noise_density[name], rel=0.2)
     assert np.abs(c["phase_error_rad"]).max() <= np.pi
-    assert np.mean(c["angle_rate_rad_s"][1:]) == pytest.approx(-0.55 * 0.5 / 2, abs=5 * np.mean(c["angle_rate_rad_s_std"][1:]) / 10)
+    assert np.mean(c["angle_rate_rad_s"][1:]) == pytest.approx(
+        -0.55 * 0.5 / 2, abs=5 * np.mean(c["angle_rate_rad_s_std"][1:]) / 10
+    )
 
 
 def test_latency_buys_quiet():
-    """Four times the noise's half a window more: σ falls as n^−3/2; the scatter found is what the windows' deviations say."""
+    """Four times the noise's half a window more: σ falls as n^−3/2; the scatter found is what the
+    windows' deviations say."""
     _, seen = wave()
     rows = mismatch(seen).latency
     noise = np.array([row["rate_noise_rad_s"] for row in rows])
     assert noise[1:] / noise[:-1] == pytest.approx(2**-1.5, rel=0.2)
     for row in rows[:4]:
         count = 400 / row["windows"]
-        assert row["rate_noise_found_rad_s"] == pytest.approx(row["rate_noise_rad_s"], rel=5 / np.sqrt(count))
+        assert row["rate_noise_found_rad_s"] == pytest.approx(
+            row["rate_noise_rad_s"], rel=5 / np.sqrt(count)
+        )
     assert np.all(np.diff([row["latency_s"] for row in rows]) > 0)
 
 

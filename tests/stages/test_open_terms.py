@@ -1,4 +1,5 @@
-"""The open search's vocabulary: a term and the effect it becomes are one thing, and its size is what changes at most."""
+"""The open search's vocabulary: a term and the effect it becomes are one thing, and its size is
+what changes at most."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,7 +10,14 @@ from diagnosis_programme import programme, waves
 from diagnosis_statistics import base_of
 
 from hrg_cli.fitting.causes import extended_fit
-from hrg_cli.stages.diagnosis.open_terms import PLACES, covariates, decay_of, effect_of, step_at, tone_of
+from hrg_cli.stages.diagnosis.open_terms import (
+    PLACES,
+    covariates,
+    decay_of,
+    effect_of,
+    step_at,
+    tone_of,
+)
 from hrg_cli.stages.diagnosis.remainder import Term, columns_of, peaks
 
 
@@ -19,7 +27,8 @@ def fit():
 
 
 def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
-    """Products of a place's vectors and a covariate against differences of the effect's own formula."""
+    """Products of a place's vectors and a covariate against differences of the effect's own
+    formula."""
     some = {c.formula: c for c in covariates(fit.series, fit.flow.prediction.motion)}
     for name in ("√(t/T)", "a₀/a", "(T − T₀)/ΔT", "harmonic 4θ × (a/a₀)²"):
         for place in PLACES:
@@ -27,7 +36,10 @@ def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
             effect = effect_of(place, some[name], "open")
             steps = extended_fit.steps_of(effect, fit.series)
             own = extended_fit.sensitivity(fit.flow, effect, effect.values(), steps)
-            assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (place.name, name)
+            assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (
+                place.name,
+                name,
+            )
 
 
 def test_the_size_is_the_greatest_change():
@@ -38,7 +50,9 @@ def test_the_size_is_the_greatest_change():
         ([3e-3, 4e-3, 0.0, 0.0], 5e-3),  # along one direction
         ([3e-3, 4e-3], 5e-3),  # a number: cosine and sine
     ):
-        assert Term(PLACES[0], turning, SimpleNamespace(estimate=np.array(estimate))).size == pytest.approx(size)
+        assert Term(
+            PLACES[0], turning, SimpleNamespace(estimate=np.array(estimate))
+        ).size == pytest.approx(size)
 
 
 @pytest.mark.parametrize(("make", "value"), ((step_at, 0.37), (decay_of, -1.2), (tone_of, 3.3)))
@@ -52,6 +66,8 @@ def test_a_shape_is_made_again_from_its_number(fit, make, value):
 
 def test_a_ripple_of_the_residual_is_among_the_tones_looked_for(fit):
     span = float(fit.series.time_s[fit.series.weight > 0].max())
-    time = np.broadcast_to(fit.series.time_s[..., None], (*fit.series.weight.shape, 4))[tuple(fit.rows.T)]
+    time = np.broadcast_to(fit.series.time_s[..., None], (*fit.series.weight.shape, 4))[
+        tuple(fit.rows.T)
+    ]
     rippling = replace(fit, residual=fit.residual + np.cos(2 * np.pi * 7.3 * time / span))
     assert min(abs(cycles - 7.3) for cycles in peaks(rippling)) < 0.3

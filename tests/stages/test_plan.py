@@ -1,4 +1,5 @@
-"""plan: predicted standard deviations are those identify then states, the runs chosen are those physics asks for, menus are checked."""
+"""plan: predicted standard deviations are those identify then states, the runs chosen are those
+physics asks for, menus are checked."""
 
 import numpy as np
 import pytest
@@ -37,7 +38,11 @@ def measured(made, seed):
     """The planned runs, simulated with noise, through the chain."""
     waves = []
     for run in made.runs:
-        recording = collect(simulate(made.file, model="slow", run=run.run_id if len(made.runs) > 1 else None, seed=seed))
+        recording = collect(
+            simulate(
+                made.file, model="slow", run=run.run_id if len(made.runs) > 1 else None, seed=seed
+            )
+        )
         waves.append(collect(estimate(collect(demodulate(recording, periods_per_window=5)))))
     return waves
 
@@ -59,7 +64,8 @@ def test_runs_measured_already_count_and_more_runs_never_know_less():
 
 
 def test_a_gain_mismatch_asks_for_rotation():
-    """At rest a read-out matrix shows through its commutator with the splits alone, which are small beside KΩ."""
+    """At rest a read-out matrix shows through its commutator with the splits alone, which are small
+    beside KΩ."""
     made = plan(known(), MENU, runs=2, causes=["gain_mismatch"])
     rates = [run.table["environment"]["rate_rad_s"] for run in made.runs]
     assert any(rate != 0 for rate in rates)
@@ -77,7 +83,8 @@ def test_a_wrong_table_rate_is_never_told_from_the_scale_factor():
 
 
 def test_the_promised_separation_is_the_measured_one():
-    """Rotation of one sign hides a gain mismatch in the damping split; the planned runs show it with the σ that was promised."""
+    """Rotation of one sign hides a gain mismatch in the damping split; the planned runs show it
+    with the σ that was promised."""
     table = programme(51, {"gain_mismatch": {"gain": 2e-3}}, runs=4)
     for run in table["run"]:
         run["environment"] = {"rate_rad_s": 2.0}
@@ -87,7 +94,10 @@ def test_the_promised_separation_is_the_measured_one():
     menu = {
         "recording": table["recording"],
         "readout": table["readout"],
-        "grid": {"start.wave_angle_rad": [0.1, 0.5, 0.9], "environment.rate_rad_s": [0.0, 2.0, -2.0]},
+        "grid": {
+            "start.wave_angle_rad": [0.1, 0.5, 0.9],
+            "environment.rate_rad_s": [0.0, 2.0, -2.0],
+        },
     }
     chosen = plan(blind, menu, made, runs=2, causes=["gain_mismatch"])
     (row,) = chosen.separations

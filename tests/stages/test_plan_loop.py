@@ -1,4 +1,5 @@
-"""The loop closed: what the first runs cannot tell is said as a group, the plan asks for the runs that do, and those name the cause."""
+"""The loop closed: what the first runs cannot tell is said as a group, the plan asks for the runs
+that do, and those name the cause."""
 
 import pytest
 from diagnosis_programme import programme, waves
@@ -6,14 +7,18 @@ from diagnosis_programme import programme, waves
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.plan import plan
 
-FOLLOWS = {"thermal_frequency": {"relative_1_k": 2e-6}, "split_temperature": {"cos_rad_s_k": 0.01, "sin_rad_s_k": 0.005}}
+FOLLOWS = {
+    "thermal_frequency": {"relative_1_k": 2e-6},
+    "split_temperature": {"cos_rad_s_k": 0.01, "sin_rad_s_k": 0.005},
+}
 RAMP = {"kind": "ramp", "start_degc": 20.0, "stop_degc": 23.0}
 SOAK = {"kind": "soak", "levels_degc": [20.0, 23.0, 21.0], "dwell_s": 1.0, "transition_s": 0.3}
 GRADIENT = {"frequency_s_k": 5e-7, "split_cos_rad_k": 4e-3, "split_sin_rad_k": -3e-3}
 
 
 def on_one_ramp() -> dict:
-    """Runs on the same ramp, at rates of both signs, of a gyro whose frequency and split follow temperature and its gradient."""
+    """Runs on the same ramp, at rates of both signs, of a gyro whose frequency and split follow
+    temperature and its gradient."""
     table = programme(61, FOLLOWS | {"thermal_gradient": GRADIENT}, runs=4, duration_s=3.0)
     for run in table["run"]:
         run["environment"]["temperature"] = RAMP
@@ -29,9 +34,19 @@ def menu_of(table: dict) -> dict:
         }
         for run_id, start, stop, angle in (("steep", 20.0, 29.0, 0.2), ("down", 23.0, 20.0, 0.6))
     ]
-    soak = {"run_id": "soak", "environment": {"temperature": SOAK}, "start": {"wave_angle_rad": 0.4}, "recording": {"duration_s": 4.0}}
+    soak = {
+        "run_id": "soak",
+        "environment": {"temperature": SOAK},
+        "start": {"wave_angle_rad": 0.4},
+        "recording": {"duration_s": 4.0},
+    }
     grid = {"start.wave_angle_rad": [0.1, 0.5], "environment.rate_rad_s": [0.0, 2.0]}
-    return {"recording": table["recording"], "readout": table["readout"], "grid": grid, "run": [*ramps, soak]}
+    return {
+        "recording": table["recording"],
+        "readout": table["readout"],
+        "grid": grid,
+        "run": [*ramps, soak],
+    }
 
 
 @pytest.mark.slow
@@ -41,19 +56,26 @@ def test_one_ramp_leaves_lag_and_gradient_open_and_the_planned_runs_tell_them() 
     blind = diagnose(made)
     said = summary(blind)
     assert {e["name"] for e in said["effects"]} == set(FOLLOWS)
-    group = next(g for g in said["not_separable"] if {"thermal_lag", "thermal_gradient"} <= set(g["effects"]))
+    group = next(
+        g for g in said["not_separable"] if {"thermal_lag", "thermal_gradient"} <= set(g["effects"])
+    )
     assert "soak" in group["next_experiment"]
     chosen = plan(blind, menu_of(table), made, runs=3)
     assert "soak" in {run.run_id for run in chosen.runs}
-    row = next(r for r in chosen.separations if set(r["causes"]) == {"thermal_lag", "thermal_gradient"})
+    row = next(
+        r for r in chosen.separations if set(r["causes"]) == {"thermal_lag", "thermal_gradient"}
+    )
     assert row["before_sigma"] < 20 and row["after_sigma"] > 100
-    found = summary(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))["effects"]
+    found = summary(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))[
+        "effects"
+    ]
     assert {e["name"] for e in found} == {*FOLLOWS, "thermal_gradient"}
 
 
 @pytest.mark.slow
 def test_runs_at_rest_leave_the_read_out_open_in_one_group() -> None:
-    """At rest gain, non-orthogonality, delay and cross-talk show through the splits alone: one group, and a plan that asks for rotation."""
+    """At rest gain, non-orthogonality, delay and cross-talk show through the splits alone: one
+    group, and a plan that asks for rotation."""
     table = programme(62, {"gain_mismatch": {"gain": 2e-3}}, runs=4)
     for run in table["run"]:
         run["environment"] = {"rate_rad_s": 0.0}
@@ -64,21 +86,31 @@ def test_runs_at_rest_leave_the_read_out_open_in_one_group() -> None:
     menu = {
         "recording": table["recording"],
         "readout": table["readout"],
-        "grid": {"start.wave_angle_rad": [0.1, 0.5, 0.9], "environment.rate_rad_s": [0.0, 2.0, -2.0]},
+        "grid": {
+            "start.wave_angle_rad": [0.1, 0.5, 0.9],
+            "environment.rate_rad_s": [0.0, 2.0, -2.0],
+        },
     }
     chosen = plan(blind, menu, made, runs=2)
     assert any(run.table["environment"]["rate_rad_s"] != 0 for run in chosen.runs)
-    first = summary(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))["effects"][0]
+    first = summary(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))[
+        "effects"
+    ][0]
     assert first["name"] == "gain_mismatch" and first["indistinguishable_from"] == []
 
 
 def test_what_no_run_can_tell_leaves_the_plan_to_the_variances() -> None:
-    """A table's rate error is open for ever: the plan says so and shrinks the worst variance, with no σ made of rounding."""
+    """A table's rate error is open for ever: the plan says so and shrinks the worst variance, with
+    no σ made of rounding."""
     table = programme(63, runs=3)
     for k, run in enumerate(table["run"]):
         run["environment"] = {"rate_rad_s": (2.0, -2.0, 2.0)[k]}
     made = waves(table)
-    menu = {"recording": table["recording"], "readout": table["readout"], "grid": {"start.wave_angle_rad": [0.1, 0.5]}}
+    menu = {
+        "recording": table["recording"],
+        "readout": table["readout"],
+        "grid": {"start.wave_angle_rad": [0.1, 0.5]},
+    }
     chosen = plan(diagnose(made), menu, made, runs=1, causes=["table_rate_error"])
     assert any("table_rate_error" in sentence for sentence in chosen.impossible)
     assert "standard deviation" in chosen.runs[0].reason

@@ -1,4 +1,5 @@
-"""The rate of driven runs from the reference model: simulated gyros with loops, errors counted in their own standard deviations."""
+"""The rate of driven runs from the reference model: simulated gyros with loops, errors counted in
+their own standard deviations."""
 
 import numpy as np
 import pytest
@@ -52,23 +53,34 @@ def truth(time):
     ids=["force", "open", "one electrode", "spring"],
 )
 def test_rate_of_a_driven_run(control):
-    """A spring of σ turns the wave in second order, by about σ²/4ω, which shows beside so little noise."""
+    """A spring of σ turns the wave in second order, by about σ²/4ω, which shows beside so little
+    noise."""
     wave = wave_of(control)
     found = rate(wave, resonator())
     assert found.status == "valid", found.status_reasons
     error = np.asarray(found.rate_estimate_rad_s) - truth(np.asarray(found.time_s))
     z = error / found.rate_estimate_rad_s_std
-    assert np.sqrt(np.mean(z**2)) < (2.6 if control["quadrature_loop"] == "spring" else 1.7)  # 20 nodes and more: chance 1e-4
-    assert np.sqrt(np.mean(error**2)) < 0.2 * np.sqrt(np.mean((np.asarray(found.residual_before_rad_s)) ** 2))
+    assert np.sqrt(np.mean(z**2)) < (
+        2.6 if control["quadrature_loop"] == "spring" else 1.7
+    )  # 20 nodes and more: chance 1e-4
+    assert np.sqrt(np.mean(error**2)) < 0.2 * np.sqrt(
+        np.mean((np.asarray(found.residual_before_rad_s)) ** 2)
+    )
 
 
 def test_phase_error_of_the_quadrature_force_is_taken_out():
-    """f_B = (a_ΦB/a_A)Δφ_B from the logged command, or from the first two of (7) where none is logged."""
-    wave = wave_of(dict(quadrature_loop="finite", quadrature_gain_1_s=5.0, quadrature_phase_error_rad=0.05))
+    """f_B = (a_ΦB/a_A)Δφ_B from the logged command, or from the first two of (7) where none is
+    logged."""
+    wave = wave_of(
+        dict(quadrature_loop="finite", quadrature_gain_1_s=5.0, quadrature_phase_error_rad=0.05)
+    )
     off = rate(wave, resonator())
     for known in (wave, wave.replace(drive_main=None, drive_quadrature=None)):
         on = rate(known, resonator(), quadrature_phase_error_rad=0.05)
-        before, after = (np.sqrt(np.mean((np.asarray(f.rate_estimate_rad_s) - truth(np.asarray(f.time_s))) ** 2)) for f in (off, on))
+        before, after = (
+            np.sqrt(np.mean((np.asarray(f.rate_estimate_rad_s) - truth(np.asarray(f.time_s))) ** 2))
+            for f in (off, on)
+        )
         assert after < 0.2 * before
 
 
@@ -78,7 +90,10 @@ def test_deviations_hold_the_resonators_own():
     z = []
     for seed in range(12):
         found = rate(wave, resonator(0.01, seed))
-        z.append((np.asarray(found.rate_estimate_rad_s) - truth(np.asarray(found.time_s))) / found.rate_estimate_rad_s_std)
+        z.append(
+            (np.asarray(found.rate_estimate_rad_s) - truth(np.asarray(found.time_s)))
+            / found.rate_estimate_rad_s_std
+        )
     assert 0.4 < np.sqrt(np.mean(np.square(z))) < 1.7
 
 

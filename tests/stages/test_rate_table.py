@@ -1,4 +1,5 @@
-"""Calibration from tables of dwells: simulated gyros, and the measured fibre-optic and cold MEMS gyros."""
+"""Calibration from tables of dwells: simulated gyros, and the measured fibre-optic and cold MEMS
+gyros."""
 
 import os
 from pathlib import Path
@@ -22,11 +23,17 @@ def test_gain_bias_and_cubic_are_recovered_with_honest_errors():
     square, cubes = [], []
     for seed in range(20):
         table, _, _ = dwells(seed)
-        record = rate_table(table, output="out", rate="rate", temperature="degc", nominal_scale=1e5, largest_power=3)
+        record = rate_table(
+            table, output="out", rate="rate", temperature="degc", nominal_scale=1e5, largest_power=3
+        )
         truth_gain = 1 + 4e-4 * (record.node - 35)
         truth_drift = -(1e-4 + 1e-5 * (record.node - 35))
-        square.append(((record.scale_factor[:, 0] - truth_gain) / record.scale_factor_std[:, 0]) ** 2)
-        square.append(((record.drift_rad_s[:, 0] - truth_drift) / record.drift_rad_s_std[:, 0]) ** 2)
+        square.append(
+            ((record.scale_factor[:, 0] - truth_gain) / record.scale_factor_std[:, 0]) ** 2
+        )
+        square.append(
+            ((record.drift_rad_s[:, 0] - truth_drift) / record.drift_rad_s_std[:, 0]) ** 2
+        )
         cubes.append(summary(record)["power_coefficients"][1])
     assert 0.75 < np.mean(square) < 1.4
     assert np.mean(cubes) == pytest.approx(-3e-4, rel=0.01)
@@ -46,7 +53,9 @@ def test_spikes_are_rejected_and_said():
     table, _, _ = dwells(2)
     table["out"][[5, 100, 400]] += 3e3
     record = rate_table(table, output="out", rate="rate", temperature="degc")
-    assert summary(record)["rejected"] == 3 and "3 of 600 rows are spikes" in record.status_reasons[0]
+    assert (
+        summary(record)["rejected"] == 3 and "3 of 600 rows are spikes" in record.status_reasons[0]
+    )
 
 
 def test_unusable_tables():
@@ -69,9 +78,16 @@ def measured(*parts):
 
 
 def test_fibre_optic_gyro():
-    """A cubic in rate with rate × T leaves 4.3e-4 rad/s on the rows it was fitted to; we ask less of rows not used."""
+    """A cubic in rate with rate × T leaves 4.3e-4 rad/s on the rows it was fitted to; we ask less
+    of rows not used."""
     table = measured("fog_rate_temperature", "fog_rate_temp_773pts.csv")
-    record = rate_table(table, output="gyro_raw_counts", rate="rig_rate_rad_s", temperature="gyro_temp_C", gyro_id="fog")
+    record = rate_table(
+        table,
+        output="gyro_raw_counts",
+        rate="rig_rate_rad_s",
+        temperature="gyro_temp_C",
+        gyro_id="fog",
+    )
     figures = summary(record)["residual_rms_rad_s"]
     assert figures["held_out"] < 4.2e-4 and figures["after"] < 3.2e-4 < figures["before"]
     assert -500 < summary(record)["scale_factor_coefficient_ppm_per_degc"] < -400
@@ -84,28 +100,41 @@ def test_cold_mems_gyro():
     word = table["temp"].to_numpy().astype(np.uint16).view(np.int16)
     columns = {name: table[name].to_numpy() for name in table} | {"word": word}
     records = {
-        axis: rate_table(columns, output=f"gyro{axis} rad/s", temperature="word", temperature_scale=1 / 256, temperature_offset_degc=25.0)
+        axis: rate_table(
+            columns,
+            output=f"gyro{axis} rad/s",
+            temperature="word",
+            temperature_scale=1 / 256,
+            temperature_offset_degc=25.0,
+        )
         for axis in "xyz"
     }
     assert any("spikes" in reason for reason in records["x"].status_reasons)
     for axis, change in (("x", 0.0085), ("y", 0.004)):
         assert abs(np.ptp(records[axis].drift_rad_s)) == pytest.approx(change, rel=0.15)
-        assert summary(records[axis])["residual_rms_rad_s"]["held_out"] < 0.5 * summary(records[axis])["residual_rms_rad_s"]["before"]
+        assert (
+            summary(records[axis])["residual_rms_rad_s"]["held_out"]
+            < 0.5 * summary(records[axis])["residual_rms_rad_s"]["before"]
+        )
     assert all("bias only" in record.status_reasons[-1] for record in records.values())
 
 
 def counted(step=150.0, rows=10):
-    """Ten dwells of a quartz-like oscillator, no repetition, read by a counter with coarse steps; no spike."""
+    """Ten dwells of a quartz-like oscillator, no repetition, read by a counter with coarse steps;
+    no spike."""
     degc = np.linspace(20, 65, rows)
     truth = 3.7286e6 - 110 * (degc - 20) - 0.1 * (degc - 20) ** 2
     return {"hz": np.round(truth / step) * step, "degc": degc}, truth
 
 
 def test_smooth_dwells_without_repetition_have_no_spikes_and_an_honest_spread():
-    """The nodes took every row: residuals of nothing, "6 of 10 rows are spikes", D = 0.0 ± 0.0 at six temperatures."""
+    """The nodes took every row: residuals of nothing, "6 of 10 rows are spikes", D = 0.0 ± 0.0 at
+    six temperatures."""
     table, truth = counted()
     record = rate_table(table, output="hz", temperature="degc")
-    assert summary(record)["rejected"] == 0 and not any("spike" in reason for reason in record.status_reasons)
+    assert summary(record)["rejected"] == 0 and not any(
+        "spike" in reason for reason in record.status_reasons
+    )
     assert len(record.node) <= 7 and (np.abs(record.drift_rad_s) > 3e6).all()
     found = np.interp(table["degc"], record.node, -record.drift_rad_s[:, 0])
     assert np.sqrt(np.mean((found - truth) ** 2)) < 150
@@ -120,14 +149,24 @@ def test_errors_of_few_dwells_are_as_stated(seed):
         degc = np.linspace(20, 65, 12)
         table = {"out": 1.0 + 1e-3 * (degc - 40) + 1e-4 * draw.normal(size=12), "degc": degc}
         record = rate_table(table, output="out", temperature="degc")
-        square.append(np.mean(((-record.drift_rad_s[:, 0] - 1.0 - 1e-3 * (record.node - 40)) / record.drift_rad_s_std[:, 0]) ** 2))
+        square.append(
+            np.mean(
+                (
+                    (-record.drift_rad_s[:, 0] - 1.0 - 1e-3 * (record.node - 40))
+                    / record.drift_rad_s_std[:, 0]
+                )
+                ** 2
+            )
+        )
     assert 0.5 < np.sqrt(np.mean(square)) < 1.4
 
 
 def test_rows_on_the_curve_to_the_last_digit_have_no_standard_deviation():
     degc = np.linspace(20, 65, 12)
     record = rate_table({"out": 1.0 + 0.25 * degc, "degc": degc}, output="out", temperature="degc")
-    assert record.status == "suspect" and any("cannot be known" in reason for reason in record.status_reasons)
+    assert record.status == "suspect" and any(
+        "cannot be known" in reason for reason in record.status_reasons
+    )
     assert np.isnan(record.drift_rad_s_std).all()
     constant = rate_table({"out": np.ones(12), "degc": degc}, output="out", temperature="degc")
     assert constant.status == "suspect" and not (constant.drift_rad_s_std == 0).any()
@@ -138,10 +177,17 @@ def test_a_true_spike_among_a_few_dwells_and_a_curve_that_is_wrong():
     degc = np.linspace(20, 65, 40)
     out = 1.0 + 1e-3 * (degc - 40) + 1e-5 * draw.normal(size=40)
     out[17] += 5e-3
-    record = rate_table({"out": out, "degc": degc}, output="out", temperature="degc", node_spacing_degc=20)
+    record = rate_table(
+        {"out": out, "degc": degc}, output="out", temperature="degc", node_spacing_degc=20
+    )
     assert summary(record)["rejected"] == 1
     bent = 1.0 + 1e-2 * np.sin((degc - 20) / 3) ** 9
-    wrong = rate_table({"out": bent + 1e-6 * draw.normal(size=40), "degc": degc}, output="out", temperature="degc", node_spacing_degc=40)
+    wrong = rate_table(
+        {"out": bent + 1e-6 * draw.normal(size=40), "degc": degc},
+        output="out",
+        temperature="degc",
+        node_spacing_degc=40,
+    )
     assert summary(wrong)["rejected"] <= 8
 
 
@@ -149,8 +195,14 @@ def test_three_dwell_temperatures_carry_three_nodes():
     """Nodes between the dwells would be nobody's: lstsq put nothing there."""
     draw = np.random.default_rng(1)
     degc = np.repeat([0.0, 20.0, 40.0], 30)
-    record = rate_table({"out": 2.0 + 1e-2 * degc + 1e-4 * draw.normal(size=90), "degc": degc}, output="out", temperature="degc")
-    assert len(record.node) <= 3 and -record.drift_rad_s[:, 0] == pytest.approx(2.0 + 1e-2 * record.node, abs=1e-3)
+    record = rate_table(
+        {"out": 2.0 + 1e-2 * degc + 1e-4 * draw.normal(size=90), "degc": degc},
+        output="out",
+        temperature="degc",
+    )
+    assert len(record.node) <= 3 and -record.drift_rad_s[:, 0] == pytest.approx(
+        2.0 + 1e-2 * record.node, abs=1e-3
+    )
 
 
 def test_quartz_has_no_spike():

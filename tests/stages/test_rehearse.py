@@ -1,4 +1,5 @@
-"""A rehearsal holds a result's errors against those it makes on its own twin: right ones pass, too small ones become suspect."""
+"""A rehearsal holds a result's errors against those it makes on its own twin: right ones pass, too
+small ones become suspect."""
 
 import json
 
@@ -40,7 +41,14 @@ TOML = {
 def inputs():
     """Two run-downs on a turning table: the wave turns by 6.6 rad in each."""
     return [
-        Measured(collect(estimate(collect(demodulate(collect(simulate(TOML, run=run, seed=5)), **WINDOWS)))), RATE_HZ, None, dict(WINDOWS))
+        Measured(
+            collect(
+                estimate(collect(demodulate(collect(simulate(TOML, run=run, seed=5)), **WINDOWS)))
+            ),
+            RATE_HZ,
+            None,
+            dict(WINDOWS),
+        )
         for run in ("up", "down")
     ]
 
@@ -71,7 +79,8 @@ def test_a_clean_programme_stays_valid(inputs):
 
 
 def test_rows_too_few_for_the_turning_wave_become_suspect(inputs, monkeypatch):
-    """The case it exists for: rows of a fixed number, however far the wave turns in one, give σ that do not cover the bias."""
+    """The case it exists for: rows of a fixed number, however far the wave turns in one, give σ
+    that do not cover the bias."""
     monkeypatch.setattr(rows, "needed", lambda p, runs, least: 6)
     monkeypatch.setattr(rows, "along", carried_by_nothing)
     result = identify([m.wave for m in inputs])
@@ -89,19 +98,34 @@ def test_the_twin_is_the_same_programme(inputs):
         wave = collect(estimate(collect(demodulate(again, **WINDOWS))))
         assert len(wave) == pytest.approx(len(measured.wave), abs=2)
         assert wave.window_s == pytest.approx(measured.wave.window_s, rel=1e-6)
-        assert np.median(wave.signal_std) == pytest.approx(np.median(measured.wave.signal_std), rel=0.05)
-        assert np.median(wave.rate_rad_s) == pytest.approx(np.median(measured.wave.rate_rad_s), rel=1e-9)
+        assert np.median(wave.signal_std) == pytest.approx(
+            np.median(measured.wave.signal_std), rel=0.05
+        )
+        assert np.median(wave.rate_rad_s) == pytest.approx(
+            np.median(measured.wave.rate_rad_s), rel=1e-9
+        )
         n = min(len(wave), len(measured.wave)) - 1
         difference = (wave.wave_angle_rad - measured.wave.wave_angle_rad)[:n]
-        assert np.ptp(difference) < 0.03  # noise of both, 1e-3 of an amplitude that has fallen to a third
+        assert (
+            np.ptp(difference) < 0.03
+        )  # noise of both, 1e-3 of an amplitude that has fallen to a third
 
 
 def test_limits_leave_right_results_alone_and_find_wrong_ones():
-    """Of right programmes of seven figures one in a hundred is blamed; errors twice their σ, or half of it, are found."""
+    """Of right programmes of seven figures one in a hundred is blamed; errors twice their σ, or
+    half of it, are found."""
     random = np.random.default_rng(3)
 
     def blamed(times, factor=1.0, bias=0.0):
-        return np.mean([any(figure("x", factor * random.normal(size=times) + bias, 7).sentence() for _ in range(7)) for _ in range(600)])
+        return np.mean(
+            [
+                any(
+                    figure("x", factor * random.normal(size=times) + bias, 7).sentence()
+                    for _ in range(7)
+                )
+                for _ in range(600)
+            ]
+        )
 
     for times in (4, 30):
         assert blamed(times) < 0.03
@@ -124,7 +148,16 @@ def test_too_much_work_is_refused_with_advice(inputs):
     with pytest.raises(HrgError, match="samples_a_period"):
         rehearse(result, inputs, own(), times=2, most_samples_a_run=1000.0)
     with pytest.raises(HrgError, match="modes"):
-        rehearse(result.replace(name=result.name[:2], value=result.value[:2], std=result.std[:2], units=result.units[:2]), inputs, own())
+        rehearse(
+            result.replace(
+                name=result.name[:2],
+                value=result.value[:2],
+                std=result.std[:2],
+                units=result.units[:2],
+            ),
+            inputs,
+            own(),
+        )
 
 
 @pytest.fixture
@@ -133,7 +166,15 @@ def folder(tmp_path, hrg):
     assert hrg("simulate", tmp_path / "sim.toml", "-o", tmp_path / "r.h5", "-q").status == 0
     waves = []
     for run in ("up", "down"):
-        hrg("demodulate", tmp_path / f"r-{run}.h5", "-o", tmp_path / f"{run}.p.h5", "--periods-per-window", "2", "-q")
+        hrg(
+            "demodulate",
+            tmp_path / f"r-{run}.h5",
+            "-o",
+            tmp_path / f"{run}.p.h5",
+            "--periods-per-window",
+            "2",
+            "-q",
+        )
         waves.append(tmp_path / f"{run}.w.h5")
         hrg("estimate", tmp_path / f"{run}.p.h5", "-o", waves[-1], "-q")
     assert hrg("identify", *waves, "-o", tmp_path / "resonator.h5", "-q").status == 0
@@ -142,22 +183,40 @@ def folder(tmp_path, hrg):
 
 def test_command(folder, hrg):
     before = store.read(folder / "resonator.h5", Resonator)
-    done = hrg("rehearse", folder / "resonator.h5", "--times", "2", "--json", "-o", folder / "r.html")
+    done = hrg(
+        "rehearse", folder / "resonator.h5", "--times", "2", "--json", "-o", folder / "r.html"
+    )
     assert done.status == 0, done.err
     report = json.loads(done.out)
     assert report["times"] == 2 and report["status"] == "valid" and report["written"]
-    assert {"name", "bias_over_std", "error_over_std_rms", "coverage_68", "coverage_95"} <= set(report["figures"][0])
+    assert {"name", "bias_over_std", "error_over_std_rms", "coverage_68", "coverage_95"} <= set(
+        report["figures"][0]
+    )
     after = store.read(folder / "resonator.h5", Resonator)
-    assert after.provenance.sources == before.provenance.sources and len(after.provenance.history) == len(before.provenance.history) + 1
+    assert (
+        after.provenance.sources == before.provenance.sources
+        and len(after.provenance.history) == len(before.provenance.history) + 1
+    )
     assert np.array_equal(after.covariance, before.covariance) and after.status == before.status
-    assert "<svg" in (folder / "r.html").read_text() and "scale_factor" in (folder / "r.html").read_text()
+    assert (
+        "<svg" in (folder / "r.html").read_text()
+        and "scale_factor" in (folder / "r.html").read_text()
+    )
 
     bytes_before = (folder / "resonator.h5").read_bytes()
     (folder / "up.w.h5").rename(folder.parent / "elsewhere.h5")
     lost = hrg("rehearse", folder / "resonator.h5", "--times", "2")
     assert lost.status == 1 and "up.w.h5" in lost.err and lost.err.count("\n") == 1
     named = hrg(
-        "rehearse", folder / "resonator.h5", folder.parent / "elsewhere.h5", "--times", "2", "--keep-file", "-o", folder / "r.svg", "-q"
+        "rehearse",
+        folder / "resonator.h5",
+        folder.parent / "elsewhere.h5",
+        "--times",
+        "2",
+        "--keep-file",
+        "-o",
+        folder / "r.svg",
+        "-q",
     )
     assert named.status == 0 and (folder / "r.svg").read_text().startswith("<?xml")
     assert (folder / "resonator.h5").read_bytes() == bytes_before
@@ -166,27 +225,63 @@ def test_command(folder, hrg):
 
 
 def test_at_once(folder, hrg):
-    done = hrg("identify", folder / "up.w.h5", folder / "down.w.h5", "-o", folder / "again.h5", "--rehearse", "2", "--json")
+    done = hrg(
+        "identify",
+        folder / "up.w.h5",
+        folder / "down.w.h5",
+        "-o",
+        folder / "again.h5",
+        "--rehearse",
+        "2",
+        "--json",
+    )
     report = json.loads(done.out)
-    assert done.status == 0 and report["rehearsal"]["times"] == 2 and report["status"] == store.read(folder / "again.h5", Resonator).status
+    assert (
+        done.status == 0
+        and report["rehearsal"]["times"] == 2
+        and report["status"] == store.read(folder / "again.h5", Resonator).status
+    )
 
 
 @pytest.mark.slow
 def test_tables_are_rehearsed_with_themselves_for_truth():
-    """The twin's own effect turns the wave as the file's tables say; the coefficients come back within their errors."""
-    device = {"frequency_hz": 500.0, "time_constant_s": 5.0, "damping_split": 0.02, "damping_axis_rad": 0.5, "scale_factor": 0.55}
-    control = {"mode": "forced", "amplitude": 1.0, "quadrature_loop": "finite", "quadrature_gain_1_s": 20.0}
+    """The twin's own effect turns the wave as the file's tables say; the coefficients come back
+    within their errors."""
+    device = {
+        "frequency_hz": 500.0,
+        "time_constant_s": 5.0,
+        "damping_split": 0.02,
+        "damping_axis_rad": 0.5,
+        "scale_factor": 0.55,
+    }
+    control = {
+        "mode": "forced",
+        "amplitude": 1.0,
+        "quadrature_loop": "finite",
+        "quadrature_gain_1_s": 20.0,
+    }
     rates = {"down": -3.0, "up": 3.0}
     config = {
         "device": device,
         "control": control,
         "readout": {"noise": 1e-3},
         "recording": {"sample_rate_hz": 2000.0, "duration_s": 8.0},
-        "run": [{"run_id": name, "environment": {"rate_rad_s": rate}} for name, rate in rates.items()],
+        "run": [
+            {"run_id": name, "environment": {"rate_rad_s": rate}} for name, rate in rates.items()
+        ],
     }
     windows = {"periods_per_window": 5.0}
     made = [
-        Measured(collect(estimate(collect(demodulate(collect(simulate(config, run=name, seed=3)), **windows)))), 2000.0, None, windows)
+        Measured(
+            collect(
+                estimate(
+                    collect(demodulate(collect(simulate(config, run=name, seed=3)), **windows))
+                )
+            ),
+            2000.0,
+            None,
+            windows,
+        )
         for name in rates
     ]
     asked = {"harmonics": 1, "scale_factor_harmonics": 1, "bootstrap": 0, "model": "table"}

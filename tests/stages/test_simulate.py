@@ -1,4 +1,5 @@
-"""simulate: blocks, seeds, read-out, environment, effects; the truth it writes is the wave that was simulated."""
+"""simulate: blocks, seeds, read-out, environment, effects; the truth it writes is the wave that was
+simulated."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,10 @@ CYCLE = {"kind": "cycle", "low_degc": 10.0, "high_degc": 30.0, "period_s": 1.0}
 
 
 def config(seconds=1.0, fs=16_000.0, **tables):
-    base = {"device": DEVICE, "start": {"wave_angle_rad": 0.2, "quadrature": 0.03, "phase_rad": 1.0}}
+    base = {
+        "device": DEVICE,
+        "start": {"wave_angle_rad": 0.2, "quadrature": 0.03, "phase_rad": 1.0},
+    }
     recording = {"sample_rate_hz": fs, "duration_s": seconds} | tables.pop("recording", {})
     return base | tables | {"device": DEVICE | tables.pop("device", {}), "recording": recording}
 
@@ -46,9 +50,15 @@ def truth_envelopes(record, times):
 
 @pytest.mark.parametrize("mode", ["free", "forced"])
 def test_samples_do_not_depend_on_the_block_size(mode):
-    """Same samples, log and truth for any block size, over the engine's own chunks (65536 samples) too."""
+    """Same samples, log and truth for any block size, over the engine's own chunks (65536 samples)
+    too."""
     sine = {"kind": "sine", "amplitude_rad_s": 2.0, "frequency_hz": 1.0}
-    c = config(9.0, control={"mode": mode}, readout={"noise": 1e-3, "adc_bits": 14}, environment={"rate": sine})
+    c = config(
+        9.0,
+        control={"mode": mode},
+        readout={"noise": 1e-3, "adc_bits": 14},
+        environment={"rate": sine},
+    )
     whole = run(c)
     assert len(whole) == 144_000
     for size in (1000, 65_536, 100_001):
@@ -74,7 +84,8 @@ def test_seeds_repeat_and_differ():
 
 @pytest.mark.parametrize("model", ["fast", "slow"])
 def test_truth_is_the_wave_in_the_samples(model):
-    """Re[u e^{jω_r t}] of the logged truth gives the samples at the log's times; the start is the file's."""
+    """Re[u e^{jω_r t}] of the logged truth gives the samples at the log's times; the start is the
+    file's."""
     record = run(config(2.0, environment={"rate_rad_s": 1.0}), model=model)
     at = np.arange(0, len(record), 160)
     t = record.times()[at]
@@ -86,14 +97,19 @@ def test_truth_is_the_wave_in_the_samples(model):
 
 
 def test_models_agree_through_the_whole_stage():
-    c = config(1.0, readout={"kind": "carrier", "carrier_hz": 5000.0, "model": "full", "gap": 5.0}, environment={"rate_rad_s": 2.0})
+    c = config(
+        1.0,
+        readout={"kind": "carrier", "carrier_hz": 5000.0, "model": "full", "gap": 5.0},
+        environment={"rate_rad_s": 2.0},
+    )
     fast, slow = run(c), run(c, model="slow")
     assert np.abs(fast.c - slow.c).max() < 1e-6
     assert np.abs(fast.truth_phase_rad - slow.truth_phase_rad).max() < 1e-6
 
 
 def test_carrier_gives_seed_b_coefficients():
-    """Least squares on the samples finds the eight coefficients of PHYSICS §3 (1), without a factor."""
+    """Least squares on the samples finds the eight coefficients of PHYSICS §3 (1), without a
+    factor."""
     A, B, theta, phi, psi = 1.0, 0.2, 0.4, 0.7, 0.9
     c = config(
         0.05, 200_000.0, device={"damping_rate_1_s": 1e-9, "damping_split_1_s": 0.0, "frequency_split_rad_s": 0.0},
@@ -102,15 +118,26 @@ def test_carrier_gives_seed_b_coefficients():
     )  # fmt: skip
     record = run(c)
     t = record.times()
-    basis = np.column_stack([f(2 * np.pi * (50_000.0 + side * 2000.0) * t) for f in (np.cos, np.sin) for side in (-1, 1)])
-    z = np.concatenate([np.linalg.lstsq(basis, np.asarray(y), rcond=None)[0] for y in (record.c, record.s)])
+    basis = np.column_stack(
+        [
+            f(2 * np.pi * (50_000.0 + side * 2000.0) * t)
+            for f in (np.cos, np.sin)
+            for side in (-1, 1)
+        ]
+    )
+    z = np.concatenate(
+        [np.linalg.lstsq(basis, np.asarray(y), rcond=None)[0] for y in (record.c, record.s)]
+    )
     np.testing.assert_allclose(z, signals.signals(np.array([A, B, theta, phi, psi])), atol=1e-6)
 
 
 @pytest.mark.parametrize(("law", "cubic"), [("alternating", 1), ("printed", 3)])
 def test_full_electrode_law(law, cubic):
     """Third harmonic and compression as the law's series gap·(c + γc³ + …)."""
-    linear, full = run(config(0.05)), run(config(0.05, readout={"model": "full", "gap": 20.0, "law": law}))
+    linear, full = (
+        run(config(0.05)),
+        run(config(0.05, readout={"model": "full", "gap": 20.0, "law": law})),
+    )
     np.testing.assert_allclose(full.c, linear.c + cubic * linear.c**3 / 400, atol=1e-4)
     assert np.abs(full.c - linear.c).max() > 1e-3
     with pytest.raises(HrgError, match="stay below the gap"):
@@ -137,14 +164,28 @@ def test_clock_error_scales_frequency():
     assert np.polyfit(record.truth_time_s, record.truth_phase_rad, 1)[0] == pytest.approx(
         np.polyfit(plain.truth_time_s, plain.truth_phase_rad, 1)[0], abs=1e-3
     )
-    cross = np.angle(np.sum((record.c[:1600] + 0j) * np.exp(-2j * np.pi * 2000.2 * record.times(0, 1600))))
-    late = np.angle(np.sum((record.c[-1600:] + 0j) * np.exp(-2j * np.pi * 2000.2 * record.times(len(record) - 1600))))
-    assert abs(np.angle(np.exp(1j * (late - cross)))) < 0.4  # 2000 Hz itself would be off by 2.5 rad
+    cross = np.angle(
+        np.sum((record.c[:1600] + 0j) * np.exp(-2j * np.pi * 2000.2 * record.times(0, 1600)))
+    )
+    late = np.angle(
+        np.sum(
+            (record.c[-1600:] + 0j)
+            * np.exp(-2j * np.pi * 2000.2 * record.times(len(record) - 1600))
+        )
+    )
+    assert (
+        abs(np.angle(np.exp(1j * (late - cross)))) < 0.4
+    )  # 2000 Hz itself would be off by 2.5 rad
 
 
 def test_forced_run_holds_amplitude_and_logs_the_drive():
     """a_ΦA = ν_A a_A: the log of the drive is the loss along the wave."""
-    c = config(4.0, device={"frequency_split_rad_s": 0.0}, control={"mode": "forced"}, environment={"rate_rad_s": 0.3})
+    c = config(
+        4.0,
+        device={"frequency_split_rad_s": 0.0},
+        control={"mode": "forced"},
+        environment={"rate_rad_s": 0.3},
+    )
     record = run(c)
     assert record.mode == "forced"
     late = record.auxiliary_time_s > 2
@@ -173,7 +214,9 @@ def test_drive_off_lets_the_wave_decay():
 )  # fmt: skip
 def test_temperature_programmes(table, times, expected):
     record = run(config(2.0, environment=table))
-    np.testing.assert_allclose(np.interp(times, record.auxiliary_time_s, record.temperature_degc), expected, atol=1e-3)
+    np.testing.assert_allclose(
+        np.interp(times, record.auxiliary_time_s, record.temperature_degc), expected, atol=1e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -189,27 +232,48 @@ def test_temperature_programmes(table, times, expected):
 )  # fmt: skip
 def test_rate_programmes(table, times, expected):
     record = run(config(2.0, environment=table))
-    np.testing.assert_allclose(np.interp(times, record.auxiliary_time_s, record.rate_rad_s), expected, atol=1e-4)
+    np.testing.assert_allclose(
+        np.interp(times, record.auxiliary_time_s, record.rate_rad_s), expected, atol=1e-4
+    )
 
 
 def test_unlogged_earth_rate_turns_the_wave():
     rest = {"frequency_split_rad_s": 0.0, "damping_split_1_s": 0.0}
-    record = run(config(1.0, device=rest, environment={"earth_rate_rad_s": 0.01, "earth_logged": False}))
+    record = run(
+        config(1.0, device=rest, environment={"earth_rate_rad_s": 0.01, "earth_logged": False})
+    )
     assert np.all(record.rate_rad_s == 0)
-    assert np.polyfit(record.truth_time_s, record.truth_wave_angle_rad, 1)[0] == pytest.approx(-0.55 / 2 * 0.01, rel=1e-6)
+    assert np.polyfit(record.truth_time_s, record.truth_wave_angle_rad, 1)[0] == pytest.approx(
+        -0.55 / 2 * 0.01, rel=1e-6
+    )
 
 
 def test_wave_angle_runs_on_through_turns():
-    record = run(config(6.0, device={"damping_split_1_s": 0.0, "frequency_split_rad_s": 0.0}, environment={"rate_rad_s": 5.0}))
-    np.testing.assert_allclose(record.truth_wave_angle_rad, 0.2 - 0.275 * 5.0 * record.truth_time_s, atol=1e-6)
+    record = run(
+        config(
+            6.0,
+            device={"damping_split_1_s": 0.0, "frequency_split_rad_s": 0.0},
+            environment={"rate_rad_s": 5.0},
+        )
+    )
+    np.testing.assert_allclose(
+        record.truth_wave_angle_rad, 0.2 - 0.275 * 5.0 * record.truth_time_s, atol=1e-6
+    )
 
 
 def test_temperature_moves_frequency_damping_and_splits():
     device = {
-        "temperature": {"reference_degc": 20.0, "frequency_per_degc": [1e-4], "damping_rate_per_degc": 0.1, "frequency_split_per_degc": 0.2}
+        "temperature": {
+            "reference_degc": 20.0,
+            "frequency_per_degc": [1e-4],
+            "damping_rate_per_degc": 0.1,
+            "frequency_split_per_degc": 0.2,
+        }
     }
     record = run(config(2.0, device=device, environment={"temperature_degc": 25.0}))
-    assert np.polyfit(record.truth_time_s, record.truth_phase_rad, 1)[0] == pytest.approx(2 * np.pi * 2000 * 5e-4, abs=0.7)
+    assert np.polyfit(record.truth_time_s, record.truth_phase_rad, 1)[0] == pytest.approx(
+        2 * np.pi * 2000 * 5e-4, abs=0.7
+    )
     size = np.log(record.truth_main_amplitude**2 + record.truth_quadrature_amplitude**2) / 2
     assert np.polyfit(record.truth_time_s, size, 1)[0] == pytest.approx(-0.6, abs=0.03)
 
@@ -235,13 +299,31 @@ def test_effects_act_and_neutral_ones_do_not():
     ],
 )
 def test_effects_act_alike_in_both_models(name, values, forced):
-    """Samples and logs alike: what an effect changes of the truth, of the log, of the drive and of the read-out."""
-    warming = {"temperature": {"kind": "cycle", "low_degc": 20.0, "high_degc": 22.0, "period_s": 2.0, "shape": "sine"}, "rate_rad_s": 1.0}
+    """Samples and logs alike: what an effect changes of the truth, of the log, of the drive and of
+    the read-out."""
+    warming = {
+        "temperature": {
+            "kind": "cycle",
+            "low_degc": 20.0,
+            "high_degc": 22.0,
+            "period_s": 2.0,
+            "shape": "sine",
+        },
+        "rate_rad_s": 1.0,
+    }
     device = {"temperature": {"frequency_per_degc": 2e-5}}
-    c = config(1.0, device=device, environment=warming, effects={name: values}, **({"control": {"mode": "forced"}} if forced else {}))
+    c = config(
+        1.0,
+        device=device,
+        environment=warming,
+        effects={name: values},
+        **({"control": {"mode": "forced"}} if forced else {}),
+    )
     plain = run(c | {"effects": {}})
     fast, slow = run(c), run(c, model="slow")
-    change = max(np.abs(fast.c - plain.c).max(), np.abs(fast.temperature_degc - plain.temperature_degc).max())
+    change = max(
+        np.abs(fast.c - plain.c).max(), np.abs(fast.temperature_degc - plain.temperature_degc).max()
+    )
     assert change > 1e-4
     assert np.abs(fast.c - slow.c).max() < 5e-5
     np.testing.assert_allclose(fast.temperature_degc, slow.temperature_degc)
@@ -251,7 +333,8 @@ def test_effects_act_alike_in_both_models(name, values, forced):
 @pytest.mark.parametrize("model", ["fast", "slow"])
 @pytest.mark.parametrize("angle", [0.1, 0.9, 1.6, 3.0])
 def test_a_parasitic_force_keeps_to_the_phase(angle, model):
-    """2θ̇ = Re(f·e_B)/a with e_B of the file's own wave angle (PHYSICS C11): θ and θ + π/2 are driven oppositely."""
+    """2θ̇ = Re(f·e_B)/a with e_B of the file's own wave angle (PHYSICS C11): θ and θ + π/2 are
+    driven oppositely."""
     still = {"damping_split_1_s": 0.0, "frequency_split_rad_s": 0.0}
     c = config(
         1.0,
@@ -278,7 +361,10 @@ def test_an_effect_of_the_users_own():
         def slow_readout(self, p, u, state):
             return u
 
-    plain, own = run(config(0.1)), collect(simulate(config(0.1, effects={"bump": {"offset": 0.25}}), [Bump()]))
+    plain, own = (
+        run(config(0.1)),
+        collect(simulate(config(0.1, effects={"bump": {"offset": 0.25}}), [Bump()])),
+    )
     np.testing.assert_allclose(own.c - plain.c, 0.25, atol=1e-12)
 
 
@@ -286,7 +372,12 @@ def test_recording_round_trip_and_memory(tmp_path):
     """A long run streams to disk: peak memory far below the file's size in memory."""
     import tracemalloc
 
-    c = config(60.0, 50_000.0, recording={"gyro_id": "G", "lot_id": "L"}, readout={"noise": 1e-3, "units": "V"})
+    c = config(
+        60.0,
+        50_000.0,
+        recording={"gyro_id": "G", "lot_id": "L"},
+        readout={"noise": 1e-3, "units": "V"},
+    )
     list(simulate(config(0.01)))  # the loop is compiled before memory is watched
     tracemalloc.start()
     store.write(tmp_path / "r.h5", simulate(c, block_samples=200_000))
@@ -296,13 +387,24 @@ def test_recording_round_trip_and_memory(tmp_path):
     assert peak < 30e6
     with store.open_record(tmp_path / "r.h5", Recording) as record:
         assert len(record) == 3_000_000
-        assert (record.gyro_id, record.lot_id, record.run_id, record.c_units) == ("G", "L", "run", "V")
+        assert (record.gyro_id, record.lot_id, record.run_id, record.c_units) == (
+            "G",
+            "L",
+            "run",
+            "V",
+        )
         assert record.nominal_frequency_hz == 2000.0
         assert summary(record)["mode"] == "free"
 
 
 def test_runs_of_one_file():
-    c = config(0.1, run=[{"start": {"wave_angle_rad": 0.1}}, {"run_id": "turning", "environment": {"rate_rad_s": 2.0}}])
+    c = config(
+        0.1,
+        run=[
+            {"start": {"wave_angle_rad": 0.1}},
+            {"run_id": "turning", "environment": {"rate_rad_s": 2.0}},
+        ],
+    )
     assert run_ids(c) == ["run1", "turning"]
     first, turning = run(c, run="run1"), run(c, run="turning")
     assert first.truth_wave_angle_rad[0] == pytest.approx(0.1)
@@ -314,7 +416,9 @@ def test_runs_of_one_file():
         simulate(c, run="third")
 
 
-@pytest.mark.parametrize("name", ["free_run_downs", "forced_temperature", "carrier_readout", "parametric_drive"])
+@pytest.mark.parametrize(
+    "name", ["free_run_downs", "forced_temperature", "carrier_readout", "parametric_drive"]
+)
 def test_examples_run(name):
     from pathlib import Path
 

@@ -10,24 +10,35 @@ from hrg_cli.errors import HrgError
 from hrg_cli.records import collect
 from hrg_cli.stages.simulate import simulate
 
-DEVICE = {"frequency_hz": 1000.0, "damping_rate_1_s": 0.5, "frequency_split_rad_s": 1.2, "stiffness_axis_rad": 0.6}
+DEVICE = {
+    "frequency_hz": 1000.0,
+    "damping_rate_1_s": 0.5,
+    "frequency_split_rad_s": 1.2,
+    "stiffness_axis_rad": 0.6,
+}
 FORCED = {"mode": "forced", "quadrature_loop": "finite"}
 
 
 def run(model="fast", seed=1, seconds=4.0, **tables):
     recording = {"sample_rate_hz": 8000.0, "duration_s": seconds} | tables.pop("recording", {})
-    return collect(simulate({"device": DEVICE, "recording": recording, **tables}, model=model, seed=seed))
+    return collect(
+        simulate({"device": DEVICE, "recording": recording, **tables}, model=model, seed=seed)
+    )
 
 
 def test_the_spring_of_the_forecast_rounds_the_resonator_for_every_angle_and_model():
-    """Along the stiffest axis without tuning: the quadrature stays where the split made it grow, and the mean frequency falls by s."""
+    """Along the stiffest axis without tuning: the quadrature stays where the split made it grow,
+    and the mean frequency falls by s."""
     for angle in (0.1, 0.5):
         start = {"wave_angle_rad": angle}
         rough = run(start=start)
         spring = {"size_rad_s": 1.2, "axis_rad": 0.6}
         for model in ("fast", "slow"):
             still = run(model, start=start, spring=spring)
-            ratio, grown = (np.abs(r.truth_quadrature_amplitude / r.truth_main_amplitude).max() for r in (still, rough))
+            ratio, grown = (
+                np.abs(r.truth_quadrature_amplitude / r.truth_main_amplitude).max()
+                for r in (still, rough)
+            )
             assert ratio < 0.01 * grown
             phase = np.polyfit(still.truth_time_s, still.truth_phase_rad, 1)[0]
             assert phase == pytest.approx(-1.2, abs=2e-3)
@@ -42,7 +53,11 @@ def test_a_loop_too_late_is_simulated_and_said():
     assert any("do not hold the wave" in reason for reason in bad.status_reasons)
     assert any("saturates" in reason for reason in bad.status_reasons)
     with pytest.raises(HrgError, match="unstable"):
-        run(control=FORCED | {"amplitude_gain_1_s": 1e5}, electronics={"delay_periods": 100.0}, seconds=60.0)
+        run(
+            control=FORCED | {"amplitude_gain_1_s": 1e5},
+            electronics={"delay_periods": 100.0},
+            seconds=60.0,
+        )
 
 
 def test_electronics_leaves_the_log_and_the_noise_to_see():
@@ -51,7 +66,9 @@ def test_electronics_leaves_the_log_and_the_noise_to_see():
     again = run(control=FORCED, electronics={}, readout={"noise": 1e-3})
     assert np.array_equal(noisy.c, again.c)
     assert np.std(noisy.c - quiet.c) == pytest.approx(1e-3, rel=0.05)
-    seen = np.std((noisy.drive_quadrature - quiet.drive_quadrature)[200:])  # gain 5, windows of 16 periods of 8 samples
+    seen = np.std(
+        (noisy.drive_quadrature - quiet.drive_quadrature)[200:]
+    )  # gain 5, windows of 16 periods of 8 samples
     assert seen == pytest.approx(5 * 1e-3 * np.sqrt(2 / 128), rel=0.3)
 
 

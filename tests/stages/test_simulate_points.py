@@ -21,8 +21,12 @@ def test_points_are_joined_by_straight_lines():
     rate = {"kind": "points", "time_s": [0.2, 1.2], "rate_rad_s": [1.0, -1.0]}
     recording = collect(simulate(table(temperature=warm, rate=rate)))
     t = recording.auxiliary_time_s
-    assert recording.temperature_degc == pytest.approx(np.interp(t, warm["time_s"], warm["temperature_degc"]), abs=1e-3)
-    assert recording.rate_rad_s == pytest.approx(np.interp(t, rate["time_s"], rate["rate_rad_s"]), abs=1e-3)
+    assert recording.temperature_degc == pytest.approx(
+        np.interp(t, warm["time_s"], warm["temperature_degc"]), abs=1e-3
+    )
+    assert recording.rate_rad_s == pytest.approx(
+        np.interp(t, rate["time_s"], rate["rate_rad_s"]), abs=1e-3
+    )
 
 
 @pytest.mark.parametrize(

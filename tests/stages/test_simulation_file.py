@@ -1,4 +1,5 @@
-"""The simulation file: what is wrong is said in one sentence that names the key and what was meant."""
+"""The simulation file: what is wrong is said in one sentence that names the key and what was
+meant."""
 
 import copy
 
@@ -67,7 +68,10 @@ def test_a_missing_table_is_named():
 
 def test_runs_override_parts_and_programmes_replace_each_other():
     tree = changed(
-        environment={"temperature_degc": 10.0, "rate": {"kind": "sine", "amplitude_rad_s": 1.0, "frequency_hz": 2.0}},
+        environment={
+            "temperature_degc": 10.0,
+            "rate": {"kind": "sine", "amplitude_rad_s": 1.0, "frequency_hz": 2.0},
+        },
         readout={"kind": "carrier", "carrier_hz": 1e4, "noise": 1e-3},
         run=[
             {"environment": {"rate": {"kind": "steps", "levels_rad_s": [1.0], "dwell_s": 1.0}}},
@@ -77,7 +81,10 @@ def test_runs_override_parts_and_programmes_replace_each_other():
     first, second = runs_of(tree)
     assert first.environment.rate.kind == "steps"
     assert first.environment.temperature_degc == 10.0
-    assert (second.environment.rate.amplitude_rad_s, second.environment.rate.frequency_hz) == (3.0, 2.0)
+    assert (second.environment.rate.amplitude_rad_s, second.environment.rate.frequency_hz) == (
+        3.0,
+        2.0,
+    )
     assert (second.readout.kind, second.readout.noise) == ("carrier", 2e-3)
 
 
@@ -86,7 +93,12 @@ def test_integers_serve_as_numbers():
 
 
 def test_damping_by_quality_factor_and_split_by_frequency_difference():
-    device = {"frequency_hz": 5000.0, "quality_factor": 1e7, "frequency_split_hz": 1e-3, "damping_split": 0.01}
+    device = {
+        "frequency_hz": 5000.0,
+        "quality_factor": 1e7,
+        "frequency_split_hz": 1e-3,
+        "damping_split": 0.01,
+    }
     settings = runs_of({"device": device, "recording": GOOD["recording"]})[0].device
     assert 1 / settings.rate_1_s == pytest.approx(637, abs=0.5)
     assert settings.split_1_s == pytest.approx(1.57e-5, rel=2e-3)

@@ -1,4 +1,5 @@
-"""A log of few rows beside a moving rate or drive: a clean gyro stays clean, whatever the log's step."""
+"""A log of few rows beside a moving rate or drive: a clean gyro stays clean, whatever the log's
+step."""
 
 import numpy as np
 from diagnosis_programme import programme
@@ -16,7 +17,13 @@ def thinned(recording: Recording, step_s: float) -> Recording:
     """The recording with a log of that step."""
     time = np.asarray(recording.auxiliary_time_s)
     keep = slice(None, None, max(1, round(step_s / float(np.median(np.diff(time))))))
-    return recording.replace(**{name: getattr(recording, name)[keep] for name in LOG if getattr(recording, name) is not None})
+    return recording.replace(
+        **{
+            name: getattr(recording, name)[keep]
+            for name in LOG
+            if getattr(recording, name) is not None
+        }
+    )
 
 
 def diagnosed(table: dict, step_s: float) -> dict:
@@ -28,8 +35,12 @@ def diagnosed(table: dict, step_s: float) -> dict:
 
 
 def test_a_rate_that_swings_beside_a_log_of_twenty_rows_a_period():
-    """Straight lines between the rows would lose (ωh)²/12 = 0.8 % of the swing: tens of σ of the angle."""
-    out = diagnosed(programme(71, runs=4, rate={"kind": "sine", "amplitude_rad_s": 2.0, "frequency_hz": 1.0}), 0.05)
+    """Straight lines between the rows would lose (ωh)²/12 = 0.8 % of the swing: tens of σ of the
+    angle."""
+    out = diagnosed(
+        programme(71, runs=4, rate={"kind": "sine", "amplitude_rad_s": 2.0, "frequency_hz": 1.0}),
+        0.05,
+    )
     assert out["verdict"] == "adequate" and out["effects"] == []
 
 

@@ -1,4 +1,5 @@
-"""A wrong run, or a wrong log, is named by run and mistake before any physics is blamed; clean runs and runs with real causes name none."""
+"""A wrong run, or a wrong log, is named by run and mistake before any physics is blamed; clean runs
+and runs with real causes name none."""
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from hrg_cli.stages.diagnosis.suspects import suspect_runs
 
 SAMPLED = tuple(KINDS)
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone", "momentum_kick")
-"""Left out of the catalogue here: what the waveform names, and the knock, which would explain a knocked run."""
+"""Left out of the catalogue here: what the waveform names, and the knock, which would explain a
+knocked run."""
 THERMAL = {"thermal_frequency": {"relative_1_k": 2e-5}, "thermal_damping": {"relative_1_k": 0.02}}
 
 
@@ -25,7 +27,9 @@ def fitted(pieces):
 
 def suspicions(waves):
     base = fitted(waves)
-    candidates = variants([effect for effect in EFFECTS if effect.name not in IN_THE_WAVEFORM], base)
+    candidates = variants(
+        [effect for effect in EFFECTS if effect.name not in IN_THE_WAVEFORM], base
+    )
     return suspect_runs(waves, fitted, base, candidates)
 
 
@@ -50,7 +54,10 @@ def test_the_wrong_run_and_its_mistake_are_named_in_every_programme(kind, seed):
     assert len(found) == 1
     named = found[0].run_id == culprit and found[0].what == KINDS[kind]
     # where two runs turn, which of two logs has the wrong scale is nobody's to know, and said so
-    unknown = f"{culprit}: {KINDS[kind]}" in found[0].evidence and "which of the runs is wrong these runs cannot tell" in found[0].evidence
+    unknown = (
+        f"{culprit}: {KINDS[kind]}" in found[0].evidence
+        and "which of the runs is wrong these runs cannot tell" in found[0].evidence
+    )
     assert named or unknown
 
 
@@ -60,7 +67,13 @@ def test_the_unit_of_time_and_of_amplitude_change_nothing(factor):
 
     waves, culprit = wrong("swapped", 2)
     size = 1e6 if factor > 1 else 1e-6
-    scaled = ("main_amplitude", "quadrature_amplitude", "main_amplitude_std", "quadrature_amplitude_std", "signal_std")
+    scaled = (
+        "main_amplitude",
+        "quadrature_amplitude",
+        "main_amplitude_std",
+        "quadrature_amplitude_std",
+        "signal_std",
+    )
     other = []
     for wave in waves:
         one = timed(wave, factor).replace(rate_rad_s=np.asarray(wave.rate_rad_s) / factor)
@@ -71,16 +84,26 @@ def test_the_unit_of_time_and_of_amplitude_change_nothing(factor):
 def test_two_wrong_runs_of_six_are_both_named():
     records = recordings(table_of(1), 1)
     records[1] = records[1].replace(s=-np.asarray(records[1].s))
-    records[4] = records[4].replace(sample_rate_hz=1.1 * records[4].sample_rate_hz, nominal_frequency_hz=None)
-    assert sorted(told(estimated(records))) == [("run1", "one channel inverted"), ("run4", "sampling rate wrong")]
+    records[4] = records[4].replace(
+        sample_rate_hz=1.1 * records[4].sample_rate_hz, nominal_frequency_hz=None
+    )
+    assert sorted(told(estimated(records))) == [
+        ("run1", "one channel inverted"),
+        ("run4", "sampling rate wrong"),
+    ]
 
 
 def test_of_two_runs_nobody_can_say_which_is_wrong_but_a_knock_is_its_own_witness():
     records = recordings(table_of(0, runs=2), 0)
     swapped = [records[0], records[1].replace(c=records[1].s, s=records[1].c)]
     waves = estimated(swapped)
-    one = suspect_runs(waves, fitted, fitted(waves))[0]  # beside a whole catalogue two runs are too few to doubt one
-    assert one.what == "channels swapped" and "which of the runs is wrong these runs cannot tell" in one.evidence
+    one = suspect_runs(waves, fitted, fitted(waves))[
+        0
+    ]  # beside a whole catalogue two runs are too few to doubt one
+    assert (
+        one.what == "channels swapped"
+        and "which of the runs is wrong these runs cannot tell" in one.evidence
+    )
     table = table_of(1, runs=1)
     struck = knocked(table, recordings(table, 1)[0], 0, 1.0, np.array([0.02, -0.01]), 1)
     assert told(estimated([struck])) == [("run0", "knock")]
@@ -90,7 +113,9 @@ def test_a_leak_names_all_runs_after_it():
     table = table_of(0)
     for k in (3, 4, 5):
         table["run"][k]["device"] = {"damping_rate_1_s": 1.2 * table["device"]["damping_rate_1_s"]}
-    assert told(estimated(recordings(table, 0))) == [(f"run{k}", "loss of pressure") for k in (3, 4, 5)]
+    assert told(estimated(recordings(table, 0))) == [
+        (f"run{k}", "loss of pressure") for k in (3, 4, 5)
+    ]
 
 
 def test_a_rate_log_in_degrees_in_all_runs_and_of_wrong_sign_in_all_runs():
@@ -142,17 +167,30 @@ def sizes(effect, times):
 def hidden(name, seed, times=10.0):
     effect = next(e for e in EFFECTS if e.name == name)
     values = {"inverse_level": 1.2} if name == "saturation" else sizes(effect, times)
-    return estimated(recordings(table_of(seed, {name: values}, forced=effect.family == "control"), seed))
+    return estimated(
+        recordings(table_of(seed, {name: values}, forced=effect.family == "control"), seed)
+    )
 
 
-@pytest.mark.parametrize("name", ("gain_mismatch", "thermal_damping", "cubic_stiffness", "split_temperature", "drive_gain_mismatch"))
+@pytest.mark.parametrize(
+    "name",
+    (
+        "gain_mismatch",
+        "thermal_damping",
+        "cubic_stiffness",
+        "split_temperature",
+        "drive_gain_mismatch",
+    ),
+)
 def test_a_real_cause_is_blamed_on_no_run(name):
     assert told(hidden(name, 2)) == []
 
 
 @pytest.mark.parametrize("runs", (2, 3))
 def test_a_real_cause_in_few_runs_is_blamed_on_no_run(runs):
-    waves = estimated(recordings(table_of(0, {"thermal_damping": {"relative_1_k": 0.05}}, runs=runs), 0))
+    waves = estimated(
+        recordings(table_of(0, {"thermal_damping": {"relative_1_k": 0.05}}, runs=runs), 0)
+    )
     assert told(waves) == []
 
 
@@ -160,11 +198,22 @@ def test_two_real_causes_are_blamed_on_no_run():
     assert told(estimated(recordings(table_of(0, THERMAL), 0))) == []
 
 
-CATALOGUE = [e.name for e in EFFECTS if e.name not in (*IN_THE_WAVEFORM, "clock_error", "table_rate_error", "drive_feedthrough")]
+CATALOGUE = [
+    e.name
+    for e in EFFECTS
+    if e.name not in (*IN_THE_WAVEFORM, "clock_error", "table_rate_error", "drive_feedthrough")
+]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("times", (3.0, 30.0))
-@pytest.mark.parametrize("name", [name for name in CATALOGUE if name not in ("momentum_kick", "dry_friction", "converter_nonlinearity")])
+@pytest.mark.parametrize(
+    "name",
+    [
+        name
+        for name in CATALOGUE
+        if name not in ("momentum_kick", "dry_friction", "converter_nonlinearity")
+    ],
+)
 def test_no_cause_of_the_catalogue_is_blamed_on_a_run(name, times):
     assert told(hidden(name, 1, times)) == []

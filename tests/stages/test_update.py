@@ -18,7 +18,8 @@ PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.0
 
 
 def later(temperature):
-    """The gyro a year on: its damping split grew by a tenth, its axes turned, its frequency split fell."""
+    """The gyro a year on: its damping split grew by a tenth, its axes turned, its frequency split
+    fell."""
     then = tempered(temperature)
     return replace(
         then,
@@ -32,7 +33,9 @@ def later(temperature):
 @pytest.fixture(scope="module")
 def calibration():
     runs = [
-        elliptic_run(tempered(T), T, rate, start, ratio, f"T{T:g} {i}", seed=10 * k + i, duration=10.0)
+        elliptic_run(
+            tempered(T), T, rate, start, ratio, f"T{T:g} {i}", seed=10 * k + i, duration=10.0
+        )
         for k, T in enumerate((0.0, 20.0, 40.0))
         for i, (rate, start, ratio) in enumerate(PLAN)
     ]
@@ -41,12 +44,16 @@ def calibration():
 
 def drift_error(record, device, temperature):
     """(rms drift error, rms of error/σ) along a run of the gyro as it is now."""
-    wave = elliptic_run(device(temperature), temperature, 0.3, 0.2, 0.04, "now", seed=99, duration=10.0)
+    wave = elliptic_run(
+        device(temperature), temperature, 0.3, 0.2, 0.04, "now", seed=99, duration=10.0
+    )
     path = path_of(wave, harmonics=1)
     x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
     found = values(record, x, theta)[0] + measured_drift(record, path)
     error = found - drift(device(temperature), theta, path.middle(path.ratio))
-    return float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean((error / standard_deviations(record, x, theta)[0]) ** 2)))
+    return float(np.sqrt(np.mean(error**2))), float(
+        np.sqrt(np.mean((error / standard_deviations(record, x, theta)[0]) ** 2))
+    )
 
 
 @pytest.mark.parametrize("by_reference", [True, False])
@@ -68,7 +75,11 @@ def test_what_moved_is_put_right_and_told_in_sigma(calibration, by_reference):
 
 
 def test_a_gyro_that_did_not_move_stays_and_nothing_is_claimed(calibration):
-    record = update(calibration, resonator_of(tempered(20.0), 20.0, 2e-3, seed=3), resonator_of(tempered(20.0), 20.0, 2e-3, seed=4))
+    record = update(
+        calibration,
+        resonator_of(tempered(20.0), 20.0, 2e-3, seed=3),
+        resonator_of(tempered(20.0), 20.0, 2e-3, seed=4),
+    )
     assert record.status == calibration.status and not summary(record)["changed"]
     assert all(abs(row["moved_sigma"]) < 5 for row in summary(record)["moved"])
     assert (record.drift_rad_s_std >= calibration.drift_rad_s_std).all()
@@ -79,7 +90,9 @@ def test_windows_that_cannot_tell_are_refused(calibration):
     covariance = np.array(blind.covariance)
     covariance[0, 0] = covariance[1, 1] = 4.0
     record = update(calibration, blind.replace(covariance=covariance))
-    assert record.status == "refused" and any("cannot tell whether it moved" in reason for reason in record.status_reasons)
+    assert record.status == "refused" and any(
+        "cannot tell whether it moved" in reason for reason in record.status_reasons
+    )
 
 
 @pytest.mark.parametrize(
@@ -102,13 +115,32 @@ def test_the_command_writes_what_compensate_takes(calibration, hrg, tmp_path):
 
     store.write(tmp_path / "cal.h5", calibration)
     store.write(
-        tmp_path / "now.h5", resonator_of(later(20.0), 20.0, 2e-3, seed=0).replace(name=np.array(resonator_of(DEVICE, 20.0).name, object))
+        tmp_path / "now.h5",
+        resonator_of(later(20.0), 20.0, 2e-3, seed=0).replace(
+            name=np.array(resonator_of(DEVICE, 20.0).name, object)
+        ),
     )
-    result = hrg("update", tmp_path / "cal.h5", "--resonator", tmp_path / "now.h5", "-o", tmp_path / "new.h5", "--json")
+    result = hrg(
+        "update",
+        tmp_path / "cal.h5",
+        "--resonator",
+        tmp_path / "now.h5",
+        "-o",
+        tmp_path / "new.h5",
+        "--json",
+    )
     assert result.status == 0 and result.json["kind"] == "calibration" and result.json["changed"]
     assert {row["name"] for row in result.json["moved"]} >= {"K_DC_rad_s", "K_DS_rad_s", "K"}
     wave = elliptic_run(later(20.0), 20.0, 0.3, 0.2, 0.04, "now", seed=5, duration=5.0)
     store.write(tmp_path / "now.wave.h5", wave)
-    done = hrg("compensate", tmp_path / "now.wave.h5", "--calibration", tmp_path / "new.h5", "-o", tmp_path / "c.h5", "--json")
+    done = hrg(
+        "compensate",
+        tmp_path / "now.wave.h5",
+        "--calibration",
+        tmp_path / "new.h5",
+        "-o",
+        tmp_path / "c.h5",
+        "--json",
+    )
     assert done.status == 0 and json.loads(json.dumps(done.json))["kind"] == "compensated"
     assert hrg("update", tmp_path / "cal.h5", "-o", tmp_path / "x.h5").status == 2

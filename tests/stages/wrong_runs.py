@@ -1,4 +1,5 @@
-"""Programmes in which one run, or one log, is wrong: made from the fast engine's raw samples, before they are demodulated."""
+"""Programmes in which one run, or one log, is wrong: made from the fast engine's raw samples,
+before they are demodulated."""
 
 import copy
 
@@ -47,11 +48,15 @@ def recordings(table, seed=0):
 
 def estimated(records, periods_per_window=40.0):
     """Waves of recordings."""
-    return [collect(estimate(collect(demodulate(r, periods_per_window=periods_per_window)))) for r in records]
+    return [
+        collect(estimate(collect(demodulate(r, periods_per_window=periods_per_window))))
+        for r in records
+    ]
 
 
 def knocked(table, record, k, at_s, velocity, seed=0):
-    """The recording with momentum given to the resonator at an instant, `velocity` (2,) in ωa: its answer added (superposition)."""
+    """The recording with momentum given to the resonator at an instant, `velocity` (2,) in ωa: its
+    answer added (superposition)."""
     size = float(np.hypot(*velocity))
     other = copy.deepcopy(table)
     other["run"] = [copy.deepcopy(table["run"][k])]
@@ -61,7 +66,12 @@ def knocked(table, record, k, at_s, velocity, seed=0):
     other["readout"] = {"noise": 0.0}
     # Re[e^{j(ωt − π/2)}]: no displacement, all velocity
     angle = float(np.arctan2(velocity[1], velocity[0])) / 2
-    other["run"][0]["start"] = {"wave_angle_rad": angle, "phase_rad": -np.pi / 2, "quadrature": 0.0, "amplitude": size}
+    other["run"][0]["start"] = {
+        "wave_angle_rad": angle,
+        "phase_rad": -np.pi / 2,
+        "quadrature": 0.0,
+        "amplitude": size,
+    }
     answer = collect(simulate(other))
     c, s = np.array(record.c, float), np.array(record.s, float)
     n = min(len(c) - first, len(answer.c))
@@ -72,7 +82,11 @@ def knocked(table, record, k, at_s, velocity, seed=0):
 
 def turning_run(table):
     """The first run that turns after the first two."""
-    return next(k for k, run in enumerate(table["run"]) if k >= 2 and run["environment"].get("rate_rad_s", 1.0))
+    return next(
+        k
+        for k, run in enumerate(table["run"])
+        if k >= 2 and run["environment"].get("rate_rad_s", 1.0)
+    )
 
 
 def wrong(kind, seed, **settings):
@@ -103,9 +117,14 @@ def wrong(kind, seed, **settings):
     elif kind == "inverted":
         one = one.replace(s=-np.asarray(one.s))
     elif kind == "sampling":
-        one = one.replace(sample_rate_hz=one.sample_rate_hz * (1.0 + random.choice([-0.2, 0.15, 1.0])), nominal_frequency_hz=None)
+        one = one.replace(
+            sample_rate_hz=one.sample_rate_hz * (1.0 + random.choice([-0.2, 0.15, 1.0])),
+            nominal_frequency_hz=None,
+        )
     elif kind == "knock":
-        one = knocked(table, one, k, float(random.uniform(0.5, 1.5)), 0.02 * random.standard_normal(2), seed)
+        one = knocked(
+            table, one, k, float(random.uniform(0.5, 1.5)), 0.02 * random.standard_normal(2), seed
+        )
     elif kind == "sign":
         one = one.replace(rate_rad_s=-np.asarray(one.rate_rad_s))
     elif kind == "degrees":

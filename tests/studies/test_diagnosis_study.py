@@ -1,4 +1,5 @@
-"""The power of diagnosis: the arithmetic of powers and intervals, and one small study from raw samples."""
+"""The power of diagnosis: the arithmetic of powers and intervals, and one small study from raw
+samples."""
 
 import json
 
@@ -11,18 +12,25 @@ from hrg_cli.studies.diagnosis import assembled, diagnosis_study, figure, table
 
 
 def test_the_ideal_detector_is_that_of_neyman_and_pearson():
-    """Of shifted normal statistics at the same rate of false alarms the likelihood ratio sees as many as the formula says."""
+    """Of shifted normal statistics at the same rate of false alarms the likelihood ratio sees as
+    many as the formula says."""
     random = np.random.default_rng(1)
     noise, size, rate = random.standard_normal(200_000), 2.5, 0.01
     threshold = np.quantile(noise, 1 - rate)
-    assert power.ideal([size], rate)["chance"]["2.5"] == pytest.approx(np.mean(noise + size > threshold), abs=0.01)
+    assert power.ideal([size], rate)["chance"]["2.5"] == pytest.approx(
+        np.mean(noise + size > threshold), abs=0.01
+    )
     assert power.ideal([], rate)["half"] == pytest.approx(threshold, abs=0.03)
 
 
 def test_the_curve_finds_the_size_named_in_half_of_the_draws_and_its_interval_holds_it():
     random, inside, halves = np.random.default_rng(2), 0, []
     for _ in range(60):
-        draws = [(s, bool(random.standard_normal() * 1.5 + s > 5.0)) for s in (3, 4, 5, 6, 8) for _ in range(12)]
+        draws = [
+            (s, bool(random.standard_normal() * 1.5 + s > 5.0))
+            for s in (3, 4, 5, 6, 8)
+            for _ in range(12)
+        ]
         found = power.curve(draws)
         halves.append(found["half"])
         inside += found["half_interval"][0] <= 5.0 <= (found["half_interval"][1] or np.inf)
@@ -35,25 +43,40 @@ def test_the_curve_finds_the_size_named_in_half_of_the_draws_and_its_interval_ho
 def test_intervals_of_shares_hold_the_truth_in_ninety_five_of_a_hundred():
     random = np.random.default_rng(3)
     for chance in (0.05, 0.5, 0.95):
-        held = [low <= chance <= high for _, low, high, _ in (power.share(int(k), 20) for k in random.binomial(20, chance, 400))]
+        held = [
+            low <= chance <= high
+            for _, low, high, _ in (
+                power.share(int(k), 20) for k in random.binomial(20, chance, 400)
+            )
+        ]
         assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 400)
 
 
 def test_a_size_is_what_an_ideal_detector_measures():
-    """The sum of the data along the effect's own direction, over draws of the noise, stands `size` σ from zero."""
+    """The sum of the data along the effect's own direction, over draws of the noise, stands `size`
+    σ from zero."""
     size, found = 6.0, []
     one = hidden.hiding("gain_mismatch", np.random.default_rng(4), 3e-4)
     for seed in range(8):
         fit = hidden.base_fit(one.measured(size, seed), None, {})
         step = hidden.extended_fit.steps_of(one.effect, fit.series)
-        direction = hidden._beside(hidden.extended_fit.sensitivity(fit.flow, one.effect, one.neutral, step), fit)[:, 0]
-        found.append(np.sign(next(iter(one.direction.values()))) * direction @ fit.residual / np.linalg.norm(direction))
+        direction = hidden._beside(
+            hidden.extended_fit.sensitivity(fit.flow, one.effect, one.neutral, step), fit
+        )[:, 0]
+        found.append(
+            np.sign(next(iter(one.direction.values())))
+            * direction
+            @ fit.residual
+            / np.linalg.norm(direction)
+        )
     assert np.mean(found) == pytest.approx(size, abs=4 / np.sqrt(8))
     assert np.std(found) == pytest.approx(1, abs=4 / np.sqrt(2 * 8))
 
 
 def test_a_small_study_from_raw_samples(tmp_path):
-    study = diagnosis_study(effects=["gain_mismatch", "dropped_samples"], sizes=[2.0, 15.0], draws=1, controls=0, seed=1)
+    study = diagnosis_study(
+        effects=["gain_mismatch", "dropped_samples"], sizes=[2.0, 15.0], draws=1, controls=0, seed=1
+    )
     mismatch, dropped = study["effects"]["gain_mismatch"], study["effects"]["dropped_samples"]
     assert mismatch["named"]["15"][0] == 1 and dropped["named"]["any"][0] == 1
     assert mismatch["named"]["2"][3] == 1 and study["all"]["named"]["15"][3] == 1
@@ -67,10 +90,25 @@ def test_a_small_study_from_raw_samples(tmp_path):
 
 
 def test_rows_become_figures():
-    """Groups share their count, wrong names and open terms are told apart, a limit below the truth is counted."""
-    row = {"hidden": "ageing", "draw": 0, "size": 9.0, "group": [], "outcome": "nothing", "errors": {}, "limit_holds": True}
+    """Groups share their count, wrong names and open terms are told apart, a limit below the truth
+    is counted."""
+    row = {
+        "hidden": "ageing",
+        "draw": 0,
+        "size": 9.0,
+        "group": [],
+        "outcome": "nothing",
+        "errors": {},
+        "limit_holds": True,
+    }
     rows = [
-        row | {"group": ["ageing", "damping_drift"], "outcome": "named", "errors": {"slope": 1.0}, "limit_holds": None},
+        row
+        | {
+            "group": ["ageing", "damping_drift"],
+            "outcome": "named",
+            "errors": {"slope": 1.0},
+            "limit_holds": None,
+        },
         row | {"group": ["table_wobble"], "outcome": "wrong"},
         row | {"outcome": "described"},
         row | {"limit_holds": False},
@@ -86,7 +124,9 @@ def test_rows_become_figures():
         "nothing": 0.25,
     }
     figures = study["effects"]["ageing"]
-    assert [figures[k][0] for k in ("wrong", "described")] == [0.25, 0.25] and figures["limits_hold"][0] == pytest.approx(2 / 3)
+    assert [figures[k][0] for k in ("wrong", "described")] == [0.25, 0.25] and figures[
+        "limits_hold"
+    ][0] == pytest.approx(2 / 3)
     assert study["controls"]["causes_named"][0] == 0.5
 
 

@@ -18,7 +18,10 @@ def check(study, mean_tolerance):
     assert second["histogram"].get("2", 0) < 12e-6 * n + 6 * np.sqrt(12e-6 * n) + 4
     for result in (first, second):
         assert sum(result["histogram"].values()) == n
-        assert result["closed_form"]["failures"] == 0 and result["closed_form"]["worst_residual_rms"] < 1e-14
+        assert (
+            result["closed_form"]["failures"] == 0
+            and result["closed_form"]["worst_residual_rms"] < 1e-14
+        )
 
 
 def test_both_experiments_with_fewer_vectors():

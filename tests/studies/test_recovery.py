@@ -1,4 +1,5 @@
-"""The recovery study on simulated recordings with a cause of their own: what it finds, what it counts as false, how it goes on."""
+"""The recovery study on simulated recordings with a cause of their own: what it finds, what it
+counts as false, how it goes on."""
 
 import csv
 import json
@@ -31,15 +32,22 @@ def recordings():
 
 @pytest.mark.slow
 def test_what_is_hidden_is_found_with_its_size_beside_the_background(recordings):
-    result = recovery_study(recordings, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
+    result = recovery_study(
+        recordings, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0
+    )
     assert result["background"]["named"] == ["cubic_stiffness"]
     for name in ("damping_drift", "momentum_kick"):
         at = result["effects"][name]["by_size"]
         assert at["40"]["first"][0] == 1 and at["40"]["false"][0] == 0, name
         assert result["effects"][name]["found_over_true"] == pytest.approx(1, abs=0.15)
-    assert result["effects"]["damping_drift"]["by_size"]["12"]["first"][0] == 1 and result["all"]["by_size"]["12"]["false"][0] == 0
+    assert (
+        result["effects"]["damping_drift"]["by_size"]["12"]["first"][0] == 1
+        and result["all"]["by_size"]["12"]["false"][0] == 0
+    )
     assert "cannot show it" in result["effects"]["drive_rotation"]["not_shown"]
-    (row,) = (row for row in result["rows"] if row["effect"] == "damping_drift" and row["size"] == 40)
+    (row,) = (
+        row for row in result["rows"] if row["effect"] == "damping_drift" and row["size"] == 40
+    )
     (parameter,) = row["error_over_std"]
     size = row["error_over_std"][parameter] / (row["found_over_true"][parameter] - 1)
     assert abs(size) == pytest.approx(40, rel=0.1), "a size in σ is the size found over its own σ"
@@ -47,7 +55,8 @@ def test_what_is_hidden_is_found_with_its_size_beside_the_background(recordings)
 
 @pytest.fixture
 def quick(monkeypatch):
-    """The study without its diagnoses: what is asked for, and rows as an ideal diagnosis would give them."""
+    """The study without its diagnoses: what is asked for, and rows as an ideal diagnosis would give
+    them."""
     asked = []
     nothing = {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}}
 
@@ -69,9 +78,13 @@ def quick(monkeypatch):
 
 def test_an_interrupted_study_goes_on_where_it_was(quick, recordings):
     told = []
-    result = recovery_study(recordings, (), told.append, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
+    result = recovery_study(
+        recordings, (), told.append, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0
+    )
     assert quick == EFFECTS and [len({row["effect"] for row in rows}) for rows in told] == [1, 2, 3]
-    again = recovery_study(recordings, told[1], effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
+    again = recovery_study(
+        recordings, told[1], effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0
+    )
     assert quick == [*EFFECTS, EFFECTS[2]] and again == result
 
 
@@ -80,13 +93,21 @@ def test_table_and_figure(quick, recordings):
     heads, rows = table(study)
     assert len(rows) == len(EFFECTS) + 1 and all(len(row) == len(heads) for row in rows)
     of = {row[0]: row for row in rows}
-    assert of["damping_drift"][1:4] == ("1.00", "1.00", "0.00") and of["drive_rotation"][-1] == "no drive"
+    assert (
+        of["damping_drift"][1:4] == ("1.00", "1.00", "0.00")
+        and of["drive_rotation"][-1] == "no drive"
+    )
     drawing = figure(study)
-    assert [axes.get_title() for axes in drawing.axes] == ["named first", "a false name beside", "size found over true"]
+    assert [axes.get_title() for axes in drawing.axes] == [
+        "named first",
+        "a false name beside",
+        "size found over true",
+    ]
 
 
 def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
-    """Every effect that these runs show changes them by its size, and twice the size by twice as much."""
+    """Every effect that these runs show changes them by its size, and twice the size by twice as
+    much."""
     waves = [recovery._wave(recording, 40.0) for recording in recordings]
     cause = {
         "name": "cubic_stiffness",
@@ -97,29 +118,45 @@ def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
     monkeypatch.setattr(recovery, "_diagnosed", lambda waves, scale_factor: background)
     fit = recovery._fit(waves, None, background)
     for name in ("momentum_kick", "saturation"):
-        one, two = recovery.recovered((recordings, waves, background, name, 0, (10.0, 20.0), 40.0, None, 0))
+        one, two = recovery.recovered(
+            (recordings, waves, background, name, 0, (10.0, 20.0), 40.0, None, 0)
+        )
         assert one["size"] == 10 and not one["first"] and one["false"] == []
         if name != "saturation":
-            assert all(two["true"][p.name] == pytest.approx(2 * one["true"][p.name]) for p in find(name).fitted())
-    (row,) = recovery.recovered((recordings, waves, background, "drive_rotation", 0, (10.0,), 40.0, None, 0))
+            assert all(
+                two["true"][p.name] == pytest.approx(2 * one["true"][p.name])
+                for p in find(name).fitted()
+            )
+    (row,) = recovery.recovered(
+        (recordings, waves, background, "drive_rotation", 0, (10.0,), 40.0, None, 0)
+    )
     assert "cannot show it" in row["not_shown"]
     assert fit.chi2 / fit.dof < 1.2
 
 
 def entry(name, value=1.0, std=0.1, others=()):
-    return {"name": name, "parameters": {"gain": {"value": value, "std": std, "units": "1"}}, "indistinguishable_from": list(others)}
+    return {
+        "name": name,
+        "parameters": {"gain": {"value": value, "std": std, "units": "1"}},
+        "indistinguishable_from": list(others),
+    }
 
 
 def test_names_of_the_background_are_neither_false_nor_first():
     effect, true = find("gain_mismatch"), {"gain": 2.0}
 
     def judge(named, before=()):
-        reports = [{"verdict": "explained", "effects": list(effects), "after": {"chi2_per_dof": 1.0}} for effects in (named, before)]
+        reports = [
+            {"verdict": "explained", "effects": list(effects), "after": {"chi2_per_dof": 1.0}}
+            for effects in (named, before)
+        ]
         return judged(*reports, effect, true)
 
     row = judge([entry("ageing"), entry("gain_mismatch", 1.8)], [entry("ageing")])
     assert row["first"] and row["among"] and row["false"] == []
-    assert row["found_over_true"]["gain"] == pytest.approx(0.9) and row["error_over_std"]["gain"] == pytest.approx(-2)
+    assert row["found_over_true"]["gain"] == pytest.approx(0.9) and row["error_over_std"][
+        "gain"
+    ] == pytest.approx(-2)
     row = judge([entry("ageing"), entry("gain_mismatch", 1.8)])
     assert not row["first"] and row["among"] and row["false"] == ["ageing"]
     row = judge([entry("gain_mismatch", 2.5)], [entry("gain_mismatch", 0.5)])
@@ -128,7 +165,12 @@ def test_names_of_the_background_are_neither_false_nor_first():
     assert row["first"] and row["false"] == []
     row = judge([entry("rate_bias", others=("gain_mismatch", "ageing", "drive_rotation"))])
     assert not row["among"] and row["false"] == ["rate_bias"]
-    assert assembled([], [5.0], {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}})["effects"] == {}
+    assert (
+        assembled(
+            [], [5.0], {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}}
+        )["effects"]
+        == {}
+    )
 
 
 def test_the_study_says_what_is_missing(recordings):
@@ -144,13 +186,32 @@ def test_the_command_writes_table_figure_and_figures(tmp_path, recordings):
     for recording in recordings:
         store.write(path := tmp_path / f"{recording.run_id}.h5", recording, False)
         paths.append(str(path))
-    command = [sys.executable, "-m", "hrg_cli.cli", "study", "recovery", *paths, "--effects", "damping_drift", "--sizes", "30"]
+    command = [
+        sys.executable,
+        "-m",
+        "hrg_cli.cli",
+        "study",
+        "recovery",
+        *paths,
+        "--effects",
+        "damping_drift",
+        "--sizes",
+        "30",
+    ]
     command += ["-o", str(tmp_path / "out"), "--set", "periods_per_window=40"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"recovery.csv", "recovery.json", "recovery.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "recovery.csv",
+        "recovery.json",
+        "recovery.png",
+    }
     rows = list(csv.reader((tmp_path / "out" / "recovery.csv").read_text().splitlines()))
     assert rows[0][0] == "effect" and rows[1][:2] == ["damping_drift", "1.00"]
-    assert json.loads((tmp_path / "out" / "recovery.json").read_text())["result"]["rows"][0]["first"]
-    refused = subprocess.run([*command[:4], "redundancy", paths[0]], capture_output=True, text=True, check=False)
+    assert json.loads((tmp_path / "out" / "recovery.json").read_text())["result"]["rows"][0][
+        "first"
+    ]
+    refused = subprocess.run(
+        [*command[:4], "redundancy", paths[0]], capture_output=True, text=True, check=False
+    )
     assert refused.returncode == 2 and "makes its own data" in refused.stderr

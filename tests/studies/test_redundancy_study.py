@@ -1,4 +1,5 @@
-"""What the redundant equations reveal: residuals by theory, and exactly nothing for what acts before the carrier."""
+"""What the redundant equations reveal: residuals by theory, and exactly nothing for what acts
+before the carrier."""
 
 import json
 
@@ -22,7 +23,10 @@ def test_visible_defects_leave_the_residual_of_theory(rows):
     generator = np.random.default_rng(2)
     A, B = generator.uniform(-1, 1, (2, 20_000))
     theta = generator.uniform(0, 2 * np.pi, 20_000)
-    c, s = A**2 * np.cos(theta) ** 2 + B**2 * np.sin(theta) ** 2, A**2 * np.sin(theta) ** 2 + B**2 * np.cos(theta) ** 2
+    c, s = (
+        A**2 * np.cos(theta) ** 2 + B**2 * np.sin(theta) ** 2,
+        A**2 * np.sin(theta) ** 2 + B**2 * np.cos(theta) ** 2,
+    )
     expected = {
         "sideband_gain": np.sqrt(2 / 3) / 4,
         "carrier_phase_mismatch": np.sqrt(np.mean(c * s / (c + s))) / 2,
@@ -34,7 +38,14 @@ def test_visible_defects_leave_the_residual_of_theory(rows):
 
 
 @pytest.mark.parametrize(
-    "name", ["gain_mismatch", "phase_mismatch", "electrode_nonorthogonality", "quadrature_crosstalk", "envelope_cubic"]
+    "name",
+    [
+        "gain_mismatch",
+        "phase_mismatch",
+        "electrode_nonorthogonality",
+        "quadrature_crosstalk",
+        "envelope_cubic",
+    ],
 )
 def test_defects_before_the_carrier_are_invisible_but_do_harm(rows, name):
     assert not rows[name]["visible"]
@@ -43,9 +54,14 @@ def test_defects_before_the_carrier_are_invisible_but_do_harm(rows, name):
 
 
 def test_angle_errors_are_those_of_the_catalogue(rows):
-    """R1 and R2: δθ = −(g/4) sin 4θ and (ε/4) cos 4θ physical, twice that electrical, rms over θ; ± 0.1 of quadrature adds 1 %."""
-    assert rows["gain_mismatch"]["wave_angle_error_rms_per_unit"] == pytest.approx(1 / np.sqrt(8), rel=0.03)
-    assert rows["electrode_nonorthogonality"]["wave_angle_error_rms_per_unit"] == pytest.approx(1 / np.sqrt(8), rel=0.03)
+    """R1 and R2: δθ = −(g/4) sin 4θ and (ε/4) cos 4θ physical, twice that electrical, rms over θ; ±
+    0.1 of quadrature adds 1 %."""
+    assert rows["gain_mismatch"]["wave_angle_error_rms_per_unit"] == pytest.approx(
+        1 / np.sqrt(8), rel=0.03
+    )
+    assert rows["electrode_nonorthogonality"]["wave_angle_error_rms_per_unit"] == pytest.approx(
+        1 / np.sqrt(8), rel=0.03
+    )
     assert rows["carrier_phase_mismatch"]["wave_angle_error_rms_per_unit"] < 1e-3
 
 

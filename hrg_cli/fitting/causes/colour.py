@@ -1,10 +1,12 @@
 """Coloured noise of the wave: what wanders beside any model, component by component.
 
-Of each component x (relative amplitude, phase, angle, ellipticity) the noise is white n beside a wander whose rate is correlated over τ,
+Of each component x (relative amplitude, phase, angle, ellipticity) the noise is white n beside a
+wander whose rate is correlated over τ,
     Cov(x_s, x_t) = (q/2)[2 min(s, t) − τ(1 − e^{−s/τ} − e^{−t/τ} + e^{−|t−s|/τ})] + w² σ² δ_st,
-the integrated Ornstein–Uhlenbeck process: a random walk of q a second for τ → 0. q, τ and the white level w are those of the largest
-restricted likelihood (Patterson and Thompson 1971): the residual's polynomial in time is a fixed effect, so that a misfit of the model is
-not taken for noise, and the wander at long times is what the quick wander makes it.
+the integrated Ornstein–Uhlenbeck process: a random walk of q a second for τ → 0. q, τ and the white
+level w are those of the largest restricted likelihood (Patterson and Thompson 1971): the residual's
+polynomial in time is a fixed effect, so that a misfit of the model is not taken for noise, and the
+wander at long times is what the quick wander makes it.
 """
 
 from __future__ import annotations
@@ -20,19 +22,23 @@ COMPONENTS = ("amplitude", "phase", "angle", "ellipticity")
 SMOOTH = 10
 """Degree of the polynomial in time up to which the residual may be the model's fault."""
 SLOWEST = 20
-"""Part of the run a wander's rate may stay correlated: what is slower cannot be told from a fault of the model."""
+"""Part of the run a wander's rate may stay correlated: what is slower cannot be told from a fault
+of the model."""
 FEWEST, MOST_ROWS = 40, 120
 """Rows from which a colour is estimated, and rows to which the residual is averaged for that."""
 CLEAR, BESIDE = 30.0, 10.0
-"""2 ln of the likelihood ratio from which noise counts as coloured, and a component does beside another that clearly is.
+"""2 ln of the likelihood ratio from which noise counts as coloured, and a component does beside
+another that clearly is.
 
-By chance one of three others reaches the latter, two parameters each, in 3 e^{−5} = 2 % of cases; taken for white, it would bias the fit.
+By chance one of three others reaches the latter, two parameters each, in 3 e^{−5} = 2 % of cases;
+taken for white, it would bias the fit.
 """
 
 
 @dataclass(frozen=True)
 class Noise:
-    """One component: white level w over the stated σ, wander q [1/s], correlation time τ [s] of its rate; `clear`: 2 ln ratio to white."""
+    """One component: white level w over the stated σ, wander q [1/s], correlation time τ [s] of its
+    rate; `clear`: 2 ln ratio to white."""
 
     white: float
     wander_1_s: float
@@ -41,11 +47,14 @@ class Noise:
 
     def after(self, time_s: float) -> float:
         """Standard deviation of the wander after a time from a start at which its rate is any."""
-        return float(np.sqrt(max(wander(np.array([time_s]), self.wander_1_s, self.correlation_s)[0, 0], 0.0)))
+        return float(
+            np.sqrt(max(wander(np.array([time_s]), self.wander_1_s, self.correlation_s)[0, 0], 0.0))
+        )
 
 
 def components(x: Array, along: Array) -> Array:
-    """Reals (R, n, 4, K) turned into the wave's frame: along it, its phase, across it (angle), and its quadrature."""
+    """Reals (R, n, 4, K) turned into the wave's frame: along it, its phase, across it (angle), and
+    its quadrature."""
     return real(directions(along)) @ x
 
 
@@ -80,7 +89,9 @@ def estimate(time_s: Array, values: Array, std: Array) -> Noise:
         both = np.linalg.solve(L, np.column_stack([fixed, values]))
         Q, R = np.linalg.qr(both[:, :-1])
         left = both[:, -1] - Q @ (Q.T @ both[:, -1])
-        return float(2 * np.log(np.diag(L)).sum() + 2 * np.log(np.abs(np.diag(R))).sum() + left @ left)
+        return float(
+            2 * np.log(np.diag(L)).sum() + 2 * np.log(np.abs(np.diag(R))).sum() + left @ left
+        )
 
     white = float(np.mean((smooth / std) ** 2)) * len(t) / max(1, len(t) - fixed.shape[1])
     alone = cost(max(white, 1e-6), 0.0, 0.0)
@@ -94,9 +105,17 @@ def estimate(time_s: Array, values: Array, std: Array) -> Noise:
             inside = np.clip(x[2], low, high)
             return cost(*np.exp([max(x[0], np.log(1e-6)), x[1], inside])) + (x[2] - inside) ** 2
 
-        found = minimize(bounded, start, method="Nelder-Mead", options={"xatol": 0.03, "fatol": 0.1, "maxfev": 150})
+        found = minimize(
+            bounded,
+            start,
+            method="Nelder-Mead",
+            options={"xatol": 0.03, "fatol": 0.1, "maxfev": 150},
+        )
         if found.fun < best[0]:
-            best = (float(found.fun), np.exp(np.clip(found.x, [np.log(1e-6), -np.inf, low], [np.inf, np.inf, high])))
+            best = (
+                float(found.fun),
+                np.exp(np.clip(found.x, [np.log(1e-6), -np.inf, low], [np.inf, np.inf, high])),
+            )
     clear = alone - best[0]
     if clear < BESIDE:
         return Noise(float(np.sqrt(white)), 0.0, 0.0, clear)
@@ -105,7 +124,8 @@ def estimate(time_s: Array, values: Array, std: Array) -> Noise:
 
 
 def noises(time_s: Array, weight: Array, envelope: Array, residual: Array) -> tuple[Noise, ...]:
-    """The noise of every component of residuals (R, n, 4) over σ about envelopes (R, n, 2), from the longest run; none where all are white.
+    """The noise of every component of residuals (R, n, 4) over σ about envelopes (R, n, 2), from
+    the longest run; none where all are white.
 
     A component whose wander is not seen keeps its white level alone.
     """
@@ -113,7 +133,9 @@ def noises(time_s: Array, weight: Array, envelope: Array, residual: Array) -> tu
     unit = np.divide(1.0, weight * size, out=np.zeros_like(size), where=(weight > 0) & (size > 0))
     own = components(residual[..., None], envelope)[..., 0] * unit[..., None]
     good = unit > 0
-    longest = int(np.argmax([np.ptp(t[g]) if g.any() else 0.0 for t, g in zip(time_s, good, strict=True)]))
+    longest = int(
+        np.argmax([np.ptp(t[g]) if g.any() else 0.0 for t, g in zip(time_s, good, strict=True)])
+    )
     rows = np.flatnonzero(good[longest])
     if len(rows) < FEWEST:
         return ()
@@ -124,5 +146,7 @@ def noises(time_s: Array, weight: Array, envelope: Array, residual: Array) -> tu
     for k in range(4):
         y = np.array([own[longest, p, k].mean() for p in parts])
         # a component that is left out, as a free phase, has nothing in it
-        found.append(estimate(t, y, std) if np.any(np.abs(y) > 1e-6 * std) else Noise(1.0, 0.0, 0.0, 0.0))
+        found.append(
+            estimate(t, y, std) if np.any(np.abs(y) > 1e-6 * std) else Noise(1.0, 0.0, 0.0, 0.0)
+        )
     return tuple(found) if max(n.clear for n in found) >= CLEAR else ()

@@ -1,8 +1,10 @@
-"""Evidence for causes in a whitened residual: scores, what can be told apart, selection. Knows nothing of gyros.
+"""Evidence for causes in a whitened residual: scores, what can be told apart, selection. Knows
+nothing of gyros.
 
-Notation: r (N,) whitened residual of a base model with Jacobian J (N, k), S (N, m) a candidate's sensitivities, all over σ.
-With Q an orthonormal basis of J: s⊥ = S − Q Qᵀ S, T = |P_{s⊥} r|² is the fall of χ² the candidate buys with `rank` parameters.
-J is mostly blocks: what belongs to one run has rows of its own, and is taken off there alone.
+Notation: r (N,) whitened residual of a base model with Jacobian J (N, k), S (N, m) a candidate's
+sensitivities, all over σ. With Q an orthonormal basis of J: s⊥ = S − Q Qᵀ S, T = |P_{s⊥} r|² is the
+fall of χ² the candidate buys with `rank` parameters. J is mostly blocks: what belongs to one run
+has rows of its own, and is taken off there alone.
 """
 
 from __future__ import annotations
@@ -18,18 +20,21 @@ Array = np.ndarray
 BLIND = 3e-4
 """Independence |s⊥|/|s| below which a candidate counts as invisible beside the base model."""
 CLEAR_RANK = 1e-6
-"""Ratio of a triangle's pivots above which the rank is full beyond doubt; below it singular values decide."""
+"""Ratio of a triangle's pivots above which the rank is full beyond doubt; below it singular values
+decide."""
 TOGETHER = 16
 """Columns of candidates multiplied with one another in one matrix product."""
 
 
 Block = tuple[slice, slice]
-"""Rows and columns of a design that belong to one another alone: outside them the columns are zero."""
+"""Rows and columns of a design that belong to one another alone: outside them the columns are
+zero."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """A design J (N, k) kept in its parts: `shared` columns (N, s) at `places` (s,), and blocks (rows, columns, values) of one run each.
+    """A design J (N, k) kept in its parts: `shared` columns (N, s) at `places` (s,), and blocks
+    (rows, columns, values) of one run each.
 
     Memory grows with the rows, not with rows times runs.
     """
@@ -44,12 +49,18 @@ class Design:
         alone = np.zeros(J.shape[1], bool)
         for _, columns in blocks:
             alone[columns] = True
-        return cls(J[:, ~alone], np.flatnonzero(~alone), tuple((rows, columns, J[rows, columns]) for rows, columns in blocks))
+        return cls(
+            J[:, ~alone],
+            np.flatnonzero(~alone),
+            tuple((rows, columns, J[rows, columns]) for rows, columns in blocks),
+        )
 
     @property
     def shape(self) -> tuple[int, int]:
         """(N, k)."""
-        return len(self.shared), len(self.places) + sum(values.shape[1] for _, _, values in self.own)
+        return len(self.shared), len(self.places) + sum(
+            values.shape[1] for _, _, values in self.own
+        )
 
     def times(self, step: Array) -> Array:
         """J step, (N,)."""
@@ -85,7 +96,8 @@ class Design:
 
 @dataclass(frozen=True)
 class Basis:
-    """An orthonormal basis (N, k): parts that live on some rows alone, and `shared` ones (N, s) perpendicular to these."""
+    """An orthonormal basis (N, k): parts that live on some rows alone, and `shared` ones (N, s)
+    perpendicular to these."""
 
     own: tuple[tuple[slice, Array], ...]
     shared: Array
@@ -109,17 +121,25 @@ class Basis:
 
 @dataclass(frozen=True)
 class Factored:
-    """A design J (N, k) = Q T: its orthonormal basis and T (rank, k), in whose few rows all is solved that asks for J alone."""
+    """A design J (N, k) = Q T: its orthonormal basis and T (rank, k), in whose few rows all is
+    solved that asks for J alone."""
 
     basis: Basis
     triangle: Array
 
     def solve(
-        self, residual: Array, prior: Array, prior_residual: Array, wall: Array | None = None, distance: float = 0.0
+        self,
+        residual: Array,
+        prior: Array,
+        prior_residual: Array,
+        wall: Array | None = None,
+        distance: float = 0.0,
     ) -> tuple[Array, Array]:
-        """Least-squares step (k,) and covariance (k, k) with prior rows (m, k); blind directions stay put.
+        """Least-squares step (k,) and covariance (k, k) with prior rows (m, k); blind directions
+        stay put.
 
-        wall (k,): the step is held to wall·step = `distance` (an equality, by elimination); the covariance is then that along the wall.
+        wall (k,): the step is held to wall·step = `distance` (an equality, by elimination); the
+        covariance is then that along the wall.
         """
         rows = np.concatenate([self.triangle, prior])
         right = np.concatenate([self.basis.along(residual), prior_residual])
@@ -132,7 +152,8 @@ class Factored:
 
 
 def factored(design: Design, tolerance: float = 1e-10) -> Factored:
-    """The design as basis times triangle, its blocks of rows and columns first; the rank is that of the columns at unit length."""
+    """The design as basis times triangle, its blocks of rows and columns first; the rank is that of
+    the columns at unit length."""
     size = design.sizes()
     nothing = size == 0
     size[nothing] = 1.0
@@ -157,7 +178,8 @@ def factored(design: Design, tolerance: float = 1e-10) -> Factored:
 
 
 def _split(J: Array, tolerance: float) -> tuple[Array, Array]:
-    """Orthonormal (N, r) and (r, k) whose product is J; directions weaker than `tolerance` of the strongest are none."""
+    """Orthonormal (N, r) and (r, k) whose product is J; directions weaker than `tolerance` of the
+    strongest are none."""
     if J.shape[1] == 0:
         return J, np.zeros((0, 0))
     Q, R = np.linalg.qr(J)
@@ -177,9 +199,11 @@ def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
 
 @dataclass(frozen=True)
 class Score:
-    """A candidate's columns (N, m) beside a basis: fall of χ² `gain` for `rank` parameters, estimates with σ, independence.
+    """A candidate's columns (N, m) beside a basis: fall of χ² `gain` for `rank` parameters,
+    estimates with σ, independence.
 
-    `made`: what makes the columns; `directions` (m, rank): their combinations whose parts beside the basis are orthonormal.
+    `made`: what makes the columns; `directions` (m, rank): their combinations whose parts beside
+    the basis are orthonormal.
     """
 
     name: str
@@ -215,7 +239,9 @@ def score(name: str, residual: Array, sensitivity: Array, basis: Basis) -> Score
     return scores([name], residual, [sensitivity], basis)[0]
 
 
-def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array], basis: Basis) -> list[Score]:
+def scores(
+    names: Sequence[str], residual: Array, sensitivities: Sequence[Array], basis: Basis
+) -> list[Score]:
     """Scores of many candidates by their columns (N, m)."""
     ledger = Ledger(residual, basis)
     if sensitivities:
@@ -224,9 +250,11 @@ def scores(names: Sequence[str], residual: Array, sensitivities: Sequence[Array]
 
 
 class Ledger:
-    """What the scores of many candidates beside a basis come from; their columns are looked at once and not kept.
+    """What the scores of many candidates beside a basis come from; their columns are looked at once
+    and not kept.
 
-    With S of unit columns, B = Qᵀ S: s⊥ᵀ s⊥ = Sᵀ S − Bᵀ B and s⊥ᵀ r = Sᵀ r − Bᵀ Qᵀ r, exact to rounding over BLIND².
+    With S of unit columns, B = Qᵀ S: s⊥ᵀ s⊥ = Sᵀ S − Bᵀ B and s⊥ᵀ r = Sᵀ r − Bᵀ Qᵀ r, exact to
+    rounding over BLIND².
     """
 
     def __init__(self, residual: Array, basis: Basis) -> None:
@@ -250,27 +278,46 @@ class Ledger:
                 G = S[:, some].T @ S[:, some]
                 size = np.sqrt(np.diag(G))
                 unit = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-                P, projected = (G - B[:, some].T @ B[:, some]) / unit / unit[:, None], c[some] / unit
+                P, projected = (
+                    (G - B[:, some].T @ B[:, some]) / unit / unit[:, None],
+                    c[some] / unit,
+                )
             for k in range(start, stop):
                 own = slice(ends[k] - ends[start], ends[k + 1] - ends[start])
                 self.entries.append((P[own, own], projected[own], size[own]))
             start = stop
 
     def scores(self, names: Sequence[str], columns: Sequence[Callable[[], Array]]) -> list[Score]:
-        """Of all candidates in the order they were entered; `columns`: what makes their columns anew."""
+        """Of all candidates in the order they were entered; `columns`: what makes their columns
+        anew."""
         alike: dict[int, list[int]] = {}
         for number, (_, _, size) in enumerate(self.entries):
             alike.setdefault(len(size), []).append(number)
         out: dict[int, Score] = {}
         for numbers in alike.values():
             judged = _judged(*(np.stack([self.entries[n][k] for n in numbers]) for k in range(3)))
-            for n, (gain, rank, z, p, estimate, std, independence, directions) in zip(numbers, judged, strict=True):
-                out[n] = Score(names[n], gain, rank, z, p, estimate, std, independence, columns[n], directions, self.basis)
+            for n, (gain, rank, z, p, estimate, std, independence, directions) in zip(
+                numbers, judged, strict=True
+            ):
+                out[n] = Score(
+                    names[n],
+                    gain,
+                    rank,
+                    z,
+                    p,
+                    estimate,
+                    std,
+                    independence,
+                    columns[n],
+                    directions,
+                    self.basis,
+                )
         return [out[n] for n in range(len(names))]
 
 
 def _judged(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, ...]]:
-    """Of candidates with m columns each: s⊥ᵀ s⊥ (n, m, m) and s⊥ᵀ r (n, m) of unit columns, their lengths before (n, m)."""
+    """Of candidates with m columns each: s⊥ᵀ s⊥ (n, m, m) and s⊥ᵀ r (n, m) of unit columns, their
+    lengths before (n, m)."""
     usable = np.all(np.isfinite(size), axis=1) & np.any(size > 0, axis=1)
     P, c = np.where(usable[:, None, None], P, 0.0), np.where(usable[:, None], c, 0.0)
     power, V = np.linalg.eigh(P)
@@ -279,7 +326,9 @@ def _judged(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, ...]]:
     directions = np.where(keep[:, None, :], V / np.where(keep, s, 1.0)[:, None, :], 0.0)
     projected = np.einsum("nij,ni->nj", directions, c)
     gain, rank = np.sum(projected**2, axis=1), keep.sum(axis=1)
-    lost = np.sum(np.where(keep[:, None, :], 0.0, V**2), axis=2) > 0.5  # directions the data do not show
+    lost = (
+        np.sum(np.where(keep[:, None, :], 0.0, V**2), axis=2) > 0.5
+    )  # directions the data do not show
     blind = lost | ~(size > 0) | (rank == 0)[:, None]
     safe = np.where(size > 0, size, 1.0)
     with np.errstate(invalid="ignore"):
@@ -289,11 +338,21 @@ def _judged(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, ...]]:
     for n in range(len(P)):
         largest = float(s[n, -1]) if rank[n] else 0.0
         to_unit = directions[n][:, keep[n]] / safe[n][:, None]
-        yield float(gain[n]), int(rank[n]), float(z[n]), float(p[n]), estimate[n], std[n], largest, to_unit
+        yield (
+            float(gain[n]),
+            int(rank[n]),
+            float(z[n]),
+            float(p[n]),
+            estimate[n],
+            std[n],
+            largest,
+            to_unit,
+        )
 
 
 def significance(gain: float, rank: int) -> tuple[float, float]:
-    """(equivalent |z| of one normal variable, p) of a fall of χ² by `gain` with `rank` parameters."""
+    """(equivalent |z| of one normal variable, p) of a fall of χ² by `gain` with `rank`
+    parameters."""
     z, p = _significance(np.array(gain), np.array(rank))
     return float(z), float(p)
 
@@ -316,7 +375,8 @@ def criterion(gain: float, rank: int, rows: int) -> float:
 
 
 def alike(a: Score, b: Score) -> float:
-    """Largest canonical correlation of two candidates' spaces beside the base: 1 when one cannot be told from the other."""
+    """Largest canonical correlation of two candidates' spaces beside the base: 1 when one cannot be
+    told from the other."""
     if a.rank == 0 or b.rank == 0:
         return 0.0
     return float(np.linalg.svd(a.space.T @ b.space, compute_uv=False)[0])
@@ -332,7 +392,8 @@ def correlations(scores: Sequence[Score]) -> Array:
 
 
 def solve(J: Array, residual: Array) -> tuple[Array, Array]:
-    """Least-squares step (k,) and covariance (k, k) of a whitened problem; blind directions stay put."""
+    """Least-squares step (k,) and covariance (k, k) of a whitened problem; blind directions stay
+    put."""
     size = np.linalg.norm(J, axis=0)
     size[size == 0] = 1.0
     U, s, Vt = np.linalg.svd(J / size, full_matrices=False)
@@ -343,7 +404,8 @@ def solve(J: Array, residual: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Prediction of data that were not fitted: mean squared whitened residual per held-out fold with and without the extension."""
+    """Prediction of data that were not fitted: mean squared whitened residual per held-out fold
+    with and without the extension."""
 
     before: Array
     after: Array
@@ -357,35 +419,59 @@ class HeldOut:
     def std(self) -> float:
         """Standard deviation of the ratio, from the scatter over the folds."""
         logs = 0.5 * np.log(np.maximum(self.before, 1e-300) / np.maximum(self.after, 1e-300))
-        return float(self.ratio * logs.std(ddof=1) / np.sqrt(len(logs))) if len(logs) > 1 else float("inf")
+        return (
+            float(self.ratio * logs.std(ddof=1) / np.sqrt(len(logs)))
+            if len(logs) > 1
+            else float("inf")
+        )
 
 
-def predicted(residual: Array, shared: Array, own: Mapping[int, Array], folds: Sequence[Array], prior: Array | None = None) -> Array:
-    """Residual (N,) of every fold when the shared columns are fitted on the other folds, linearised at the optimum.
+def predicted(
+    residual: Array,
+    shared: Array,
+    own: Mapping[int, Array],
+    folds: Sequence[Array],
+    prior: Array | None = None,
+) -> Array:
+    """Residual (N,) of every fold when the shared columns are fitted on the other folds, linearised
+    at the optimum.
 
-    residual (N,) at the joint optimum; shared (N, k); own[f] (N_f, q) columns that belong to fold f alone (fitted on it in both
-    cases); folds: index arrays. The joint optimum is moved to the optimum without the fold by one exact linear step.
+    residual (N,) at the joint optimum; shared (N, k); own[f] (N_f, q) columns that belong to fold f
+    alone (fitted on it in both cases); folds: index arrays. The joint optimum is moved to the
+    optimum without the fold by one exact linear step.
     """
     out = residual.copy()
     both = np.column_stack([shared, residual])
-    bases = [orthonormal(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0)) for f, rows in enumerate(folds)]
-    parts = [both[rows] - basis @ (basis.T @ both[rows]) for rows, basis in zip(folds, bases, strict=True)]
+    bases = [
+        orthonormal(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0))
+        for f, rows in enumerate(folds)
+    ]
+    parts = [
+        both[rows] - basis @ (basis.T @ both[rows])
+        for rows, basis in zip(folds, bases, strict=True)
+    ]
     parts = [np.linalg.qr(part, mode="r") for part in parts]
     pull = [] if prior is None else [np.column_stack([prior, np.zeros(len(prior))])]
     for number, (fold, basis) in enumerate(zip(folds, bases, strict=True)):
         others = [parts[k] for k in range(len(folds)) if k != number]
         equations = np.concatenate(others + pull) if others else np.zeros((0, both.shape[1]))
-        step = solve(equations[:, :-1], equations[:, -1])[0] if others else np.zeros(shared.shape[1])
+        step = (
+            solve(equations[:, :-1], equations[:, -1])[0] if others else np.zeros(shared.shape[1])
+        )
         left = residual[fold] - shared[fold] @ step
         out[fold] = left - basis @ (basis.T @ left)
     return out
 
 
-def smooth_power(residual: Array, basis: Basis, smooth: Sequence[tuple[slice, Array]]) -> tuple[float, int]:
-    """χ² of a whitened residual along the columns of `smooth` beside the basis, and its degrees of freedom: the omnibus test.
+def smooth_power(
+    residual: Array, basis: Basis, smooth: Sequence[tuple[slice, Array]]
+) -> tuple[float, int]:
+    """χ² of a whitened residual along the columns of `smooth` beside the basis, and its degrees of
+    freedom: the omnibus test.
 
-    `smooth`: columns that live on some rows alone, on those of each own part of the basis in turn. Within their rows they are made
-    orthonormal beside that part, A; with C = Qᵀ A of the shared part their products are I − Cᵀ C.
+    `smooth`: columns that live on some rows alone, on those of each own part of the basis in turn.
+    Within their rows they are made orthonormal beside that part, A; with C = Qᵀ A of the shared
+    part their products are I − Cᵀ C.
     """
     a, C = [], []
     for (rows, S), (same, Q) in zip(smooth, basis.own, strict=True):

@@ -1,8 +1,9 @@
 """The slow model with effects: the runs side by side and their prediction.
 
-u' = L(p, Ω) u + jδ_r u + drive(u) + Σ effects' slow terms, measured through the effects' read-outs. The prediction is the
-Runge–Kutta rule of fourth order over the rows; the Jacobian follows from the linearised equation along the prediction, so that any
-number of sensitivities costs one sweep. The drive of a forced run is the logged command, turned to the wave's own direction and phase.
+u' = L(p, Ω) u + jδ_r u + drive(u) + Σ effects' slow terms, measured through the effects' read-outs.
+The prediction is the Runge–Kutta rule of fourth order over the rows; the Jacobian follows from the
+linearised equation along the prediction, so that any number of sensitivities costs one sweep. The
+drive of a forced run is the logged command, turned to the wave's own direction and phase.
 """
 
 from __future__ import annotations
@@ -29,12 +30,14 @@ FOLLOWING = 10.0
 ALL = (slice(None, -1), slice(None), slice(1, None))
 """Rows before, middles of and rows after all steps."""
 MOST_SWEEPS, DRIFTING, SETTLED = 12, 1e-2, 1e-12
-"""Sweeps of a motion over all its steps at once; relative change up to which it may grow from one to the next, and where it ends."""
+"""Sweeps of a motion over all its steps at once; relative change up to which it may grow from one
+to the next, and where it ends."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """Runs side by side (R, n), padded with weight 0: envelopes against one reference frequency and what the effects may look at."""
+    """Runs side by side (R, n), padded with weight 0: envelopes against one reference frequency and
+    what the effects may look at."""
 
     names: tuple[str, ...]
     time_s: Array
@@ -50,10 +53,12 @@ class Series:
     quadrature_drive: Array
     main_impulse: Array
     quadrature_impulse: Array
-    """∫ of the two commands from the run's start: within a row a loop that settles does not run straight."""
+    """∫ of the two commands from the run's start: within a row a loop that settles does not run
+    straight."""
     forced: Array
     held_amplitude: Array
-    """Main amplitude that a drive without a log keeps up; NaN where the command is logged or the run is free."""
+    """Main amplitude that a drive without a log keeps up; NaN where the command is logged or the
+    run is free."""
     held_slope: Array
     turn_rad_s: Array
     """Mean turn of every run's phase (R,), which the steps take exactly."""
@@ -63,9 +68,11 @@ class Series:
     number: Array | None = None
     """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
     free_phase: bool = False
-    """Every row's phase is its own: what turns both channels together is neither fitted nor judged."""
+    """Every row's phase is its own: what turns both channels together is neither fitted nor
+    judged."""
     unsettled: Basis | None = None
-    """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are taken off it."""
+    """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
+    taken off it."""
 
     @property
     def step_s(self) -> Array:
@@ -77,7 +84,9 @@ class Series:
         index = list(index)
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
         names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
-        return replace(self, names=names, turn_rad_s=turn, number=self.numbers[index], unsettled=None, **cut)
+        return replace(
+            self, names=names, turn_rad_s=turn, number=self.numbers[index], unsettled=None, **cut
+        )
 
     def later(self, first: int) -> Series:
         """The runs from one row on."""
@@ -90,12 +99,19 @@ class Series:
 
     def middle(self) -> Series:
         """The same quantities in the middle of the steps, (R, n − 1)."""
-        cut = {f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2 for f in _ARRAYS if f not in ("branch", "forced")}
+        cut = {
+            f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2
+            for f in _ARRAYS
+            if f not in ("branch", "forced")
+        }
         h = self.step_s
         for name, integral in _INTEGRALS.items():
             ends = getattr(self, name)
-            mean = np.divide(np.diff(getattr(self, integral), axis=1), h, out=cut[name].copy(), where=h > 0)
-            # Simpson's rule then takes exactly the integral, however fast the quantity changes within a step
+            mean = np.divide(
+                np.diff(getattr(self, integral), axis=1), h, out=cut[name].copy(), where=h > 0
+            )
+            # Simpson's rule then takes exactly the integral, however fast the quantity changes
+            # within a step
             cut[name] = (6 * mean - ends[:, 1:] - ends[:, :-1]) / 4
         return replace(self, branch=self.branch[:, :-1], forced=self.forced[:, :-1], **cut)
 
@@ -119,7 +135,11 @@ _ARRAYS = (
     "held_slope",
 )
 
-_INTEGRALS = {"rate_rad_s": "table_angle_rad", "main_drive": "main_impulse", "quadrature_drive": "quadrature_impulse"}
+_INTEGRALS = {
+    "rate_rad_s": "table_angle_rad",
+    "main_drive": "main_impulse",
+    "quadrature_drive": "quadrature_impulse",
+}
 
 Active = tuple[tuple[Effect, Mapping[str, float]], ...]
 """Effects with all their parameters' values."""
@@ -127,7 +147,8 @@ Active = tuple[tuple[Effect, Mapping[str, float]], ...]
 
 @dataclass(frozen=True)
 class Point:
-    """Where a fit stands: coordinates (7,), the runs' start states (R, 2) and frequency offsets (R,), effects with values."""
+    """Where a fit stands: coordinates (7,), the runs' start states (R, 2) and frequency offsets
+    (R,), effects with values."""
 
     p: Array
     start: Array
@@ -145,18 +166,28 @@ class Prediction:
     seen: Array
 
     def residual(self) -> Array:
-        """Measured minus seen over σ as reals, (R, n, 4), linear in the phase however far it has run off.
+        """Measured minus seen over σ as reals, (R, n, 4), linear in the phase however far it has
+        run off.
 
-        With ψ the phase between measured and seen, unwrapped: measured·e^{−jψ} − seen + jψ·seen, which is the plain difference for ψ → 0.
+        With ψ the phase between measured and seen, unwrapped: measured·e^{−jψ} − seen + jψ·seen,
+        which is the plain difference for ψ → 0.
         """
         if self.series.free_phase:
-            turn = np.exp(-1j * np.angle(np.sum(self.series.envelope * np.conj(self.seen), axis=-1)))
-            return real((self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None])
+            turn = np.exp(
+                -1j * np.angle(np.sum(self.series.envelope * np.conj(self.seen), axis=-1))
+            )
+            return real(
+                (self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None]
+            )
         psi = self.phase_error()[..., None]
-        return real((self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen) * self.series.weight[..., None])
+        return real(
+            (self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen)
+            * self.series.weight[..., None]
+        )
 
     def judged(self, change: Array) -> Array:
-        """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn of both channels."""
+        """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn
+        of both channels."""
         change = change * self.series.weight[..., None, None]
         if not self.series.free_phase:
             return change
@@ -164,11 +195,13 @@ class Prediction:
         size = np.sum(turned**2, axis=-1, keepdims=True)
         unit = turned / np.sqrt(np.where(size > 0, size, 1.0))
         left = change - unit[..., None] * np.einsum("rni,rnik->rnk", unit, change)[:, :, None, :]
-        # what is a turn and nothing else leaves rounding, which scaled to unit length would look like a direction
+        # what is a turn and nothing else leaves rounding, which scaled to unit length would look
+        # like a direction
         return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
 
     def phase_error(self) -> Array:
-        """Phase of measured against seen, unwrapped along each run where the signal stands out of the noise, (R, n)."""
+        """Phase of measured against seen, unwrapped along each run where the signal stands out of
+        the noise, (R, n)."""
         overlap = np.sum(self.series.envelope * np.conj(self.seen), axis=-1)
         size = np.sqrt(np.sum(np.abs(self.seen) ** 2, axis=-1))
         clear = size * self.series.weight > CLEAR
@@ -176,7 +209,9 @@ class Prediction:
         for k, good in enumerate(clear):
             if good.any():
                 rows = np.flatnonzero(good)
-                out[k] = np.interp(np.arange(len(good)), rows, np.unwrap(np.angle(overlap[k, rows])))
+                out[k] = np.interp(
+                    np.arange(len(good)), rows, np.unwrap(np.angle(overlap[k, rows]))
+                )
         return np.where(np.abs(out).max(axis=1, keepdims=True) > 0.02, out, 0.0)
 
 
@@ -206,11 +241,21 @@ def state_of(series: Series, point: Point) -> SlowState:
     return state
 
 
-_SLICED = ("time_s", "temperature_degc", "temperature_rate_degc_s", "branch", "rate_rad_s", "table_angle_rad", "forced", "phase_rad")
+_SLICED = (
+    "time_s",
+    "temperature_degc",
+    "temperature_rate_degc_s",
+    "branch",
+    "rate_rad_s",
+    "table_angle_rad",
+    "forced",
+    "phase_rad",
+)
 
 
 class Stage:
-    """Everything beside L u at one set of instants: drive and effects; sliced from whole arrays for one Runge–Kutta stage."""
+    """Everything beside L u at one set of instants: drive and effects; sliced from whole arrays for
+    one Runge–Kutta stage."""
 
     def __init__(self, series: Series, point: Point) -> None:
         self.state = state_of(series, point)
@@ -232,16 +277,26 @@ class Stage:
         state.drive = self.state.drive[:, k]
         one.state, one.active, one.driven = state, self.active, self.driven
         one.main, one.quadrature, one.L = self.main[:, k], self.quadrature[:, k], self.L[:, k]
-        one.holds, one.held, one.held_slope, one.follow_1_s = self.holds, self.held[:, k], self.held_slope[:, k], self.follow_1_s
+        one.holds, one.held, one.held_slope, one.follow_1_s = (
+            self.holds,
+            self.held[:, k],
+            self.held_slope[:, k],
+            self.follow_1_s,
+        )
         return one
 
     def drive(self, u: Array) -> Array:
-        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B); without a log, what holds the measured amplitude."""
+        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B); without a log, what
+        holds the measured amplitude."""
         turn, e_A, e_B, a_A = frame(u, self.state.phase_rad)
         main = self.main
         if self.holds:
             loss = np.real(np.sum(times(self.L, u) * e_A, axis=-1) * np.conj(turn))
-            main = np.where(np.isfinite(self.held), self.held_slope - loss + self.follow_1_s * (self.held - a_A), main)
+            main = np.where(
+                np.isfinite(self.held),
+                self.held_slope - loss + self.follow_1_s * (self.held - a_A),
+                main,
+            )
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
 
     def lit(self, u: Array) -> SlowState:
@@ -281,7 +336,8 @@ class Stage:
 
 
 def generators(series: Series, point: Point) -> Array:
-    """L (R, n, 2, 2) with the runs' frequency offsets beside their mean turn, which the steps take exactly."""
+    """L (R, n, 2, 2) with the runs' frequency offsets beside their mean turn, which the steps take
+    exactly."""
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
     plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
     full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
@@ -290,10 +346,12 @@ def generators(series: Series, point: Point) -> Array:
 
 
 def jump(series: Series, point: Point, effect: Effect, values: Mapping[str, float]) -> Array:
-    """What an effect adds to the envelopes within each step by a jump at an instant, as the row after it sees it, (R, n − 1, 2).
+    """What an effect adds to the envelopes within each step by a jump at an instant, as the row
+    after it sees it, (R, n − 1, 2).
 
-    A row is the mean of its length, so the part r(t) of a jump that the row at t sees rises from 0 to 1 within the row that holds the
-    instant; a step brings the difference of its rows' parts, carried on from the instant by the resonator alone.
+    A row is the mean of its length, so the part r(t) of a jump that the row at t sees rises from 0
+    to 1 within the row that holds the instant; a step brings the difference of its rows' parts,
+    carried on from the instant by the resonator alone.
     """
     assert effect.slow_jump is not None
     instant, change = effect.slow_jump(values, state_of(series, point))
@@ -302,13 +360,17 @@ def jump(series: Series, point: Point, effect: Effect, values: Mapping[str, floa
     share = np.diff(np.clip((t - instant) / width + 0.5, 0, 1), axis=1) * (h > 0)
     L = generators(series, point)[:, 1:] + 1j * series.turn_rad_s[:, None, None, None] * np.eye(2)
     near = np.where(share != 0, t[:, 1:] - instant, 0.0)
-    return share[..., None] * times(exponential(L, near), np.broadcast_to(change, (*share.shape, 2)))
+    return share[..., None] * times(
+        exponential(L, near), np.broadcast_to(change, (*share.shape, 2))
+    )
 
 
 def times(L: Array, u: Array) -> Array:
     """L u over (..., 2, 2) and (..., 2)."""
     c, s = u[..., 0], u[..., 1]
-    return np.stack([L[..., 0, 0] * c + L[..., 0, 1] * s, L[..., 1, 0] * c + L[..., 1, 1] * s], axis=-1)
+    return np.stack(
+        [L[..., 0, 0] * c + L[..., 0, 1] * s, L[..., 1, 0] * c + L[..., 1, 1] * s], axis=-1
+    )
 
 
 Near = tuple[Array, Array]
@@ -316,17 +378,24 @@ Near = tuple[Array, Array]
 
 
 class _Rule:
-    """The Runge–Kutta rule of fourth order over the rows, each run's mean turn taken exactly (Lawson)."""
+    """The Runge–Kutta rule of fourth order over the rows, each run's mean turn taken exactly
+    (Lawson)."""
 
     def __init__(self, series: Series, point: Point) -> None:
         centre = series.middle()
         self.rows, self.halves = Stage(series, point), Stage(centre, point)
         self.L, self.M = generators(series, point), generators(centre, point)
         self.h, self.E = series.step_s[..., None], half_turns(series)[..., None]
-        self.jumps = sum((jump(series, point, *pair) for pair in point.active if pair[0].slow_jump is not None), np.zeros_like(self.h))
+        self.jumps = sum(
+            (jump(series, point, *pair) for pair in point.active if pair[0].slow_jump is not None),
+            np.zeros_like(self.h),
+        )
 
-    def step(self, u: Array, place: tuple[Any, Any, Any], stages: tuple[Stage, Stage, Stage] | None) -> Array:
-        """From envelopes at the rows before to those after (`place`: rows before, middles, rows after); without stages by L alone."""
+    def step(
+        self, u: Array, place: tuple[Any, Any, Any], stages: tuple[Stage, Stage, Stage] | None
+    ) -> Array:
+        """From envelopes at the rows before to those after (`place`: rows before, middles, rows
+        after); without stages by L alone."""
         before, k, after = place
         h, E = self.h[:, k], self.E[:, k]
 
@@ -346,9 +415,11 @@ class _Rule:
         return np.stack([self.step(unit, ALL, None) for unit in units], axis=-1)
 
     def settled(self, guess: Array, step: Array) -> Array | None:
-        """Motion (R, n, 2) that every step of the rule holds, from a guess with its start; None where it is not found.
+        """Motion (R, n, 2) that every step of the rule holds, from a guess with its start; None
+        where it is not found.
 
-        All steps at once: what they miss of the next row is carried on by propagators (R, n − 1, 4, 4) near theirs and taken off.
+        All steps at once: what they miss of the next row is carried on by propagators (R, n − 1, 4,
+        4) near theirs and taken off.
         """
         u, stages = guess, (self.rows.at(ALL[0]), self.halves, self.rows.at(ALL[2]))
         last, zero = np.inf, np.zeros((len(u), 4, 1))
@@ -377,7 +448,8 @@ class _Rule:
 
 
 def running(step: Array, start: Array, source: Array) -> Array:
-    """x (R, n, d, K) with x₀ = start and x_{k+1} = step_k x_k + source_k, (R, n − 1, d, d) and (R, n − 1, d, K)."""
+    """x (R, n, d, K) with x₀ = start and x_{k+1} = step_k x_k + source_k, (R, n − 1, d, d) and (R,
+    n − 1, d, K)."""
     out = np.empty((source.shape[0], source.shape[1] + 1, *source.shape[2:]), source.dtype)
     out[:, 0] = start
     for k in range(source.shape[1]):
@@ -387,7 +459,8 @@ def running(step: Array, start: Array, source: Array) -> Array:
 
 
 def predict(series: Series, point: Point, near: Near | None = None) -> Prediction:
-    """All runs from their start states, each step by the Runge–Kutta rule; `near` finds them sooner."""
+    """All runs from their start states, each step by the Runge–Kutta rule; `near` finds them
+    sooner."""
     rule = _Rule(series, point)
     if rule.rows.idle or near is None:
         propagators = rule.linear()

@@ -1,4 +1,5 @@
-"""Gauss–Newton of the extended model over all runs: shared coordinates, each run's start and frequency, the effects' parameters."""
+"""Gauss–Newton of the extended model over all runs: shared coordinates, each run's start and
+frequency, the effects' parameters."""
 
 from __future__ import annotations
 
@@ -18,10 +19,25 @@ from .evidence import Basis, Design, Factored
 from .extended import Near, Point, Prediction, Series, predict
 from .layout import FREQUENCY, Layout
 from .scales import amplitude_of, steps_of
-from .sensitivities import Propagation, Wanted, base_sensitivities, effect_sensitivities, propagation
+from .sensitivities import (
+    Propagation,
+    Wanted,
+    base_sensitivities,
+    effect_sensitivities,
+    propagation,
+)
 from .wave_frame import imaginary
 
-__all__ = ["DivergedError", "Fit", "Freedom", "amplitude_of", "fit", "steps_of", "with_effect", "without"]
+__all__ = [
+    "DivergedError",
+    "Fit",
+    "Freedom",
+    "amplitude_of",
+    "fit",
+    "steps_of",
+    "with_effect",
+    "without",
+]
 
 Array = np.ndarray
 MOST_STEPS = 15
@@ -40,11 +56,14 @@ class Freedom:
     mean: Array
     std: Array
     offset_std: float = np.inf
-    """Wander of the runs' frequencies about the mean of their kind (free, forced), rad/s; inf: every run has a frequency of its own."""
+    """Wander of the runs' frequencies about the mean of their kind (free, forced), rad/s; inf:
+    every run has a frequency of its own."""
     passive: bool = True
-    """The fit stays where a resonator without a supply can be: the damping is nowhere negative, ν ≥ |νδμ|."""
+    """The fit stays where a resonator without a supply can be: the damping is nowhere negative, ν ≥
+    |νδμ|."""
     loose: Freedom | None = None
-    """What takes its place once the misfit is no longer gross enough to bend what is weakly known; None: the same."""
+    """What takes its place once the misfit is no longer gross enough to bend what is weakly known;
+    None: the same."""
 
     def holding(self, name: str, value: float) -> Freedom:
         """The same with one coordinate held at a value."""
@@ -53,7 +72,8 @@ class Freedom:
         return replace(self, mean=mean, std=std)
 
     def strays(self, series: Series) -> Array:
-        """Rows (R, R) of the runs' offsets that this prior pulls to zero; none where they are free."""
+        """Rows (R, R) of the runs' offsets that this prior pulls to zero; none where they are
+        free."""
         if not np.isfinite(self.offset_std):
             return np.zeros((0, len(series.names)))
         forced = series.forced[:, 0] > 0
@@ -63,7 +83,8 @@ class Freedom:
 
 @dataclass(frozen=True)
 class Fit:
-    """The optimum: prediction, its linearised flow, design (N, k) and residual (N,) over σ of the rows with weight, covariance, χ²."""
+    """The optimum: prediction, its linearised flow, design (N, k) and residual (N,) over σ of the
+    rows with weight, covariance, χ²."""
 
     freedom: Freedom
     flow: Propagation
@@ -120,7 +141,10 @@ class Fit:
 
     def sensitivities(self, wanted: Sequence[Wanted]) -> list[Array]:
         """Of many effects at the optimum, (N, K) each; what was asked for once is remembered."""
-        keys = [(effect, tuple(values.items()), tuple(steps.items())) for effect, values, steps in wanted]
+        keys = [
+            (effect, tuple(values.items()), tuple(steps.items()))
+            for effect, values, steps in wanted
+        ]
         new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in self._known}
         self._known.update(zip(new, sensitivities(self.flow, list(new.values())), strict=True))
         return [self._known[key] for key in keys]
@@ -150,7 +174,8 @@ class Fit:
         return out
 
     def away(self, effect: Effect) -> tuple[Array, float]:
-        """How far an active effect's fitted parameters (k,) stand from neutral, and that as χ²: aᵀ C⁻¹ a (Wald)."""
+        """How far an active effect's fitted parameters (k,) stand from neutral, and that as χ²: aᵀ
+        C⁻¹ a (Wald)."""
         columns, now = self.layout.effect(effect.name), self.values(effect.name)
         neutral = {p.name: p.neutral for p in effect.parameters}
         off = np.array([now[name] - neutral[name] for name in self.layout.parameters(effect.name)])
@@ -158,7 +183,11 @@ class Fit:
 
     def parameter_std(self, effect: str, name: str) -> float:
         """Standard deviation of an effect's parameter, 0 where it is not fitted."""
-        return self.std_at(self.layout.parameter(effect, name)) if name in self.layout.parameters(effect) else 0.0
+        return (
+            self.std_at(self.layout.parameter(effect, name))
+            if name in self.layout.parameters(effect)
+            else 0.0
+        )
 
 
 def flat(series: Series, values: Array) -> Array:
@@ -171,7 +200,9 @@ def flat(series: Series, values: Array) -> Array:
     return rows if series.unsettled is None else series.unsettled.off(rows)
 
 
-def sensitivity(flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> Array:
+def sensitivity(
+    flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
+) -> Array:
     """An effect's sensitivities over σ, (N, K)."""
     return sensitivities(flow, [(effect, values, steps)])[0]
 
@@ -183,7 +214,9 @@ def sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
 
 def layout_of(series: Series, point: Point, freedom: Freedom) -> Layout:
     """What a fit of this point moves."""
-    effects = tuple((e.name, names) for e, _ in point.active if (names := tuple(p.name for p in e.fitted())))
+    effects = tuple(
+        (e.name, names) for e, _ in point.active if (names := tuple(p.name for p in e.fitted()))
+    )
     return Layout(tuple(k for k in range(COUNT) if freedom.std[k] > 0), len(series.names), effects)
 
 
@@ -191,21 +224,30 @@ def design_of(flow: Propagation, layout: Layout) -> Design:
     """Whitened design of coordinates, runs and active effects."""
     series, point = flow.prediction.series, flow.prediction.point
     shared, own = (flat(series, values) for values in base_sensitivities(flow))
-    wanted = [(e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)]
+    wanted = [
+        (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
+    ]
     beside = sensitivities(flow, wanted) if wanted else []
     ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
     rows = [slice(int(first), int(last)) for first, last in pairwise(ends)]
     blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(rows))
-    return Design(np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1), layout.shared, blocks)
+    return Design(
+        np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1),
+        layout.shared,
+        blocks,
+    )
 
 
 def _fitted_steps(effect: Effect, values: Mapping[str, float], series: Series) -> dict[str, float]:
     """Difference steps sized by the value where the effect stands."""
-    return {name: (1e-3 * abs(values[name]) or size) for name, size in steps_of(effect, series).items()}
+    return {
+        name: 1e-3 * abs(values[name]) or size for name, size in steps_of(effect, series).items()
+    }
 
 
 def moved(point: Point, layout: Layout, step: Array, passive: bool = True) -> Point:
-    """The point after a step (k,) in everything fitted; `passive`: brought back into the damping's cone."""
+    """The point after a step (k,) in everything fitted; `passive`: brought back into the damping's
+    cone."""
     p, start, offset = point.p.copy(), point.start.copy(), point.offset_rad_s.copy()
     p[list(layout.coordinates)] += step[: len(layout.coordinates)]
     for number in range(layout.runs):
@@ -214,8 +256,14 @@ def moved(point: Point, layout: Layout, step: Array, passive: bool = True) -> Po
         offset[number] += own[FREQUENCY]
     active = []
     for effect, values in point.active:
-        change = dict(zip(layout.parameters(effect.name), step[layout.effect(effect.name)], strict=True)) if effect.fitted() else {}
-        active.append((effect, {name: value + float(change.get(name, 0.0)) for name, value in values.items()}))
+        change = (
+            dict(zip(layout.parameters(effect.name), step[layout.effect(effect.name)], strict=True))
+            if effect.fitted()
+            else {}
+        )
+        active.append(
+            (effect, {name: value + float(change.get(name, 0.0)) for name, value in values.items()})
+        )
     return Point(passive_damping(p) if passive else p, start, offset, tuple(active))
 
 
@@ -231,7 +279,8 @@ def passive_damping(p: Array) -> Array:
 
 
 def wall_ahead(point: Point, layout: Layout, step: Array) -> tuple[Array, float] | None:
-    """The damping's bound that a step would cross, as wall·step = distance; None where the step stays inside.
+    """The damping's bound that a step would cross, as wall·step = distance; None where the step
+    stays inside.
 
     Of the cone ν = |νδμ| the tangent at the direction of the split behind the step.
     """
@@ -269,15 +318,24 @@ def prior_rows(freedom: Freedom, layout: Layout, series: Series) -> Array:
 def prior_residual(freedom: Freedom, point: Point, series: Series) -> Array:
     """How far the point is from the priors, (m,) in the order of `prior_rows`."""
     k = pulled(freedom)
-    return np.concatenate([(freedom.mean[k] - point.p[k]) / freedom.std[k], -(freedom.strays(series) @ point.offset_rad_s)])
+    return np.concatenate(
+        [
+            (freedom.mean[k] - point.p[k]) / freedom.std[k],
+            -(freedom.strays(series) @ point.offset_rad_s),
+        ]
+    )
 
 
-def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, near: Near | None = None) -> Fit:
-    """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ² a degree of freedom.
+def fit(
+    series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, near: Near | None = None
+) -> Fit:
+    """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ²
+    a degree of freedom.
 
-    Where the damping would become negative along an axis the step runs along that bound, which is part of the fit (`Freedom.passive`);
-    the covariance is that without the bound. `near`: a motion close to that of the point, which is found sooner from it.
-    DivergedError: the model has no motion at the start.
+    Where the damping would become negative along an axis the step runs along that bound, which is
+    part of the fit (`Freedom.passive`); the covariance is that without the bound. `near`: a motion
+    close to that of the point, which is found sooner from it. DivergedError: the model has no
+    motion at the start.
     """
     layout = layout_of(series, point, freedom)
     p = passive_damping(point.p) if freedom.passive else point.p
@@ -295,8 +353,9 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, 
         if not np.isfinite(value):
             taken = ", ".join(effect.name for effect, _ in point.active)
             raise DivergedError(
-                f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no fit to these runs together; "
-                "diagnose free and forced runs apart, or leave out the run that differs most"
+                f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no"
+                " fit to these runs together; diagnose free and forced runs apart, or leave out"
+                " the run that differs most"
             )
         settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
         converged, steps, lost = False, 0, 0.0
@@ -305,7 +364,10 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, 
             design = design_of(flow, layout)
             residual = flat(series, prediction.residual())
             factored = evidence.factored(design)
-            rows, right = prior_rows(freedom, layout, series), prior_residual(freedom, prediction.point, series)
+            rows, right = (
+                prior_rows(freedom, layout, series),
+                prior_residual(freedom, prediction.point, series),
+            )
             step, covariance = factored.solve(residual, rows, right)
             wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
             lost = 0.0
@@ -319,7 +381,9 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, 
             expected = float(np.sum(design.times(step) ** 2))
             size = 1.0
             while True:
-                trial = predict(series, moved(prediction.point, layout, size * step, freedom.passive), flow.near)
+                trial = predict(
+                    series, moved(prediction.point, layout, size * step, freedom.passive), flow.near
+                )
                 now = cost(trial)
                 if now <= value + settled * value or size < 1e-2:
                     break
@@ -331,7 +395,18 @@ def fit(series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, 
             gained, value, prediction = value - now, now, trial
             converged = expected < settled * value or (gained < settled * value and size == 1.0)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
-    return Fit(freedom, flow, design, residual, layout, covariance, converged, max(lost, 0.0), index, factored)
+    return Fit(
+        freedom,
+        flow,
+        design,
+        residual,
+        layout,
+        covariance,
+        converged,
+        max(lost, 0.0),
+        index,
+        factored,
+    )
 
 
 def _fall(design: Design, residual: Array, step: Array) -> float:

@@ -1,6 +1,8 @@
-"""Which column of the design is which number: parameters are found by name and slice, never by parsing a label.
+"""Which column of the design is which number: parameters are found by name and slice, never by
+parsing a label.
 
-The order is that of the columns: shared coordinates of the resonator, then each run's own numbers, then the effects' parameters.
+The order is that of the columns: shared coordinates of the resonator, then each run's own numbers,
+then the effects' parameters.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ FREQUENCY = OWN - 1
 
 @dataclass(frozen=True)
 class Layout:
-    """Ordered names of everything fitted: coordinates (by index into `COORDINATES`), runs, effects with their fitted parameters."""
+    """Ordered names of everything fitted: coordinates (by index into `COORDINATES`), runs, effects
+    with their fitted parameters."""
 
     coordinates: tuple[int, ...]
     runs: int
@@ -30,7 +33,9 @@ class Layout:
     @property
     def count(self) -> int:
         """Number of columns."""
-        return len(self.coordinates) + self.runs * OWN + sum(len(names) for _, names in self.effects)
+        return (
+            len(self.coordinates) + self.runs * OWN + sum(len(names) for _, names in self.effects)
+        )
 
     @property
     def shared(self) -> Array:
@@ -53,7 +58,8 @@ class Layout:
         return self.run(number).start + FREQUENCY
 
     def effect(self, name: str) -> slice:
-        """Columns of an effect's fitted parameters, in their order. KeyError: it is not in the fit."""
+        """Columns of an effect's fitted parameters, in their order. KeyError: it is not in the
+        fit."""
         first = len(self.coordinates) + self.runs * OWN
         for other, parameters in self.effects:
             if other == name:

@@ -1,4 +1,5 @@
-"""The linearised flow along a prediction, and the sensitivities that follow from it: any number of them costs one sweep over the rows."""
+"""The linearised flow along a prediction, and the sensitivities that follow from it: any number of
+them costs one sweep over the rows."""
 
 from __future__ import annotations
 
@@ -15,9 +16,11 @@ from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
 ROUNDING = 1e-14
-"""Part of what a term stands beside (the drive it deflects, the signal it changes) below which it is rounding."""
+"""Part of what a term stands beside (the drive it deflects, the signal it changes) below which it
+is rounding."""
 Wanted = tuple[Effect, Mapping[str, float], Mapping[str, float]]
-"""An effect, the values where it stands (neutral for one that is not active), and the difference steps of the parameters asked for."""
+"""An effect, the values where it stands (neutral for one that is not active), and the difference
+steps of the parameters asked for."""
 
 
 def slope(function: object, u: Array) -> Array:
@@ -41,7 +44,8 @@ def spread(vectors: Array, g: Array) -> Array:
 
 @dataclass(frozen=True)
 class Propagation:
-    """The linearised flow along a prediction: step propagators (R, n−1, 4, 4), read-out slope (R, n, 4, 4), motion at rows and middles."""
+    """The linearised flow along a prediction: step propagators (R, n−1, 4, 4), read-out slope (R,
+    n, 4, 4), motion at rows and middles."""
 
     prediction: Prediction
     centre: Series
@@ -57,8 +61,15 @@ class Propagation:
         """What finds a motion close by sooner."""
         return self.prediction.motion, self.step
 
-    def carried(self, at_rows: Array, at_middle: Array, start: Array | None = None, in_steps: Array | None = None) -> Array:
-        """Changes (R, n, 4, K) of the motion by source terms (R, n, 4, K), (R, n−1, 4, K) in u' and changes of the start (R, 4, K).
+    def carried(
+        self,
+        at_rows: Array,
+        at_middle: Array,
+        start: Array | None = None,
+        in_steps: Array | None = None,
+    ) -> Array:
+        """Changes (R, n, 4, K) of the motion by source terms (R, n, 4, K), (R, n−1, 4, K) in u' and
+        changes of the start (R, 4, K).
 
         in_steps: what jumps within the steps, (R, n−1, 4, K).
         """
@@ -71,7 +82,8 @@ class Propagation:
         return running(self.step, np.zeros(4)[:, None] if start is None else start, source)
 
     def carried_by(self, at_rows: Array, at_middle: Array, g_rows: Array, g_middle: Array) -> Array:
-        """The same for sources that are vectors (R, n, 4, J) times functions (R, n, C), columns of a function side by side."""
+        """The same for sources that are vectors (R, n, 4, J) times functions (R, n, C), columns of
+        a function side by side."""
         h = self.prediction.series.step_s[..., None, None]
         source = spread(h / 6 * (self.step @ at_rows[:, :-1]), g_rows[:, :-1])
         source += spread(h * (4 / 6) * (self.half @ at_middle), g_middle)
@@ -94,7 +106,9 @@ def propagation(prediction: Prediction) -> Propagation:
     rows, halves = Stage(series, point), Stage(centre, point)
     slope_rows = times(L, u) + rows.beside(u)
     hh, E = series.step_s[..., None], half_turns(series)[..., None]
-    middle = (np.conj(E) * u[:, 1:] + E * u[:, :-1]) / 2 + hh / 8 * (E * slope_rows[:, :-1] - np.conj(E) * slope_rows[:, 1:])
+    middle = (np.conj(E) * u[:, 1:] + E * u[:, :-1]) / 2 + hh / 8 * (
+        E * slope_rows[:, :-1] - np.conj(E) * slope_rows[:, 1:]
+    )
     A, B = real_matrix(L), real_matrix(M)
     view = None
     if not rows.idle:
@@ -116,7 +130,8 @@ def propagation(prediction: Prediction) -> Propagation:
 
 
 def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
-    """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and frequency (R, n, 4, 5)."""
+    """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and
+    frequency (R, n, 4, 5)."""
     prediction = flow.prediction
     point, series = prediction.point, prediction.series
     u, v = prediction.motion, flow.middle
@@ -126,13 +141,20 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
         plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
         full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
         turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
-        columns = [times(b, u) for b in coordinates.BASIS] + [turning, times(full - plain, u), 1j * u]
+        columns = [times(b, u) for b in coordinates.BASIS] + [
+            turning,
+            times(full - plain, u),
+            1j * u,
+        ]
         held = np.isfinite(series.held_amplitude)
         if held.any():
-            # the drive makes up for what the resonator loses along the wave, whatever its parameters
+            # the drive makes up for what the resonator loses along the wave, whatever its
+            # parameters
             turn, e_A, _, _ = frame(u, series.phase_rad)
             for c in columns:
-                c -= (held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn)[..., None] * e_A
+                c -= (held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn)[
+                    ..., None
+                ] * e_A
         return np.stack([real(c) for c in columns], axis=-1)
 
     runs = len(series.names)
@@ -151,7 +173,8 @@ _Pair = tuple[Mapping[str, float], Mapping[str, float], float]
 
 @dataclass(frozen=True)
 class _Terms:
-    """What an effect adds by its parameters (R, n, 4, K), None for none: sources in u' at rows and middles, what is seen, jumps."""
+    """What an effect adds by its parameters (R, n, 4, K), None for none: sources in u' at rows and
+    middles, what is seen, jumps."""
 
     at_rows: Array | None
     at_middle: Array | None
@@ -160,13 +183,16 @@ class _Terms:
 
 
 class _Seen:
-    """The motion at rows and middles with the state of everything that stands, in which single effects' terms are looked at."""
+    """The motion at rows and middles with the state of everything that stands, in which single
+    effects' terms are looked at."""
 
     def __init__(self, flow: Propagation) -> None:
         self.flow, self.u = flow, flow.prediction.motion
         self.at_rows, self.at_middle = flow.rows.lit(self.u), flow.halves.lit(flow.middle)
 
-    def terms(self, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]) -> _Terms:
+    def terms(
+        self, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
+    ) -> _Terms:
         """Differences are forward from a neutral value, else central."""
         pairs = []
         for name, size in steps.items():
@@ -179,10 +205,18 @@ class _Seen:
         others = self.flow.rows.without(effect).seen(self.u)
         rows = middles = direct = None
         if effect.slow is not no_term:
-            rows = _differences(lambda p: effect.slow(p, self.u, self.at_rows), pairs, self.at_rows.drive)
-            middles = _differences(lambda p: effect.slow(p, self.flow.middle, self.at_middle), pairs, self.at_middle.drive)
+            rows = _differences(
+                lambda p: effect.slow(p, self.u, self.at_rows), pairs, self.at_rows.drive
+            )
+            middles = _differences(
+                lambda p: effect.slow(p, self.flow.middle, self.at_middle),
+                pairs,
+                self.at_middle.drive,
+            )
         if effect.slow_readout is not same_signal:
-            direct = _differences(lambda p: effect.slow_readout(p, others, self.at_rows), pairs, others)
+            direct = _differences(
+                lambda p: effect.slow_readout(p, others, self.at_rows), pairs, others
+            )
         jumps = None
         if effect.slow_jump is not None:
             series, point = self.flow.prediction.series, self.flow.prediction.point
@@ -199,13 +233,20 @@ class _Seen:
 
         return _Terms(
             _differences(lambda p: stage(series, p).beside(self.u), pairs, self.at_rows.drive),
-            _differences(lambda p: stage(self.flow.centre, p).beside(self.flow.middle), pairs, self.at_middle.drive),
+            _differences(
+                lambda p: stage(self.flow.centre, p).beside(self.flow.middle),
+                pairs,
+                self.at_middle.drive,
+            ),
             _differences(lambda p: stage(series, p).seen(self.u), pairs, self.u),
         )
 
 
-def _differences(term: Callable[[Mapping[str, float]], Array], pairs: Sequence[_Pair], beside: Array) -> Array | None:
-    """Of a term by its parameters as reals (R, n, 4, K); None where it does nothing beyond the rounding of what it stands beside."""
+def _differences(
+    term: Callable[[Mapping[str, float]], Array], pairs: Sequence[_Pair], beside: Array
+) -> Array | None:
+    """Of a term by its parameters as reals (R, n, 4, K); None where it does nothing beyond the
+    rounding of what it stands beside."""
     columns, low, before, largest = [], np.empty(0), None, 0.0
     for up, down, span in pairs:
         if down != before:
@@ -213,7 +254,11 @@ def _differences(term: Callable[[Mapping[str, float]], Array], pairs: Sequence[_
         change = term(up) - low
         largest = max(largest, float(np.max(np.abs(change))))
         columns.append(real(change) / span)
-    return np.stack(columns, axis=-1) if not largest <= ROUNDING * float(np.max(np.abs(beside))) else None
+    return (
+        np.stack(columns, axis=-1)
+        if not largest <= ROUNDING * float(np.max(np.abs(beside)))
+        else None
+    )
 
 
 def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
@@ -223,20 +268,37 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
     seen = _Seen(flow)
     terms = [seen.terms(*one) for one in wanted]
     counts = [len(steps) for _, _, steps in wanted]
-    moving = [k for k, t in enumerate(terms) if not (t.at_rows is None and t.at_middle is None and t.in_steps is None)]
+    moving = [
+        k
+        for k, t in enumerate(terms)
+        if not (t.at_rows is None and t.at_middle is None and t.in_steps is None)
+    ]
     out = [np.zeros((*flow.prediction.series.weight.shape, 4, count)) for count in counts]
     if moving:
         rows = [_given(terms[k].at_rows, out[k]) for k in moving]
         middles = [_given(terms[k].at_middle, out[k][:, 1:]) for k in moving]
-        jumps = [_given(terms[k].in_steps, out[k][:, 1:]) for k in moving] if any(t.in_steps is not None for t in terms) else None
+        jumps = (
+            [_given(terms[k].in_steps, out[k][:, 1:]) for k in moving]
+            if any(t.in_steps is not None for t in terms)
+            else None
+        )
         carried = flow.carried(
-            np.concatenate(rows, -1), np.concatenate(middles, -1), in_steps=None if jumps is None else np.concatenate(jumps, -1)
+            np.concatenate(rows, -1),
+            np.concatenate(middles, -1),
+            in_steps=None if jumps is None else np.concatenate(jumps, -1),
         )
         if flow.view is not None:
             carried = flow.view @ carried
-        for k, part in zip(moving, np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1), strict=True):
+        for k, part in zip(
+            moving,
+            np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1),
+            strict=True,
+        ):
             out[k] = part
-    return [flow.prediction.judged(o if t.direct is None else o + t.direct) for o, t in zip(out, terms, strict=True)]
+    return [
+        flow.prediction.judged(o if t.direct is None else o + t.direct)
+        for o, t in zip(out, terms, strict=True)
+    ]
 
 
 def _given(terms: Array | None, nothing: Array) -> Array:

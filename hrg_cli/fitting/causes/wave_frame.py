@@ -1,4 +1,5 @@
-"""Envelopes as reals, and the directions in which a wave can differ from another: along it, its phase, its angle, its quadrature."""
+"""Envelopes as reals, and the directions in which a wave can differ from another: along it, its
+phase, its angle, its quadrature."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ def real_matrix(L: Array) -> Array:
 
 
 def directions(u: Array) -> Array:
-    """Unit changes (..., 4, 2) of envelopes u (..., 2): in relative amplitude, phase, angle (across the wave) and ellipticity."""
+    """Unit changes (..., 4, 2) of envelopes u (..., 2): in relative amplitude, phase, angle (across
+    the wave) and ellipticity."""
     size = np.sqrt(np.sum(np.abs(u) ** 2, axis=-1, keepdims=True))
     along = u / np.where(size > 0, size, 1.0)
     across = np.stack([-np.conj(along[..., 1]), np.conj(along[..., 0])], axis=-1)

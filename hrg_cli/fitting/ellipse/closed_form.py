@@ -1,9 +1,11 @@
 """The global least-squares solution of seed B's eight equations (1), without iteration.
 
-For a given ψ the best envelope is the mean of the two demodulated sidebands, u = (z⁻e^{jψ} + z⁺e^{−jψ})/2, and what is left is
-d = (z⁺e^{−jψ} − z⁻e^{jψ})/2 twice over. |d|² is least where Re Σ z⁺z⁻* e^{−2jψ} is greatest:
+For a given ψ the best envelope is the mean of the two demodulated sidebands, u = (z⁻e^{jψ} +
+z⁺e^{−jψ})/2, and what is left is d = (z⁺e^{−jψ} − z⁻e^{jψ})/2 twice over. |d|² is least where Re Σ
+z⁺z⁻* e^{−2jψ} is greatest:
     ψ = ½ arg Σ z⁺ z⁻*   (sum over both channels; PHYSICS §3)
-Any u is an ellipse, so no further constraint remains and A, B, θ, φ follow from the Stokes formulas of `physics.ellipse`.
+Any u is an ellipse, so no further constraint remains and A, B, θ, φ follow from the Stokes formulas
+of `physics.ellipse`.
 """
 
 import numpy as np
@@ -16,10 +18,14 @@ CHUNK_ROWS = 8192
 """Rows solved together, so that the intermediate arrays stay in the processor's cache."""
 
 
-def split(signals: Array, carrier_phase_rad: float | Array | None = None) -> tuple[Array, Array, Array]:
-    """Envelopes u (n, 2), carrier phase ψ (n) and misfit rms (n) of eight signals (n, 8); ψ is estimated where it is not given.
+def split(
+    signals: Array, carrier_phase_rad: float | Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Envelopes u (n, 2), carrier phase ψ (n) and misfit rms (n) of eight signals (n, 8); ψ is
+    estimated where it is not given.
 
-    ψ estimated lies in (−π/2, π/2]; (u, ψ) and (−u, ψ + π) are the same signals. The rms is √(Σr²/8).
+    ψ estimated lies in (−π/2, π/2]; (u, ψ) and (−u, ψ + π) are the same signals. The rms is
+    √(Σr²/8).
     """
     lower, upper = sidebands(signals)
     if carrier_phase_rad is None:
@@ -36,7 +42,8 @@ def split(signals: Array, carrier_phase_rad: float | Array | None = None) -> tup
 
 
 def closed_form(signals: Array, carrier_phase_rad: float | None = None) -> tuple[Array, Array]:
-    """x = (A, B, θ, φ, ψ) (n, 5) with A ≥ |B|, θ ∈ (−π/2, π/2] electrical, and the misfit rms (n), of eight signals (n, 8)."""
+    """x = (A, B, θ, φ, ψ) (n, 5) with A ≥ |B|, θ ∈ (−π/2, π/2] electrical, and the misfit rms (n),
+    of eight signals (n, 8)."""
     x, misfit = np.empty((len(signals), 5)), np.empty(len(signals))
     for start in range(0, len(signals), CHUNK_ROWS):
         rows = slice(start, start + CHUNK_ROWS)
@@ -47,7 +54,8 @@ def closed_form(signals: Array, carrier_phase_rad: float | None = None) -> tuple
 
 
 def canonical(x: Array, carrier_known: bool = False) -> Array:
-    """The one of the sixteen equivalent solutions with A ≥ |B|, θ ∈ (−π/2, π/2], and ψ ∈ (−π/2, π/2] unless it is known."""
+    """The one of the sixteen equivalent solutions with A ≥ |B|, θ ∈ (−π/2, π/2], and ψ ∈ (−π/2,
+    π/2] unless it is known."""
     A, B, theta, phi, psi = np.moveaxis(np.asarray(x, float), -1, 0)
     if not carrier_known:
         half_turns = np.ceil(psi / np.pi - 0.5)

@@ -1,8 +1,10 @@
-"""Gauss–Newton iteration of seed B for {A, B, θ, φ, ψ} by its explicit formulas (2), many vectors at once.
+"""Gauss–Newton iteration of seed B for {A, B, θ, φ, ψ} by its explicit formulas (2), many vectors
+at once.
 
-F's columns obey JᵀJ = 2·diag(1, 1, [[A²+B², 2AB], [2AB, A²+B²]], A²+B²), and F is orthogonal to its angle columns, so that the
-signals themselves take the place of the residual. A and B are solved first, at the old angles; then the three angles step together
-with the fresh A and B. So the start x = 0, where J is singular, is allowed (this is Kaufman's variable projection step).
+F's columns obey JᵀJ = 2·diag(1, 1, [[A²+B², 2AB], [2AB, A²+B²]], A²+B²), and F is orthogonal to its
+angle columns, so that the signals themselves take the place of the residual. A and B are solved
+first, at the old angles; then the three angles step together with the fresh A and B. So the start x
+= 0, where J is singular, is allowed (this is Kaufman's variable projection step).
 """
 
 from dataclasses import dataclass
@@ -17,8 +19,8 @@ CHUNK_ROWS = 8192
 class Solution:
     """Where each vector's iteration ended.
 
-    x (n, 5); residual_rms (n) = √(Σr²/8) of the last evaluated point; evaluations (n) of the residual, negative where the iteration
-    did not converge; monotone (n): the residual never rose.
+    x (n, 5); residual_rms (n) = √(Σr²/8) of the last evaluated point; evaluations (n) of the
+    residual, negative where the iteration did not converge; monotone (n): the residual never rose.
     """
 
     x: Array
@@ -30,8 +32,22 @@ class Solution:
 def half_products(theta: Array, phi: Array, psi: Array) -> tuple[Array, ...]:
     """csm, csp, ccm, ccp, ssm, ssp, scm, scp of (2): (cos|sin)θ · (sin|cos)(φ ∓ ψ) / 2."""
     cos, sin = np.cos(theta) / 2, np.sin(theta) / 2
-    sin_m, cos_m, sin_p, cos_p = np.sin(phi - psi), np.cos(phi - psi), np.sin(phi + psi), np.cos(phi + psi)
-    return cos * sin_m, cos * sin_p, cos * cos_m, cos * cos_p, sin * sin_m, sin * sin_p, sin * cos_m, sin * cos_p
+    sin_m, cos_m, sin_p, cos_p = (
+        np.sin(phi - psi),
+        np.cos(phi - psi),
+        np.sin(phi + psi),
+        np.cos(phi + psi),
+    )
+    return (
+        cos * sin_m,
+        cos * sin_p,
+        cos * cos_m,
+        cos * cos_p,
+        sin * sin_m,
+        sin * sin_p,
+        sin * cos_m,
+        sin * cos_p,
+    )
 
 
 def amplitudes(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array]:
@@ -44,7 +60,8 @@ def amplitudes(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array]:
 
 
 def projections(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array, Array, Array]:
-    """The sums of (2) that move the angles: P and Q (θ, φ), and those of ψ that A and B multiply; z (8, n)."""
+    """The sums of (2) that move the angles: P and Q (θ, φ), and those of ψ that A and B multiply; z
+    (8, n)."""
     z1, z2, z3, z4, z5, z6, z7, z8 = z
     csm, csp, ccm, ccp, ssm, ssp, scm, scp = products
     P = -z1 * ssm + z2 * ssp + z3 * scm + z4 * scp + z5 * csm - z6 * csp - z7 * ccm - z8 * ccp
@@ -72,7 +89,9 @@ def modelled(A: Array, B: Array, products: tuple[Array, ...]) -> Array:
     )
 
 
-def angle_steps(A: Array, B: Array, sums: tuple[Array, ...], carrier_known: bool) -> tuple[Array, Array, Array]:
+def angle_steps(
+    A: Array, B: Array, sums: tuple[Array, ...], carrier_known: bool
+) -> tuple[Array, Array, Array]:
     """Δθ, Δφ, Δψ of (2)."""
     P, Q, psi_A, psi_B = sums
     determinant, power = A**2 - B**2, A**2 + B**2
@@ -98,22 +117,43 @@ def gauss_newton(
     max_iterations: int = 60,
     carrier_known: bool = False,
 ) -> Solution:
-    """Iterate (2) from `start` (n, 5) for `signals` (n, 8) until the residual rms or the step is small.
+    """Iterate (2) from `start` (n, 5) for `signals` (n, 8) until the residual rms or the step is
+    small.
 
-    A vector is done when √(Σr²/8) ≤ residual_tolerance, or when the step would change the modelled signals by less than
-    step_tolerance of their size (noisy signals have no exact solution). Evaluations of the residual are counted, k + 1 for k steps.
-    With `carrier_known` ψ keeps its start.
+    A vector is done when √(Σr²/8) ≤ residual_tolerance, or when the step would change the modelled
+    signals by less than step_tolerance of their size (noisy signals have no exact solution).
+    Evaluations of the residual are counted, k + 1 for k steps. With `carrier_known` ψ keeps its
+    start.
     """
     rows = len(signals)
-    solution = Solution(np.array(start, float), np.full(rows, np.nan), np.full(rows, -max_iterations, np.int16), np.ones(rows, bool))
+    solution = Solution(
+        np.array(start, float),
+        np.full(rows, np.nan),
+        np.full(rows, -max_iterations, np.int16),
+        np.ones(rows, bool),
+    )
     with np.errstate(all="ignore"):
         for first in range(0, rows, CHUNK_ROWS):
-            _iterate(signals, solution, slice(first, first + CHUNK_ROWS), residual_tolerance, step_tolerance, max_iterations, carrier_known)
+            _iterate(
+                signals,
+                solution,
+                slice(first, first + CHUNK_ROWS),
+                residual_tolerance,
+                step_tolerance,
+                max_iterations,
+                carrier_known,
+            )
     return solution
 
 
 def _iterate(
-    signals: Array, out: Solution, rows: slice, residual_tolerance: float, step_tolerance: float, max_iterations: int, carrier_known: bool
+    signals: Array,
+    out: Solution,
+    rows: slice,
+    residual_tolerance: float,
+    step_tolerance: float,
+    max_iterations: int,
+    carrier_known: bool,
 ) -> None:
     """One chunk; vectors that are done leave the working arrays."""
     left = np.arange(rows.start, min(rows.stop, len(signals)))
@@ -129,7 +169,12 @@ def _iterate(
         A, B = amplitudes(z, products)
         d_theta, d_phi, d_psi = angle_steps(A, B, projections(z, products), carrier_known)
         power = A**2 + B**2
-        moved = (A - x[0]) ** 2 + (B - x[1]) ** 2 + power * (d_theta**2 + d_phi**2 + d_psi**2) + 4 * A * B * d_theta * d_phi
+        moved = (
+            (A - x[0]) ** 2
+            + (B - x[1]) ** 2
+            + power * (d_theta**2 + d_phi**2 + d_psi**2)
+            + 4 * A * B * d_theta * d_phi
+        )
         done = (rms <= residual_tolerance) | (2 * np.abs(moved) <= step_tolerance**2 * size)
         out.x[left] = x.T
         out.evaluations[left[done]] = evaluation

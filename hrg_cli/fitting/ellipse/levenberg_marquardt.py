@@ -1,8 +1,10 @@
-"""Levenberg–Marquardt for {A, B, θ, φ, ψ}: the steps of `gauss_newton` damped, so that the residual never rises.
+"""Levenberg–Marquardt for {A, B, θ, φ, ψ}: the steps of `gauss_newton` damped, so that the residual
+never rises.
 
-The angles are stepped, A and B are the exact linear solution at each trial's angles (variable projection). With the power scale
-p = |z|²/2 (the greatest A² + B² can be) the damped normal matrix is [[s+λp, 2AB], [2AB, s+λp]] for (θ, φ), s+λp for ψ, s = A²+B².
-λ follows Nielsen's rule (Madsen, Nielsen & Tingleff, Methods for Non-Linear Least Squares Problems, 2004).
+The angles are stepped, A and B are the exact linear solution at each trial's angles (variable
+projection). With the power scale p = |z|²/2 (the greatest A² + B² can be) the damped normal matrix
+is [[s+λp, 2AB], [2AB, s+λp]] for (θ, φ), s+λp for ψ, s = A²+B². λ follows Nielsen's rule (Madsen,
+Nielsen & Tingleff, Methods for Non-Linear Least Squares Problems, 2004).
 """
 
 import numpy as np
@@ -22,12 +24,26 @@ def levenberg_marquardt(
     max_iterations: int = 60,
     carrier_known: bool = False,
 ) -> Solution:
-    """Least-squares solutions from `start` (n, 5) for `signals` (n, 8); tolerances and the result as in `gauss_newton`."""
+    """Least-squares solutions from `start` (n, 5) for `signals` (n, 8); tolerances and the result
+    as in `gauss_newton`."""
     rows = len(signals)
-    solution = Solution(np.array(start, float), np.full(rows, np.nan), np.full(rows, -max_iterations, np.int16), np.ones(rows, bool))
+    solution = Solution(
+        np.array(start, float),
+        np.full(rows, np.nan),
+        np.full(rows, -max_iterations, np.int16),
+        np.ones(rows, bool),
+    )
     with np.errstate(all="ignore"):
         for first in range(0, rows, CHUNK_ROWS):
-            _iterate(signals, solution, slice(first, first + CHUNK_ROWS), residual_tolerance, step_tolerance, max_iterations, carrier_known)
+            _iterate(
+                signals,
+                solution,
+                slice(first, first + CHUNK_ROWS),
+                residual_tolerance,
+                step_tolerance,
+                max_iterations,
+                carrier_known,
+            )
     return solution
 
 
@@ -39,7 +55,13 @@ def _evaluate(z: Array, angles: Array) -> tuple[Array, tuple[Array, ...], Array]
 
 
 def _iterate(
-    signals: Array, out: Solution, rows: slice, residual_tolerance: float, step_tolerance: float, max_iterations: int, carrier_known: bool
+    signals: Array,
+    out: Solution,
+    rows: slice,
+    residual_tolerance: float,
+    step_tolerance: float,
+    max_iterations: int,
+    carrier_known: bool,
 ) -> None:
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)
@@ -50,7 +72,13 @@ def _iterate(
     for evaluation in range(1, max_iterations + 1):
         (A, B), damped = AB, AB[0] ** 2 + AB[1] ** 2 + damping * size / 2
         P, Q, psi_A, psi_B = projections(z, products)
-        slope = np.stack([A * P + B * Q, A * Q + B * P, np.zeros_like(A) if carrier_known else A * psi_A + B * psi_B])
+        slope = np.stack(
+            [
+                A * P + B * Q,
+                A * Q + B * P,
+                np.zeros_like(A) if carrier_known else A * psi_A + B * psi_B,
+            ]
+        )
         determinant = damped**2 - (2 * A * B) ** 2
         move = np.stack(
             [
@@ -60,20 +88,42 @@ def _iterate(
             ]
         )
         promised = 2 * (move * (damping * size / 2 * move + slope)).sum(0)
-        done = (np.sqrt(cost / 8) <= residual_tolerance) | (2 * (move * slope).sum(0) <= step_tolerance**2 * size)
+        done = (np.sqrt(cost / 8) <= residual_tolerance) | (
+            2 * (move * slope).sum(0) <= step_tolerance**2 * size
+        )
         out.x[left] = np.concatenate([AB, angles]).T
         out.residual_rms[left] = np.sqrt(cost / 8)
         out.evaluations[left[done]] = evaluation
         go = ~done
         if not go.any():
             return
-        left, z, size, damping, growth, promised = left[go], z[:, go], size[go], damping[go], growth[go], promised[go]
-        AB, angles, cost, products = AB[:, go], angles[:, go], cost[go], tuple(p[go] for p in products)
+        left, z, size, damping, growth, promised = (
+            left[go],
+            z[:, go],
+            size[go],
+            damping[go],
+            growth[go],
+            promised[go],
+        )
+        AB, angles, cost, products = (
+            AB[:, go],
+            angles[:, go],
+            cost[go],
+            tuple(p[go] for p in products),
+        )
         trial = angles + move[:, go]
         AB_trial, products_trial, cost_trial = _evaluate(z, trial)
         gain = (cost - cost_trial) / promised
         better = cost_trial < cost
-        damping = np.where(better, damping * np.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), damping * growth)
+        damping = np.where(
+            better, damping * np.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), damping * growth
+        )
         growth = np.where(better, 2.0, 2 * growth)
-        AB, angles, cost = np.where(better, AB_trial, AB), np.where(better, trial, angles), np.where(better, cost_trial, cost)
-        products = tuple(np.where(better, new, old) for new, old in zip(products_trial, products, strict=True))
+        AB, angles, cost = (
+            np.where(better, AB_trial, AB),
+            np.where(better, trial, angles),
+            np.where(better, cost_trial, cost),
+        )
+        products = tuple(
+            np.where(better, new, old) for new, old in zip(products_trial, products, strict=True)
+        )

@@ -1,10 +1,13 @@
-"""Standard deviations of {A, B, θ, φ, ψ} from those of the signals, for any mixture of good and bad signals.
+"""Standard deviations of {A, B, θ, φ, ψ} from those of the signals, for any mixture of good and bad
+signals.
 
-The unweighted least-squares estimate is to first order a sum of projections of the envelope's error δu and (carrier) of half the
-difference δd of the demodulated sidebands, with e_A = (cos θ, sin θ), e_B = (−sin θ, cos θ):
+The unweighted least-squares estimate is to first order a sum of projections of the envelope's error
+δu and (carrier) of half the difference δd of the demodulated sidebands, with e_A = (cos θ, sin θ),
+e_B = (−sin θ, cos θ):
     δA = Re e^{−jφ} e_Aᵀδu,   δB = −Im e^{−jφ} e_Bᵀδu,   P = Re e^{−jφ} e_Bᵀδu,   Q = Im e^{−jφ} e_Aᵀδu,
     δθ = (A P − B Q)/(A² − B²),   δφ = (A Q − B P)/(A² − B²),   δψ = Re (j u)†δd / (A² + B²)
-Signals of equal σ: direct σ_A = σ_B = σ, σ_θ = σ_φ = σ√(A²+B²)/|A²−B²|; carrier those over √2, and σ_ψ = σ/√(2(A²+B²)).
+Signals of equal σ: direct σ_A = σ_B = σ, σ_θ = σ_φ = σ√(A²+B²)/|A²−B²|; carrier those over √2, and
+σ_ψ = σ/√(2(A²+B²)).
 """
 
 import numpy as np
@@ -12,19 +15,26 @@ import numpy as np
 Array = np.ndarray
 CHUNK_ROWS = 4096
 """Rows worked on together, so that the intermediate arrays stay in the processor's cache."""
-ANGLE_LIMIT, PHASE_LIMIT, CARRIER_LIMIT = np.pi / np.sqrt(12), np.pi / np.sqrt(3), np.pi / np.sqrt(12)
-"""Standard deviations of an unknown angle: θ (electrical) and ψ repeat after π, φ after 2π; σ = range/√12."""
+ANGLE_LIMIT, PHASE_LIMIT, CARRIER_LIMIT = (
+    np.pi / np.sqrt(12),
+    np.pi / np.sqrt(3),
+    np.pi / np.sqrt(12),
+)
+"""Standard deviations of an unknown angle: θ (electrical) and ψ repeat after π, φ after 2π; σ =
+range/√12."""
 
 
 def standard_deviations(x: Array, variances: Array, carrier_known: bool) -> Array:
-    """σ (n, 5) of A, B, θ (electrical), φ, ψ at x (n, 5) for signals of variances (n, 4) direct or (n, 8) carrier.
+    """σ (n, 5) of A, B, θ (electrical), φ, ψ at x (n, 5) for signals of variances (n, 4) direct or
+    (n, 8) carrier.
 
-    A projection Re d†δu has the variance Σ |d|²M + Re(d²N) over both channels, M half the sum and N half the difference of the variances
-    of Re u and Im u; with a carrier each is the sum over both side bands, N turned by their phases ∓2ψ, over 4. With d from the module's
-    page and T = e^{2jφ}N all is real in P = Re T, Q = Im T, e_A², e_B² and e_A e_B.
+    A projection Re d†δu has the variance Σ |d|²M + Re(d²N) over both channels, M half the sum and N
+    half the difference of the variances of Re u and Im u; with a carrier each is the sum over both
+    side bands, N turned by their phases ∓2ψ, over 4. With d from the module's page and T = e^{2jφ}N
+    all is real in P = Re T, Q = Im T, e_A², e_B² and e_A e_B.
 
-    The linear σ of an angle grows without bound towards a circular or a vanishing wave; it is joined there to that of an angle of
-    which nothing is known, 1/σ² = 1/σ_linear² + 1/σ_unknown².
+    The linear σ of an angle grows without bound towards a circular or a vanishing wave; it is
+    joined there to that of an angle of which nothing is known, 1/σ² = 1/σ_linear² + 1/σ_unknown².
     """
     out = np.zeros_like(x)
     for start in range(0, len(x), CHUNK_ROWS):
@@ -65,17 +75,23 @@ def _halves(variances: Array, psi: Array) -> tuple[tuple[Array, Array | float, A
     if variances.shape[1] == 4:
         c_re, c_im, s_re, s_im = np.ascontiguousarray(variances.T) / 2
         return (c_re + c_im, c_re - c_im, 0.0), (s_re + s_im, s_re - s_im, 0.0)
-    a_c_low, a_c_up, b_c_low, b_c_up, a_s_low, a_s_up, b_s_low, b_s_up = np.ascontiguousarray(variances.T) / 8
+    a_c_low, a_c_up, b_c_low, b_c_up, a_s_low, a_s_up, b_s_low, b_s_up = (
+        np.ascontiguousarray(variances.T) / 8
+    )
     cos, sin = np.cos(2 * psi), np.sin(2 * psi)
     halves = []
-    for a_low, a_up, b_low, b_up in ((a_c_low, a_c_up, b_c_low, b_c_up), (a_s_low, a_s_up, b_s_low, b_s_up)):
+    for a_low, a_up, b_low, b_up in (
+        (a_c_low, a_c_up, b_c_low, b_c_up),
+        (a_s_low, a_s_up, b_s_low, b_s_up),
+    ):
         low, up = b_low - a_low, b_up - a_up
         halves.append((a_low + a_up + b_low + b_up, (up + low) * cos, (up - low) * sin))
     return tuple(halves)
 
 
 def _limited(spread: Array, size: Array, unknown: float) -> Array:
-    """σ = spread/size joined to that of an unknown angle; size 0 counts as unknown, NaN stays NaN."""
+    """σ = spread/size joined to that of an unknown angle; size 0 counts as unknown, NaN stays
+    NaN."""
     with np.errstate(divide="ignore", invalid="ignore"):
         joined = spread / np.sqrt(size * size + (spread / unknown) ** 2)
     return np.where(size == 0, unknown, joined)

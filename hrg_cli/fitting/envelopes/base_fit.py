@@ -1,4 +1,5 @@
-"""From free runs to the likelihood's optimum: rough guess, propagator, exact averaging into blocks, Gauss–Newton, phase order."""
+"""From free runs to the likelihood's optimum: rough guess, propagator, exact averaging into blocks,
+Gauss–Newton, phase order."""
 
 from __future__ import annotations
 
@@ -19,41 +20,55 @@ AVERAGINGS = 8
 WRAPPED_RAD = 0.7
 """Turn of the wave within one window from which its ellipse may turn half way round unseen."""
 SETTLED = 0.1
-"""Part of a standard deviation by which rows averaged along the fit's own motion, or twice as many, may still move the fit."""
+"""Part of a standard deviation by which rows averaged along the fit's own motion, or twice as many,
+may still move the fit."""
 PHASE_GAIN = 30.0
 """Δχ² for which two further orders of a run's phase are taken in."""
 WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
-"""Standard deviations of the priors that keep a direction without information finite, in natural scales."""
+"""Standard deviations of the priors that keep a direction without information finite, in natural
+scales."""
 
 
 SECOND_ORDER_REACH = 3.0
-"""Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at 1."""
+"""Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at
+1."""
 MISFIT = 1.5
-"""χ² a degree of freedom above which something else than noise moves the scale of the second order."""
+"""χ² a degree of freedom above which something else than noise moves the scale of the second
+order."""
 SECOND_ORDER_DECIDED = 16.0
-"""Difference of χ² between the scales 0 and 1 for which the better one is held, and distance² up to which it counts as met."""
+"""Difference of χ² between the scales 0 and 1 for which the better one is held, and distance² up to
+which it counts as met."""
 
 
 def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
     """The same freedom with the second-order correction held; it is the last coordinate."""
     origin = space.origin.copy()
     origin[6] = value
-    return Freedom(space.names[:-1], origin, space.directions[:, :-1], space.prior_mean[:-1], space.prior_std[:-1])
+    return Freedom(
+        space.names[:-1],
+        origin,
+        space.directions[:, :-1],
+        space.prior_mean[:-1],
+        space.prior_std[:-1],
+    )
 
 
 def nominal_scale_factor(mode_number: int) -> float:
-    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a shell."""
+    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a
+    shell."""
     return 1.0 if mode_number == 1 else 0.55
 
 
 def scale_factor_spread(mode_number: int) -> float:
-    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a pendulum 1 but for its pivot."""
+    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a
+    pendulum 1 but for its pivot."""
     return 0.05 if mode_number == 1 else 0.2
 
 
 @dataclass(frozen=True)
 class Known:
-    """What is held instead of fitted: K, and the axes (physical angles) of damping and stiffness; None: fitted."""
+    """What is held instead of fitted: K, and the axes (physical angles) of damping and stiffness;
+    None: fitted."""
 
     scale_factor: float | None = None
     damping_axis_rad: float | None = None
@@ -61,14 +76,20 @@ class Known:
 
 
 def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
-    """What is fitted, with weak priors sized by a first estimate p (7,); a known axis leaves its split's size alone."""
+    """What is fitted, with weak priors sized by a first estimate p (7,); a known axis leaves its
+    split's size alone."""
     base = free(COORDINATES, np.zeros(COUNT))
     directions, origin = base.directions.copy(), np.zeros(COUNT)
     damping = max(abs(float(p[0])), 0.01 / span_s)
     split = max(float(np.hypot(p[3], p[4])), damping, 1 / span_s)
     mean = np.array([p[0], 0, 0, 0, 0, nominal_scale_factor(mode_number), 0.5])
     # the last is 0 or 1: mean and spread of the two
-    std = np.array([np.inf] + [WIDTH["damping"] * damping] * 2 + [WIDTH["split"] * split] * 2 + [WIDTH["scale_factor"], 0.5])
+    std = np.array(
+        [np.inf]
+        + [WIDTH["damping"] * damping] * 2
+        + [WIDTH["split"] * split] * 2
+        + [WIDTH["scale_factor"], 0.5]
+    )
     keep = np.ones(COUNT, bool)
     for first, axis in ((1, known.damping_axis_rad), (3, known.stiffness_axis_rad)):
         if axis is not None:
@@ -77,7 +98,9 @@ def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
             keep[first + 1] = False
     if known.scale_factor is not None:
         origin[5], keep[5] = known.scale_factor, False
-    return Freedom(tuple(np.array(COORDINATES)[keep]), origin, directions[:, keep], mean[keep], std[keep])
+    return Freedom(
+        tuple(np.array(COORDINATES)[keep]), origin, directions[:, keep], mean[keep], std[keep]
+    )
 
 
 def check(runs: Sequence[EnvelopeRun]) -> None:
@@ -86,11 +109,15 @@ def check(runs: Sequence[EnvelopeRun]) -> None:
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     modes = sorted({r.mode_number for r in runs})
     if len(modes) > 1:
-        raise HrgError(f"the runs have mode numbers {', '.join(map(str, modes))}, one was expected; identify them apart")
+        raise HrgError(
+            f"the runs have mode numbers {', '.join(map(str, modes))}, one was expected; identify"
+            " them apart"
+        )
 
 
 def start(runs: Sequence[EnvelopeRun], known: Known) -> tuple[Array, Array, Array, Freedom]:
-    """Coordinates (7,), frequency offsets (R,), covariance of z and its freedom, by the propagator from a rough guess."""
+    """Coordinates (7,), frequency offsets (R,), covariance of z and its freedom, by the propagator
+    from a rough guess."""
     span = max(r.duration_s for r in runs)
     p, offsets = propagator.rough(runs)
     if known.scale_factor is not None:
@@ -113,34 +140,46 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
             best = _base_fit(runs, known or Known(), blocks)
     except np.linalg.LinAlgError:
         best = None
-    if best is None or not (np.all(np.isfinite(best.p)) and np.isfinite(best.chi2) and np.all(np.isfinite(best.root))):
+    if best is None or not (
+        np.all(np.isfinite(best.p)) and np.isfinite(best.chi2) and np.all(np.isfinite(best.root))
+    ):
         raise HrgError(
-            f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of a resonator "
-            f"can be fitted; {_advice(runs, known or Known())}"
+            f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of"
+            f" a resonator can be fitted; {_advice(runs, known or Known())}"
         )
     return best
 
 
 def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
-    """What to do where nothing can be fitted: shorter windows where the table turns the wave by much within one."""
-    factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(runs[0].mode_number)
+    """What to do where nothing can be fitted: shorter windows where the table turns the wave by
+    much within one."""
+    factor = (
+        known.scale_factor
+        if known.scale_factor is not None
+        else nominal_scale_factor(runs[0].mode_number)
+    )
     turning = [rows.speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
     worst = int(np.argmax(turning))
     if turning[worst] < WRAPPED_RAD:
         return "look at the envelopes"
     return (
-        f"{runs[worst].run_id or 'the run'} turns by {turning[worst]:.2g} rad within one window of {runs[worst].window_s:.3g} s, "
-        f"so its turns are lost: demodulate with windows of at most {runs[worst].window_s * 0.25 / turning[worst]:.2g} s"
+        f"{runs[worst].run_id or 'the run'} turns by {turning[worst]:.2g} rad within one window of"
+        f" {runs[worst].window_s:.3g} s, so its turns are lost: demodulate with windows of at most"
+        f" {runs[worst].window_s * 0.25 / turning[worst]:.2g} s"
     )
 
 
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     courses = phase_course.bends(runs)
-    result = _first_fit(runs if courses is None else phase_course.straightened(runs, courses), known, blocks)
+    result = _first_fit(
+        runs if courses is None else phase_course.straightened(runs, courses), known, blocks
+    )
     if result is None:
         return None
     if courses is not None:
-        seen, phase = phase_course.bent_back(result.response.batch, runs, courses, result.response.state.phase)
+        seen, phase = phase_course.bent_back(
+            result.response.batch, runs, courses, result.response.state.phase
+        )
         data = batch(seen)
         result = solve(data, result.freedom, result.z, data.envelope[:, 0], phase)
     result = settled(runs, grown(result), blocks)
@@ -148,7 +187,11 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
     if held is not None:
         space = without_second_order(result.freedom, held)
         state = result.response.state
-        result = settled(runs, grown(solve(result.response.batch, space, result.z[:-1], state.start, state.phase)), blocks)
+        result = settled(
+            runs,
+            grown(solve(result.response.batch, space, result.z[:-1], state.start, state.phase)),
+            blocks,
+        )
     return result
 
 
@@ -166,8 +209,11 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
 
 
 def grown(result: Fit) -> Fit:
-    """The fit with further orders of the runs' phases as long as one of them gains much by two more."""
-    while result.response.state.phase.shape[1] < MAX_PHASE_ORDER and result.phase_demand > PHASE_GAIN:
+    """The fit with further orders of the runs' phases as long as one of them gains much by two
+    more."""
+    while (
+        result.response.state.phase.shape[1] < MAX_PHASE_ORDER and result.phase_demand > PHASE_GAIN
+    ):
         state = result.response.state
         phase = np.concatenate([state.phase, np.zeros((len(state.phase), 2))], axis=1)
         result = fit(result.response.batch, result.freedom, result.z, state.start, phase)
@@ -175,10 +221,12 @@ def grown(result: Fit) -> Fit:
 
 
 def settled(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
-    """The fit to rows averaged along its own motion: averaged and fitted again until that moves it by less than a tenth of σ.
+    """The fit to rows averaged along its own motion: averaged and fitted again until that moves it
+    by less than a tenth of σ.
 
-    Where the rate changes within a run the rows are also doubled until that moves nothing. What the last change was is kept
-    (`Fit.truncation`, in standard deviations of whatever combination moved most).
+    Where the rate changes within a run the rows are also doubled until that moves nothing. What the
+    last change was is kept (`Fit.truncation`, in standard deviations of whatever combination moved
+    most).
     """
     last = np.inf
     for _ in range(AVERAGINGS):
@@ -213,17 +261,23 @@ def _averaged_again(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fi
 
 
 def moved_by(before: Fit, after: Fit) -> float:
-    """Distance of two fits in standard deviations, along the combination of coordinates that moved most."""
+    """Distance of two fits in standard deviations, along the combination of coordinates that moved
+    most."""
     change = after.root @ (after.z - before.z)
     return float(np.linalg.norm(change) / np.sqrt(max(1.0, after.chi2 / after.dof)))
 
 
 def second_order(result: Fit) -> float | None:
-    """0 or 1 where the data tell which of them scales the second-order correction, 1 where a misfit pulls at it; None: it stays free."""
+    """0 or 1 where the data tell which of them scales the second-order correction, 1 where a misfit
+    pulls at it; None: it stays free."""
     information = float(result.data_root[-1, -1]) ** 2  # the last coordinate, all others free
     mean, std = float(result.freedom.prior_mean[-1]), float(result.freedom.prior_std[-1])
-    alone = float(result.p[6]) + (float(result.p[6]) - mean) / (std**2 * max(information, 1e-300))  # without the prior
-    distance2 = (alone - np.array([0.0, 1.0])) ** 2 * information / max(1.0, result.chi2 / result.dof)
+    alone = float(result.p[6]) + (float(result.p[6]) - mean) / (
+        std**2 * max(information, 1e-300)
+    )  # without the prior
+    distance2 = (
+        (alone - np.array([0.0, 1.0])) ** 2 * information / max(1.0, result.chi2 / result.dof)
+    )
     near = int(np.argmin(distance2))
     if distance2[near] < SECOND_ORDER_DECIDED < distance2[1 - near] - distance2[near]:
         return float(near)
@@ -231,7 +285,9 @@ def second_order(result: Fit) -> float | None:
     return 1.0 if misfit or abs(result.p[6] - 0.5) > SECOND_ORDER_REACH else None
 
 
-def _from_start(runs: Sequence[EnvelopeRun], known: Known, blocks: int, p: Array, offsets: Array) -> Fit | None:
+def _from_start(
+    runs: Sequence[EnvelopeRun], known: Known, blocks: int, p: Array, offsets: Array
+) -> Fit | None:
     """Blocks along a first motion and Gauss–Newton from it; None where it leads nowhere."""
     if not (np.all(np.isfinite(p)) and np.all(np.isfinite(offsets))):
         return None
@@ -255,7 +311,8 @@ def _rate_varies(data: Batch) -> bool:
 
 
 def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> Fit:
-    """Gauss–Newton; where it does not settle, again over the first quarter, half and whole of the runs in turn."""
+    """Gauss–Newton; where it does not settle, again over the first quarter, half and whole of the
+    runs in turn."""
     result = fit(data, space, z, first, phase)
     if result.converged:
         return result

@@ -1,8 +1,11 @@
-"""Long records without their windows in memory: read block by block, averaged along the motion that a sample of their windows shows.
+"""Long records without their windows in memory: read block by block, averaged along the motion that
+a sample of their windows shows.
 
-Every n-th window of a record is a record itself, with nothing averaged, so its fit is right within its own errors. Along that motion all
-windows are averaged, a block at a time, to some ten thousand rows: what the motion is wrong by acts with its square over a row's short
-time only. The fit of these rows is the answer; where it has moved too far from the sample's, the record is read again along it.
+Every n-th window of a record is a record itself, with nothing averaged, so its fit is right within
+its own errors. Along that motion all windows are averaged, a block at a time, to some ten thousand
+rows: what the motion is wrong by acts with its square over a row's short time only. The fit of
+these rows is the answer; where it has moved too far from the sample's, the record is read again
+along it.
 """
 
 from __future__ import annotations
@@ -34,8 +37,11 @@ HARMLESS = 0.02
 PASSES = 3
 
 
-def read(waves: Sequence[Wave], rate_rad_s: float | None, earth_rad_s: float, known: Known, blocks: int) -> list[EnvelopeRun]:
-    """Every wave's run: all its windows where they are few, else averages along the motion they show.
+def read(
+    waves: Sequence[Wave], rate_rad_s: float | None, earth_rad_s: float, known: Known, blocks: int
+) -> list[EnvelopeRun]:
+    """Every wave's run: all its windows where they are few, else averages along the motion they
+    show.
 
     HrgError: as `from_wave`, and where a sample of a long record shows no run-down.
     """
@@ -43,10 +49,19 @@ def read(waves: Sequence[Wave], rate_rad_s: float | None, earth_rad_s: float, kn
         return [turned_by(from_wave(w.rows(0, len(w)), rate_rad_s), earth_rad_s) for w in waves]
 
     def pieces(wave: Wave) -> Iterator[EnvelopeRun]:
-        return (turned_by_from(p, earth_rad_s, float(wave.time_s[0])) for p in _pieces(wave, rate_rad_s))
+        return (
+            turned_by_from(p, earth_rad_s, float(wave.time_s[0])) for p in _pieces(wave, rate_rad_s)
+        )
 
     every = max(1, -(-sum(len(w) for w in waves) // SAMPLE))
-    sample = [_joined([p.rows(slice(int(-start % every), None, every)) for start, p in _numbered(pieces(w))], w, every) for w in waves]
+    sample = [
+        _joined(
+            [p.rows(slice(int(-start % every), None, every)) for start, p in _numbered(pieces(w))],
+            w,
+            every,
+        )
+        for w in waves
+    ]
     if max(float(np.ptp(r.turn_rad)) for r in sample) == 0 and all(_one_signal(r) for r in sample):
         return sample  # one channel: modes are judged from single windows
     found = base_fit(sample, known, blocks)
@@ -54,7 +69,10 @@ def read(waves: Sequence[Wave], rate_rad_s: float | None, earth_rad_s: float, kn
     out = sample
     for _ in range(PASSES):
         carries = rows.motions(sample, found.response)
-        out = [_averaged(pieces(w), s, count, *c) for w, s, c in zip(waves, sample, carries, strict=True)]
+        out = [
+            _averaged(pieces(w), s, count, *c)
+            for w, s, c in zip(waves, sample, carries, strict=True)
+        ]
         better = base_fit(out, known, blocks)
         if _left(found, better, out) < HARMLESS:
             return out
@@ -91,14 +109,20 @@ def _pieces(wave: Wave, rate_rad_s: float | None) -> Iterator[EnvelopeRun]:
         stop = min(start + BLOCK, total)
         low, high = max(0, start - OVERLAP), min(total, stop + OVERLAP)
         part = wave.rows(low, high)
-        angle = turned(np.asarray(part.time_s), part.rate_rad_s if rate_rad_s is None else np.full(high - low, rate_rad_s))
+        angle = turned(
+            np.asarray(part.time_s),
+            part.rate_rad_s if rate_rad_s is None else np.full(high - low, rate_rad_s),
+        )
         inside = slice(start - low, stop - low)
         run = good_rows(part, angle - angle[start - low] + turn, inside)
         turn += float(angle[min(stop - low, len(angle) - 1)] - angle[start - low])
         if len(run) == 0:
             continue
         if run.time_s[0] <= last or np.any(np.diff(run.time_s) <= 0):
-            raise HrgError(f"{name}: the windows' times do not increase; sort the record or remove repeated rows")
+            raise HrgError(
+                f"{name}: the windows' times do not increase; sort the record or remove repeated"
+                " rows"
+            )
         last = float(run.time_s[-1])
         yield run
 
@@ -107,23 +131,34 @@ def _joined(pieces: Sequence[EnvelopeRun], wave: Wave, every: int) -> EnvelopeRu
     """A sample's pieces as one run. HrgError: too few rows."""
     if sum(len(p) for p in pieces) < MIN_ROWS:
         raise HrgError(
-            f"{wave.run_id or 'the run'}: {sum(len(p) for p in pieces)} of every {every}th window without a flag, at least {MIN_ROWS} are "
-            "needed; demodulate a longer or cleaner record"
+            f"{wave.run_id or 'the run'}: {sum(len(p) for p in pieces)} of every {every}th window"
+            f" without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner"
+            " record"
         )
     return _together(*pieces)
 
 
 def _averaged(
-    pieces: Iterator[EnvelopeRun], sample: EnvelopeRun, count: int, carry: rows.Carry, phase: Callable[[Array], Array]
+    pieces: Iterator[EnvelopeRun],
+    sample: EnvelopeRun,
+    count: int,
+    carry: rows.Carry,
+    phase: Callable[[Array], Array],
 ) -> EnvelopeRun:
-    """All windows of a run averaged along a motion to `count` equal pieces of its time, a block at a time."""
-    first, step = float(sample.time_s[0]), (sample.duration_s * (1 + 1e-9) + sample.window_s) / count
+    """All windows of a run averaged along a motion to `count` equal pieces of its time, a block at
+    a time."""
+    first, step = (
+        float(sample.time_s[0]),
+        (sample.duration_s * (1 + 1e-9) + sample.window_s) / count,
+    )
     out: list[EnvelopeRun] = []
     rest: EnvelopeRun | None = None
     for piece in pieces:
         here = piece if rest is None else _together(rest, piece)
         index = np.floor((here.time_s - first) / step)
-        whole = int(np.searchsorted(index, index[-1]))  # the last piece of time may go on in the next block
+        whole = int(
+            np.searchsorted(index, index[-1])
+        )  # the last piece of time may go on in the next block
         if whole:
             out.append(averaged(here.rows(slice(None, whole)), count, carry, phase, (first, step)))
         rest = here.rows(slice(whole, None))
@@ -146,11 +181,14 @@ def _together(*pieces: EnvelopeRun) -> EnvelopeRun:
 
 
 def _left(along: Fit, better: Fit, runs: Sequence[EnvelopeRun]) -> float:
-    """What averaging along a motion other than the better one leaves in a row, in the row's standard deviations: (δL·dt)²/24."""
+    """What averaging along a motion other than the better one leaves in a row, in the row's
+    standard deviations: (δL·dt)²/24."""
     apart = np.abs(better.p[:6] - along.p[:6])
     worst = 0.0
     for run in runs:
         step = float(np.median(np.diff(run.time_s)))
         rate = rows.speed(run, np.concatenate([apart, [0.0]]))
-        worst = max(worst, (rate * step) ** 2 / 24 * float(np.abs(run.envelope).max() / run.std.min()))
+        worst = max(
+            worst, (rate * step) ** 2 / 24 * float(np.abs(run.envelope).max() / run.std.min())
+        )
     return worst

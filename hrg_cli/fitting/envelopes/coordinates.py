@@ -1,7 +1,9 @@
-"""The linear coordinates in which the slow generator is fitted, and their way to the resonator's parameters and back.
+"""The linear coordinates in which the slow generator is fitted, and their way to the resonator's
+parameters and back.
 
-L = −p₀ I − p₁ R_c − p₂ R_s + j p₃ R_c + j p₄ R_s + p₅ Ω J, R_c = R(0), R_s = R(π/2): ν, νδμ·(cos, sin)2mθ_μ, δω·(cos, sin)2mθ_ω, K;
-p₆ scales the second-order correction of L (1 real resonator, 0 plain averaging).
+L = −p₀ I − p₁ R_c − p₂ R_s + j p₃ R_c + j p₄ R_s + p₅ Ω J, R_c = R(0), R_s = R(π/2): ν, νδμ·(cos,
+sin)2mθ_μ, δω·(cos, sin)2mθ_ω, K; p₆ scales the second-order correction of L (1 real resonator, 0
+plain averaging).
 """
 
 from __future__ import annotations
@@ -12,7 +14,15 @@ from ...physics.resonator import Mechanics
 from .matrices import Matrix, product
 
 Array = np.ndarray
-COORDINATES = ("damping", "damping_cos", "damping_sin", "split_cos", "split_sin", "scale_factor", "second_order")
+COORDINATES = (
+    "damping",
+    "damping_cos",
+    "damping_sin",
+    "split_cos",
+    "split_sin",
+    "scale_factor",
+    "second_order",
+)
 COUNT = len(COORDINATES)
 R_COS = np.array([[1.0, 0.0], [0.0, -1.0]])
 R_SIN = np.array([[0.0, 1.0], [1.0, 0.0]])
@@ -21,16 +31,18 @@ BASIS = np.array([-np.eye(2), -R_COS, -R_SIN, 1j * R_COS, 1j * R_SIN])
 
 
 def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
-    """L (..., 2, 2) of coordinates p (7,) for rates (...), against the run's own frequency ω: `entries` side by side."""
+    """L (..., 2, 2) of coordinates p (7,) for rates (...), against the run's own frequency ω:
+    `entries` side by side."""
     parts = np.broadcast_arrays(*entries(p, np.asarray(rate_rad_s), np.asarray(omega, float)))
     return np.stack(parts, axis=-1).reshape(*parts[0].shape, 2, 2)
 
 
 def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
-    """L of coordinates p (7,) for rates (...), against the run's own frequency ω; second order times p₆.
+    """L of coordinates p (7,) for rates (...), against the run's own frequency ω; second order
+    times p₆.
 
-    The correction is −(L² + 2ΓL)/2jω three times over, Γ = −Re L₀, from L₀ with the mean of (ω ± δω)², ω² + δω²
-    (solvent of resonator.py).
+    The correction is −(L² + 2ΓL)/2jω three times over, Γ = −Re L₀, from L₀ with the mean of (ω ±
+    δω)², ω² + δω² (solvent of resonator.py).
     """
     along, across, turning = -p[1] + 1j * p[3], -p[2] + 1j * p[4], p[5] * rate_rad_s
     first = (along - p[0], across + turning, across - turning, -along - p[0])
@@ -44,7 +56,12 @@ def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
     for _ in range(3):
         sum_ = (L[0] + twice[0], L[1] + twice[1], L[2] + twice[2], L[3] + twice[3])
         change = product(sum_, L)
-        L = (first[0] - factor * change[0], first[1] - factor * change[1], first[2] - factor * change[2], first[3] - factor * change[3])
+        L = (
+            first[0] - factor * change[0],
+            first[1] - factor * change[1],
+            first[2] - factor * change[2],
+            first[3] - factor * change[3],
+        )
     return L
 
 
@@ -52,7 +69,9 @@ def to_mechanics(p: Array, frequency_hz: float, mode_number: int) -> Mechanics:
     """The resonator these coordinates describe; axes in [0, π/m)."""
     values, _ = physical(p, mode_number)
     nu, split, damping_axis, detuning, stiffness_axis, factor = (float(v) for v in values)
-    return Mechanics(frequency_hz, nu, split, damping_axis, detuning, stiffness_axis, factor, mode_number)
+    return Mechanics(
+        frequency_hz, nu, split, damping_axis, detuning, stiffness_axis, factor, mode_number
+    )
 
 
 def from_mechanics(mechanics: Mechanics, second_order: float = 1.0) -> Array:
@@ -84,7 +103,9 @@ def physical(p: Array, mode_number: int) -> tuple[Array, Array]:
         values[row + 1] = wrap(np.arctan2(y, x) / (2 * mode_number), mode_number)
         safe = size if size > 0 else 1.0
         slopes[row, first : first + 2] = (x / safe, y / safe) if size > 0 else (1.0, 0.0)
-        slopes[row + 1, first : first + 2] = np.array([-y, x]) / safe**2 / (2 * mode_number) if size > 0 else (0.0, 0.0)
+        slopes[row + 1, first : first + 2] = (
+            np.array([-y, x]) / safe**2 / (2 * mode_number) if size > 0 else (0.0, 0.0)
+        )
     return values, slopes
 
 
@@ -95,15 +116,23 @@ def wrap(axis_rad: float, mode_number: int) -> float:
 
 
 def axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
-    """Standard deviation of the axis ½m·arg(x + jy) of normal components (2,), covariance (2, 2), about their own; at most a uniform one's.
+    """Standard deviation of the axis ½m·arg(x + jy) of normal components (2,), covariance (2, 2),
+    about their own; at most a uniform one's.
 
-    By Gauss–Hermite quadrature: where the components are lost in noise, and the better known of them makes the tangent look sharp, the
-    slope says too little.
+    By Gauss–Hermite quadrature: where the components are lost in noise, and the better known of
+    them makes the tangent look sharp, the slope says too little.
     """
     size, vector = np.linalg.eigh(covariance)
     nodes, weights = np.polynomial.hermite_e.hermegauss(48)
-    offset = np.sqrt(np.maximum(size, 0.0))[:, None, None] * np.stack(np.meshgrid(nodes, nodes, indexing="ij"))
+    offset = np.sqrt(np.maximum(size, 0.0))[:, None, None] * np.stack(
+        np.meshgrid(nodes, nodes, indexing="ij")
+    )
     x, y = components[:, None, None] + np.tensordot(vector, offset, 1)
     turned = np.angle((x + 1j * y) * complex(components[0], -components[1]))
     weight = np.outer(weights, weights) / np.sum(weights) ** 2
-    return float(min(np.sqrt(np.sum(weight * turned**2)) / (2 * mode_number), np.pi / mode_number / np.sqrt(12)))
+    return float(
+        min(
+            np.sqrt(np.sum(weight * turned**2)) / (2 * mode_number),
+            np.pi / mode_number / np.sqrt(12),
+        )
+    )

@@ -1,8 +1,9 @@
-"""Where in a record a decay is: the strike before it, and the sounds or the silence after it, found by the decay itself.
+"""Where in a record a decay is: the strike before it, and the sounds or the silence after it, found
+by the decay itself.
 
-A model fitted to the middle of the decay foretells the block next to it; as long as what it misses there is no worse than within, the
-block belongs to the decay and the model is fitted anew with it. Where it does not, the record is something else: a strike, a damper, the
-end of the sound.
+A model fitted to the middle of the decay foretells the block next to it; as long as what it misses
+there is no worse than within, the block belongs to the decay and the model is fitted anew with it.
+Where it does not, the record is something else: a strike, a damper, the end of the sound.
 """
 
 from __future__ import annotations
@@ -18,15 +19,19 @@ BLOCKS = 60
 FEWEST_ROWS = 6
 """Rows of a block at least."""
 STRANGE = 25.0
-"""Mean square misfit over the stated noise, in units of the decay's own typical one, from which a block is no part of it."""
+"""Mean square misfit over the stated noise, in units of the decay's own typical one, from which a
+block is no part of it."""
 GROSS = 0.01
-"""The same over the squared amplitude: a decay that a model merely foretells poorly is one nevertheless."""
+"""The same over the squared amplitude: a decay that a model merely foretells poorly is one
+nevertheless."""
 Predict = Callable[[slice], tuple[Array, Array]]
-"""Rows of a fit -> squared misfit over the noise, and over the squared amplitude, measured or foretold (n,), on every row."""
+"""Rows of a fit -> squared misfit over the noise, and over the squared amplitude, measured or
+foretold (n,), on every row."""
 
 
 def decay_stretch(run: EnvelopeRun, z: Array, misfit: Predict) -> slice:
-    """Rows of the record that are one decay; the whole record where nothing is strange at its ends."""
+    """Rows of the record that are one decay; the whole record where nothing is strange at its
+    ends."""
     count = len(run)
     size = max(FEWEST_ROWS, -(-count // BLOCKS))
     blocks = count // size
@@ -41,7 +46,8 @@ def decay_stretch(run: EnvelopeRun, z: Array, misfit: Predict) -> slice:
     up = down = True
     while up or down:
         power, relative = (
-            np.add.reduceat(values, edges[:-1]) / np.diff(edges) for values in misfit(slice(int(edges[low]), int(edges[high])))
+            np.add.reduceat(values, edges[:-1]) / np.diff(edges)
+            for values in misfit(slice(int(edges[low]), int(edges[high])))
         )
         ours = (power < STRANGE * max(1.0, float(np.median(power[low:high])))) | (relative < GROSS)
         up, down = up and high < blocks, down and low > 0

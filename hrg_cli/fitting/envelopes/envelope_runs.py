@@ -1,4 +1,5 @@
-"""Free runs as complex envelopes with their noise and turning, and their exact averaging into blocks."""
+"""Free runs as complex envelopes with their noise and turning, and their exact averaging into
+blocks."""
 
 from __future__ import annotations
 
@@ -17,15 +18,18 @@ from .matrices import Matrix, applied
 Array = np.ndarray
 MIN_ROWS = 8
 SMOOTHING_ROWS = 64
-"""Windows over which the noise estimate is pooled: one window of a few samples knows its own noise to 20 % only."""
+"""Windows over which the noise estimate is pooled: one window of a few samples knows its own noise
+to 20 % only."""
 
 ODD_WINDOW, ODD_SPREAD = 1.3, 8.0
-"""Variance over its neighbours' median, and distance from it in lower spreads, above which a window (an end, a burst) keeps its own."""
+"""Variance over its neighbours' median, and distance from it in lower spreads, above which a window
+(an end, a burst) keeps its own."""
 
 
 @dataclass(frozen=True)
 class EnvelopeRun:
-    """Envelopes (n, 2) of one run at times (n,), standard deviation (n,) of one real component, turned table angle ∫Ω dt (n,)."""
+    """Envelopes (n, 2) of one run at times (n,), standard deviation (n,) of one real component,
+    turned table angle ∫Ω dt (n,)."""
 
     run_id: str
     time_s: Array
@@ -47,7 +51,9 @@ class EnvelopeRun:
 
     def rows(self, mask: Array | slice) -> EnvelopeRun:
         """Some of the rows."""
-        cut = {name: getattr(self, name)[mask] for name in ("time_s", "envelope", "std", "turn_rad")}
+        cut = {
+            name: getattr(self, name)[mask] for name in ("time_s", "envelope", "std", "turn_rad")
+        }
         warm = None if self.temperature_degc is None else self.temperature_degc[mask]
         return dataclasses.replace(self, **cut, temperature_degc=warm)
 
@@ -56,7 +62,9 @@ def retuned(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
     """The same run against a reference shifted by an angular frequency."""
     turn = np.exp(-1j * offset_rad_s * run.time_s)[:, None]
     return dataclasses.replace(
-        run, envelope=run.envelope * turn, reference_frequency_hz=run.reference_frequency_hz + offset_rad_s / (2 * np.pi)
+        run,
+        envelope=run.envelope * turn,
+        reference_frequency_hz=run.reference_frequency_hz + offset_rad_s / (2 * np.pi),
     )
 
 
@@ -64,7 +72,9 @@ def turned_by(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
     """The same run on a table that turns by a constant rate more."""
     if rate_rad_s == 0:
         return run
-    return dataclasses.replace(run, turn_rad=run.turn_rad + rate_rad_s * (run.time_s - run.time_s[0]))
+    return dataclasses.replace(
+        run, turn_rad=run.turn_rad + rate_rad_s * (run.time_s - run.time_s[0])
+    )
 
 
 def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
@@ -74,17 +84,30 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     """
     name = wave.run_id or "the run"
     time = np.asarray(wave.time_s, float)
-    run = good_rows(wave, turned(time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s)))
+    run = good_rows(
+        wave,
+        turned(time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s)),
+    )
     if len(run) < MIN_ROWS:
-        raise HrgError(f"{name}: {len(run)} windows without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner record")
+        raise HrgError(
+            f"{name}: {len(run)} windows without a flag, at least {MIN_ROWS} are needed; demodulate"
+            " a longer or cleaner record"
+        )
     if np.any(np.diff(run.time_s) <= 0):
-        raise HrgError(f"{name}: the windows' times do not increase; sort the record or remove repeated rows")
+        raise HrgError(
+            f"{name}: the windows' times do not increase; sort the record or remove repeated rows"
+        )
     return run
 
 
 def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> EnvelopeRun:
     """The good rows among `inside` of a wave whose table has turned by turn_rad (n,)."""
-    good = wave.good() & np.isfinite(wave.time_s) & np.isfinite(wave.main_amplitude) & np.isfinite(wave.phase_rad)
+    good = (
+        wave.good()
+        & np.isfinite(wave.time_s)
+        & np.isfinite(wave.main_amplitude)
+        & np.isfinite(wave.phase_rad)
+    )
     good &= np.isfinite(wave.quadrature_amplitude)
     chosen = np.arange(len(good))[inside][good[inside]]
     u = ellipse.envelopes(
@@ -98,9 +121,17 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
         run_id=wave.run_id,
         time_s=np.asarray(wave.time_s, float)[chosen],
         envelope=u,
-        std=pooled_std(np.asarray(wave.signal_std, float)[chosen], u) if len(chosen) else np.zeros(0),
+        std=(
+            pooled_std(np.asarray(wave.signal_std, float)[chosen], u)
+            if len(chosen)
+            else np.zeros(0)
+        ),
         turn_rad=turn_rad[chosen],
-        temperature_degc=None if wave.temperature_degc is None else np.asarray(wave.temperature_degc, float)[chosen],
+        temperature_degc=(
+            None
+            if wave.temperature_degc is None
+            else np.asarray(wave.temperature_degc, float)[chosen]
+        ),
         reference_frequency_hz=float(wave.reference_frequency_hz),
         mode_number=int(wave.mode_number),
         window_s=float(wave.window_s),
@@ -108,7 +139,8 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
 
 
 def turned(time_s: Array, rate_rad_s: Array | None) -> Array:
-    """∫Ω dt from the first row along the rate's course; a rate that is not finite is bridged, none at all is zero."""
+    """∫Ω dt from the first row along the rate's course; a rate that is not finite is bridged, none
+    at all is zero."""
     if rate_rad_s is None or not np.isfinite(rate_rad_s).any():
         return np.zeros(len(time_s))
     finite = np.isfinite(rate_rad_s)
@@ -117,7 +149,8 @@ def turned(time_s: Array, rate_rad_s: Array | None) -> Array:
 
 
 def pooled_std(std: Array, u: Array) -> Array:
-    """Noise of one signal coefficient, pooled over neighbouring windows; where it is missing, from the envelope's third differences."""
+    """Noise of one signal coefficient, pooled over neighbouring windows; where it is missing, from
+    the envelope's third differences."""
     scale = np.sqrt(np.mean(np.abs(u) ** 2))
     usable = np.isfinite(std) & (std > 0)
     if usable.sum() < len(std) / 2:
@@ -129,7 +162,9 @@ def pooled_std(std: Array, u: Array) -> Array:
     pooled = variance.copy()
     for part in np.array_split(np.arange(len(std)), max(1, len(std) // width)):
         low, middle = np.quantile(variance[part], [0.25, 0.5])
-        like = part[variance[part] <= max(ODD_WINDOW * middle, middle + ODD_SPREAD * (middle - low))]
+        like = part[
+            variance[part] <= max(ODD_WINDOW * middle, middle + ODD_SPREAD * (middle - low))
+        ]
         pooled[like] = variance[like].mean()
     return np.maximum(np.sqrt(pooled), 1e-12 * scale)
 
@@ -141,12 +176,15 @@ def averaged(
     phase: Callable[[Array], Array] | None = None,
     grid: tuple[float, float] | None = None,
 ) -> EnvelopeRun:
-    """At most about `blocks` rows: each block's rows are carried to its mean time with an approximate motion, then averaged.
+    """At most about `blocks` rows: each block's rows are carried to its mean time with an
+    approximate motion, then averaged.
 
-    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad], `phase(time_s)` [rad] what a moving frequency adds. The mean
-    time is the weighted one, so an error δL of that motion enters only as (δL·dt)²/24 of the row: averaging along the motion that is
-    fitted to the rows, until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones (gaps) vanish.
-    `grid`: where the first piece begins and how long each is, of the whole run that this is a part of.
+    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad], `phase(time_s)` [rad]
+    what a moving frequency adds. The mean time is the weighted one, so an error δL of that motion
+    enters only as (δL·dt)²/24 of the row: averaging along the motion that is fitted to the rows,
+    until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones
+    (gaps) vanish. `grid`: where the first piece begins and how long each is, of the whole run that
+    this is a part of.
     """
     if grid is None:
         if len(run) <= blocks:
@@ -163,7 +201,10 @@ def averaged(
 
     time = mean(run.time_s)
     turn = np.interp(time, run.time_s, run.turn_rad)
-    c, s = applied(carry(time[which] - run.time_s, turn[which] - run.turn_rad), (run.envelope[:, 0], run.envelope[:, 1]))
+    c, s = applied(
+        carry(time[which] - run.time_s, turn[which] - run.turn_rad),
+        (run.envelope[:, 0], run.envelope[:, 1]),
+    )
     if phase is not None:
         turned_by = np.exp(1j * (phase(time)[which] - phase(run.time_s)))
         c, s = c * turned_by, s * turned_by

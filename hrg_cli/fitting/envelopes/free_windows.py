@@ -1,4 +1,5 @@
-"""Free windows cut out of a long record whose drive switches off for a while, and the choice of the most different ones."""
+"""Free windows cut out of a long record whose drive switches off for a while, and the choice of the
+most different ones."""
 
 from __future__ import annotations
 
@@ -19,9 +20,11 @@ MIN_WINDOW_ROWS = 3 * MIN_ROWS
 
 
 def cut(wave: Wave) -> list[Wave]:
-    """Free windows of a wave in time order: where `drive_main` is zero, else where the main amplitude itself decays steadily.
+    """Free windows of a wave in time order: where `drive_main` is zero, else where the main
+    amplitude itself decays steadily.
 
-    A free wave without a drive is one window. HrgError: a forced wave in which no free window is found.
+    A free wave without a drive is one window. HrgError: a forced wave in which no free window is
+    found.
     """
     if wave.drive_main is None and wave.mode == "free":
         return [wave]
@@ -33,15 +36,21 @@ def cut(wave: Wave) -> list[Wave]:
     if driven:
         assert drive is not None
         off = np.abs(np.nan_to_num(drive, nan=np.inf)) <= OFF_FRACTION * np.nanmax(np.abs(drive))
-        if wave.drive_quadrature is not None and np.nanmax(np.abs(wave.drive_quadrature), initial=0.0) > 0:
-            off &= np.abs(np.nan_to_num(wave.drive_quadrature)) <= OFF_FRACTION * np.nanmax(np.abs(wave.drive_quadrature))
+        if (
+            wave.drive_quadrature is not None
+            and np.nanmax(np.abs(wave.drive_quadrature), initial=0.0) > 0
+        ):
+            off &= np.abs(np.nan_to_num(wave.drive_quadrature)) <= OFF_FRACTION * np.nanmax(
+                np.abs(wave.drive_quadrature)
+            )
     else:
         off = decaying(np.asarray(wave.main_amplitude, float), wave.good())
     windows = [wave.rows(a, b) for a, b in stretches(off) if b - a >= MIN_WINDOW_ROWS]
     if not windows:
         raise HrgError(
-            f"{wave.run_id or 'the run'}: is driven throughout (mode {wave.mode}), free windows were expected; "
-            "record a run-down or switch the drive off for a while, or use --method working-mode"
+            f"{wave.run_id or 'the run'}: is driven throughout (mode {wave.mode}), free windows"
+            " were expected; record a run-down or switch the drive off for a while, or use"
+            " --method working-mode"
         )
     return (
         [w.replace(run_id=f"{wave.run_id}[{i}]", mode="free") for i, w in enumerate(windows)]
@@ -51,17 +60,25 @@ def cut(wave: Wave) -> list[Wave]:
 
 
 def stretches(on: Array) -> list[tuple[int, int]]:
-    """(start, stop) of the runs of True, shortened by one row at a switch: its window holds both states."""
+    """(start, stop) of the runs of True, shortened by one row at a switch: its window holds both
+    states."""
     edge = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
-    return [(int(a) + (a > 0), int(b) - (b < len(on))) for a, b in zip(edge[::2], edge[1::2]) if b - a > 2]
+    return [
+        (int(a) + (a > 0), int(b) - (b < len(on)))
+        for a, b in zip(edge[::2], edge[1::2])
+        if b - a > 2
+    ]
 
 
 def decaying(amplitude: Array, good: Array) -> Array:
-    """Rows in steady decay: pieces whose fall of ln a_A is above half the typical fall of the fastest tenth; ends are shed."""
+    """Rows in steady decay: pieces whose fall of ln a_A is above half the typical fall of the
+    fastest tenth; ends are shed."""
     n = len(amplitude)
     size = max(1, n // DECAY_PIECES)
     pieces = n // size
-    usable = np.where(good & (amplitude > 0), amplitude, np.nan)[: pieces * size].reshape(pieces, size)
+    usable = np.where(good & (amplitude > 0), amplitude, np.nan)[: pieces * size].reshape(
+        pieces, size
+    )
     count = np.maximum(1, np.sum(np.isfinite(usable), axis=1))
     level = np.log(np.nansum(usable, axis=1) / count + 1e-300)
     fall = -np.diff(level)
@@ -76,11 +93,16 @@ def decaying(amplitude: Array, good: Array) -> Array:
 
 
 def most_different(runs: Sequence[EnvelopeRun], count: int) -> list[int]:
-    """Indices of `count` runs spread widest in the wave's Stokes direction and rate, chosen one after the other, the longest first."""
+    """Indices of `count` runs spread widest in the wave's Stokes direction and rate, chosen one
+    after the other, the longest first."""
     features = []
     for run in runs:
         s = ellipse.stokes(run.envelope).mean(axis=0)
-        rate = np.ptp(run.turn_rad) / max(run.duration_s, 1e-300) * np.sign(run.turn_rad[-1] - run.turn_rad[0])
+        rate = (
+            np.ptp(run.turn_rad)
+            / max(run.duration_s, 1e-300)
+            * np.sign(run.turn_rad[-1] - run.turn_rad[0])
+        )
         features.append([*(s[1:] / s[0]), rate])
     table = np.array(features)
     table[:, 3] /= max(1e-300, np.abs(table[:, 3]).max())

@@ -1,4 +1,5 @@
-"""What a likelihood fit is worth: coloured-noise inflation, covariance of the parameters, flat directions, runs that disagree."""
+"""What a likelihood fit is worth: coloured-noise inflation, covariance of the parameters, flat
+directions, runs that disagree."""
 
 from __future__ import annotations
 
@@ -13,30 +14,35 @@ Array = np.ndarray
 FLAT_FRACTION = 0.3
 """A direction known no better than this part of its natural scale is flat."""
 CLEAR = 8.0
-"""Size of a split over its standard deviation from which its axis moves with its components as the slope says."""
+"""Size of a split over its standard deviation from which its axis moves with its components as the
+slope says."""
 LEAST_SHARE = 0.01
-"""Part of the information on a direction that a run and the others must have for the one to contradict the others in it."""
+"""Part of the information on a direction that a run and the others must have for the one to
+contradict the others in it."""
 MIN_BLOCKS = 24
 """Fewest blocks of residuals from which a noise level at that scale is believed."""
 MANY_BLOCKS = 1000
-"""Sums of residuals from which their level is known well enough (3 % of a standard deviation) to be taken in any case."""
+"""Sums of residuals from which their level is known well enough (3 % of a standard deviation) to be
+taken in any case."""
 
 
 @dataclass(frozen=True)
 class Flat:
-    """A direction of z these runs do not fix: unit vector in natural scales, and its standard deviation in them."""
+    """A direction of z these runs do not fix: unit vector in natural scales, and its standard
+    deviation in them."""
 
     direction: Array
     std: float
 
 
 def inflation(fit: Fit) -> tuple[float, float]:
-    """(variance factor over the nominal noise, its part due to colour): residuals summed over ever longer blocks, as white noise
-    would be 1.
+    """(variance factor over the nominal noise, its part due to colour): residuals summed over ever
+    longer blocks, as white noise would be 1.
 
-    Parameters move with what is slow, so the factor is the level at the longest scale that still has a thousand sums, be it above or
-    below the white one (windows that share samples anticorrelate); a level at a still longer scale counts when it exceeds that by 4 of
-    its errors. Sums lost to the fitted parameters are allowed for.
+    Parameters move with what is slow, so the factor is the level at the longest scale that still
+    has a thousand sums, be it above or below the white one (windows that share samples
+    anticorrelate); a level at a still longer scale counts when it exceeds that by 4 of its errors.
+    Sums lost to the fitted parameters are allowed for.
     """
     white = fit.chi2 / fit.dof
     residual = fit.response.residual()
@@ -62,17 +68,20 @@ def inflation(fit: Fit) -> tuple[float, float]:
 
 
 def natural_scales(fit: Fit) -> Array:
-    """Size a direction of z would have to be known to: ν for damping, the larger of δω, ν, 1/T for the split, K for K; 0: not judged."""
+    """Size a direction of z would have to be known to: ν for damping, the larger of δω, ν, 1/T for
+    the split, K for K; 0: not judged."""
     p = fit.p
     span = float(fit.response.batch.span_s.max())
     split = max(float(np.hypot(p[3], p[4])), abs(p[0]), 1 / span)
-    by_coordinate = np.array([abs(p[0]), abs(p[0]), abs(p[0]), split, split, max(abs(p[5]), 0.3), 0.0])
+    by_coordinate = np.array(
+        [abs(p[0]), abs(p[0]), abs(p[0]), split, split, max(abs(p[5]), 0.3), 0.0]
+    )
     return np.abs(fit.freedom.directions.T) @ by_coordinate
 
 
 def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
-    """Condition number of the scaled Fisher information (unit diagonal) of the judged directions, and the flat ones; the rest is
-    nuisance.
+    """Condition number of the scaled Fisher information (unit diagonal) of the judged directions,
+    and the flat ones; the rest is nuisance.
     """
     scales = natural_scales(fit)
     judged = scales > 0
@@ -108,10 +117,14 @@ def covariance_z(fit: Fit, factor: float) -> Array:
 
 
 def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> None:
-    """Give axes whose split is lost in noise the spread of their components instead of the slope's, in the covariance (6, 6) in place."""
+    """Give axes whose split is lost in noise the spread of their components instead of the slope's,
+    in the covariance (6, 6) in place."""
     for axis, first in ((2, 1), (4, 3)):
         part = cov_p[first : first + 2, first : first + 2]
-        std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(p[first] ** 2 + p[first + 1] ** 2)
+        std, size2 = (
+            np.sqrt(max(0.0, covariance[axis, axis])),
+            float(p[first] ** 2 + p[first + 1] ** 2),
+        )
         if not np.any(part) or not np.isfinite(size2) or size2 > CLEAR**2 * np.trace(part):
             continue
         spread = coordinates.axis_spread(p[first : first + 2], part, mode_number)
@@ -121,18 +134,25 @@ def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> N
 
 
 def parameters_by_z(fit: Fit, mode_number: int) -> Array:
-    """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by rounding."""
+    """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by
+    rounding."""
     _, slopes = coordinates.physical(fit.p, mode_number)
     through = slopes @ fit.freedom.directions
-    return np.where(np.abs(through) > 1e-12 * (np.abs(slopes) @ np.abs(fit.freedom.directions)), through, 0.0)
+    return np.where(
+        np.abs(through) > 1e-12 * (np.abs(slopes) @ np.abs(fit.freedom.directions)), through, 0.0
+    )
 
 
-def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Array | None = None) -> tuple[Array, Array]:
-    """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by 1/factor, priors kept.
+def parameter_covariance(
+    fit: Fit, factor: float, mode_number: int, between: Array | None = None
+) -> tuple[Array, Array]:
+    """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by
+    1/factor, priors kept.
 
     `between` (k, k): what the runs' disagreement adds to the covariance of z.
 
-    The size of a split that is lost in noise keeps the standard deviation of a component; its axis has the spread of its components'.
+    The size of a split that is lost in noise keeps the standard deviation of a component; its axis
+    has the spread of its components'.
     """
     values, _ = coordinates.physical(fit.p, mode_number)
     cov_z = covariance_z(fit, factor) + (0.0 if between is None else between)
@@ -144,9 +164,11 @@ def parameter_covariance(fit: Fit, factor: float, mode_number: int, between: Arr
 
 
 def run_shifts(fit: Fit, factor: float) -> Array:
-    """How far each run alone pulls z from what the other runs say, as a χ² a direction; 0 where the others say nothing.
+    """How far each run alone pulls z from what the other runs say, as a χ² a direction; 0 where the
+    others say nothing.
 
-    In directions of unit total information, the others having λ of it: (gradient of the run)²/λ(1 − λ).
+    In directions of unit total information, the others having λ of it: (gradient of the run)²/λ(1 −
+    λ).
     """
     parts = _run_information(fit)
     total = _prior_information(fit) + sum(information for information, _ in parts)
@@ -166,9 +188,11 @@ def run_shifts(fit: Fit, factor: float) -> Array:
 
 
 def between_runs(fit: Fit) -> Array:
-    """Covariance of z (k, k) by leaving out one run after another, (R − 1)/R·Σ d dᵀ, each d one Gauss–Newton step; zero for one run.
+    """Covariance of z (k, k) by leaving out one run after another, (R − 1)/R·Σ d dᵀ, each d one
+    Gauss–Newton step; zero for one run.
 
-    Where the model is wrong this is what the runs say about it; a run without which nothing is known moves z as if all were like it.
+    Where the model is wrong this is what the runs say about it; a run without which nothing is
+    known moves z as if all were like it.
     """
     parts = _run_information(fit)
     total = _prior_information(fit) + sum(information for information, _ in parts)
@@ -189,7 +213,8 @@ def between_runs(fit: Fit) -> Array:
 
 
 def considered(fit: Fit, coordinate: int, std: float) -> Array:
-    """Covariance of z (k, k) by a held coordinate that is known to `std` only: how the fit would move with it, squared."""
+    """Covariance of z (k, k) by a held coordinate that is known to `std` only: how the fit would
+    move with it, squared."""
     response = fit.response
     shared = fit.freedom.along(response.coordinate_sensitivities())
     held = response.coordinate_sensitivities()[coordinate : coordinate + 1]
@@ -236,7 +261,8 @@ def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Mean frequency of each run, Hz: values (R,), covariance (R, R), change with z (R, k) and what is its own beside z (R,)."""
+    """Mean frequency of each run, Hz: values (R,), covariance (R, R), change with z (R, k) and what
+    is its own beside z (R,)."""
 
     value: Array
     covariance: Array
@@ -250,7 +276,9 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
     """Mean frequencies of the runs, each its own nuisance, correlated through what they share."""
     response = fit.response
     span = response.batch.span_s
-    frequency = np.array([r.reference_frequency_hz for r in response.batch.runs]) + response.state.offsets_rad_s(span) / (2 * np.pi)
+    frequency = np.array(
+        [r.reference_frequency_hz for r in response.batch.runs]
+    ) + response.state.offsets_rad_s(span) / (2 * np.pi)
     covariance = covariance_z(fit, factor)
     shared = fit.freedom.along(response.coordinate_sensitivities())
     own = response.run_sensitivities()
@@ -265,5 +293,13 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
         through[run] = -back @ (Q.T @ real(shared[:, run, :n], weight))
     x = np.linspace(0.0, 1.0, 65)
     orders = np.arange(1, response.state.phase.shape[1] + 1)
-    course = (response.state.phase[:, :, None] * orders[:, None] * x ** (orders[:, None] - 1)).sum(axis=1) / (2 * np.pi * span[:, None])
-    return Frequencies(frequency, np.diag(variance) + through @ covariance @ through.T, through, variance, np.ptp(course, axis=1))
+    course = (response.state.phase[:, :, None] * orders[:, None] * x ** (orders[:, None] - 1)).sum(
+        axis=1
+    ) / (2 * np.pi * span[:, None])
+    return Frequencies(
+        frequency,
+        np.diag(variance) + through @ covariance @ through.T,
+        through,
+        variance,
+        np.ptp(course, axis=1),
+    )

@@ -1,9 +1,11 @@
-"""The likelihood of free runs: every run's envelopes by the exact slow model, all runs batched, Gauss–Newton with nuisances eliminated.
+"""The likelihood of free runs: every run's envelopes by the exact slow model, all runs batched,
+Gauss–Newton with nuisances eliminated.
 
-A run's model is u(t) = e^{jψ(t)} Φ(t) u₀ with Φ' = L(p, Ω(t)) Φ: start state u₀ (4 reals) and the phase polynomial ψ (frequency offset,
-then drift of the frequency) are the run's own; p are the coordinates of `coordinates.py`, shared. Steps are exponentials of the mean
-generator (closed 2 × 2 form), runs of a steady rate a single one; a small term g(t) added to u' changes the model by Φ(t) ∫ Φ⁻¹ g dt,
-which gives the Jacobian, and a changed rate's sensitivity, without a second integration.
+A run's model is u(t) = e^{jψ(t)} Φ(t) u₀ with Φ' = L(p, Ω(t)) Φ: start state u₀ (4 reals) and the
+phase polynomial ψ (frequency offset, then drift of the frequency) are the run's own; p are the
+coordinates of `coordinates.py`, shared. Steps are exponentials of the mean generator (closed 2 × 2
+form), runs of a steady rate a single one; a small term g(t) added to u' changes the model by Φ(t) ∫
+Φ⁻¹ g dt, which gives the Jacobian, and a changed rate's sensitivity, without a second integration.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ STEADY_RAD = 1e-9
 
 @dataclass(frozen=True)
 class Batch:
-    """Runs side by side, padded to the longest: times from the run's first row, table turn, envelopes, 1/σ (0 where padded), (R, n)."""
+    """Runs side by side, padded to the longest: times from the run's first row, table turn,
+    envelopes, 1/σ (0 where padded), (R, n)."""
 
     runs: tuple[EnvelopeRun, ...]
     time_s: Array
@@ -55,17 +58,29 @@ class Batch:
     def steady_rate(self) -> Array | None:
         """Rate of each run, (R,) rad/s, where every run's rate is constant; else None."""
         rate = self.turn_rad[:, -1] / self.span_s
-        return rate if np.all(np.abs(self.turn_rad - rate[:, None] * self.time_s) < STEADY_RAD) else None
+        return (
+            rate
+            if np.all(np.abs(self.turn_rad - rate[:, None] * self.time_s) < STEADY_RAD)
+            else None
+        )
 
     @cached_property
     def step_rate_slope(self) -> Array:
-        """Angular acceleration of each step, rad/s², from the neighbouring steps' mean rates, (R, n−1)."""
+        """Angular acceleration of each step, rad/s², from the neighbouring steps' mean rates, (R,
+        n−1)."""
         middle = (self.time_s[:, 1:] + self.time_s[:, :-1]) / 2
         rate, dt = self.step_rate, np.diff(middle, axis=1)
-        slope = np.divide(np.diff(rate, axis=1), dt, out=np.zeros_like(dt), where=(dt > 0) & (self.step_s[:, 1:] > 0))
+        slope = np.divide(
+            np.diff(rate, axis=1),
+            dt,
+            out=np.zeros_like(dt),
+            where=(dt > 0) & (self.step_s[:, 1:] > 0),
+        )
         if slope.shape[1] == 0:
             return np.zeros_like(rate)
-        return np.concatenate([slope[:, :1], (slope[:, 1:] + slope[:, :-1]) / 2, slope[:, -1:]], axis=1)
+        return np.concatenate(
+            [slope[:, :1], (slope[:, 1:] + slope[:, :-1]) / 2, slope[:, -1:]], axis=1
+        )
 
     @property
     def span_s(self) -> Array:
@@ -91,7 +106,8 @@ def batch(runs: Sequence[EnvelopeRun]) -> Batch:
 
 @dataclass(frozen=True)
 class State:
-    """Where the fit stands: shared coordinates p (7,), start states (R, 2) complex, phase coefficients (R, k) of (t/T)¹…(t/T)ᵏ, rad."""
+    """Where the fit stands: shared coordinates p (7,), start states (R, 2) complex, phase
+    coefficients (R, k) of (t/T)¹…(t/T)ᵏ, rad."""
 
     p: Array
     start: Array
@@ -116,13 +132,21 @@ class Response:
     second: Matrix  # ∂L/∂p₆ a step, (R, n-1) or the same for all, (R, 1)
 
     @cached_property
-    def _pulled(self) -> tuple[tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector], Vector]:
-        """Φ⁻¹ E Φ u₀ of E = R_c, R_s, J at the rows (R, n) and between them (R, n − 1), and Φ u₀ there."""
+    def _pulled(
+        self,
+    ) -> tuple[tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector], Vector]:
+        """Φ⁻¹ E Φ u₀ of E = R_c, R_s, J at the rows (R, n) and between them (R, n − 1), and Φ u₀
+        there."""
         between = applied(self.middle, (self.state.start[:, :1], self.state.start[:, 1:]))
-        return matrices.reflected_and_pulled(self.phi, self.flow), matrices.reflected_and_pulled(self.middle, between), between
+        return (
+            matrices.reflected_and_pulled(self.phi, self.flow),
+            matrices.reflected_and_pulled(self.middle, between),
+            between,
+        )
 
     def _carried(self, left: Vector, middle: Vector, right: Vector) -> Array:
-        """Φ(t) ∫₀ᵗ of what stands at the steps' ends and middles (..., R, n − 1): change of the envelopes (..., R, n, 2).
+        """Φ(t) ∫₀ᵗ of what stands at the steps' ends and middles (..., R, n − 1): change of the
+        envelopes (..., R, n, 2).
 
         Simpson's rule a step: the error is of fourth order in |L|·step.
         """
@@ -135,7 +159,8 @@ class Response:
         return np.stack(applied(self.phi, (path[0], path[1])), axis=-1)
 
     def turning_sensitivity(self, begin: Array, middle: Array, end: Array) -> Array:
-        """Change of the envelopes (k, R, n, 2) by a rate times K that grows by (k, R, n − 1) at the steps' ends and middles."""
+        """Change of the envelopes (k, R, n, 2) by a rate times K that grows by (k, R, n − 1) at the
+        steps' ends and middles."""
         at, between, _ = self._pulled
         return self._carried(
             (begin * at[2][0][:, :-1], begin * at[2][1][:, :-1]),
@@ -160,18 +185,22 @@ class Response:
         for part in (slice(None, -1), slice(1, None)):
             back, (x, y) = matrices.inverse(matrices.columns(self.phi, part)), self.flow
             ends.append(applied(back, applied(self.second, (x[:, part], y[:, part]))))
-        out[6] = self._carried(ends[0], applied(matrices.inverse(self.middle), applied(self.second, flow)), ends[1])
+        out[6] = self._carried(
+            ends[0], applied(matrices.inverse(self.middle), applied(self.second, flow)), ends[1]
+        )
         return out
 
     def coordinate_sensitivities(self) -> Array:
         """∂model/∂p (7, R, n, 2); to first order in |L|/ω, which is enough to converge.
 
-        R_c, R_s, ΩJ and the second order are carried; ν needs no integral, and a frequency split is −j times a damping split.
+        R_c, R_s, ΩJ and the second order are carried; ν needs no integral, and a frequency split is
+        −j times a damping split.
         """
         return self._coordinates
 
     def run_sensitivities(self, further_orders: int = 0) -> Array:
-        """∂model/∂(Re u₀C, Im u₀C, Re u₀S, Im u₀S, phase coefficients and `further_orders` of them), (4 + k, R, n, 2)."""
+        """∂model/∂(Re u₀C, Im u₀C, Re u₀S, Im u₀S, phase coefficients and `further_orders` of
+        them), (4 + k, R, n, 2)."""
         orders = self.state.phase.shape[1] + further_orders
         out = np.empty((4 + orders, *self.model.shape), complex)
         for column, rows in ((0, (0, 2)), (2, (1, 3))):
@@ -196,7 +225,9 @@ class Response:
 
 def respond(data: Batch, state: State) -> Response:
     """Envelopes of all runs at a state."""
-    omega = 2 * np.pi * np.array([r.reference_frequency_hz for r in data.runs]) + state.offsets_rad_s(data.span_s)
+    omega = 2 * np.pi * np.array(
+        [r.reference_frequency_hz for r in data.runs]
+    ) + state.offsets_rad_s(data.span_s)
     steady = data.steady_rate
     rate = data.step_rate if steady is None else steady[:, None]
     plain = coordinates.entries(np.append(state.p[:6], 0.0), rate, omega[:, None])
@@ -208,14 +239,26 @@ def respond(data: Batch, state: State) -> Response:
         centre = (data.time_s[:, 1:] + data.time_s[:, :-1]) / 2
         middle = matrices.exponential(L, centre)
     else:
-        c = state.p[5] * data.step_s**2 / 12 * data.step_rate_slope  # Magnus, c·[J, L]: the rate changes within a step
-        L = (L[0] + c * (L[1] + L[2]), L[1] - 2 * c * L[0], L[2] - 2 * c * L[0], L[3] - c * (L[1] + L[2]))
+        c = (
+            state.p[5] * data.step_s**2 / 12 * data.step_rate_slope
+        )  # Magnus, c·[J, L]: the rate changes within a step
+        L = (
+            L[0] + c * (L[1] + L[2]),
+            L[1] - 2 * c * L[0],
+            L[2] - 2 * c * L[0],
+            L[3] - c * (L[1] + L[2]),
+        )
         half = matrices.exponential(L, data.step_s / 2)
         phi = matrices.chain(product(half, half))
         middle = product(half, matrices.columns(phi, slice(None, -1)))
-        growth = np.concatenate([np.zeros((len(data.runs), 1)), np.cumsum(mean * data.step_s, axis=1)], axis=1)
+        growth = np.concatenate(
+            [np.zeros((len(data.runs), 1)), np.cumsum(mean * data.step_s, axis=1)], axis=1
+        )
     x = data.time_s / data.span_s[:, None]
-    turn = np.exp(growth + 1j * sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1)))
+    turn = np.exp(
+        growth
+        + 1j * sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1))
+    )
     flow = applied(phi, (state.start[:, :1], state.start[:, 1:]))
     model = np.stack([flow[0] * turn, flow[1] * turn], axis=-1)
     return Response(data, state, model, turn, phi, middle, flow, second)
@@ -228,7 +271,8 @@ def _each(rule: Callable[[Array, Array], Array], a: Matrix, b: Matrix) -> Matrix
 
 @dataclass(frozen=True)
 class Freedom:
-    """What is fitted: p = origin + directions @ z, with an optional Gaussian prior (mean, std) a direction (std inf: none)."""
+    """What is fitted: p = origin + directions @ z, with an optional Gaussian prior (mean, std) a
+    direction (std inf: none)."""
 
     names: tuple[str, ...]
     origin: Array
@@ -237,7 +281,8 @@ class Freedom:
     prior_std: Array
 
     def along(self, columns: Array) -> Array:
-        """Sensitivities along the directions (k, ...) from those along the first coordinates (6 or 7, ...)."""
+        """Sensitivities along the directions (k, ...) from those along the first coordinates (6 or
+        7, ...)."""
         part = self.directions[: len(columns)]
         rows, single = np.argmax(part, axis=0), np.count_nonzero(part, axis=0) == 1
         if np.all(single & (part.max(axis=0) == 1)):
@@ -247,7 +292,8 @@ class Freedom:
 
 @dataclass(frozen=True)
 class Fit:
-    """The optimum: state, upper-triangular square root of the information on z with the runs' nuisances eliminated, χ² and its freedom."""
+    """The optimum: state, upper-triangular square root of the information on z with the runs'
+    nuisances eliminated, χ² and its freedom."""
 
     freedom: Freedom
     response: Response
@@ -259,8 +305,12 @@ class Fit:
     converged: bool
     iterations: int
     run_chi2: Array = field(default_factory=lambda: np.zeros(0))
-    phase_demand: float = 0.0  # largest Δχ² a run gains from two further orders of its phase, in units of χ²/dof
-    truncation: float = 0.0  # what the last averaging along its own motion moved, in standard deviations
+    phase_demand: float = (
+        0.0  # largest Δχ² a run gains from two further orders of its phase, in units of χ²/dof
+    )
+    truncation: float = (
+        0.0  # what the last averaging along its own motion moved, in standard deviations
+    )
 
     @property
     def p(self) -> Array:
@@ -287,24 +337,36 @@ def triangle(matrix: Array) -> Array:
 
 
 def reduced(response: Response, freedom: Freedom) -> tuple[Array, Array, Array, Array]:
-    """Each run's design with its own nuisances eliminated by QR: rows of ∂/∂z and residual stacked over the runs, what gives the
-    nuisance steps back (R, k, ·), and Δχ² (R,) that two further orders of each run's phase would gain.
+    """Each run's design with its own nuisances eliminated by QR: rows of ∂/∂z and residual stacked
+    over the runs, what gives the nuisance steps back (R, k, ·), and Δχ² (R,) that two further
+    orders of each run's phase would gain.
     """
     shared = freedom.along(response.coordinate_sensitivities())
     own = response.run_sensitivities(FURTHER)
     k, s = len(own) - FURTHER, len(shared)
-    columns = np.concatenate([own[:k], shared, own[k:], (response.batch.envelope - response.model)[None]])
+    columns = np.concatenate(
+        [own[:k], shared, own[k:], (response.batch.envelope - response.model)[None]]
+    )
     columns *= response.batch.weight[..., None]
     R = triangle(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
     rows = R[:, k : k + s]
     gain = np.sum(R[:, k + s : -1, -1] ** 2, axis=1)
-    return rows[..., k : k + s].reshape(-1, s), rows[..., -1].ravel(), R[:, :k, [*range(k + s), -1]], gain
+    return (
+        rows[..., k : k + s].reshape(-1, s),
+        rows[..., -1].ravel(),
+        R[:, :k, [*range(k + s), -1]],
+        gain,
+    )
 
 
-def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max_iterations: int = 30) -> Fit:
-    """Gauss–Newton with step halving from z, start states (R, 2) and phases (R, k); stops where χ² is as flat as its quadratic form says.
+def fit(
+    data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max_iterations: int = 30
+) -> Fit:
+    """Gauss–Newton with step halving from z, start states (R, 2) and phases (R, k); stops where χ²
+    is as flat as its quadratic form says.
 
-    A whole step whose fall of χ² is the predicted one to 1e-3 χ²/dof leaves a rest smaller than that.
+    A whole step whose fall of χ² is the predicted one to 1e-3 χ²/dof leaves a rest smaller than
+    that.
     """
     prior = np.isfinite(freedom.prior_std)
     prior_rows = np.diag(np.where(prior, 1 / np.where(prior, freedom.prior_std, 1.0), 0.0))[prior]
@@ -368,13 +430,16 @@ def fit(data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max
 
 
 def _own_steps(back: Array, step: Array) -> Array:
-    """Steps of the runs' own start states and phases (R, k) that belong to a step of z; directions without information stay."""
+    """Steps of the runs' own start states and phases (R, k) that belong to a step of z; directions
+    without information stay."""
     k = back.shape[1]
     right = back[:, :, -1] - back[:, :, k:-1] @ step
     size = np.abs(np.diagonal(back[:, :, :k], axis1=1, axis2=2))
     if np.all(size > 1e-10 * size.max(axis=1, keepdims=True)):
         return np.linalg.solve(back[:, :, :k], right[..., None])[..., 0]
-    return np.stack([np.linalg.lstsq(R[:, :k], r, rcond=1e-14)[0] for R, r in zip(back, right, strict=True)])
+    return np.stack(
+        [np.linalg.lstsq(R[:, :k], r, rcond=1e-14)[0] for R, r in zip(back, right, strict=True)]
+    )
 
 
 def _dof(data: Batch, freedom: Freedom, phase: Array) -> int:
@@ -382,7 +447,9 @@ def _dof(data: Batch, freedom: Freedom, phase: Array) -> int:
     return max(1, 4 * rows - len(data.runs) * (4 + phase.shape[1]) - len(freedom.names))
 
 
-def free(names: Sequence[str], origin: Array, prior: dict[str, tuple[float, float]] | None = None) -> Freedom:
+def free(
+    names: Sequence[str], origin: Array, prior: dict[str, tuple[float, float]] | None = None
+) -> Freedom:
     """Coordinates fitted one by one, the others held at `origin` (7,)."""
     index = [coordinates.COORDINATES.index(n) for n in names]
     prior = prior or {}

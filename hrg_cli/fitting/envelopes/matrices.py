@@ -1,4 +1,5 @@
-"""Many 2 × 2 matrices as four arrays (m₀₀, m₀₁, m₁₀, m₁₁) and vectors as two: several times faster than (..., 2, 2) on long arrays."""
+"""Many 2 × 2 matrices as four arrays (m₀₀, m₀₁, m₁₀, m₁₁) and vectors as two: several times faster
+than (..., 2, 2) on long arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +16,12 @@ SLOPE_SERIES = 0.05
 
 def product(a: Matrix, b: Matrix) -> Matrix:
     """a·b."""
-    return (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
+    return (
+        a[0] * b[0] + a[1] * b[2],
+        a[0] * b[1] + a[1] * b[3],
+        a[2] * b[0] + a[3] * b[2],
+        a[2] * b[1] + a[3] * b[3],
+    )
 
 
 def applied(m: Matrix, v: Vector) -> Vector:
@@ -49,7 +55,8 @@ def traceless(m: Matrix) -> tuple[Array, Matrix]:
 
 
 def exponential(m: Matrix, time_s: Array) -> Matrix:
-    """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues too."""
+    """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues
+    too."""
     d = np.sqrt(m[0] ** 2 + m[1] * m[2] + 0j)
     x = d * time_s
     up = np.exp(x)
@@ -64,10 +71,11 @@ def exponential(m: Matrix, time_s: Array) -> Matrix:
 
 
 def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, Array]:
-    """exp(m·t) of traceless m, and f, g, s of its exact derivative along a traceless E: (f I + g m)·tr(mE) + s E.
+    """exp(m·t) of traceless m, and f, g, s of its exact derivative along a traceless E: (f I + g
+    m)·tr(mE) + s E.
 
-    exp(mt) = c I + s m with d² = tr(m²)/2, so ∂d²/∂E = tr(mE), ∂c/∂d² = ts/2 = f, ∂s/∂d² = (tc − s)/2d² = g: no integral is needed,
-    however far the motion turns in t.
+    exp(mt) = c I + s m with d² = tr(m²)/2, so ∂d²/∂E = tr(mE), ∂c/∂d² = ts/2 = f, ∂s/∂d² = (tc −
+    s)/2d² = g: no integral is needed, however far the motion turns in t.
     """
     d2 = m[0] ** 2 + m[1] * m[2] + 0j
     x2 = d2 * time_s**2
@@ -76,13 +84,16 @@ def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, 
     d = np.sqrt(safe)
     even = np.where(small, 1 + x2 / 2 + x2**2 / 24, np.cosh(d * time_s))
     slope = np.where(small, time_s * (1 + x2 / 6 + x2**2 / 120), np.sinh(d * time_s) / d)
-    third = np.where(small, time_s**3 * (1 / 6 + x2 / 60 + x2**2 / 1680), (time_s * even - slope) / (2 * safe))
+    third = np.where(
+        small, time_s**3 * (1 / 6 + x2 / 60 + x2**2 / 1680), (time_s * even - slope) / (2 * safe)
+    )
     whole = (even + slope * m[0], slope * m[1], slope * m[2], even - slope * m[0])
     return whole, time_s * slope / 2, third, slope
 
 
 def chain(steps: Matrix) -> Matrix:
-    """Running products (R, n) of steps (R, n − 1), the identity first; about 2√n batched multiplications."""
+    """Running products (R, n) of steps (R, n − 1), the identity first; about 2√n batched
+    multiplications."""
     runs, count = steps[0].shape
     size = max(1, int(np.sqrt(count)))
     blocks = -(-count // size)

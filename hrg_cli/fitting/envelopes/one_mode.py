@@ -2,8 +2,8 @@
 
     −(ln a)' = ν + f/a + ν₁ a + ν₂ a²      dry friction f, drag ∝ speed² ν₁, and damping ∝ a² ν₂ beside the viscous ν
     φ'       = δ + κ a² + κ₄ a⁴            a pendulum's own law: κ = −ω/16
-Both are linear in their coefficients once integrated along the measured amplitude from the run's first row, so there is no start to
-guess; terms are taken in one by one as long as χ² asks for them.
+Both are linear in their coefficients once integrated along the measured amplitude from the run's
+first row, so there is no start to guess; terms are taken in one by one as long as χ² asks for them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ CLEAR = 6.0
 
 @dataclass(frozen=True)
 class Law:
-    """Coefficients by name with standard deviations, powers of the amplitude they go with, their covariance, and what is left."""
+    """Coefficients by name with standard deviations, powers of the amplitude they go with, their
+    covariance, and what is left."""
 
     names: tuple[str, ...]
     value: Array
@@ -44,7 +45,8 @@ class Law:
 
 @dataclass(frozen=True)
 class OneMode:
-    """The two laws of one mode, of ln a and of φ, and the rows (n,) they were fitted to; χ² a degree of freedom of both."""
+    """The two laws of one mode, of ln a and of φ, and the rows (n,) they were fitted to; χ² a
+    degree of freedom of both."""
 
     decay: Law
     frequency: Law
@@ -65,12 +67,15 @@ def integral(values: Array, time_s: Array) -> Array:
     """∫ from the first row along the last axis, trapezium rule with its end correction."""
     step = np.diff(time_s)
     slope = np.gradient(values, time_s, axis=-1)
-    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(slope, axis=-1) * step**2 / 12
+    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(
+        slope, axis=-1
+    ) * step**2 / 12
     return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
 
 
 def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
-    """The laws of one mode from its envelope z (n,); `nonlinear` False: ν and δ alone. Rows lost in noise are left out."""
+    """The laws of one mode from its envelope z (n,); `nonlinear` False: ν and δ alone. Rows lost in
+    noise are left out."""
     a = np.abs(z)
     clear = a > CLEAR * run.std
     last = len(a) if clear.all() else int(np.argmin(clear)) if clear[0] else 0
@@ -84,7 +89,8 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
 
 
 def misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
-    """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what the laws of some rows foretell."""
+    """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what the
+    laws of some rows foretell."""
     found = identify(run.rows(rows), z[rows])
     a = np.maximum(np.abs(z), run.std)
     inside = np.arange(len(z))[rows][found.rows]
@@ -93,22 +99,34 @@ def misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
         (found.decay, -np.log(a), DECAY_POWERS),
         (found.frequency, np.unwrap(np.angle(z)), FREQUENCY_POWERS),
     ):
-        model = sum(value * integral(a ** powers[name], run.time_s) for name, value in zip(law.names, law.value, strict=True))
+        model = sum(
+            value * integral(a ** powers[name], run.time_s)
+            for name, value in zip(law.names, law.value, strict=True)
+        )
         apart = target - model
         left.append(apart - np.average(apart[inside], weights=(a / run.std)[inside] ** 2))
-    larger = a * np.exp(np.clip(left[0], 0.0, 50.0))  # the foretold amplitude where it is above the measured one
+    larger = a * np.exp(
+        np.clip(left[0], 0.0, 50.0)
+    )  # the foretold amplitude where it is above the measured one
     lost = a < 3 * run.std
     relative = np.minimum(left[0] ** 2 + np.where(lost, 0.0, left[1] ** 2), 4.0)
     return relative * (larger / run.std) ** 2 / 2, relative
 
 
-def _law(target: Array, time_s: Array, a: Array, weight: Array, powers: dict[str, int], nonlinear: bool) -> Law:
-    """Forward selection of terms: the first always, then the one that lowers χ² most, as long as it does by `GAIN` of its unit."""
+def _law(
+    target: Array, time_s: Array, a: Array, weight: Array, powers: dict[str, int], nonlinear: bool
+) -> Law:
+    """Forward selection of terms: the first always, then the one that lowers χ² most, as long as it
+    does by `GAIN` of its unit."""
     columns = {name: integral(a**power, time_s) for name, power in powers.items()}
     names = [next(iter(powers))]
     best = _fit(target, [columns[n] for n in names], weight, names)
     while nonlinear and len(names) < len(powers):
-        trials = [_fit(target, [columns[n] for n in (*names, extra)], weight, [*names, extra]) for extra in powers if extra not in names]
+        trials = [
+            _fit(target, [columns[n] for n in (*names, extra)], weight, [*names, extra])
+            for extra in powers
+            if extra not in names
+        ]
         law = min(trials, key=lambda trial: trial.chi2)
         if best.chi2 - law.chi2 < GAIN * max(1.0, law.chi2 / law.dof):
             break

@@ -1,7 +1,9 @@
-"""A run's frequency that moves by more than a fit could find its way through: its course from neighbouring windows, as a polynomial.
+"""A run's frequency that moves by more than a fit could find its way through: its course from
+neighbouring windows, as a polynomial.
 
-Gauss–Newton on phases wraps where the frequency's drift turns the phase by some radians more than a straight line; so that part is taken
-from the windows' own phase steps first (frequency with temperature, a pendulum's with its amplitude squared), and refined by the fit.
+Gauss–Newton on phases wraps where the frequency's drift turns the phase by some radians more than a
+straight line; so that part is taken from the windows' own phase steps first (frequency with
+temperature, a pendulum's with its amplitude squared), and refined by the fit.
 """
 
 from __future__ import annotations
@@ -19,17 +21,21 @@ DEGREE = 8
 """Degree of the frequency's polynomial; the phase's is one more."""
 FEWEST_ROWS = 64
 CLEAR, MOSTLY = 8.0, 0.8
-"""Amplitude over its noise from which a phase step is believed, and the part of the rows that must be so clear."""
+"""Amplitude over its noise from which a phase step is believed, and the part of the rows that must
+be so clear."""
 WRAPS_RAD = 3.0
 """Bend of the phase's course above which a fit that starts from a straight line may lose a turn."""
 Course = np.polynomial.Polynomial
 
 
 def bends(runs: Sequence[EnvelopeRun]) -> list[Course] | None:
-    """Each run's phase [rad] over the time from its first row [s], less its straight line; None where no run's phase bends so far."""
+    """Each run's phase [rad] over the time from its first row [s], less its straight line; None
+    where no run's phase bends so far."""
     found = [_bend(run) for run in runs]
     times = [run.time_s - run.time_s[0] for run in runs]
-    most = max((float(np.ptp(course(t))) for course, t in zip(found, times, strict=True)), default=0.0)
+    most = max(
+        (float(np.ptp(course(t))) for course, t in zip(found, times, strict=True)), default=0.0
+    )
     return found if most > WRAPS_RAD else None
 
 
@@ -54,16 +60,23 @@ def _bend(run: EnvelopeRun) -> Course:
     return phase - line
 
 
-def straightened(runs: Sequence[EnvelopeRun], courses: Sequence[Course], sign: float = -1.0) -> list[EnvelopeRun]:
+def straightened(
+    runs: Sequence[EnvelopeRun], courses: Sequence[Course], sign: float = -1.0
+) -> list[EnvelopeRun]:
     """Runs with these courses of the phase taken off (or, sign +1, put back)."""
     return [
-        dataclasses.replace(r, envelope=r.envelope * np.exp(sign * 1j * c(r.time_s - r.time_s[0]))[:, None])
+        dataclasses.replace(
+            r, envelope=r.envelope * np.exp(sign * 1j * c(r.time_s - r.time_s[0]))[:, None]
+        )
         for r, c in zip(runs, courses, strict=True)
     ]
 
 
-def bent_back(data: Batch, runs: Sequence[EnvelopeRun], courses: Sequence[Course], phase: Array) -> tuple[list[EnvelopeRun], Array]:
-    """Rows of straightened runs with the courses put back, and the phase coefficients (R, k) of (t/T)¹…ᵏ that go with them."""
+def bent_back(
+    data: Batch, runs: Sequence[EnvelopeRun], courses: Sequence[Course], phase: Array
+) -> tuple[list[EnvelopeRun], Array]:
+    """Rows of straightened runs with the courses put back, and the phase coefficients (R, k) of
+    (t/T)¹…ᵏ that go with them."""
     rows, orders = [], max([phase.shape[1], *(len(c) - 1 for c in courses)])
     out = np.zeros((len(courses), orders))
     out[:, : phase.shape[1]] = phase

@@ -1,8 +1,10 @@
-"""Identification by the propagator: u(t + h) = e^{jδh} exp(Lh) u(t) over all runs, a linear regression a step; starts the likelihood.
+"""Identification by the propagator: u(t + h) = e^{jδh} exp(Lh) u(t) over all runs, a linear
+regression a step; starts the likelihood.
 
-The lag h grows from a few rows (or the longest that the first guess follows) to half a run, so that no phase is ever wrapped: at the
-first lag any start converges, each later lag starts from the one before. L is shared by the runs and linear in the coordinates of
-`coordinates.py`; δ is each run's own.
+The lag h grows from a few rows (or the longest that the first guess follows) to half a run, so that
+no phase is ever wrapped: at the first lag any start converges, each later lag starts from the one
+before. L is shared by the runs and linear in the coordinates of `coordinates.py`; δ is each run's
+own.
 """
 
 from __future__ import annotations
@@ -23,17 +25,20 @@ START_BLOCKS = 1000
 LAG_FRACTIONS = (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1 / 2)
 STEPS_A_LAG = 2
 PAIRS_A_LAG = 4
-"""Pairs of rows whose first row lies within one lag on the way; at the last lag, where no row is in two pairs, all."""
+"""Pairs of rows whose first row lies within one lag on the way; at the last lag, where no row is in
+two pairs, all."""
 SETTLED = 1e-3
 """Change of L times lag after which the next step, its square, is left to the next lag."""
 NEAR = 0.1
-"""Part of a run's energy the first guess may miss at a lag for the regressions to begin there: no phase is wrapped."""
+"""Part of a run's energy the first guess may miss at a lag for the regressions to begin there: no
+phase is wrapped."""
 LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
 
 
 def mean_frequency(run: EnvelopeRun) -> float:
-    """Mean angular frequency above the reference from neighbouring rows, rad/s; safe below half a turn a row."""
+    """Mean angular frequency above the reference from neighbouring rows, rad/s; safe below half a
+    turn a row."""
     step = np.diff(run.time_s)
     near = step < 1.5 * np.median(step)
     turn = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]), axis=1)[near]
@@ -52,7 +57,8 @@ def mean_damping(run: EnvelopeRun) -> float:
 
 
 def scale_factor(runs: Sequence[EnvelopeRun]) -> float:
-    """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²); 0 without rotation."""
+    """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²); 0 without
+    rotation."""
     top = bottom = 0.0
     for run in runs:
         before, after = run.envelope[:-1], run.envelope[1:]
@@ -66,7 +72,8 @@ def scale_factor(runs: Sequence[EnvelopeRun]) -> float:
 
 
 def rough(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
-    """First guess: coordinates (7,) without any anisotropy, and the runs' frequency offsets (R,) in rad/s."""
+    """First guess: coordinates (7,) without any anisotropy, and the runs' frequency offsets (R,) in
+    rad/s."""
     p = np.zeros(COUNT)
     p[0] = np.median([mean_damping(r) for r in runs])
     p[5] = scale_factor(runs)
@@ -83,13 +90,15 @@ def plain_exponential(p: Array, dt: Array, turn: Array, offset_rad_s: Array | fl
 
 
 def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Matrix]:
-    """Propagator over (dt, table turn) of the plain generator with a frequency offset, for `averaged`."""
+    """Propagator over (dt, table turn) of the plain generator with a frequency offset, for
+    `averaged`."""
     return lambda dt, turn: plain_exponential(p, dt, turn, offset_rad_s)
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Rows one lag apart, all runs one after the other: u(t), u(t + h), h, table turn, 1/σ of the difference, first pair of each run."""
+    """Rows one lag apart, all runs one after the other: u(t), u(t + h), h, table turn, 1/σ of the
+    difference, first pair of each run."""
 
     before: Array
     after: Array
@@ -101,7 +110,8 @@ class Pairs:
 
 
 def pairs(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False) -> Pairs:
-    """Pairs of rows about `lag_s` apart within a run, four a lag or `all_rows`; pairs across a gap carry their true time."""
+    """Pairs of rows about `lag_s` apart within a run, four a lag or `all_rows`; pairs across a gap
+    carry their true time."""
     parts = []
     for number, run in enumerate(runs):
         end = np.searchsorted(run.time_s, run.time_s + lag_s * (1 - 1e-9))
@@ -111,7 +121,9 @@ def pairs(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False) -> 
         end = end[begin]
         dt, turn = run.time_s[end] - run.time_s[begin], run.turn_rad[end] - run.turn_rad[begin]
         weight = 1 / np.hypot(run.std[begin], run.std[end])
-        parts.append((run.envelope[begin], run.envelope[end], dt, turn, weight, np.full(len(begin), number)))
+        parts.append(
+            (run.envelope[begin], run.envelope[end], dt, turn, weight, np.full(len(begin), number))
+        )
     before, after, dt, turn, weight, which = (np.concatenate(column) for column in zip(*parts))
     return Pairs(before, after, dt, turn, weight, np.flatnonzero(np.diff(which, prepend=-1)), which)
 
@@ -121,8 +133,11 @@ def reflected(v: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
     return (v[0], -v[1]), (v[1], v[0]), (v[1], -v[0])
 
 
-def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array, float]:
-    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets, covariance of z, misfit before it."""
+def regress(
+    data: Pairs, freedom: Freedom, p: Array, offsets: Array
+) -> tuple[Array, Array, Array, float]:
+    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets,
+    covariance of z, misfit before it."""
     k = len(freedom.names)
     dt = data.dt
     rate = data.turn / dt
@@ -133,9 +148,13 @@ def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Ar
     flow, turned = applied(whole, before), applied(L, before)
     columns = np.empty((6, len(dt), 2), complex)
     columns[0, :, 0], columns[0, :, 1] = -dt * flow[0], -dt * flow[1]  # ν alone commutes
-    for row, trace, image in zip((1, 2, 5), (2 * L[0], L[1] + L[2], L[2] - L[1]), reflected(before), strict=True):
+    for row, trace, image in zip(
+        (1, 2, 5), (2 * L[0], L[1] + L[2], L[2] - L[1]), reflected(before), strict=True
+    ):
         for channel in (0, 1):
-            columns[row, :, channel] = trace * (even * before[channel] + third * turned[channel]) + slope * image[channel]
+            columns[row, :, channel] = (
+                trace * (even * before[channel] + third * turned[channel]) + slope * image[channel]
+            )
     columns[1:3] *= -1
     np.multiply(columns[1:3], -1j, out=columns[3:5])
     columns *= data.weight[:, None]
@@ -170,24 +189,38 @@ def regress(data: Pairs, freedom: Freedom, p: Array, offsets: Array) -> tuple[Ar
     inverse = (vector[:, keep] / size[keep]) @ vector[:, keep].T / np.outer(scale, scale)
     step = inverse @ gradient
     spread = max(0.0, misfit - float(gradient @ step)) / max(1, rows - len(step))
-    return p + freedom.directions @ step[:k], offsets + step[k:], spread * inverse[:k, :k], misfit / rows
+    return (
+        p + freedom.directions @ step[:k],
+        offsets + step[k:],
+        spread * inverse[:k, :k],
+        misfit / rows,
+    )
 
 
 def missed(data: Pairs, p: Array, offsets: Array) -> float:
     """Largest part of a run's energy that coordinates and offsets miss over the pairs."""
-    x, y = applied(plain_exponential(p, data.dt, data.turn, offsets[data.run]), (data.before[:, 0], data.before[:, 1]))
+    x, y = applied(
+        plain_exponential(p, data.dt, data.turn, offsets[data.run]),
+        (data.before[:, 0], data.before[:, 1]),
+    )
     left = np.abs(data.after[:, 0] - x) ** 2 + np.abs(data.after[:, 1] - y) ** 2
     energy = np.sum(np.abs(data.after) ** 2, axis=1)
     return float(np.max(np.add.reduceat(left, data.first) / np.add.reduceat(energy, data.first)))
 
 
-def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array) -> tuple[Array, Array, Array]:
-    """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag, from a first guess."""
+def identify(
+    runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array
+) -> tuple[Array, Array, Array]:
+    """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag,
+    from a first guess."""
     covariance = np.zeros((len(freedom.names),) * 2)
     span = min(r.duration_s for r in runs)
     shortest = 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs)
     lags = [lag for lag in (max(f * span, shortest) for f in LAG_FRACTIONS) if lag <= 0.9 * span]
-    ready = next((i for i in reversed(range(len(lags))) if missed(pairs(runs, lags[i]), p, offsets) < NEAR), 0)
+    ready = next(
+        (i for i in reversed(range(len(lags))) if missed(pairs(runs, lags[i]), p, offsets) < NEAR),
+        0,
+    )
     for lag in lags[ready:]:
         misfit, data = np.inf, pairs(runs, lag, all_rows=lag == lags[-1])
         kept = (p, offsets, covariance)
@@ -206,6 +239,8 @@ def identify(runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: A
     return p, offsets, covariance
 
 
-def thinned(runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int) -> list[EnvelopeRun]:
+def thinned(
+    runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int
+) -> list[EnvelopeRun]:
     """Runs averaged to at most `blocks` rows each along the motion of p and the offsets."""
     return [averaged(r, blocks, carry(p, offset)) for r, offset in zip(runs, offsets)]

@@ -1,10 +1,13 @@
-"""The rate of a driven run from the reference model (seed A's last task): moving axes, with the control's contribution.
+"""The rate of a driven run from the reference model (seed A's last task): moving axes, with the
+control's contribution.
 
 Seed A (7), exact in r = a_B/a_A (PHYSICS §4): the last two give
     KΩ = D − m·dθ/dt,   D = [νδμ sin χ (1 + r²) − 2rδω cos ζ − f_B + r f_A]/(1 − r²),   f = (a_Φ/a_A)·Δφ.
-The control's forces a_ΦA, a_ΦB are those logged, else the first two: a_ΦA = ȧ_A + ν_A a_A + δω_s a_B, a_ΦB = ȧ_B + ν_B a_B − δω_s a_A;
-in phase (Δφ = 0), by force or by one ring electrode, they turn nothing. Ω(t) is a cubic spline through its values at even nodes, fitted
-to mθ(t) − ∫D dt, which is linear in them; the noise of D's measured r and the resonator's own covariance are in the deviations.
+The control's forces a_ΦA, a_ΦB are those logged, else the first two: a_ΦA = ȧ_A + ν_A a_A + δω_s
+a_B, a_ΦB = ȧ_B + ν_B a_B − δω_s a_A; in phase (Δφ = 0), by force or by one ring electrode, they
+turn nothing. Ω(t) is a cubic spline through its values at even nodes, fitted to mθ(t) − ∫D dt,
+which is linear in them; the noise of D's measured r and the resonator's own covariance are in the
+deviations.
 """
 
 from __future__ import annotations
@@ -17,7 +20,14 @@ from ...errors import HrgError
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
 from ...records import Resonator, Wave
-from .rate_from_model import FEWEST_NODES, MOST_NODES, ROWS_A_NODE, TOO_COARSE, USUAL_NODES, RateEstimate
+from .rate_from_model import (
+    FEWEST_NODES,
+    MOST_NODES,
+    ROWS_A_NODE,
+    TOO_COARSE,
+    USUAL_NODES,
+    RateEstimate,
+)
 from .resonator_spread import from_vector, mechanics_of, moved, vector_covariance, vector_of
 
 Array = np.ndarray
@@ -27,7 +37,8 @@ ROWS = 4000
 
 @dataclasses.dataclass(frozen=True)
 class _Run:
-    """A driven run's good rows: t, mθ and its σ, θ, r and its σ, relative forces a_ΦA/a_A and a_ΦB/a_A [1/s]."""
+    """A driven run's good rows: t, mθ and its σ, θ, r and its σ, relative forces a_ΦA/a_A and
+    a_ΦB/a_A [1/s]."""
 
     time_s: Array
     turned: Array
@@ -40,14 +51,23 @@ class _Run:
 
 
 def rate_driven(
-    wave: Wave, resonator: Resonator, nodes: int | None = None, main_phase_error_rad: float = 0.0, quadrature_phase_error_rad: float = 0.0
+    wave: Wave,
+    resonator: Resonator,
+    nodes: int | None = None,
+    main_phase_error_rad: float = 0.0,
+    quadrature_phase_error_rad: float = 0.0,
 ) -> RateEstimate:
-    """Ω(t) of a driven run on `nodes` even times, given the resonator, and the phase errors of the forces where they are known.
+    """Ω(t) of a driven run on `nodes` even times, given the resonator, and the phase errors of the
+    forces where they are known.
 
-    nodes None: 20, fewer for a short run, and twice as many again and again while χ² asks for them. HrgError: no K, too few windows.
+    nodes None: 20, fewer for a short run, and twice as many again and again while χ² asks for them.
+    HrgError: no K, too few windows.
     """
     if not resonator.parameters().get("scale_factor", (0.0, 0.0, ""))[0]:
-        raise HrgError(f"{resonator.gyro_id or 'the resonator'}: has no scale_factor, which a rate needs; identify it with rotated runs")
+        raise HrgError(
+            f"{resonator.gyro_id or 'the resonator'}: has no scale_factor, which a rate needs;"
+            " identify it with rotated runs"
+        )
     g = mechanics_of(resonator)
     run = _run(wave, g)
     most = len(run.time_s) // ROWS_A_NODE
@@ -55,8 +75,9 @@ def rate_driven(
     if count > most or count < FEWEST_NODES:
         asked = max(count, FEWEST_NODES)
         raise HrgError(
-            f"{wave.run_id or 'the run'}: {len(run.time_s)} good windows, at least {ROWS_A_NODE * asked} were expected for {asked} nodes; "
-            "ask for fewer or record longer"
+            f"{wave.run_id or 'the run'}: {len(run.time_s)} good windows, at least"
+            f" {ROWS_A_NODE * asked} were expected for {asked} nodes; ask for fewer or record"
+            " longer"
         )
     errors = (main_phase_error_rad, quadrature_phase_error_rad)
     found = _fitted(run, resonator, g, count, errors)
@@ -65,7 +86,9 @@ def rate_driven(
         if finer_count > min(most, MOST_NODES):
             return found
         finer = _fitted(run, resonator, g, finer_count, errors)
-        fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(1.0, finer.chi2_per_dof)
+        fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(
+            1.0, finer.chi2_per_dof
+        )
         extra = found.dof - finer.dof
         found = dataclasses.replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
         if nodes is not None or found.finer_z < TOO_COARSE:
@@ -76,7 +99,8 @@ def rate_driven(
 def _run(wave: Wave, g: Mechanics) -> _Run:
     good = wave.good()
     t, a_A, a_B, angle = (
-        np.asarray(v, float)[good] for v in (wave.time_s, wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad)
+        np.asarray(v, float)[good]
+        for v in (wave.time_s, wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad)
     )
     r = a_B / a_A
     zeta = 2 * g.mode_number * (angle - g.stiffness_axis_rad)
@@ -85,9 +109,15 @@ def _run(wave: Wave, g: Mechanics) -> _Run:
     main, quadrature = wave.drive_main, wave.drive_quadrature
     few = len(t) < 3
     slope = (lambda v: np.zeros_like(v)) if few else (lambda v: np.gradient(v, t))
-    f_A = slope(a_A) / a_A + g.damping_rate_1_s + friction + along * r if main is None else np.asarray(main, float)[good] / a_A
+    f_A = (
+        slope(a_A) / a_A + g.damping_rate_1_s + friction + along * r
+        if main is None
+        else np.asarray(main, float)[good] / a_A
+    )
     f_B = (
-        slope(a_B) / a_A + (g.damping_rate_1_s - friction) * r - along if quadrature is None else np.asarray(quadrature, float)[good] / a_A
+        slope(a_B) / a_A + (g.damping_rate_1_s - friction) * r - along
+        if quadrature is None
+        else np.asarray(quadrature, float)[good] / a_A
     )
     m = g.mode_number
     return _Run(
@@ -96,18 +126,27 @@ def _run(wave: Wave, g: Mechanics) -> _Run:
     )  # fmt: skip
 
 
-def _fitted(run: _Run, resonator: Resonator, g: Mechanics, nodes: int, errors: tuple[float, float]) -> RateEstimate:
-    """Weighted least squares of mθ − ∫D dt + K∫Ω dt on a constant and the nodes, rows averaged alike in design and data."""
+def _fitted(
+    run: _Run, resonator: Resonator, g: Mechanics, nodes: int, errors: tuple[float, float]
+) -> RateEstimate:
+    """Weighted least squares of mθ − ∫D dt + K∫Ω dt on a constant and the nodes, rows averaged
+    alike in design and data."""
     t = run.time_s
     grid = np.linspace(t[0], t[-1], nodes)
     groups = np.minimum(np.arange(len(t)) * min(ROWS, len(t)) // len(t), ROWS - 1)
     size = np.bincount(groups).astype(float)
 
     def mean(rows: Array) -> Array:
-        return np.stack([np.bincount(groups, row) for row in np.atleast_2d(rows)], axis=1) / size[:, None]
+        return (
+            np.stack([np.bincount(groups, row) for row in np.atleast_2d(rows)], axis=1)
+            / size[:, None]
+        )
 
     std = np.sqrt(mean(run.turned_std**2)[:, 0] / size)
-    design = np.column_stack([np.ones(len(size)), -g.scale_factor * mean(_integrals(grid, t))]) / std[:, None]
+    design = (
+        np.column_stack([np.ones(len(size)), -g.scale_factor * mean(_integrals(grid, t))])
+        / std[:, None]
+    )
     operator = np.linalg.pinv(design)
     drift = np.atleast_2d(_drift(g, run, errors))
     data = mean(run.turned - _cumulated(drift, t))[:, 0] / std
@@ -115,7 +154,11 @@ def _fitted(run: _Run, resonator: Resonator, g: Mechanics, nodes: int, errors: t
     chi2 = float(np.sum((data - design @ x) ** 2))
     dof = max(1, len(size) - nodes - 1)
     covariance = (operator @ operator.T)[1:, 1:] * max(1.0, chi2 / dof)
-    covariance = covariance + _of_ratio(run, g, operator[1:] / std, groups) + _of_resonator(run, resonator, g, operator, mean, std, errors)
+    covariance = (
+        covariance
+        + _of_ratio(run, g, operator[1:] / std, groups)
+        + _of_resonator(run, resonator, g, operator, mean, std, errors)
+    )
     plain = (operator @ (mean(run.turned)[:, 0] / std))[1:]
     return RateEstimate(grid, x[1:], covariance, plain, chi2 / dof, dof)
 
@@ -125,20 +168,26 @@ def _drift(g: Mechanics, run: _Run, errors: tuple[float, float]) -> Array:
 
 
 def _of_ratio(run: _Run, g: Mechanics, rows: Array, groups: Array) -> Array:
-    """Covariance of the nodes by the noise of r in D: −2δω cos ζ·r summed up, so a row's noise moves all that follow."""
+    """Covariance of the nodes by the noise of r in D: −2δω cos ζ·r summed up, so a row's noise
+    moves all that follow."""
     zeta = 2 * g.mode_number * (run.angle - g.stiffness_axis_rad)
     step = np.gradient(run.time_s)
     noise = 2 * g.frequency_split_rad_s * np.cos(zeta) * run.ratio_std * step
-    later = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1]  # what all averaged rows from one on do to the nodes
+    later = np.cumsum(rows[:, ::-1], axis=1)[
+        :, ::-1
+    ]  # what all averaged rows from one on do to the nodes
     moved_by = later[:, groups] * noise
     return np.asarray(moved_by @ moved_by.T)
 
 
 def _of_resonator(run, resonator, g, operator, mean, std, errors):  # type: ignore[no-untyped-def]
-    """Covariance of the nodes by the resonator's: the fit with the resonator moved along each of its uncertain directions."""
+    """Covariance of the nodes by the resonator's: the fit with the resonator moved along each of
+    its uncertain directions."""
     gyros = from_vector(moved(vector_of(g), vector_covariance(resonator)), g)
     data = run.turned - _cumulated(_drift(gyros, run, errors), run.time_s)
-    rates = (operator @ (mean(data) / std[:, None]))[1:] * (g.scale_factor / np.ravel(gyros.scale_factor))
+    rates = (operator @ (mean(data) / std[:, None]))[1:] * (
+        g.scale_factor / np.ravel(gyros.scale_factor)
+    )
     half = (rates.shape[1] - 1) // 2
     odd = (rates[:, 1 : 1 + half] - rates[:, 1 + half :]) / 2
     return odd @ odd.T

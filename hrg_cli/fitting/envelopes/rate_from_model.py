@@ -1,9 +1,12 @@
-"""The rate from a reference model (seed A's last task): Ω(t) fitted to a run's envelopes with the identified resonator held.
+"""The rate from a reference model (seed A's last task): Ω(t) fitted to a run's envelopes with the
+identified resonator held.
 
-Ω(t) is a cubic spline through its values at even nodes. The envelopes are fitted as a whole (likelihood.py), so the drift of the
-wave is taken out by the model itself, not by a table; the run keeps its own start state and frequency. The start is linear in Ω and
-knows no axes, so circular orbits do no harm: in the Stokes form (PHYSICS §0), with the known resonator's part A,
-S₁' = A₁ + 2KΩS₂, S₂' = A₂ − 2KΩS₁, both integrated from the run's first row. Beside it stands −m·(dθ/dt)/K, which has the drift in it.
+Ω(t) is a cubic spline through its values at even nodes. The envelopes are fitted as a whole
+(likelihood.py), so the drift of the wave is taken out by the model itself, not by a table; the run
+keeps its own start state and frequency. The start is linear in Ω and knows no axes, so circular
+orbits do no harm: in the Stokes form (PHYSICS §0), with the known resonator's part A, S₁' = A₁ +
+2KΩS₂, S₂' = A₂ − 2KΩS₁, both integrated from the run's first row. Beside it stands −m·(dθ/dt)/K,
+which has the drift in it.
 """
 
 from __future__ import annotations
@@ -28,20 +31,26 @@ START_ROWS = 8000
 """Rows from which the start is taken at most."""
 FEWEST_NODES, USUAL_NODES, MOST_NODES = 4, 20, 640
 ROWS, ROWS_OF_A_NODE = 2000, 12
-"""Averaged rows of the run that are fitted, at least, and for each node: a row must not span what the nodes follow."""
+"""Averaged rows of the run that are fitted, at least, and for each node: a row must not span what
+the nodes follow."""
 HOPELESS = 1000.0
-"""χ² a degree of freedom from which the fit has not found the rate at all (another resonator, another gyro)."""
+"""χ² a degree of freedom from which the fit has not found the rate at all (another resonator,
+another gyro)."""
 TOO_COARSE = 5.0
-"""Standard deviations of a fall of χ² with twice as many nodes from which the rate changes faster than the nodes follow."""
+"""Standard deviations of a fall of χ² with twice as many nodes from which the rate changes faster
+than the nodes follow."""
 NO_BETTER = 0.9
-"""Part of the χ² that twice as many nodes must leave at most for a poor fit to be worth still more of them."""
+"""Part of the χ² that twice as many nodes must leave at most for a poor fit to be worth still more
+of them."""
 AVERAGINGS, SETTLED = 4, 0.1
-"""Times the rows are averaged along the rate found at most, and the part of a standard deviation it may still move."""
+"""Times the rows are averaged along the rate found at most, and the part of a standard deviation it
+may still move."""
 
 
 @dataclass(frozen=True)
 class RateEstimate:
-    """Nodes (k,), rate [rad/s] with covariance (k, k), the plain estimate −m·dθ/dt/K on the nodes, and the fit's χ² a degree of freedom."""
+    """Nodes (k,), rate [rad/s] with covariance (k, k), the plain estimate −m·dθ/dt/K on the nodes,
+    and the fit's χ² a degree of freedom."""
 
     time_s: Array
     rate_rad_s: Array
@@ -50,7 +59,8 @@ class RateEstimate:
     chi2_per_dof: float
     dof: int
     finer_z: float = 0.0
-    """By how many of its standard deviations χ² falls more than by chance with twice as many nodes."""
+    """By how many of its standard deviations χ² falls more than by chance with twice as many
+    nodes."""
     converged: bool = True
     truncation: float = 0.0
     """What averaging along the better motion still moved, in standard deviations of a node."""
@@ -69,43 +79,67 @@ class RateEstimate:
 
 
 def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) -> RateEstimate:
-    """Ω(t) of a free run on `nodes` even times, given the resonator; its standard deviations are those of the noise alone.
+    """Ω(t) of a free run on `nodes` even times, given the resonator; its standard deviations are
+    those of the noise alone.
 
-    nodes None: 20, fewer for a short run, and twice as many again and again until χ² agrees with the stated noise and asks for no more.
-    HrgError: the resonator has no scale factor, or too few windows for the nodes.
+    nodes None: 20, fewer for a short run, and twice as many again and again until χ² agrees with
+    the stated noise and asks for no more. HrgError: the resonator has no scale factor, or too few
+    windows for the nodes.
     """
     values = {name: value for name, (value, _, _) in resonator.parameters().items()}
     if "scale_factor" not in values:
-        raise HrgError(f"{resonator.gyro_id or 'the resonator'}: has no scale_factor, which a rate needs; identify it with rotated runs")
+        raise HrgError(
+            f"{resonator.gyro_id or 'the resonator'}: has no scale_factor, which a rate needs;"
+            " identify it with rotated runs"
+        )
     run = from_wave(wave, 0.0)
     most = len(run) // ROWS_A_NODE
     count = nodes if nodes is not None else int(np.clip(most // 2, FEWEST_NODES, USUAL_NODES))
     if count > most:
         raise HrgError(
-            f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * count} were expected for {count} nodes; ask for fewer"
+            f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * count} were"
+            f" expected for {count} nodes; ask for fewer"
         )
-    mechanics = Mechanics(**{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number)
+    mechanics = Mechanics(
+        **{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number
+    )
     p = coordinates.from_mechanics(mechanics)
     p[6] = details_number(resonator.details, "second_order", "value", default=1.0)
     if nodes is not None:
         found = _best(run, count, p)
         finer_count = 2 * count - 1
-        return found if finer_count > min(most, MOST_NODES) else _asked(found, _fitted(run, *_again(run, found, finer_count, p[5]), p))
+        return (
+            found
+            if finer_count > min(most, MOST_NODES)
+            else _asked(found, _fitted(run, *_again(run, found, finer_count, p[5]), p))
+        )
     found = _first(run, count, p)
     while 2 * len(found.time_s) - 1 <= min(most, MOST_NODES):
         finer_count = 2 * len(found.time_s) - 1
         # what too few nodes found is no start for more
-        finer = _fitted(run, *_again(run, found, finer_count, p[5]), p) if found.adequate else _first(run, finer_count, p)
+        finer = (
+            _fitted(run, *_again(run, found, finer_count, p[5]), p)
+            if found.adequate
+            else _first(run, finer_count, p)
+        )
         found = _asked(found, finer)
-        if found.finer_z < TOO_COARSE and (found.adequate or finer.chi2_per_dof > NO_BETTER * found.chi2_per_dof):
+        if found.finer_z < TOO_COARSE and (
+            found.adequate or finer.chi2_per_dof > NO_BETTER * found.chi2_per_dof
+        ):
             break
         found = finer
-    return found if found.adequate else min(found, _best(run, len(found.time_s), p), key=lambda e: e.chi2_per_dof)
+    return (
+        found
+        if found.adequate
+        else min(found, _best(run, len(found.time_s), p), key=lambda e: e.chi2_per_dof)
+    )
 
 
 def _asked(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
     """The estimate, with what twice as many nodes gain."""
-    fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(1.0, finer.chi2_per_dof)
+    fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(
+        1.0, finer.chi2_per_dof
+    )
     extra = max(1, len(finer.time_s) - len(found.time_s))
     return replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
 
@@ -117,7 +151,8 @@ def _first(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
 
 
 def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
-    """The best fit from the Stokes start, and where that is poor, from a constant and from the plain rate."""
+    """The best fit from the Stokes start, and where that is poor, from a constant and from the
+    plain rate."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
     plain = _plain(run, grid, p[5])
     best: RateEstimate | None = None
@@ -131,7 +166,9 @@ def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
     return best
 
 
-def _again(run: EnvelopeRun, found: RateEstimate, nodes: int, scale_factor: float) -> tuple[Array, Array, Array]:
+def _again(
+    run: EnvelopeRun, found: RateEstimate, nodes: int, scale_factor: float
+) -> tuple[Array, Array, Array]:
     """A finer grid, the rate found on it, and the plain rate on it."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
     return grid, found.rate_rad_s @ _cardinal(grid, found.time_s), _plain(run, grid, scale_factor)
@@ -145,7 +182,8 @@ def _plain(run: EnvelopeRun, grid: Array, scale_factor: float) -> Array:
 
 
 def stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
-    """Rate on the nodes by linear least squares on S₁ and S₂ of the run, the rest of the resonator known; valid through circles."""
+    """Rate on the nodes by linear least squares on S₁ and S₂ of the run, the rest of the resonator
+    known; valid through circles."""
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
     t = run.time_s
     s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
@@ -157,19 +195,26 @@ def stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
         (s1, -2 * nu * s1 - 2 * dc * s0 + 2 * ws * s3, s2),
         (s2, -2 * nu * s2 - 2 * ds * s0 - 2 * wc * s3, -s1),
     ):
-        rows = np.column_stack([_integrated(shape * turning, t).T, value - _integrated(known, t)]) / std[:, None]
+        rows = (
+            np.column_stack([_integrated(shape * turning, t).T, value - _integrated(known, t)])
+            / std[:, None]
+        )
         level = (1 / std) / np.linalg.norm(1 / std)
         rows -= np.outer(level, level @ rows)  # the first value is free
         design.append(rows[:, :-1])
         target.append(rows[:, -1])
-    return np.asarray(np.linalg.lstsq(np.concatenate(design), np.concatenate(target), rcond=1e-6)[0])
+    return np.asarray(
+        np.linalg.lstsq(np.concatenate(design), np.concatenate(target), rcond=1e-6)[0]
+    )
 
 
 def _integrated(values: Array, time_s: Array) -> Array:
     """∫ from the first row along the last axis, trapezium rule with its end correction."""
     step = np.diff(time_s)
     slope = np.gradient(values, time_s, axis=-1)
-    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(slope, axis=-1) * step**2 / 12
+    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(
+        slope, axis=-1
+    ) * step**2 / 12
     return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
 
 
@@ -177,7 +222,9 @@ def _smooth(values: Array, width: int) -> Array:
     """Running mean of odd width, ends by reflection about the end value."""
     width |= 1
     half = width // 2
-    padded = np.concatenate([2 * values[0] - values[half:0:-1], values, 2 * values[-1] - values[-2 : -half - 2 : -1]])
+    padded = np.concatenate(
+        [2 * values[0] - values[half:0:-1], values, 2 * values[-1] - values[-2 : -half - 2 : -1]]
+    )
     return np.convolve(padded, np.ones(width) / width, "valid")
 
 
@@ -189,7 +236,8 @@ def _cardinal(time_s: Array, grid: Array) -> Array:
 
 
 def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array) -> RateEstimate:
-    """Gauss–Newton with step halving from a rate; the rows are averaged along the motion found until that moves it no more."""
+    """Gauss–Newton with step halving from a rate; the rows are averaged along the motion found
+    until that moves it no more."""
     result, moved = None, np.inf
     for _ in range(AVERAGINGS):
         turn = _integrated(_cardinal(whole.time_s, grid).T @ rate, whole.time_s)
@@ -197,11 +245,14 @@ def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array
         offset = _offset(run, p)
         count = min(rows.needed(p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS)
         start = respond(
-            batch([run.rows(slice(None, None, max(1, len(run) - 1)))]), State(p, run.envelope[:1], np.array([[offset * run.duration_s]]))
+            batch([run.rows(slice(None, None, max(1, len(run) - 1)))]),
+            State(p, run.envelope[:1], np.array([[offset * run.duration_s]])),
         )
         run = rows.along([run], start, count)[0]
         result = _from(run, grid, rate, plain, p, offset)
-        moved = float(np.max(np.abs(result.rate_rad_s - rate) / np.maximum(result.rate_rad_s_std, 1e-300)))
+        moved = float(
+            np.max(np.abs(result.rate_rad_s - rate) / np.maximum(result.rate_rad_s_std, 1e-300))
+        )
         rate = result.rate_rad_s
         if moved < SETTLED or len(run) == len(whole) or result.chi2_per_dof > HOPELESS:
             break
@@ -210,7 +261,8 @@ def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array
 
 
 def _offset(run: EnvelopeRun, p: Array) -> float:
-    """Mean angular frequency above the reference of a run whose turning is known, rad/s: what its phase runs ahead of the model."""
+    """Mean angular frequency above the reference of a run whose turning is known, rad/s: what its
+    phase runs ahead of the model."""
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
     data = batch([run])
     model = respond(data, State(p, run.envelope[:1], np.zeros((1, 1)))).model[0]
@@ -220,29 +272,44 @@ def _offset(run: EnvelopeRun, p: Array) -> float:
     return float(np.angle(np.sum((ahead[1:] * ahead[:-1].conj())[near])) / np.mean(step[near]))
 
 
-def _from(run: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array, offset: float) -> RateEstimate:
+def _from(
+    run: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array, offset: float
+) -> RateEstimate:
     step = np.diff(run.time_s)
     begin, end = _cardinal(run.time_s[:-1], grid), _cardinal(run.time_s[1:], grid)
     middle = _cardinal(run.time_s[:-1] + step / 2, grid)
-    turning = np.concatenate([np.zeros((len(grid), 1)), np.cumsum((begin + 4 * middle + end) * step / 6, axis=1)], axis=1)
+    turning = np.concatenate(
+        [np.zeros((len(grid), 1)), np.cumsum((begin + 4 * middle + end) * step / 6, axis=1)], axis=1
+    )
     span, count = run.time_s[-1] - run.time_s[0], len(grid)
 
     def at(x: Array) -> Response:
         data = batch([replace(run, turn_rad=x[5:] @ turning)])
-        return respond(data, State(p, np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]]), x[4:5][None]))
+        return respond(
+            data, State(p, np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]]), x[4:5][None])
+        )
 
     first = run.envelope[0]
-    x = np.concatenate([[first[0].real, first[0].imag, first[1].real, first[1].imag, offset * span], rate])
+    x = np.concatenate(
+        [[first[0].real, first[0].imag, first[1].real, first[1].imag, offset * span], rate]
+    )
     covariance, converged = np.zeros((count, count)), False
     with np.errstate(over="ignore", invalid="ignore"):
         response = at(x)
         for _ in range(ITERATIONS):
-            shared = response.turning_sensitivity(*(p[5] * h[:, None] for h in (begin, middle, end)))
-            design = real(np.concatenate([response.run_sensitivities(), shared])[:, 0], response.batch.weight[0])
+            shared = response.turning_sensitivity(
+                *(p[5] * h[:, None] for h in (begin, middle, end))
+            )
+            design = real(
+                np.concatenate([response.run_sensitivities(), shared])[:, 0],
+                response.batch.weight[0],
+            )
             residual = response.residual()[0].ravel()
             scale = np.linalg.norm(design, axis=0)
             scale[scale == 0] = 1.0
-            R = triangle(np.column_stack([design / scale, np.concatenate([residual.real, residual.imag])]))
+            R = triangle(
+                np.column_stack([design / scale, np.concatenate([residual.real, residual.imag])])
+            )
             inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
             change = inverse @ R[:-1, -1] / scale
             covariance = (inverse @ inverse.T / np.outer(scale, scale))[5:, 5:]
@@ -251,14 +318,28 @@ def _from(run: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array, of
                 size /= 2
                 trial = at(x + size * change)
             if not trial.chi2 <= response.chi2 * (1 + 1e-9):
-                converged = bool(np.all(np.abs(change[5:]) < SETTLED * np.sqrt(np.diag(covariance))))  # nothing left to gain
+                converged = bool(
+                    np.all(np.abs(change[5:]) < SETTLED * np.sqrt(np.diag(covariance)))
+                )  # nothing left to gain
                 break
             x, response = x + size * change, trial
-            if np.all(np.abs(change[5:]) < 0.01 * np.sqrt(np.diag(covariance) * max(1.0, response.chi2 / (4 * len(run))))):
+            if np.all(
+                np.abs(change[5:])
+                < 0.01 * np.sqrt(np.diag(covariance) * max(1.0, response.chi2 / (4 * len(run))))
+            ):
                 converged = True
                 break
     dof = max(1, 4 * len(run) - count - 5)
     chi2 = response.chi2 / dof
     left = response.residual()[0]
     residual = np.concatenate([left.real, left.imag], axis=1)
-    return RateEstimate(grid, x[5:], covariance * max(1.0, chi2), plain, chi2, dof, converged=converged, residual=residual)
+    return RateEstimate(
+        grid,
+        x[5:],
+        covariance * max(1.0, chi2),
+        plain,
+        chi2,
+        dof,
+        converged=converged,
+        residual=residual,
+    )

@@ -1,8 +1,10 @@
-"""One unknown constant rate common to all runs, added to what their logs say: Ω = Ω_log + Ω₀, fitted beside the resonator.
+"""One unknown constant rate common to all runs, added to what their logs say: Ω = Ω_log + Ω₀,
+fitted beside the resonator.
 
-The generator is L(p, Ω_log) + K·Ω₀·J. For a given Ω₀ the likelihood is the ordinary one with the table angle turned by Ω₀·t more; the
-step of Ω₀ comes from the joint least squares over the runs' own unknowns, the coordinates and Ω₀, so that σ and the covariance of the
-others hold Ω₀'s own uncertainty.
+The generator is L(p, Ω_log) + K·Ω₀·J. For a given Ω₀ the likelihood is the ordinary one with the
+table angle turned by Ω₀·t more; the step of Ω₀ comes from the joint least squares over the runs'
+own unknowns, the coordinates and Ω₀, so that σ and the covariance of the others hold Ω₀'s own
+uncertainty.
 """
 
 from __future__ import annotations
@@ -21,13 +23,15 @@ STEPS = 12
 SETTLED = 0.02
 """Part of a standard deviation by which the last step may still move the offset."""
 DISTINCT = 1e-4
-"""Part of the offset's own information that must be left beside the other unknowns for it to be told from them."""
+"""Part of the offset's own information that must be left beside the other unknowns for it to be
+told from them."""
 
 
 @dataclass(frozen=True)
 class RateOffset:
-    """The fit at the offset, Ω₀ and its standard deviation at the nominal noise [rad/s], what the other coordinates' covariance gains by
-    it (k, k), the part of its information left beside them, and whether it settled.
+    """The fit at the offset, Ω₀ and its standard deviation at the nominal noise [rad/s], what the
+    other coordinates' covariance gains by it (k, k), the part of its information left beside them,
+    and whether it settled.
     """
 
     fit: Fit
@@ -38,8 +42,11 @@ class RateOffset:
     converged: bool
 
 
-def rate_offset(runs: Sequence[EnvelopeRun], known: Known, blocks: int, start_rad_s: float = 0.0) -> RateOffset:
-    """The common offset of the runs' logged rates; K is held where `known` says so. HrgError: nothing can be fitted."""
+def rate_offset(
+    runs: Sequence[EnvelopeRun], known: Known, blocks: int, start_rad_s: float = 0.0
+) -> RateOffset:
+    """The common offset of the runs' logged rates; K is held where `known` says so. HrgError:
+    nothing can be fitted."""
     value, before = start_rad_s, np.inf
     for _ in range(STEPS):
         fit = base_fit([turned_by(r, value) for r in runs], known, blocks)
@@ -49,18 +56,25 @@ def rate_offset(runs: Sequence[EnvelopeRun], known: Known, blocks: int, start_ra
         if abs(step) < SETTLED * std:
             return RateOffset(fit, value + step, std, beside, distinct, True)
         if abs(step) > before:
-            step = float(np.sign(step)) * before / 2  # farther than the last step: beyond where the slope holds
+            step = (
+                float(np.sign(step)) * before / 2
+            )  # farther than the last step: beyond where the slope holds
         value, before = value + step, abs(step)
     return RateOffset(fit, value, std, beside, distinct, False)
 
 
 def _step(fit: Fit) -> tuple[float, float, Array, float]:
-    """Gauss–Newton step of the offset, its standard deviation, cov(z) it adds (k, k), and the part of its information left to it."""
+    """Gauss–Newton step of the offset, its standard deviation, cov(z) it adds (k, k), and the part
+    of its information left to it."""
     response, freedom = fit.response, fit.freedom
     data = response.batch
     shape = np.full((1, *data.step_s.shape), response.state.p[5])
     columns = np.concatenate(
-        [freedom.along(response.coordinate_sensitivities()), response.turning_sensitivity(shape, shape, shape)], axis=0
+        [
+            freedom.along(response.coordinate_sensitivities()),
+            response.turning_sensitivity(shape, shape, shape),
+        ],
+        axis=0,
     )
     own, residual = response.run_sensitivities(), response.residual()
     k = len(freedom.names)
@@ -79,9 +93,16 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
         information += design.T @ design
         gradient += design.T @ np.concatenate([r.real, r.imag])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    inverse = np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+    inverse = np.linalg.pinv(
+        information / np.outer(size, size), rcond=1e-12, hermitian=True
+    ) / np.outer(size, size)
     variance = float(inverse[k, k])
     if not (variance > 0 and alone > 0):
         return float("nan"), float("inf"), np.zeros((k, k)), 0.0
     along = inverse[:k, k] / variance
-    return float(inverse[k] @ gradient), float(np.sqrt(variance)), variance * np.outer(along, along), 1 / (variance * alone)
+    return (
+        float(inverse[k] @ gradient),
+        float(np.sqrt(variance)),
+        variance * np.outer(along, along),
+        1 / (variance * alone),
+    )

@@ -1,12 +1,15 @@
-"""The identification methods of seed A as pooled linear regressions on the runs' envelopes, each by its physical name.
+"""The identification methods of seed A as pooled linear regressions on the runs' envelopes, each by
+its physical name.
 
-All are linear in the coordinates of `coordinates.py`. The published forms are corrected where PHYSICS §4 shows an error: 1/π and a full
-turn in the rotation integrals, the true rate in fixed axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an
-option), e^{+jωt} throughout. Derivatives are central differences, each row for itself, as published; `increments` and `stokes` integrate
-the right-hand side along the run instead, with a free first value, and so weigh the rows as their noise asks. What differences and sums
-over rows of finite length leave out (x²/6 of what turns by x a row) is found by putting the method's own answer through its own
-equations without noise, and is taken off, until neither changes. Standard deviations are the envelopes' noise carried through the
-equations (`noise_propagation.py`): what neighbouring differences share cancels.
+All are linear in the coordinates of `coordinates.py`. The published forms are corrected where
+PHYSICS §4 shows an error: 1/π and a full turn in the rotation integrals, the true rate in fixed
+axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an option), e^{+jωt}
+throughout. Derivatives are central differences, each row for itself, as published; `increments` and
+`stokes` integrate the right-hand side along the run instead, with a free first value, and so weigh
+the rows as their noise asks. What differences and sums over rows of finite length leave out (x²/6
+of what turns by x a row) is found by putting the method's own answer through its own equations
+without noise, and is taken off, until neither changes. Standard deviations are the envelopes' noise
+carried through the equations (`noise_propagation.py`): what neighbouring differences share cancels.
 """
 
 from __future__ import annotations
@@ -26,7 +29,8 @@ from .method_ranges import out_of_range, warnings
 
 Array = np.ndarray
 Noiseless = Callable[[Array], list[EnvelopeRun]]
-"""Coordinates (7,) -> the runs' rows as a resonator of these coordinates would show them, without noise."""
+"""Coordinates (7,) -> the runs' rows as a resonator of these coordinates would show them, without
+noise."""
 CORRECTIONS = 6
 """Times the truncation is found anew at most."""
 SETTLED = 0.05
@@ -39,10 +43,12 @@ WIDE_STEP = 3.0
 
 @dataclass(frozen=True)
 class Equations:
-    """Rows of one run: Σ columns·p + δ·offset = target; columns (N, 7), offset (N,) of the run's own frequency (0: not needed).
+    """Rows of one run: Σ columns·p + δ·offset = target; columns (N, 7), offset (N,) of the run's
+    own frequency (0: not needed).
 
-    Each row sees the run's rows from `first` (N,) on, 3 of them with derivatives. `levels`: None there; with increments from row to row
-    the weights (N + 1 a quantity) of their running sums, whose first values are free.
+    Each row sees the run's rows from `first` (N,) on, 3 of them with derivatives. `levels`: None
+    there; with increments from row to row the weights (N + 1 a quantity) of their running sums,
+    whose first values are free.
     """
 
     columns: Array
@@ -60,7 +66,8 @@ class Equations:
 
 @dataclass(frozen=True)
 class Regression:
-    """Coordinates (7,) with NaN where the method does not give them, covariance (7, 7), and what the method has to say about its range."""
+    """Coordinates (7,) with NaN where the method does not give them, covariance (7, 7), and what
+    the method has to say about its range."""
 
     p: Array
     covariance: Array
@@ -76,7 +83,8 @@ class Regression:
 
 @dataclass(frozen=True)
 class Ellipse:
-    """a_A, a_B, electrical angle mθ, phase φ and their derivatives on the rows of a run; `good` is False beside gaps."""
+    """a_A, a_B, electrical angle mθ, phase φ and their derivatives on the rows of a run; `good` is
+    False beside gaps."""
 
     run: EnvelopeRun
     a: Array
@@ -95,7 +103,8 @@ def derivative(values: Array, time_s: Array) -> Array:
 
 
 def beside_gap(time_s: Array) -> Array:
-    """True on rows next to a step over three times the median, and on the first and last: no central difference there."""
+    """True on rows next to a step over three times the median, and on the first and last: no
+    central difference there."""
     wide = np.diff(time_s) > WIDE_STEP * np.median(np.diff(time_s))
     return np.concatenate([[True], wide]) | np.concatenate([wide, [True]])
 
@@ -110,11 +119,26 @@ def ellipse_of(run: EnvelopeRun) -> Ellipse:
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     angle, phase = ellipse.unwrap(angle, phase, 1)
     t = run.time_s
-    return Ellipse(run, a, b, angle, derivative(a, t), derivative(b, t), derivative(angle, t), table_rate(run), ~beside_gap(t))
+    return Ellipse(
+        run,
+        a,
+        b,
+        angle,
+        derivative(a, t),
+        derivative(b, t),
+        derivative(angle, t),
+        table_rate(run),
+        ~beside_gap(t),
+    )
 
 
 def _rows(
-    run: EnvelopeRun, columns: list[Array], target: Array, keep: Array, scale: Array | float = 1.0, offset: Array | None = None
+    run: EnvelopeRun,
+    columns: list[Array],
+    target: Array,
+    keep: Array,
+    scale: Array | float = 1.0,
+    offset: Array | None = None,
 ) -> Equations:
     step = float(np.median(np.diff(run.time_s)))
     weight = np.broadcast_to(step / run.std / scale, target.shape)
@@ -125,23 +149,37 @@ def _rows(
 
 def _joined(parts: Sequence[Equations]) -> Equations:
     columns, target, offset, weight, first = (
-        np.concatenate([getattr(p, name) for p in parts]) for name in ("columns", "target", "offset", "weight", "first")
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in ("columns", "target", "offset", "weight", "first")
     )
     return Equations(columns, target, offset, weight, first)
 
 
-def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False, frozen: bool = False) -> Equations:
-    """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D with D of PHYSICS §4 (8) exact.
+def moving_axes(
+    run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False, frozen: bool = False
+) -> Equations:
+    """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D with D
+    of PHYSICS §4 (8) exact.
 
-    `small`: (14), (16): products of the quadrature with a damping split or with the frequency split in ȧ_A are dropped. `frozen`: the
-    splits are taken at the run's mean angle.
+    `small`: (14), (16): products of the quadrature with a damping split or with the frequency split
+    in ȧ_A are dropped. `frozen`: the splits are taken at the run's mean angle.
     """
     w = ellipse_of(run)
     angle = np.full_like(w.angle, w.angle.mean()) if frozen else w.angle
     c, s, zero = np.cos(2 * angle), np.sin(2 * angle), np.zeros_like(w.a)
     cross = 0.0 if small else 1.0
-    first = _rows(run, [w.a, w.a * c, w.a * s, cross * w.b * s, -cross * w.b * c, zero, zero], -w.a_dot, w.good)
-    second = _rows(run, [w.b, -cross * w.b * c, -cross * w.b * s, -w.a * s, w.a * c, zero, zero], -w.b_dot, w.good)
+    first = _rows(
+        run,
+        [w.a, w.a * c, w.a * s, cross * w.b * s, -cross * w.b * c, zero, zero],
+        -w.a_dot,
+        w.good,
+    )
+    second = _rows(
+        run,
+        [w.b, -cross * w.b * c, -cross * w.b * s, -w.a * s, w.a * c, zero, zero],
+        -w.b_dot,
+        w.good,
+    )
     r = w.b / w.a
     shape = (1 - r**2) * w.a
     third = _rows(
@@ -158,8 +196,15 @@ def moving_axes(run: EnvelopeRun, eliminate_rate: bool = False, small: bool = Fa
         w.angle_dot * (shape if not small else w.a),
         w.good & (w.rate != 0),
     )
-    # D = νδμ sin χ (1 + r²) − 2rδω cos ζ over (1 − r²), χ = 2mθ − 2mθ_μ: sin χ = s·cos − c·sin of the axis
-    third = Equations(third.columns * np.array([1, -1, -1, 1, 1, 1, 1]), third.target, third.offset, third.weight, third.first)
+    # D = νδμ sin χ (1 + r²) − 2rδω cos ζ over (1 − r²), χ = 2mθ − 2mθ_μ: sin χ = s·cos − c·sin of
+    # the axis
+    third = Equations(
+        third.columns * np.array([1, -1, -1, 1, 1, 1, 1]),
+        third.target,
+        third.offset,
+        third.weight,
+        third.first,
+    )
     return _joined([first, second, third])
 
 
@@ -169,15 +214,18 @@ def moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = False)
 
 
 def frozen_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A, fourth remark after (17): axes frozen where the wave stands, for a wave that hardly turns.
+    """Seed A, fourth remark after (17): axes frozen where the wave stands, for a wave that hardly
+    turns.
 
-    The printed fourth equation drops the part of the drift; m·dθ/dt = −KΩ + D stands in its place, as in moving axes.
+    The printed fourth equation drops the part of the drift; m·dθ/dt = −KΩ + D stands in its place,
+    as in moving axes.
     """
     return moving_axes(run, eliminate_rate, frozen=True)
 
 
 def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both channels, K free.
+    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both
+    channels, K free.
 
     `eliminate_rate`: the published KΩ := −mθ̇.
     """
@@ -194,35 +242,54 @@ def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
         terms = [-x, -sign * x, -y, 1j * sign * x, 1j * y, sign * rate * y, 0 * y]
         target = dot[:, this] * turn - sign * known * y
         for part in (np.real, np.imag):
-            parts.append(_rows(run, [part(v) for v in terms], part(target), keep, offset=part(1j * x)))
+            parts.append(
+                _rows(run, [part(v) for v in terms], part(target), keep, offset=part(1j * x))
+            )
     return _joined(parts)
 
 
 def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Amplitude equations of (17) and the weighted difference of its phase equations, which needs no mean frequency.
+    """Amplitude equations of (17) and the weighted difference of its phase equations, which needs
+    no mean frequency.
 
-    a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ + KΩ·(−sin Δφ))(a_S² − a_C²) + Δν_s sin Δφ (a_C² + a_S²), Δφ = φ_C − φ_S.
+    a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ + KΩ·(−sin Δφ))(a_S² − a_C²) + Δν_s sin Δφ (a_C² +
+    a_S²), Δφ = φ_C − φ_S.
     """
     cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
     return _channel_products(
-        run, cross.real, cross.imag, np.abs(run.envelope[:, 0]) ** 2, np.abs(run.envelope[:, 1]) ** 2, eliminate_rate, False
+        run,
+        cross.real,
+        cross.imag,
+        np.abs(run.envelope[:, 0]) ** 2,
+        np.abs(run.envelope[:, 1]) ** 2,
+        eliminate_rate,
+        False,
     )
 
 
 def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Seed A, second remark after (17): the same in two groups of data.
 
-    Main group, the wave between the electrodes' axes: sin Δφ → 0, cos Δφ → ±1. Further group, the wave on one of them: cos Δφ → 0,
-    sin Δφ → ±1. Rows in between are left out; the printed a_C a_S Δφ̇ → 0 would leave the frequency split unknown and is kept.
+    Main group, the wave between the electrodes' axes: sin Δφ → 0, cos Δφ → ±1. Further group, the
+    wave on one of them: cos Δφ → 0, sin Δφ → ±1. Rows in between are left out; the printed a_C a_S
+    Δφ̇ → 0 would leave the frequency split unknown and is kept.
     """
     cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
     return _channel_products(
-        run, cross.real, cross.imag, np.abs(run.envelope[:, 0]) ** 2, np.abs(run.envelope[:, 1]) ** 2, eliminate_rate, False, grouped=True
+        run,
+        cross.real,
+        cross.imag,
+        np.abs(run.envelope[:, 0]) ** 2,
+        np.abs(run.envelope[:, 1]) ** 2,
+        eliminate_rate,
+        False,
+        grouped=True,
     )
 
 
 def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own power taken off; no A, B, θ is formed."""
+    """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own
+    power taken off; no A, B, θ is formed."""
     noise = 2 * run.std**2
     cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
     c2, s2 = np.abs(run.envelope[:, 0]) ** 2 - noise, np.abs(run.envelope[:, 1]) ** 2 - noise
@@ -230,11 +297,20 @@ def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
 
 
 def _channel_products(
-    run: EnvelopeRun, x: Array, y: Array, c2: Array, s2: Array, eliminate_rate: bool, whole: bool, grouped: bool = False
+    run: EnvelopeRun,
+    x: Array,
+    y: Array,
+    c2: Array,
+    s2: Array,
+    eliminate_rate: bool,
+    whole: bool,
+    grouped: bool = False,
 ) -> Equations:
-    """½d(a_C²)/dt, ½d(a_S²)/dt and, `whole`, d(a_C a_S e^{jΔφ})/dt, else a_C a_S Δφ̇ alone; x + jy = a_C a_S e^{jΔφ}.
+    """½d(a_C²)/dt, ½d(a_S²)/dt and, `whole`, d(a_C a_S e^{jΔφ})/dt, else a_C a_S Δφ̇ alone; x + jy
+    = a_C a_S e^{jΔφ}.
 
-    `grouped`: Δφ is rounded to a multiple of π/2 where it is within `GROUP` of one; the other rows weigh nothing.
+    `grouped`: Δφ is rounded to a multiple of π/2 where it is within `GROUP` of one; the other rows
+    weigh nothing.
     """
     t = run.time_s
     keep = ~beside_gap(t)
@@ -251,15 +327,33 @@ def _channel_products(
         sin, cos = np.round(sin), np.round(cos)
         x, y = product * cos, product * sin
     amplitude = [
-        _rows(run, [-c2, -c2, -x, zero, y, rate * x, zero], derivative(c2, t) / 2 - known * x, keep, size),
-        _rows(run, [-s2, s2, -x, zero, -y, -rate * x, zero], derivative(s2, t) / 2 + known * x, keep, size),
+        _rows(
+            run,
+            [-c2, -c2, -x, zero, y, rate * x, zero],
+            derivative(c2, t) / 2 - known * x,
+            keep,
+            size,
+        ),
+        _rows(
+            run,
+            [-s2, s2, -x, zero, -y, -rate * x, zero],
+            derivative(s2, t) / 2 + known * x,
+            keep,
+            size,
+        ),
     ]
     total, difference = c2 + s2, s2 - c2
     if whole:
         in_phase = _rows(
-            run, [-2 * x, zero, -total, -2 * y, zero, rate * difference, zero], derivative(x, t) - known * difference, keep, size
+            run,
+            [-2 * x, zero, -total, -2 * y, zero, rate * difference, zero],
+            derivative(x, t) - known * difference,
+            keep,
+            size,
         )
-        quadrature = _rows(run, [-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t), keep, size)
+        quadrature = _rows(
+            run, [-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t), keep, size
+        )
         return _joined([*amplitude, in_phase, quadrature])
     phase = _rows(
         run,
@@ -271,8 +365,11 @@ def _channel_products(
     return _joined([*amplitude, phase])
 
 
-def _increments(run: EnvelopeRun, equations: Sequence[tuple[list[Array], Array, Array]]) -> Equations:
-    """Increments of quantities from row to row against ∫columns dt, trapezium rule with its end correction; standard deviations a row."""
+def _increments(
+    run: EnvelopeRun, equations: Sequence[tuple[list[Array], Array, Array]]
+) -> Equations:
+    """Increments of quantities from row to row against ∫columns dt, trapezium rule with its end
+    correction; standard deviations a row."""
     t = run.time_s
     step = np.diff(t)[:, None]
     pieces, targets = [], []
@@ -284,11 +381,19 @@ def _increments(run: EnvelopeRun, equations: Sequence[tuple[list[Array], Array, 
     n = len(t) - 1
     first = np.tile(np.arange(n) - 1, len(equations))
     levels = tuple(1 / np.broadcast_to(std, t.shape) for _, _, std in equations)
-    return Equations(np.concatenate(pieces), np.concatenate(targets), np.zeros(len(first)), np.ones(len(first)), first, levels)
+    return Equations(
+        np.concatenate(pieces),
+        np.concatenate(targets),
+        np.zeros(len(first)),
+        np.ones(len(first)),
+        first,
+        levels,
+    )
 
 
 def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A (15) integrated: increments of a_A, a_B instead of derivatives, and those of mθ, with the rate or without."""
+    """Seed A (15) integrated: increments of a_A, a_B instead of derivatives, and those of mθ, with
+    the rate or without."""
     w = ellipse_of(run)
     c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
     r = w.b / w.a
@@ -308,9 +413,11 @@ def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
 
 
 def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; no axes, so circular orbits too; noise power taken off S₀.
+    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; no axes, so circular
+    orbits too; noise power taken off S₀.
 
-    S₀ = |(S₁, S₂, S₃)| of one wave, so its own equation says nothing new; the other three have independent noise 2σ√S₀.
+    S₀ = |(S₁, S₂, S₃)| of one wave, so its own equation says nothing new; the other three have
+    independent noise 2σ√S₀.
     """
     s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
     s0 = s0 - 4 * run.std**2
@@ -347,8 +454,8 @@ EXACT = {
 
 @dataclass(frozen=True)
 class Rows:
-    """Weighted rows of one run with its own unknowns (frequency, first values) projected off: design (N, k), target (N,), the projector's
-    basis (N, c) and the weights (N,).
+    """Weighted rows of one run with its own unknowns (frequency, first values) projected off:
+    design (N, k), target (N,), the projector's basis (N, c) and the weights (N,).
     """
 
     design: Array
@@ -358,14 +465,21 @@ class Rows:
 
 
 def weighted(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> Rows:
-    """The regression's rows: the equations themselves, or the running sums of increments, begun anew after a gap."""
-    shared, target, weight = equations.columns @ freedom.directions, equations.target - equations.columns @ freedom.origin, equations.weight
+    """The regression's rows: the equations themselves, or the running sums of increments, begun
+    anew after a gap."""
+    shared, target, weight = (
+        equations.columns @ freedom.directions,
+        equations.target - equations.columns @ freedom.origin,
+        equations.weight,
+    )
     if equations.levels is None:
         own = equations.offset[:, None]
     else:
         count = len(equations.levels)
         joined = np.column_stack([shared, target]).reshape(count, len(run) - 1, -1)
-        sums = np.concatenate([np.zeros((count, 1, joined.shape[2])), np.cumsum(joined, axis=1)], axis=1).reshape(count * len(run), -1)
+        sums = np.concatenate(
+            [np.zeros((count, 1, joined.shape[2])), np.cumsum(joined, axis=1)], axis=1
+        ).reshape(count * len(run), -1)
         shared, target, weight = sums[:, :-1], sums[:, -1], np.concatenate(equations.levels)
         step = np.diff(run.time_s)
         piece = np.concatenate([[0], np.cumsum(step > WIDE_STEP * np.median(step))])
@@ -380,9 +494,11 @@ def weighted(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> Rows:
 
 
 def truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Array]:
-    """What the method's differences and sums leave of noiseless runs of coordinates p, equation by equation (N,) a run.
+    """What the method's differences and sums leave of noiseless runs of coordinates p, equation by
+    equation (N,) a run.
 
-    The approximations of a method are none of it: those of small quadrature are judged by the exact equations' differences.
+    The approximations of a method are none of it: those of small quadrature are judged by the exact
+    equations' differences.
     """
     exact = METHODS[EXACT.get(method, method)]
     out = []
@@ -400,10 +516,12 @@ def solve(
     model: Noiseless | None = None,
     start: Array | None = None,
 ) -> Regression:
-    """Pooled weighted least squares of one method over all runs, its covariance from the envelopes' noise.
+    """Pooled weighted least squares of one method over all runs, its covariance from the envelopes'
+    noise.
 
-    model, start: noiseless rows for any coordinates, and the coordinates (7,) at which the truncation is first taken from them; None:
-    the equations stay as published. The noise's level is the stated one, or what the residuals say where that is more.
+    model, start: noiseless rows for any coordinates, and the coordinates (7,) at which the
+    truncation is first taken from them; None: the equations stay as published. The noise's level is
+    the stated one, or what the residuals say where that is more.
     """
     reason = out_of_range(runs, method)
     if reason:
@@ -416,14 +534,32 @@ def solve(
     for _ in range(CORRECTIONS if corrected else 1):
         if model is not None and corrected:
             left_out = truncation(model(here), here, method)
-        equations = [dataclasses.replace(e, target=e.target - t) for e, t in zip(published, left_out, strict=True)]
-        p, covariance, chi2, rows = _least_squares(runs, freedom, method, eliminate_rate, equations, left_out)
+        equations = [
+            dataclasses.replace(e, target=e.target - t)
+            for e, t in zip(published, left_out, strict=True)
+        ]
+        p, covariance, chi2, rows = _least_squares(
+            runs, freedom, method, eliminate_rate, equations, left_out
+        )
         known = np.isfinite(p) & (np.diag(covariance) > 0)
-        change = float(np.max(np.abs(p - here)[known] / np.sqrt(np.diag(covariance)[known]), initial=0.0)) if corrected else 0.0
+        change = (
+            float(
+                np.max(np.abs(p - here)[known] / np.sqrt(np.diag(covariance)[known]), initial=0.0)
+            )
+            if corrected
+            else 0.0
+        )
         here = np.where(np.isfinite(p), p, here)
         if change < SETTLED:
             break
-    return Regression(p, covariance, warnings(runs, method, eliminate_rate), run_chi2=chi2, run_rows=rows, unsettled=change)
+    return Regression(
+        p,
+        covariance,
+        warnings(runs, method, eliminate_rate),
+        run_chi2=chi2,
+        run_rows=rows,
+        unsettled=change,
+    )
 
 
 def _least_squares(
@@ -436,7 +572,10 @@ def _least_squares(
 ) -> tuple[Array, Array, Array, Array]:
     """Coordinates (7,), covariance (7, 7), and each run's χ² and number of equations (R,)."""
     parts = [weighted(run, e, freedom) for run, e in zip(runs, equations, strict=True)]
-    design, target = np.concatenate([p.design for p in parts]), np.concatenate([p.target for p in parts])
+    design, target = (
+        np.concatenate([p.design for p in parts]),
+        np.concatenate([p.target for p in parts]),
+    )
     scale = np.linalg.norm(design, axis=0)
     used = scale > 0
     matrix = design[:, used] / scale[used]
@@ -448,7 +587,9 @@ def _least_squares(
     present = np.flatnonzero(used)
     D = freedom.directions[:, present]
     p = freedom.origin + D @ z[present]
-    total, chi2, rows = _covariance(runs, equations, left_out, parts, inverse, p, method, eliminate_rate)
+    total, chi2, rows = _covariance(
+        runs, equations, left_out, parts, inverse, p, method, eliminate_rate
+    )
     cov[np.ix_(used, used)] = total
     p[~(np.abs(D).sum(axis=1) > 0) & (np.abs(freedom.directions).sum(axis=1) > 0)] = np.nan
     return p, D @ cov[np.ix_(present, present)] @ D.T, chi2, rows
@@ -464,14 +605,17 @@ def _covariance(
     method: str,
     eliminate_rate: bool,
 ) -> tuple[Array, Array, Array]:
-    """Covariance (k, k) of z = inverse·target by the noise of every row of every run, and each run's χ² and its equations (R,)."""
+    """Covariance (k, k) of z = inverse·target by the noise of every row of every run, and each
+    run's χ² and its equations (R,)."""
     total, chi2, rows = np.zeros((len(inverse),) * 2), [], []
     ends = np.cumsum([len(part.target) for part in parts])
     for run, e, known, part, end in zip(runs, equations, left_out, parts, ends, strict=True):
         influence = inverse[:, end - len(part.target) : end] * part.weight
         if e.levels is not None:  # an increment moves every sum after it
             nodes = influence.reshape(len(influence), len(e.levels), -1)
-            influence = np.cumsum(nodes[:, :, :0:-1], axis=2)[:, :, ::-1].reshape(len(influence), -1)
+            influence = np.cumsum(nodes[:, :, :0:-1], axis=2)[:, :, ::-1].reshape(
+                len(influence), -1
+            )
         left, own = (e.target - e.columns @ p) * e.weight, e.offset * e.weight
         offset = float(own @ left / (own @ own)) if np.any(own) else 0.0
 
@@ -479,7 +623,9 @@ def _covariance(
             trial = METHODS[method](moved, eliminate_rate)
             return trial.target - known - trial.columns @ p - trial.offset * offset
 
-        covariance, variance = noise_propagation.covariance(run, misfit, e.first, e.reach, influence)
+        covariance, variance = noise_propagation.covariance(
+            run, misfit, e.first, e.reach, influence
+        )
         total += covariance
         seen = variance > 0
         chi2.append(float(np.sum(misfit(run)[seen] ** 2 / variance[seen])))

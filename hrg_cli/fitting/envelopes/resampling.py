@@ -10,11 +10,19 @@ from .likelihood import Fit, Freedom, fit, real
 Array = np.ndarray
 BLOCKS_A_RUN = 16
 PROFILE_STEPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
-PARAMETERS = ("damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
+PARAMETERS = (
+    "damping_rate_1_s",
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+    "scale_factor",
+)
 
 
 def bootstrap(best: Fit, draws: int, seed: int) -> Array:
-    """Coordinates (draws, 7): a run's residuals are drawn again in 16 blocks, each draw one Gauss–Newton step from the optimum."""
+    """Coordinates (draws, 7): a run's residuals are drawn again in 16 blocks, each draw one
+    Gauss–Newton step from the optimum."""
     rng = np.random.default_rng(seed)
     response, freedom = best.response, best.freedom
     shared = freedom.along(response.coordinate_sensitivities())
@@ -39,16 +47,24 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
             vectors.append(block.T @ np.concatenate([r.real, r.imag]))
         picks = rng.integers(0, len(pieces), (draws, len(pieces)))
         counts = np.stack([np.bincount(p, minlength=len(pieces)) for p in picks])
-        M, v = np.tensordot(counts, np.array(matrices), 1), np.tensordot(counts, np.array(vectors), 1)
-        through = np.swapaxes(M[:, :k, k:], 1, 2) @ np.linalg.pinv(M[:, :k, :k], rcond=1e-12, hermitian=True)
+        M, v = (
+            np.tensordot(counts, np.array(matrices), 1),
+            np.tensordot(counts, np.array(vectors), 1),
+        )
+        through = np.swapaxes(M[:, :k, k:], 1, 2) @ np.linalg.pinv(
+            M[:, :k, :k], rcond=1e-12, hermitian=True
+        )
         information += (M[:, k:, k:] - through @ M[:, :k, k:]) * np.outer(scale[k:], scale[k:])
         gradient += (v[:, k:] - (through @ v[:, :k, None])[..., 0]) * scale[k:]
     step = np.linalg.solve(information, gradient[..., None])[..., 0]
     return freedom.origin + (best.z + step) @ freedom.directions.T
 
 
-def profile(best: Fit, mode_number: int, std: dict[str, float], factor: float) -> dict[str, dict[str, list[float]]]:
-    """Profile-likelihood intervals (68 and 95 %) of each fitted parameter: the others fitted again at ±1, 2, 3 standard deviations."""
+def profile(
+    best: Fit, mode_number: int, std: dict[str, float], factor: float
+) -> dict[str, dict[str, list[float]]]:
+    """Profile-likelihood intervals (68 and 95 %) of each fitted parameter: the others fitted again
+    at ±1, 2, 3 standard deviations."""
     values, _ = coordinates.physical(best.p, mode_number)
     out = {}
     for row, name in enumerate(PARAMETERS):
@@ -70,12 +86,17 @@ def profile(best: Fit, mode_number: int, std: dict[str, float], factor: float) -
 
 
 def _cross(root: Array, step: Array, level: float) -> float:
-    """Step at which the root reaches a level; beyond ±3 by the last slope, infinite where it no longer rises."""
+    """Step at which the root reaches a level; beyond ±3 by the last slope, infinite where it no
+    longer rises."""
     if root[0] <= level <= root[-1]:
         return float(np.interp(level, root, step))
     edge, inner = (-1, -2) if level > 0 else (0, 1)
     slope = (root[edge] - root[inner]) / (step[edge] - step[inner])
-    return float(step[edge] + (level - root[edge]) / slope) if slope > 1e-3 else float(np.sign(level) * np.inf)
+    return (
+        float(step[edge] + (level - root[edge]) / slope)
+        if slope > 1e-3
+        else float(np.sign(level) * np.inf)
+    )
 
 
 def _moves(freedom: Freedom, row: int) -> bool:
@@ -89,7 +110,11 @@ def _held(best: Fit, row: int, value: float, mode_number: int) -> float:
     response, freedom = best.response, best.freedom
     state, p = response.state, best.p.copy()
     for _ in range(3 if row in (1, 3) else 1):
-        origin, directions, names = freedom.origin.copy(), freedom.directions.copy(), list(freedom.names)
+        origin, directions, names = (
+            freedom.origin.copy(),
+            freedom.directions.copy(),
+            list(freedom.names),
+        )
         if row in (0, 5):
             index = 0 if row == 0 else 5
             drop = [index]
@@ -97,8 +122,15 @@ def _held(best: Fit, row: int, value: float, mode_number: int) -> float:
         else:
             first = 1 if row in (1, 2) else 3
             drop = [first, first + 1]
-            axis = value * 2 * mode_number if row in (2, 4) else float(np.arctan2(p[first + 1], p[first]))
-            radial, tangent = np.array([np.cos(axis), np.sin(axis)]), np.array([-np.sin(axis), np.cos(axis)])
+            axis = (
+                value * 2 * mode_number
+                if row in (2, 4)
+                else float(np.arctan2(p[first + 1], p[first]))
+            )
+            radial, tangent = (
+                np.array([np.cos(axis), np.sin(axis)]),
+                np.array([-np.sin(axis), np.cos(axis)]),
+            )
             if row in (1, 3):
                 origin[first : first + 2] = value * radial
             extra = np.zeros((coordinates.COUNT, 1))

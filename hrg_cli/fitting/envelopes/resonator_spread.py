@@ -1,9 +1,12 @@
-"""What a resonator's covariance means for anything computed from it: the resonator moved along each of its uncertain directions.
+"""What a resonator's covariance means for anything computed from it: the resonator moved along each
+of its uncertain directions.
 
-The splits are moved as vectors (cos, sin) of 2mθ, in which their errors are normal even where a split is lost in noise. With
-f± = f(x ± σe) along each principal direction e of the covariance and f₀ = f(x),
+The splits are moved as vectors (cos, sin) of 2mθ, in which their errors are normal even where a
+split is lost in noise. With f± = f(x ± σe) along each principal direction e of the covariance and
+f₀ = f(x),
     var f = Σ (f₊ − f₋)²/4 + (f₊ + f₋ − 2f₀)²/2
-is exact for linear functions and for squares (Nørgaard et al., Automatica 36, 2000): δω² has a standard deviation even at δω = 0.
+is exact for linear functions and for squares (Nørgaard et al., Automatica 36, 2000): δω² has a
+standard deviation even at δω = 0.
 """
 
 from __future__ import annotations
@@ -16,14 +19,23 @@ from ...physics.resonator import Mechanics
 from ...records import Resonator
 
 Array = np.ndarray
-VECTOR = ("damping_rate_1_s", "damping_cos", "damping_sin", "split_cos", "split_sin", "scale_factor")
+VECTOR = (
+    "damping_rate_1_s",
+    "damping_cos",
+    "damping_sin",
+    "split_cos",
+    "split_sin",
+    "scale_factor",
+)
 """The coordinates that are moved."""
 CLEAR = 3.0
-"""Standard deviations from which a split's axis has the deviation of its own slope; below, both components have that of the size."""
+"""Standard deviations from which a split's axis has the deviation of its own slope; below, both
+components have that of the size."""
 
 
 def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mechanics:
-    """The resonator's values; a scale factor that it lacks is taken from `scale_factor`, else 0 (then there is no input rate)."""
+    """The resonator's values; a scale factor that it lacks is taken from `scale_factor`, else 0
+    (then there is no input rate)."""
     given = {name: value for name, (value, _, _) in resonator.parameters().items()}
     factor = scale_factor if scale_factor is not None else given.get("scale_factor", 0.0)
     return Mechanics(
@@ -40,13 +52,30 @@ def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mec
 
 def vector_of(mechanics: Mechanics) -> Array:
     """(ν, νδμ cos 2mθ_μ, νδμ sin 2mθ_μ, δω cos 2mθ_ω, δω sin 2mθ_ω, K) (6,)."""
-    a, b = 2 * mechanics.mode_number * mechanics.damping_axis_rad, 2 * mechanics.mode_number * mechanics.stiffness_axis_rad
-    nu, mu, split = mechanics.damping_rate_1_s, mechanics.damping_split_1_s, mechanics.frequency_split_rad_s
-    return np.array([nu, mu * np.cos(a), mu * np.sin(a), split * np.cos(b), split * np.sin(b), mechanics.scale_factor])
+    a, b = (
+        2 * mechanics.mode_number * mechanics.damping_axis_rad,
+        2 * mechanics.mode_number * mechanics.stiffness_axis_rad,
+    )
+    nu, mu, split = (
+        mechanics.damping_rate_1_s,
+        mechanics.damping_split_1_s,
+        mechanics.frequency_split_rad_s,
+    )
+    return np.array(
+        [
+            nu,
+            mu * np.cos(a),
+            mu * np.sin(a),
+            split * np.cos(b),
+            split * np.sin(b),
+            mechanics.scale_factor,
+        ]
+    )
 
 
 def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
-    """The resonator of vectors x (..., 6), its fields of shape (..., 1): they broadcast over angles along the last axis."""
+    """The resonator of vectors x (..., 6), its fields of shape (..., 1): they broadcast over angles
+    along the last axis."""
     nu, mc, ms, wc, ws, factor = np.moveaxis(np.asarray(x, float)[..., None], -2, 0)
     m2 = 2 * mechanics.mode_number
     return replace(
@@ -61,7 +90,8 @@ def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
 
 
 def vector_covariance(resonator: Resonator) -> Array:
-    """Covariance (6, 6) of the vector; what the resonator does not hold, or holds without a finite deviation, counts as known."""
+    """Covariance (6, 6) of the vector; what the resonator does not hold, or holds without a finite
+    deviation, counts as known."""
     m = resonator.mode_number
     values = resonator.parameters()
     order = [name for name in _SLOPES_OF if name in values and np.isfinite(values[name][1])]
@@ -72,26 +102,46 @@ def vector_covariance(resonator: Resonator) -> Array:
         for row, slope in _slopes(name, values, m):
             J[row, column] = slope
     moved = J @ covariance @ J.T
-    for size, axis, first in (("damping_split_1_s", "damping_axis_rad", 1), ("frequency_split_rad_s", "stiffness_axis_rad", 3)):
+    for size, axis, first in (
+        ("damping_split_1_s", "damping_axis_rad", 1),
+        ("frequency_split_rad_s", "stiffness_axis_rad", 3),
+    ):
         if size in order and axis in order and abs(values[size][0]) < CLEAR * values[size][1]:
             moved[first : first + 2] = 0.0
             moved[:, first : first + 2] = 0.0
-            moved[first, first] = moved[first + 1, first + 1] = max(values[size][1], 2 * m * abs(values[size][0]) * values[axis][1]) ** 2
+            moved[first, first] = moved[first + 1, first + 1] = (
+                max(values[size][1], 2 * m * abs(values[size][0]) * values[axis][1]) ** 2
+            )
     return moved
 
 
-_SLOPES_OF = ("damping_rate_1_s", "damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
+_SLOPES_OF = (
+    "damping_rate_1_s",
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+    "scale_factor",
+)
 
 
-def _slopes(name: str, values: dict[str, tuple[float, float, str]], m: int) -> list[tuple[int, float]]:
+def _slopes(
+    name: str, values: dict[str, tuple[float, float, str]], m: int
+) -> list[tuple[int, float]]:
     """Row and derivative of the vector by one parameter."""
     if name == "damping_rate_1_s":
         return [(0, 1.0)]
     if name == "scale_factor":
         return [(5, 1.0)]
     first = 1 if name.startswith("damping") else 3
-    size = values.get("damping_split_1_s" if first == 1 else "frequency_split_rad_s", (0.0, 0.0, ""))[0]
-    angle = 2 * m * values.get("damping_axis_rad" if first == 1 else "stiffness_axis_rad", (0.0, 0.0, ""))[0]
+    size = values.get(
+        "damping_split_1_s" if first == 1 else "frequency_split_rad_s", (0.0, 0.0, "")
+    )[0]
+    angle = (
+        2
+        * m
+        * values.get("damping_axis_rad" if first == 1 else "stiffness_axis_rad", (0.0, 0.0, ""))[0]
+    )
     if name.endswith("axis_rad"):
         return [(first, -2 * m * size * np.sin(angle)), (first + 1, 2 * m * size * np.cos(angle))]
     return [(first, float(np.cos(angle))), (first + 1, float(np.sin(angle)))]
@@ -108,4 +158,6 @@ def deviation(values: Array) -> Array:
     """Standard deviation of f from its values (1 + 2k, ...) at the vectors of `moved`."""
     half = (len(values) - 1) // 2
     plus, minus, centre = values[1 : 1 + half], values[1 + half :], values[0]
-    return np.asarray(np.sqrt(np.sum((plus - minus) ** 2 / 4 + (plus + minus - 2 * centre) ** 2 / 2, axis=0)))
+    return np.asarray(
+        np.sqrt(np.sum((plus - minus) ** 2 / 4 + (plus + minus - 2 * centre) ** 2 / 2, axis=0))
+    )

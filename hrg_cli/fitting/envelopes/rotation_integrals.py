@@ -1,9 +1,11 @@
-"""Identification of a uniformly turned gyro by integrals over full turns of 2mθ (seed A after (16), corrected).
+"""Identification of a uniformly turned gyro by integrals over full turns of 2mθ (seed A after (16),
+corrected).
 
-ν = −⟨d ln a_A/dt⟩, νδμ_c = −(1/π)∮(d ln a_A/dt) cos 2mθ d(2mθ), and for the quadrature wave y = (ȧ_B + νa_B)/a_A:
-δω_c = (1/π)∮ y sin 2mθ d(2mθ), δω_s = −(1/π)∮ y cos 2mθ d(2mθ); K = −mΔθ/∫Ω dt. The paper prints −2∫ and half a turn, which is 3.14 times
-too large and leaks a constant error δν as 4δν/π (PHYSICS §4); a_A is divided out first because it is not constant. The terms in a_B/a_A
-of (15) and the drift in K are put back from the estimates themselves, three times over.
+ν = −⟨d ln a_A/dt⟩, νδμ_c = −(1/π)∮(d ln a_A/dt) cos 2mθ d(2mθ), and for the quadrature wave y =
+(ȧ_B + νa_B)/a_A: δω_c = (1/π)∮ y sin 2mθ d(2mθ), δω_s = −(1/π)∮ y cos 2mθ d(2mθ); K = −mΔθ/∫Ω dt.
+The paper prints −2∫ and half a turn, which is 3.14 times too large and leaks a constant error δν as
+4δν/π (PHYSICS §4); a_A is divided out first because it is not constant. The terms in a_B/a_A of
+(15) and the drift in K are put back from the estimates themselves, three times over.
 """
 
 from __future__ import annotations
@@ -25,15 +27,23 @@ METHOD = "rotation-integrals"
 assert METHOD in USES_AXES
 
 
-def solve(runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Array | None = None) -> Regression:
-    """All runs that make at least one full turn of 2mθ, weighted by their turns; refused when none does.
+def solve(
+    runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Array | None = None
+) -> Regression:
+    """All runs that make at least one full turn of 2mθ, weighted by their turns; refused when none
+    does.
 
-    model, start: noiseless rows for any coordinates and the first coordinates (7,), by which the differences' truncation is taken off.
+    model, start: noiseless rows for any coordinates and the first coordinates (7,), by which the
+    differences' truncation is taken off.
     """
     refusal = out_of_range(runs, METHOD)
     estimates, variances, weights, chi2, rows, unsettled = [], [], [], [], [], 0.0
     for i, run in enumerate(runs):
-        found = None if refusal else one_run(run, None if model is None else partial(_of_run, model, i), start)
+        found = (
+            None
+            if refusal
+            else one_run(run, None if model is None else partial(_of_run, model, i), start)
+        )
         if found is not None:
             estimates.append(found.p)
             variances.append(found.covariance)
@@ -46,7 +56,10 @@ def solve(runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Ar
             rows.append(0)
     if not estimates:
         nan = np.full(COUNT, np.nan)
-        refusal = refusal or f"{METHOD} needs a run that turns through a full period of 2mθ; rotate the gyro uniformly for longer"
+        refusal = (
+            refusal
+            or f"{METHOD} needs a run that turns through a full period of 2mθ; rotate the gyro uniformly for longer"
+        )
         return Regression(nan, np.full((COUNT, COUNT), np.nan), refused=refusal)
     share = np.array(weights) / np.sum(weights)
     p = np.tensordot(share, np.array(estimates), 1)
@@ -54,7 +67,14 @@ def solve(runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Ar
     warnings = []
     if quadrature_significance(runs) < 3:
         warnings.append("the quadrature is lost in the noise: the frequency split is skipped")
-    return Regression(p, covariance, warnings, run_chi2=np.array(chi2), run_rows=np.array(rows), unsettled=unsettled)
+    return Regression(
+        p,
+        covariance,
+        warnings,
+        run_chi2=np.array(chi2),
+        run_rows=np.array(rows),
+        unsettled=unsettled,
+    )
 
 
 def _of_run(model: Noiseless, number: int, p: Array) -> EnvelopeRun:
@@ -64,7 +84,8 @@ def _of_run(model: Noiseless, number: int, p: Array) -> EnvelopeRun:
 
 @dataclass(frozen=True)
 class OneRun:
-    """Coordinates (7,), covariance (7, 7), number of full turns, χ² and equations, and the last correction's change in σ."""
+    """Coordinates (7,), covariance (7, 7), number of full turns, χ² and equations, and the last
+    correction's change in σ."""
 
     p: Array
     covariance: Array
@@ -74,7 +95,11 @@ class OneRun:
     unsettled: float
 
 
-def one_run(run: EnvelopeRun, model: Callable[[Array], EnvelopeRun] | None = None, start: Array | None = None) -> OneRun | None:
+def one_run(
+    run: EnvelopeRun,
+    model: Callable[[Array], EnvelopeRun] | None = None,
+    start: Array | None = None,
+) -> OneRun | None:
     """What one run says; None without a full turn or when the wave does not turn one way."""
     w = ellipse_of(run)
     alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
@@ -94,8 +119,13 @@ def one_run(run: EnvelopeRun, model: Callable[[Array], EnvelopeRun] | None = Non
     turned = float(run.turn_rad[n - 1] - run.turn_rad[0])
 
     def misfit(moved: Ellipse, p: Array) -> Array:
-        """Growth and quadrature less what p says of them, row by row, and the turning less drift and −KΩ, in pieces that sum to it."""
-        c, s, r = np.cos(2 * moved.angle[rows]), np.sin(2 * moved.angle[rows]), moved.b[rows] / moved.a[rows]
+        """Growth and quadrature less what p says of them, row by row, and the turning less drift
+        and −KΩ, in pieces that sum to it."""
+        c, s, r = (
+            np.cos(2 * moved.angle[rows]),
+            np.sin(2 * moved.angle[rows]),
+            moved.b[rows] / moved.a[rows],
+        )
         split, damping = p[3] * s - p[4] * c, p[1] * c + p[2] * s
         growth = moved.a_dot[rows] / moved.a[rows] + split * r + p[0] + damping
         quadrature = moved.b_dot[rows] / moved.a[rows] + (p[0] - damping) * r - split
@@ -115,17 +145,27 @@ def one_run(run: EnvelopeRun, model: Callable[[Array], EnvelopeRun] | None = Non
             at = np.append(p, 0.0) if trial else start
             left_out = misfit(ellipse_of(model(at)), at[:6])
         here = misfit(w, p) - left_out
-        slope = np.stack([influence @ (misfit(w, p + e) - here - left_out) for e in np.eye(6)], axis=1)
+        slope = np.stack(
+            [influence @ (misfit(w, p + e) - here - left_out) for e in np.eye(6)], axis=1
+        )
         if not turned:
             slope[5, 5] = 1.0
         p = p - np.linalg.solve(slope, influence @ here)
     left = misfit(w, p) - left_out
     covariance, variance = noise_propagation.covariance(
-        run, lambda moved: misfit(ellipse_of(moved), p), np.tile(np.arange(n) - 1, 3), 3, -np.linalg.solve(slope, influence)
+        run,
+        lambda moved: misfit(ellipse_of(moved), p),
+        np.tile(np.arange(n) - 1, 3),
+        3,
+        -np.linalg.solve(slope, influence),
     )
     chi2 = float(np.sum(left[: 2 * n] ** 2 / variance[: 2 * n]))
     covariance *= max(1.0, chi2 / (2 * n))
-    change = float(np.max(np.abs(p - before) / np.sqrt(np.maximum(np.diag(covariance), 1e-300)))) if model is not None else 0.0
+    change = (
+        float(np.max(np.abs(p - before) / np.sqrt(np.maximum(np.diag(covariance), 1e-300))))
+        if model is not None
+        else 0.0
+    )
     full, whole = np.zeros((COUNT, COUNT)), np.append(p, 0.0)
     full[:6, :6] = covariance
     if not turned:
@@ -134,7 +174,8 @@ def one_run(run: EnvelopeRun, model: Callable[[Array], EnvelopeRun] | None = Non
 
 
 def _trapezium(x: Array, length: float) -> Array:
-    """Weights of ∫ over [x₀, x₀ + length] by the trapezium rule, the last step cut where it overshoots."""
+    """Weights of ∫ over [x₀, x₀ + length] by the trapezium rule, the last step cut where it
+    overshoots."""
     weight = np.zeros(len(x))
     step = np.diff(x)
     weight[:-1] += step / 2

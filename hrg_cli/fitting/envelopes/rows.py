@@ -1,8 +1,10 @@
-"""How finely runs are averaged: no row spans more of the wave's motion than the fit can follow, and memory stays bounded.
+"""How finely runs are averaged: no row spans more of the wave's motion than the fit can follow, and
+memory stays bounded.
 
-A mean over a row in which the wave turns by x is short by x²/24 of what turns. Windows are therefore carried along a motion before they
-are averaged, and the motion is the fitted one, found again until the rows and the fit agree: then nothing of x²/24 is left, whatever
-the rate, and a row's length decides only how well the fit's slopes and differences follow it.
+A mean over a row in which the wave turns by x is short by x²/24 of what turns. Windows are
+therefore carried along a motion before they are averaged, and the motion is the fitted one, found
+again until the rows and the fit agree: then nothing of x²/24 is left, whatever the rate, and a
+row's length decides only how well the fit's slopes and differences follow it.
 """
 
 from __future__ import annotations
@@ -37,12 +39,15 @@ def speed(run: EnvelopeRun, p: Array) -> float:
 
 
 def needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
-    """Rows a run, at least `least`, so that none spans more than a quarter radian of motion; fewer windows than that are not averaged.
+    """Rows a run, at least `least`, so that none spans more than a quarter radian of motion; fewer
+    windows than that are not averaged.
 
     HrgError: memory allows only rows so long that the fit could not follow the wave.
     """
     motion = [speed(r, p) * (r.duration_s + r.window_s) for r in runs]
-    wanted = max((min(m / MOTION_RAD, len(r)) for m, r in zip(motion, runs, strict=True)), default=0.0)
+    wanted = max(
+        (min(m / MOTION_RAD, len(r)) for m, r in zip(motion, runs, strict=True)), default=0.0
+    )
     if not np.isfinite(wanted):
         return least
     most = max(least, MOST_ROWS // len(runs))
@@ -50,25 +55,38 @@ def needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
     for run, whole in zip(runs, motion, strict=True):
         if len(run) > rows and whole / rows > COARSEST_RAD:
             raise HrgError(
-                f"{run.run_id or 'the run'}: the wave moves by {whole:.3g} rad, and {len(runs)} runs leave {rows} rows in memory for each, "
-                f"{whole / rows:.2g} rad a row where {COARSEST_RAD:g} is the most; identify fewer or shorter runs at once"
+                f"{run.run_id or 'the run'}: the wave moves by {whole:.3g} rad, and {len(runs)}"
+                f" runs leave {rows} rows in memory for each, {whole / rows:.2g} rad a row where"
+                f" {COARSEST_RAD:g} is the most; identify fewer or shorter runs at once"
             )
     return rows
 
 
 def along(runs: Sequence[EnvelopeRun], response: Response, rows: int) -> list[EnvelopeRun]:
-    """Runs averaged to at most `rows` rows each along the motion of a fit: its generator, second order and phase."""
-    return [averaged(run, rows, carry, phase) for run, (carry, phase) in zip(runs, motions(runs, response), strict=True)]
+    """Runs averaged to at most `rows` rows each along the motion of a fit: its generator, second
+    order and phase."""
+    return [
+        averaged(run, rows, carry, phase)
+        for run, (carry, phase) in zip(runs, motions(runs, response), strict=True)
+    ]
 
 
-def motions(runs: Sequence[EnvelopeRun], response: Response) -> list[tuple[Carry, Callable[[Array], Array]]]:
-    """Each run's motion by a fit, as `averaged` takes it: the propagator over (dt, table turn), and the phase [rad] at times [s]."""
+def motions(
+    runs: Sequence[EnvelopeRun], response: Response
+) -> list[tuple[Carry, Callable[[Array], Array]]]:
+    """Each run's motion by a fit, as `averaged` takes it: the propagator over (dt, table turn), and
+    the phase [rad] at times [s]."""
     state, data = response.state, response.batch
     offsets = state.offsets_rad_s(data.span_s)
     out = []
     for i, (run, seen) in enumerate(zip(runs, data.runs, strict=True)):
         omega = 2 * np.pi * run.reference_frequency_hz + float(offsets[i])
-        out.append((_carry(state.p, omega), _phase(state.phase[i], float(seen.time_s[0]), float(data.span_s[i]))))
+        out.append(
+            (
+                _carry(state.p, omega),
+                _phase(state.phase[i], float(seen.time_s[0]), float(data.span_s[i])),
+            )
+        )
     return out
 
 

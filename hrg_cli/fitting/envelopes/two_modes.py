@@ -1,8 +1,10 @@
-"""A record in which only the two modes' frequencies and decays can be seen: u(t) = c₁ e^{λ₁t} + c₂ e^{λ₂t} in each channel.
+"""A record in which only the two modes' frequencies and decays can be seen: u(t) = c₁ e^{λ₁t} + c₂
+e^{λ₂t} in each channel.
 
-One channel (the other dead or proportional), or two channels that are not an orthogonal pair (a bell before two microphones), give the
-split and both decays; axes and the split of the channels' view mean nothing there. λ by linear prediction, then Gauss–Newton, complex
-throughout because the model is analytic in λ.
+One channel (the other dead or proportional), or two channels that are not an orthogonal pair (a
+bell before two microphones), give the split and both decays; axes and the split of the channels'
+view mean nothing there. λ by linear prediction, then Gauss–Newton, complex throughout because the
+model is analytic in λ.
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Modes:
-    """λ (k,) complex 1/s against the reference, standard deviation of a real part (k,), amplitudes (k, channels), χ²/dof, and the misfit
-    over the noise (n, 2·channels).
+    """λ (k,) complex 1/s against the reference, standard deviation of a real part (k,), amplitudes
+    (k, channels), χ²/dof, and the misfit over the noise (n, 2·channels).
     """
 
     exponent: Array
@@ -31,7 +33,8 @@ class Modes:
 
 
 def channels(run: EnvelopeRun) -> tuple[Array, bool]:
-    """(envelopes (n, 1) along the direction that carries the run, True) when the channels are one signal; else ((n, 2), False)."""
+    """(envelopes (n, 1) along the direction that carries the run, True) when the channels are one
+    signal; else ((n, 2), False)."""
     weighted = run.envelope / run.std[:, None]
     gram = weighted.conj().T @ weighted
     size, vector = np.linalg.eigh(gram)
@@ -41,10 +44,14 @@ def channels(run: EnvelopeRun) -> tuple[Array, bool]:
 
 
 def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
-    """First λ from u(t + count·h) = Σ aᵢ u(t + i·h) on an even grid, the lag h giving the strongest smallest direction of several."""
+    """First λ from u(t + count·h) = Σ aᵢ u(t + i·h) on an even grid, the lag h giving the strongest
+    smallest direction of several."""
     step = float(np.median(np.diff(time_s)))
     even = np.arange(time_s[0], time_s[-1], step)
-    grid = np.stack([np.interp(even, time_s, x.real) + 1j * np.interp(even, time_s, x.imag) for x in u.T], axis=-1)
+    grid = np.stack(
+        [np.interp(even, time_s, x.real) + 1j * np.interp(even, time_s, x.imag) for x in u.T],
+        axis=-1,
+    )
     weight = 1 / np.interp(even, time_s, std)
     best, best_cost = np.zeros(count, complex), np.inf
     lags = np.unique(np.geomspace(1, max(2, len(even) // (2 * count)), 12).astype(int))
@@ -52,7 +59,13 @@ def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
         rows = len(even) - count * lag
         if rows < 4 * count:
             continue
-        stack = np.stack([(grid[i * lag : i * lag + rows] * weight[count * lag :, None]).ravel() for i in range(count + 1)], axis=-1)
+        stack = np.stack(
+            [
+                (grid[i * lag : i * lag + rows] * weight[count * lag :, None]).ravel()
+                for i in range(count + 1)
+            ],
+            axis=-1,
+        )
         solution = np.linalg.lstsq(stack[:, :-1], stack[:, -1], rcond=None)[0]
         roots = np.roots(np.concatenate([[1.0], -solution[::-1]]))
         if np.any(np.abs(roots) < 1e-12):
@@ -111,12 +124,18 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     left = (u - np.exp(np.outer(x, exponent)) @ amplitude) / std[:, None]
     residual = np.concatenate([left.real, left.imag], axis=1)
     return Modes(
-        exponent[order], np.sqrt(np.maximum(0.0, np.diag(covariance)) * factor)[order], amplitude[order], chi2 / dof, dof, residual
+        exponent[order],
+        np.sqrt(np.maximum(0.0, np.diag(covariance)) * factor)[order],
+        amplitude[order],
+        chi2 / dof,
+        dof,
+        residual,
     )
 
 
 def resolved(two: Modes, one: Modes) -> bool:
-    """Whether the second mode is there: χ² falls by far more than chance, and the modes are apart by more than their errors."""
+    """Whether the second mode is there: χ² falls by far more than chance, and the modes are apart
+    by more than their errors."""
     gain = one.chi2_per_dof * one.dof - two.chi2_per_dof * two.dof
     apart = abs(two.exponent[0].imag - two.exponent[1].imag) > 4 * float(np.hypot(*two.std))
     return bool(gain > 50 * max(1.0, two.chi2_per_dof) and apart)

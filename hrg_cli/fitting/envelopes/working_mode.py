@@ -1,10 +1,12 @@
-"""Monitoring a driven gyro: the frequency split from the quadrature equation, the damping split from the phase equation.
+"""Monitoring a driven gyro: the frequency split from the quadrature equation, the damping split
+from the phase equation.
 
 Quadrature, seed A (15) with one electrode:   ȧ_B + λ a_B − νδμ cos χ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
-λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy out of the quadrature (PHYSICS
-M3p): λ is fitted.
+λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy
+out of the quadrature (PHYSICS M3p): λ is fitted.
 Phase, seed A (7) solved exactly:   φ̇ = ω̄ + [(1 + r²) δω cos ζ − 2r νδμ sin χ]/(1 − r²).
-The second is weak: νδμ enters with 2r, and ω̄ is the *mean* frequency, so every drift of it is read as damping split (PHYSICS §4 (12)).
+The second is weak: νδμ enters with 2r, and ω̄ is the *mean* frequency, so every drift of it is read
+as damping split (PHYSICS §4 (12)).
 """
 
 from __future__ import annotations
@@ -25,8 +27,8 @@ NAMES = ("damping_rate_of_quadrature_1_s", "split_cos", "split_sin", "damping_co
 
 @dataclass(frozen=True)
 class Monitor:
-    """Quadrature damping λ, (δω cos, sin), (νδμ cos, sin): values (5,), covariance (5, 5); rms of r, and νδμ read per mHz of
-    frequency drift.
+    """Quadrature damping λ, (δω cos, sin), (νδμ cos, sin): values (5,), covariance (5, 5); rms of
+    r, and νδμ read per mHz of frequency drift.
     """
 
     value: Array
@@ -36,7 +38,8 @@ class Monitor:
 
 
 def monitor(runs: Sequence[EnvelopeRun]) -> Monitor:
-    """Both regressions over all runs; each run has its own mean frequency and linear drift of it."""
+    """Both regressions over all runs; each run has its own mean frequency and linear drift of
+    it."""
     first = _regression([_quadrature_rows(r) for r in runs])
     second = _regression([_phase_rows(r, len(runs), i) for i, r in enumerate(runs)])
     ratios = np.concatenate([_ratio(r) for r in runs])
@@ -53,8 +56,8 @@ def _ratio(run: EnvelopeRun) -> Array:
 
 
 def _quadrature_rows(run: EnvelopeRun) -> tuple[Array, Array]:
-    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and, for the damping split, a_B cos,
-    a_B sin.
+    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and,
+    for the damping split, a_B cos, a_B sin.
     """
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     angle, _ = ellipse.unwrap(angle, phase, 1)
@@ -64,7 +67,8 @@ def _quadrature_rows(run: EnvelopeRun) -> tuple[Array, Array]:
 
 
 def _phase_rows(run: EnvelopeRun, count: int, number: int) -> tuple[Array, Array]:
-    """Increments of φ against δω cos, δω sin, νδμ cos, νδμ sin, and this run's mean frequency and its drift."""
+    """Increments of φ against δω cos, δω sin, νδμ cos, νδμ sin, and this run's mean frequency and
+    its drift."""
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     angle, phase = ellipse.unwrap(angle, phase, 1)
     r = b / a
@@ -101,15 +105,19 @@ def _regression(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
 
 
 STRAIGHT = 0.25
-"""Turn of mθ to either side of a crossing over which sin ζ is as good as straight: its cube is left out alike on both sides."""
+"""Turn of mθ to either side of a crossing over which sin ζ is as good as straight: its cube is left
+out alike on both sides."""
 
 
-def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int, quadrature_damping_1_s: float = np.inf) -> list[tuple[float, float]]:
-    """(axis [rad], its standard deviation) at every sign change of a_B as the wave passes it slowly; + to − and − to + alike.
+def stiffness_axes(
+    runs: Sequence[EnvelopeRun], mode_number: int, quadrature_damping_1_s: float = np.inf
+) -> list[tuple[float, float]]:
+    """(axis [rad], its standard deviation) at every sign change of a_B as the wave passes it
+    slowly; + to − and − to + alike.
 
-    The quadrature follows a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2) through ṙ = −λr + δω sin ζ, so while the wave turns evenly
-    it stands arctan(2mθ'/λ) of ζ behind: given λ, that is taken off. Rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω
-    in [0, π/m).
+    The quadrature follows a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2) through ṙ = −λr + δω
+    sin ζ, so while the wave turns evenly it stands arctan(2mθ'/λ) of ζ behind: given λ, that is
+    taken off. Rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω in [0, π/m).
     """
     out = []
     for run in runs:
@@ -120,7 +128,12 @@ def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int, quadrature_dam
         step = np.median(np.abs(speed)) * np.median(np.diff(run.time_s))
         width = max(3, min(len(ratio) // 40, int(STRAIGHT / 2 / max(step, 1e-12))))
         half = width // 2
-        for i in np.flatnonzero(np.diff(np.sign(np.convolve(ratio, np.ones(width) / width, "valid"))) != 0) + half:
+        for i in (
+            np.flatnonzero(
+                np.diff(np.sign(np.convolve(ratio, np.ones(width) / width, "valid"))) != 0
+            )
+            + half
+        ):
             rows = slice(max(0, i - 2 * width), i + 2 * width)
             x, y = angle[rows] - angle[i], ratio[rows]
             if np.ptp(x) < 1e-6:
@@ -137,11 +150,15 @@ def stiffness_axes(runs: Sequence[EnvelopeRun], mode_number: int, quadrature_dam
     return out
 
 
-def combined_axis(crossings: Sequence[tuple[float, float]], mode_number: int) -> dict[str, float] | None:
-    """One axis [rad] with its deviation from all crossings, their number and χ² a degree of freedom; None without a crossing.
+def combined_axis(
+    crossings: Sequence[tuple[float, float]], mode_number: int
+) -> dict[str, float] | None:
+    """One axis [rad] with its deviation from all crossings, their number and χ² a degree of
+    freedom; None without a crossing.
 
-    Weighted mean on the circle of 2mθ; its deviation holds the crossings' scatter whole, which is the same at every turn of the wave: the
-    quadrature's damping itself moves with the angle by the damping split.
+    Weighted mean on the circle of 2mθ; its deviation holds the crossings' scatter whole, which is
+    the same at every turn of the wave: the quadrature's damping itself moves with the angle by the
+    damping split.
     """
     if not crossings:
         return None
@@ -152,4 +169,9 @@ def combined_axis(crossings: Sequence[tuple[float, float]], mode_number: int) ->
     off = np.angle(np.exp(1j * m2 * (axes - axis))) / m2
     chi2 = float(np.sum(weight * off**2) / max(len(axes) - 1, 1))
     std = float(np.sqrt(1 / np.sum(weight) + np.sum(weight * off**2) / np.sum(weight)))
-    return {"value": float(np.mod(axis, 2 * np.pi / m2)), "std": std, "crossings": len(axes), "chi2_per_dof": chi2}
+    return {
+        "value": float(np.mod(axis, 2 * np.pi / m2)),
+        "std": std,
+        "crossings": len(axes),
+        "chi2_per_dof": chi2,
+    }

@@ -1,8 +1,10 @@
-"""Least-squares bases of a demodulation window: cos, sin of the wanted frequencies, nuisance terms, and t·cos, t·sin where asked.
+"""Least-squares bases of a demodulation window: cos, sin of the wanted frequencies, nuisance terms,
+and t·cos, t·sin where asked.
 
-y(τ) = Σ_a [p_a cos ω_a τ + q_a sin ω_a τ] + constant + nuisance tones (+ τ·(…)), τ from the window's centre; envelope U_a = p_a − j q_a.
-A window without the τ terms is pulled by the envelope's slope U1: ΔU = α U1 + β U1*, of the order U1/2ω whatever its length; every window
-by the curvature U2, about U2·T²/24. `Pull` holds these and what slope or curvature leave in the residual.
+y(τ) = Σ_a [p_a cos ω_a τ + q_a sin ω_a τ] + constant + nuisance tones (+ τ·(…)), τ from the
+window's centre; envelope U_a = p_a − j q_a. A window without the τ terms is pulled by the
+envelope's slope U1: ΔU = α U1 + β U1*, of the order U1/2ω whatever its length; every window by the
+curvature U2, about U2·T²/24. `Pull` holds these and what slope or curvature leave in the residual.
 """
 
 from __future__ import annotations
@@ -16,8 +18,9 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Pull:
-    """What an unmodelled motion M (slope U1 or curvature U2) does to a window: ΔU = α M + β M*, and (p, q)ᵀ·left·(p, q) with M = p − jq to
-    the residual's sum of squares. alpha, beta (rows or 1, F, F); left (rows or 1, 2F, 2F)."""
+    """What an unmodelled motion M (slope U1 or curvature U2) does to a window: ΔU = α M + β M*, and
+    (p, q)ᵀ·left·(p, q) with M = p − jq to the residual's sum of squares. alpha, beta (rows or 1, F,
+    F); left (rows or 1, 2F, 2F)."""
 
     alpha: Array
     beta: Array
@@ -26,10 +29,11 @@ class Pull:
 
 @dataclass(frozen=True)
 class WindowBasis:
-    """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k), coefficients p, q = q @ `triangle` (k, 2F).
+    """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k),
+    coefficients p, q = q @ `triangle` (k, 2F).
 
-    `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise; `slope` and `curvature`: their pulls.
-    `condition`: of the basis with its columns scaled to one.
+    `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise; `slope` and `curvature`: their
+    pulls. `condition`: of the basis with its columns scaled to one.
     """
 
     orthonormal: Array
@@ -46,9 +50,14 @@ class WindowBasis:
 
 
 def columns(
-    tau_s: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = (), moving: bool = False, scale_s: float = 1.0
+    tau_s: Array,
+    frequency_hz: tuple[float, ...],
+    nuisance_hz: tuple[float, ...] = (),
+    moving: bool = False,
+    scale_s: float = 1.0,
 ) -> Array:
-    """Basis (n, k) at times from the centre: the wanted pairs, a constant, nuisance pairs, and with `moving` (τ/scale)·the wanted pairs."""
+    """Basis (n, k) at times from the centre: the wanted pairs, a constant, nuisance pairs, and with
+    `moving` (τ/scale)·the wanted pairs."""
     wanted = pairs(tau_s, frequency_hz)
     parts = [wanted, np.ones((len(tau_s), 1)), pairs(tau_s, nuisance_hz)]
     if moving:
@@ -63,7 +72,8 @@ def pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
 
 
 def rotations(time_s: Array, frequency_hz: Array) -> Array:
-    """e^{2πjft} (frequencies, times) on an even grid of frequencies, by doubling: one product a value instead of a sine and a cosine."""
+    """e^{2πjft} (frequencies, times) on an even grid of frequencies, by doubling: one product a
+    value instead of a sine and a cosine."""
     out = np.empty((len(frequency_hz), len(time_s)), complex)
     out[0] = np.exp(2j * np.pi * frequency_hz[0] * time_s)
     if len(frequency_hz) > 1:
@@ -76,16 +86,22 @@ def rotations(time_s: Array, frequency_hz: Array) -> Array:
 
 
 def pull(coefficients: Array, left: Array) -> Pull:
-    """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and `left` into the residual."""
+    """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and
+    `left` into the residual."""
     m00, m01 = coefficients[..., 0::2, 0::2], coefficients[..., 0::2, 1::2]
     m10, m11 = coefficients[..., 1::2, 0::2], coefficients[..., 1::2, 1::2]
     return Pull((m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2, left)
 
 
 def window_basis(
-    samples: int, sample_rate_hz: float, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = (), moving: bool = False
+    samples: int,
+    sample_rate_hz: float,
+    frequency_hz: tuple[float, ...],
+    nuisance_hz: tuple[float, ...] = (),
+    moving: bool = False,
 ) -> WindowBasis | None:
-    """The basis of a window of evenly spaced samples about its centre; None where it is singular or has more columns than samples."""
+    """The basis of a window of evenly spaced samples about its centre; None where it is singular or
+    has more columns than samples."""
     tau = (np.arange(samples) - (samples - 1) / 2) / sample_rate_hz
     matrix = columns(tau, frequency_hz, nuisance_hz, moving, samples / sample_rate_hz / 2)
     norm = np.sqrt((matrix**2).sum(0))

@@ -1,8 +1,10 @@
-"""A logged quantity between its rows: straight lines, bent to the cubic through four rows where the log shows the bend.
+"""A logged quantity between its rows: straight lines, bent to the cubic through four rows where the
+log shows the bend.
 
-In the interval from t_k, x = t − t_k, of length h: p = line + x (x − h)(α + β x), α and β from divided differences (Newton). The bend
-is taken where it exceeds twice the cubic's own error, |Π(t − t_i)|·|f[five rows]|, in the middle: it does so along a smooth course, not
-in noise, at jumps or between the steps of a converter.
+In the interval from t_k, x = t − t_k, of length h: p = line + x (x − h)(α + β x), α and β from
+divided differences (Newton). The bend is taken where it exceeds twice the cubic's own error, |Π(t −
+t_i)|·|f[five rows]|, in the middle: it does so along a smooth course, not in noise, at jumps or
+between the steps of a converter.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ Array = np.ndarray
 FEWEST = 6
 """Rows from which a bend is looked for."""
 STEADY = 0.5
-"""Relative change of the slope from one step to the next up to which a course counts as steady; noise alone changes it by more than 1."""
+"""Relative change of the slope from one step to the next up to which a course counts as steady;
+noise alone changes it by more than 1."""
 
 
 @dataclass(frozen=True)
@@ -28,17 +31,26 @@ class Course:
     beta: Array
 
     def at(self, time_s: Array) -> Array:
-        """Values at any times; beyond the ends a steady course goes on for one step, then (and any other at once) the last value holds."""
+        """Values at any times; beyond the ends a steady course goes on for one step, then (and any
+        other at once) the last value holds."""
         t = self.time_s
         if len(t) == 1:
             return np.full(np.shape(time_s), self.value[0])
         inside = np.clip(time_s, t[0] - self._reach(0, 1, 2), t[-1] + self._reach(-1, -2, -3))
         k = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)
         x, h = inside - t[k], t[k + 1] - t[k]
-        return np.asarray(self.value[k] + x * ((self.value[k + 1] - self.value[k]) / h + (x - h) * (self.alpha[k] + self.beta[k] * x)))
+        return np.asarray(
+            self.value[k]
+            + x
+            * (
+                (self.value[k + 1] - self.value[k]) / h
+                + (x - h) * (self.alpha[k] + self.beta[k] * x)
+            )
+        )
 
     def _reach(self, end: int, next_one: int, third: int) -> float:
-        """How far a course goes on beyond an end: one step where its last two steps are bent, or nearly as steep as each other."""
+        """How far a course goes on beyond an end: one step where its last two steps are bent, or
+        nearly as steep as each other."""
         if len(self.time_s) < 3:
             return 0.0
         rows = [end, next_one, third]

@@ -1,4 +1,5 @@
-"""The part of demodulation that even and uneven sampling share: local frequency, reference phase, rows with standard deviations."""
+"""The part of demodulation that even and uneven sampling share: local frequency, reference phase,
+rows with standard deviations."""
 
 from __future__ import annotations
 
@@ -12,7 +13,17 @@ from .basis import WindowBasis, columns, window_basis
 from .frequency import bands, nuisances
 from .spectrum import colour
 from .survey import Survey
-from .windows import Fits, bend_power, curvatures, motion_counts, motion_residual, pooled_variance, pull_noise, slopes, unpulled
+from .windows import (
+    Fits,
+    bend_power,
+    curvatures,
+    motion_counts,
+    motion_residual,
+    pooled_variance,
+    pull_noise,
+    slopes,
+    unpulled,
+)
 
 Array = np.ndarray
 Rows = dict[str, Array]
@@ -21,10 +32,12 @@ CHUNK_SAMPLES, CHUNK_WINDOWS = (1 << 18, 1 << 20), 256
 """Samples, at least and at most, and windows in between, that share one local basis frequency."""
 
 DRIFT_RAD = 0.03
-"""Most that the envelope may turn within a window for the local frequency's error at a chunk's ends."""
+"""Most that the envelope may turn within a window for the local frequency's error at a chunk's
+ends."""
 
 FREQUENCY_STEP = 3e-5
-"""The local frequency is rounded to this part of 1/window, so that a steady run keeps its basis; the amplitude errs by less than 1e-9."""
+"""The local frequency is rounded to this part of 1/window, so that a steady run keeps its basis;
+the amplitude errs by less than 1e-9."""
 
 PROBE = 16
 """One row of so many tells whether the curvature within short windows is worth its correction."""
@@ -35,7 +48,8 @@ MOVING_PERIODS = 3.0
 
 @dataclass
 class Demodulator:
-    """One recording on its way through; `window_s` is set by the sampling's own module before the first row."""
+    """One recording on its way through; `window_s` is set by the sampling's own module before the
+    first row."""
 
     recording: Recording
     survey: Survey
@@ -53,23 +67,36 @@ class Demodulator:
         self.sign = np.array([1.0]) if carrier is None else np.array([-1.0, 1.0])
         self.reference = np.array(bands(self.reference_hz, carrier))
         self.nuisance = nuisances(carrier)
-        self.moving = self.periods_asked >= MOVING_PERIODS if self.moving_asked is None else self.moving_asked
+        self.moving = (
+            self.periods_asked >= MOVING_PERIODS if self.moving_asked is None else self.moving_asked
+        )
         self.calm: tuple[float, float] = (np.inf, np.inf)
-        """Median over the looks of a window's residual variance, both channels summed, and of that over the wave's power."""
+        """Median over the looks of a window's residual variance, both channels summed, and of that
+        over the wave's power."""
         self.bent, self.bent_by = 0, 0.0
-        """Channel windows whose envelope moves too much for the window, and by how many standard deviations."""
+        """Channel windows whose envelope moves too much for the window, and by how many standard
+        deviations."""
         self._ahead_hz = 0.0
         self._basis: tuple[float, WindowBasis] | None = None
         self._course = np.zeros((0, 1), complex)
         self._colour: Array | None = None
 
     def chunk_windows(self, window_samples: float, pool: int) -> int:
-        """Windows that share one basis: a multiple of `pool`, so few that the frequency's drift turns none by `DRIFT_RAD`."""
-        windows = max(1, int(min(max(CHUNK_SAMPLES[0], CHUNK_WINDOWS * window_samples), CHUNK_SAMPLES[1]) / window_samples))
+        """Windows that share one basis: a multiple of `pool`, so few that the frequency's drift
+        turns none by `DRIFT_RAD`."""
+        windows = max(
+            1,
+            int(
+                min(max(CHUNK_SAMPLES[0], CHUNK_WINDOWS * window_samples), CHUNK_SAMPLES[1])
+                / window_samples
+            ),
+        )
         track_s, track_hz = self.survey.track_s, self.survey.track_hz
         if len(track_s) > 1:
             drift = float(np.abs(np.diff(track_hz) / np.diff(track_s)).max())
-            windows = min(windows, max(8, int(DRIFT_RAD / (np.pi * max(drift, 1e-30) * self.window_s**2))))
+            windows = min(
+                windows, max(8, int(DRIFT_RAD / (np.pi * max(drift, 1e-30) * self.window_s**2)))
+            )
         return pool * max(1, windows // pool)
 
     def columns(self) -> int:
@@ -81,7 +108,8 @@ class Demodulator:
         return float(self.recording.c_scale_factor if k == 0 else self.recording.s_scale_factor)
 
     def least_variance(self, k: int) -> float:
-        """Least variance a sample: a converter's rounding, 1/12 of a count squared; for floats their own rounding."""
+        """Least variance a sample: a converter's rounding, 1/12 of a count squared; for floats
+        their own rounding."""
         dtype = (self.recording.c if k == 0 else self.recording.s).dtype
         least = self.survey.least_count[k] ** 2 / 12
         if np.issubdtype(dtype, np.integer):
@@ -89,11 +117,13 @@ class Demodulator:
         return max(least, self.survey.strength2 * float(np.finfo(dtype).eps) ** 2, 1e-300)
 
     def least_count(self) -> float | None:
-        """The coarser channel's least count, unit of the signals; None where the values are a continuum."""
+        """The coarser channel's least count, unit of the signals; None where the values are a
+        continuum."""
         return max(self.survey.least_count) or None
 
     def quantisation_share(self) -> float | None:
-        """Part of the residual variance (median over the looks) that rounding makes: Σ least count²/12 over both channels'."""
+        """Part of the residual variance (median over the looks) that rounding makes: Σ least
+        count²/12 over both channels'."""
         power = self.calm[0]
         if not max(self.survey.least_count) or not np.isfinite(power):
             return None
@@ -105,12 +135,14 @@ class Demodulator:
     def too_short(self) -> HrgError:
         """The sentence for a recording that holds no window."""
         return HrgError(
-            f"{self.name}: its {len(self.recording.c)} samples do not hold one window of {self.periods_asked:g} periods "
-            f"at {self.reference_hz:.6g} Hz; record longer or set periods_per_window lower"
+            f"{self.name}: its {len(self.recording.c)} samples do not hold one window of"
+            f" {self.periods_asked:g} periods at {self.reference_hz:.6g} Hz; record longer or set"
+            " periods_per_window lower"
         )
 
     def local_hz(self, time_s: float) -> float:
-        """Frequency of the basis at a time: the survey's course, corrected by what the chunk before has shown."""
+        """Frequency of the basis at a time: the survey's course, corrected by what the chunk before
+        has shown."""
         step = FREQUENCY_STEP / self.window_s
         return float(round((self.survey.frequency_hz(time_s) + self._ahead_hz) / step) * step)
 
@@ -119,11 +151,16 @@ class Demodulator:
         return bands(local_hz, self.survey.carrier_hz)
 
     def follow(self, u: Array, time_s: float) -> None:
-        """Learn from a chunk's envelopes u (channel, rows, F) by how much the frequency differs from the survey's course."""
+        """Learn from a chunk's envelopes u (channel, rows, F) by how much the frequency differs
+        from the survey's course."""
         if u.shape[1] <= 8:
             return
-        cross = np.array([sum(np.vdot(u[k, :-1, a], u[k, 1:, a]) for k in range(2)) for a in range(u.shape[2])])
-        power = sum(np.vdot(u[k, :, a], u[k, :, a]).real for k in range(2) for a in range(u.shape[2]))
+        cross = np.array(
+            [sum(np.vdot(u[k, :-1, a], u[k, 1:, a]) for k in range(2)) for a in range(u.shape[2])]
+        )
+        power = sum(
+            np.vdot(u[k, :, a], u[k, :, a]).real for k in range(2) for a in range(u.shape[2])
+        )
         total = complex(np.where(self.sign < 0, cross.conj(), cross).sum())
         if np.isfinite(total) and abs(total) > 0.9 * power:
             seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
@@ -132,7 +169,9 @@ class Demodulator:
     def basis(self, samples: int, rate_hz: float, local_hz: float) -> WindowBasis:
         """The shared basis of even windows at a local frequency, kept while that stays the same."""
         if self._basis is None or self._basis[0] != local_hz:
-            basis = window_basis(samples, rate_hz, self.local_bands(local_hz), self.nuisance, self.moving)
+            basis = window_basis(
+                samples, rate_hz, self.local_bands(local_hz), self.nuisance, self.moving
+            )
             if basis is None:
                 raise self.too_short()
             self._basis = (local_hz, basis)
@@ -143,7 +182,14 @@ class Demodulator:
         found = self.survey
         if found.spectrum_segments == 0 or len(found.spectrum_hz) < 16:
             return
-        kappa = colour(found.spectrum_hz, found.spectrum_density, found.spectrum_segments, basis, rate_hz, found.blind_hz)
+        kappa = colour(
+            found.spectrum_hz,
+            found.spectrum_density,
+            found.spectrum_segments,
+            basis,
+            rate_hz,
+            found.blind_hz,
+        )
         if (kappa != 1).any():
             self._colour = kappa
             worst = np.sqrt(kappa.mean(1))
@@ -153,14 +199,23 @@ class Demodulator:
             )
 
     def turns(self, start_s: float, rows: int) -> Array:
-        """e^{−jω_r t} (rows, F) at windows one after another from a centre; the course within a chunk is computed once."""
+        """e^{−jω_r t} (rows, F) at windows one after another from a centre; the course within a
+        chunk is computed once."""
         if len(self._course) < rows:
-            self._course = np.exp(-2j * np.pi * np.fmod(np.arange(rows)[:, None] * self.window_s * self.reference, 1.0))
+            self._course = np.exp(
+                -2j
+                * np.pi
+                * np.fmod(np.arange(rows)[:, None] * self.window_s * self.reference, 1.0)
+            )
         return self._course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
 
     def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
-        """Whether the envelopes' curvature moves a short window by more than a tenth of its noise, judged by one row of `PROBE`."""
-        pull2 = bend_power(u, offset, self.window_s, PROBE) * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
+        """Whether the envelopes' curvature moves a short window by more than a tenth of its noise,
+        judged by one row of `PROBE`."""
+        pull2 = (
+            bend_power(u, offset, self.window_s, PROBE)
+            * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
+        )
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
         variance = float(np.median(fits.variance[::PROBE]))
         for k in range(2):
@@ -171,13 +226,17 @@ class Demodulator:
         return False
 
     def _judged(self, u: Array, times: Array) -> Array:
-        """The envelopes (channel, rows, F), NaN where they are outside the run-down: a strike's bend is not that of the rows beside it."""
+        """The envelopes (channel, rows, F), NaN where they are outside the run-down: a strike's
+        bend is not that of the rows beside it."""
         if times[0] > self.judged_s[0] and times[-1] < self.judged_s[1]:
             return u
-        return np.where(((times > self.judged_s[0]) & (times < self.judged_s[1]))[:, None], u, np.nan)
+        return np.where(
+            ((times > self.judged_s[0]) & (times < self.judged_s[1]))[:, None], u, np.nan
+        )
 
     def _count_bent(self, doubt: Array, std: Array) -> None:
-        """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half the noise."""
+        """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half
+        the noise."""
         bent = doubt > std / 2
         self.bent += int(np.count_nonzero(bent))
         if bent.any():
@@ -186,11 +245,21 @@ class Demodulator:
     def empty(self, rows: int) -> Rows:
         """A block's columns, to be filled."""
         signals = 4 * len(self.reference)
-        shapes = {"time_s": (rows,), "signals": (rows, signals), "signals_std": (rows, signals), "residual_rms": (rows, 2)}
-        return {name: np.empty(shape) for name, shape in shapes.items()} | {"flags": np.zeros(rows, "u1")}
+        shapes = {
+            "time_s": (rows,),
+            "signals": (rows, signals),
+            "signals_std": (rows, signals),
+            "residual_rms": (rows, 2),
+        }
+        return {name: np.empty(shape) for name, shape in shapes.items()} | {
+            "flags": np.zeros(rows, "u1")
+        }
 
-    def fill(self, fits: Fits, times: Array, local_hz: float, keep: slice, out: Rows, rows: slice) -> None:
-        """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops neighbours fitted only for the slopes."""
+    def fill(
+        self, fits: Fits, times: Array, local_hz: float, keep: slice, out: Rows, rows: slice
+    ) -> None:
+        """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops
+        neighbours fitted only for the slopes."""
         tones = len(self.reference)
         turn = self.turns(float(times[0]), len(times))
         u = fits.envelope * turn
@@ -201,7 +270,11 @@ class Demodulator:
         smooth = self._judged(u, times)
         if self.periods_asked >= MOVING_PERIODS or self._bends(smooth, offset, fits):
             bend, doubt = curvatures(smooth, offset, self.window_s) or (None, None)
-        noisier = pull_noise(fits.slope, fits.curvature, self.window_s) if bend is not None else pull_noise(fits.slope, None, self.window_s)
+        noisier = (
+            pull_noise(fits.slope, fits.curvature, self.window_s)
+            if bend is not None
+            else pull_noise(fits.slope, None, self.window_s)
+        )
         if slope is not None:
             raw = u
             u = unpulled(raw, slope, turn, fits.slope)
@@ -213,7 +286,9 @@ class Demodulator:
         if bend is not None:
             u = unpulled(u, bend, turn, fits.curvature)
             if motion_counts(residual2, bend, fits.curvature):
-                known = motion_residual(bend, turn, fits.curvature) + (0.0 if known is None else known)
+                known = motion_residual(bend, turn, fits.curvature) + (
+                    0.0 if known is None else known
+                )
         u, turn = u[:, keep], turn[keep]
         doubt2 = None
         if doubt is not None:
@@ -225,24 +300,46 @@ class Demodulator:
         cos2 = turn.real**2
         for k in range(2):
             sample2 = np.maximum(
-                pooled_variance(residual2[k, keep], freedom, None if known is None else known[k, keep]), self.least_variance(k)
+                pooled_variance(
+                    residual2[k, keep], freedom, None if known is None else known[k, keep]
+                ),
+                self.least_variance(k),
             )[:, None]
             own = variance * noisier**2
             if self._colour is not None:
-                own = own * np.maximum(self._colour[k], self.least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0)
+                own = own * np.maximum(
+                    self._colour[k],
+                    (
+                        self.least_variance(k) / np.nanmean(sample2)
+                        if np.isfinite(sample2).any()
+                        else 0.0
+                    ),
+                )
             p, q = own[:, 0::2], own[:, 1::2]
             part = cos2 * (p - q)
             first = 2 * k * tones
             out["signals"][rows, first : first + tones] = u[k].real
             np.negative(u[k].imag, out=out["signals"][rows, first + tones : first + 2 * tones])
             unsure = 0.0 if doubt2 is None else doubt2[k]
-            np.sqrt(sample2 * (q + part) + unsure, out=out["signals_std"][rows, first : first + tones])
-            np.sqrt(sample2 * (p - part) + unsure, out=out["signals_std"][rows, first + tones : first + 2 * tones])
+            np.sqrt(
+                sample2 * (q + part) + unsure, out=out["signals_std"][rows, first : first + tones]
+            )
+            np.sqrt(
+                sample2 * (p - part) + unsure,
+                out=out["signals_std"][rows, first + tones : first + 2 * tones],
+            )
             if doubt2 is not None:
                 judged = (times[keep] > self.judged_s[0]) & (times[keep] < self.judged_s[1])
-                self._count_bent(np.sqrt(doubt2[k]).max(-1)[judged], np.sqrt(np.broadcast_to(sample2[:, 0] * p[:, 0], len(u[k])))[judged])
+                self._count_bent(
+                    np.sqrt(doubt2[k]).max(-1)[judged],
+                    np.sqrt(np.broadcast_to(sample2[:, 0] * p[:, 0], len(u[k])))[judged],
+                )
             np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])
             if self._colour is not None and self._colour[k].min() < 1:
-                clipped = out["flags"][rows] & FLAG_CLIPPED != 0  # a clipped top bends the signal itself, not its harmonics alone
-                out["signals_std"][rows, first : first + 2 * tones][clipped] /= np.sqrt(self._colour[k].min())
+                clipped = (
+                    out["flags"][rows] & FLAG_CLIPPED != 0
+                )  # a clipped top bends the signal itself, not its harmonics alone
+                out["signals_std"][rows, first : first + 2 * tones][clipped] /= np.sqrt(
+                    self._colour[k].min()
+                )
         out["time_s"][rows] = times[keep]

@@ -1,4 +1,5 @@
-"""Rows from even sampling: windows of a fixed number of samples, one shared basis and one matrix product a chunk."""
+"""Rows from even sampling: windows of a fixed number of samples, one shared basis and one matrix
+product a chunk."""
 
 from __future__ import annotations
 
@@ -30,20 +31,28 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     for first in range(0, total, step):
         last = min(first + step, total)
         lead = max(0, first - NEIGHBOURS)
-        raw = [np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples]) for channel in (recording.c, recording.s)]
+        raw = [
+            np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples])
+            for channel in (recording.c, recording.s)
+        ]
         touching = [_touches(raw[k], run.survey.rails[k]) for k in range(2)]
         block = run.empty(last - first)
         for start in range(first, last, chunk):
             stop = min(start + chunk, last)
             low, high = max(0, start - NEIGHBOURS), min(stop + NEIGHBOURS, total)
-            times = (recording.first_sample + np.arange(low, high) * samples + (samples - 1) / 2) / rate
+            times = (
+                recording.first_sample + np.arange(low, high) * samples + (samples - 1) / 2
+            ) / rate
             local = run.local_hz((recording.first_sample + (start + chunk / 2) * samples) / rate)
             basis = run.basis(samples, rate, local)
             keep, rows = slice(start - low, stop - low), slice(start - first, stop - first)
             flags = block["flags"][rows]
             envelope = np.empty((2, high - low, len(run.reference)), complex)
             residual2 = np.empty((2, high - low))
-            pieces = [raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples) for k in range(2)]
+            pieces = [
+                raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
+                for k in range(2)
+            ]
             for k, (fitted, left) in enumerate(fit_even(piece, basis) for piece in pieces):
                 piece, scale = pieces[k], run.scale(k)
                 np.multiply(fitted, scale, out=envelope[k])
@@ -55,7 +64,9 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
                     flags[bad[keep]] |= FLAG_NOT_FINITE
                 if touching[k]:
                     lowest, highest = run.survey.rails[k]
-                    flags[(piece[keep] >= highest).any(1) | (piece[keep] <= lowest).any(1)] |= FLAG_CLIPPED
+                    flags[(piece[keep] >= highest).any(1) | (piece[keep] <= lowest).any(1)] |= (
+                        FLAG_CLIPPED
+                    )
             fits = Fits(
                 envelope,
                 residual2,
@@ -70,7 +81,8 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
 
 
 def _touches(raw: Array, rail: tuple[float, float]) -> bool:
-    """Whether any sample of a block touches a rail (one fast pass, so that clean blocks cost no more)."""
+    """Whether any sample of a block touches a rail (one fast pass, so that clean blocks cost no
+    more)."""
     if not np.isfinite(rail[0]) and not np.isfinite(rail[1]):
         return False
     highest, lowest = raw.max(), raw.min()
@@ -78,7 +90,8 @@ def _touches(raw: Array, rail: tuple[float, float]) -> bool:
 
 
 def _window_samples(run: Demodulator, rate: float) -> int:
-    """Samples a window: those asked for, or as many more as the basis needs to be regular with two degrees of freedom to spare."""
+    """Samples a window: those asked for, or as many more as the basis needs to be regular with two
+    degrees of freedom to spare."""
     n = len(run.recording.c)
     asked = max(1, round(run.periods_asked * rate / run.reference_hz))
     if run.moving and run.moving_asked is None and asked < 3 * run.columns():
@@ -90,8 +103,9 @@ def _window_samples(run: Demodulator, rate: float) -> int:
         if basis is not None and basis.freedom >= 2 and basis.condition <= worst:
             if samples > asked:
                 run.notes.append(
-                    f"windows of {samples} samples ({samples * run.reference_hz / rate:.3g} periods) are used: "
-                    f"{asked} ({run.periods_asked:g} periods) are too few for the fit"
+                    f"windows of {samples} samples ({samples * run.reference_hz / rate:.3g}"
+                    f" periods) are used: {asked} ({run.periods_asked:g} periods) are too few for"
+                    " the fit"
                 )
             return samples
         samples += max(1, samples // 16)
@@ -99,17 +113,25 @@ def _window_samples(run: Demodulator, rate: float) -> int:
 
 
 def _learn(run: Demodulator, samples: int, rate: float) -> None:
-    """What windows of this length leave at each look: the calm level that a settling start stands out of, and the noise's colour."""
+    """What windows of this length leave at each look: the calm level that a settling start stands
+    out of, and the noise's colour."""
     levels = []
     for look in run.survey.looks[1:] or run.survey.looks:
         count = look.y.shape[1] // samples
         if count == 0:
             continue
         basis = run.basis(samples, rate, run.local_hz(float(look.time_s.mean())))
-        fits = [fit_even(look.y[k, : count * samples].reshape(count, samples), basis) for k in range(2)]
+        fits = [
+            fit_even(look.y[k, : count * samples].reshape(count, samples), basis) for k in range(2)
+        ]
         residual2 = sum(left for _, left in fits) / samples
         wave2 = sum((np.abs(envelope) ** 2).sum(-1) for envelope, _ in fits) / 2
         levels.append((np.median(residual2), np.median(residual2 / np.maximum(wave2, 1e-300))))
     if levels:
-        run.calm = (float(np.median([a for a, _ in levels])), float(np.median([b for _, b in levels])))
-    run.learn_colour(run.basis(samples, rate, run.local_hz(float(run.survey.looks[0].time_s.mean()))), rate)
+        run.calm = (
+            float(np.median([a for a, _ in levels])),
+            float(np.median([b for _, b in levels])),
+        )
+    run.learn_colour(
+        run.basis(samples, rate, run.local_hz(float(run.survey.looks[0].time_s.mean()))), rate
+    )

@@ -1,6 +1,8 @@
-"""Find an oscillation's frequency in both channels at once: the spectrum's peak, refined by the phase slope of short fits.
+"""Find an oscillation's frequency in both channels at once: the spectrum's peak, refined by the
+phase slope of short fits.
 
-With a carrier ω_c the oscillation is the pair of side bands ω_c ∓ ω: `bands` gives the frequencies to fit for an oscillation at f.
+With a carrier ω_c the oscillation is the pair of side bands ω_c ∓ ω: `bands` gives the frequencies
+to fit for an oscillation at f.
 """
 
 from __future__ import annotations
@@ -13,12 +15,17 @@ from .spectrum import chi_square_excess
 Array = np.ndarray
 
 PADDING = 2
-"""Zero padding of the spectra, so that the parabola through the peak is right within a tenth of a bin."""
+"""Zero padding of the spectra, so that the parabola through the peak is right within a tenth of a
+bin."""
 
 
 def bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ...]:
     """Frequencies of the signals: f itself, or the difference and sum with a carrier."""
-    return (frequency_hz,) if carrier_hz is None else (carrier_hz - frequency_hz, carrier_hz + frequency_hz)
+    return (
+        (frequency_hz,)
+        if carrier_hz is None
+        else (carrier_hz - frequency_hz, carrier_hz + frequency_hz)
+    )
 
 
 def nuisances(carrier_hz: float | None) -> tuple[float, ...]:
@@ -27,7 +34,8 @@ def nuisances(carrier_hz: float | None) -> tuple[float, ...]:
 
 
 def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
-    """Frequencies [Hz] and power, summed over the channels, of evenly sampled y (channels, n): mean removed, Hann window, zero padded."""
+    """Frequencies [Hz] and power, summed over the channels, of evenly sampled y (channels, n): mean
+    removed, Hann window, zero padded."""
     n = y.shape[-1]
     window = np.hanning(n + 2)[1:-1]
     mean = (y * window).sum(-1, keepdims=True) / window.sum()
@@ -37,10 +45,12 @@ def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
 
 
 def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
-    """Power explained by cos, sin and a constant, summed over the channels y (channels, n), on an even grid of frequencies (k,).
+    """Power explained by cos, sin and a constant, summed over the channels y (channels, n), on an
+    even grid of frequencies (k,).
 
-    Lomb's periodogram with a floating mean: true least squares, for uneven times and few periods alike. All sums follow from
-    E = e^{jωt}: Σcos² and Σcos·sin from ΣE², the mean from ΣE, the right side from ΣyE.
+    Lomb's periodogram with a floating mean: true least squares, for uneven times and few periods
+    alike. All sums follow from E = e^{jωt}: Σcos² and Σcos·sin from ΣE², the mean from ΣE, the
+    right side from ΣyE.
     """
     n = len(time_s)
     centred = time_s - time_s.mean()
@@ -56,23 +66,31 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
         cs = square.imag / 2 - total.real * total.imag / n
         cc, ss = cc + 1e-9 * n, ss + 1e-9 * n
         yc, ys = right.real, right.imag
-        explained = ((yc**2).sum(1) * ss + (ys**2).sum(1) * cc - 2 * (yc * ys).sum(1) * cs) / np.maximum(cc * ss - cs**2, 1e-18 * n * n)
+        explained = (
+            (yc**2).sum(1) * ss + (ys**2).sum(1) * cc - 2 * (yc * ys).sum(1) * cs
+        ) / np.maximum(cc * ss - cs**2, 1e-18 * n * n)
         power[start : start + rows] = explained
     return power
 
 
 def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[Array, Array]:
-    """Power against the oscillation's frequency f of the side bands |f_c ∓ f|: their geometric mean, so that a lone line counts little."""
+    """Power against the oscillation's frequency f of the side bands |f_c ∓ f|: their geometric
+    mean, so that a lone line counts little."""
     step = frequency_hz[1] - frequency_hz[0]
     grid = np.arange(1, int((float(frequency_hz[-1]) - carrier_hz) / step)) * step
-    low, high = np.interp(np.abs(carrier_hz - grid), frequency_hz, power), np.interp(carrier_hz + grid, frequency_hz, power)
+    low, high = (
+        np.interp(np.abs(carrier_hz - grid), frequency_hz, power),
+        np.interp(carrier_hz + grid, frequency_hz, power),
+    )
     return grid, np.sqrt(low * high)
 
 
 def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tuple[float, float]:
-    """Frequency of the highest local maximum of a spectrum in [low, high], by a parabola through its logarithm; its power over the floor.
+    """Frequency of the highest local maximum of a spectrum in [low, high], by a parabola through
+    its logarithm; its power over the floor.
 
-    The floor is the median within a factor two of the peak's frequency, so that a noise that falls with frequency does not pass for a line.
+    The floor is the median within a factor two of the peak's frequency, so that a noise that falls
+    with frequency does not pass for a line.
     """
     inside = np.flatnonzero((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
     inside = inside[(inside > 0) & (inside < len(power) - 1)]
@@ -80,7 +98,9 @@ def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tu
     if not len(inside):
         return float("nan"), 0.0
     top = inside[np.argmax(power[inside])]
-    near = power[(frequency_hz >= 0.5 * frequency_hz[top]) & (frequency_hz <= 2 * frequency_hz[top])]
+    near = power[
+        (frequency_hz >= 0.5 * frequency_hz[top]) & (frequency_hz <= 2 * frequency_hz[top])
+    ]
     below = float(np.median(near))
     ratio = float(power[top]) / below if below > 0 else (np.inf if power[top] > 0 else 0.0)
     offset = 0.0
@@ -93,16 +113,20 @@ def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tu
 
 
 def detection_ratio(segments: int, bins: int) -> float:
-    """Peak over median above which noise alone passes once in about 10⁵ recordings (χ² of two channels' averaged spectra)."""
+    """Peak over median above which noise alone passes once in about 10⁵ recordings (χ² of two
+    channels' averaged spectra)."""
     sigmas = 4.3 + 0.5 * np.log10(max(10, bins))
     return 1.3 * chi_square_excess(4 * max(1, segments), sigmas)
 
 
-def refine(time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | None = None, rounds: int = 3) -> float:
+def refine(
+    time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | None = None, rounds: int = 3
+) -> float:
     """Frequency [Hz] of y (channels, n) near a start that is right within half of 1/duration.
 
-    Sub-windows are fitted at their true times; the phase between the record's halves, weighted by power over both channels
-    and side bands, arg Σ u(t + T/2) u*(t), corrects the frequency. With too few sub-windows, a narrowing least-squares scan.
+    Sub-windows are fitted at their true times; the phase between the record's halves, weighted by
+    power over both channels and side bands, arg Σ u(t + T/2) u*(t), corrects the frequency. With
+    too few sub-windows, a narrowing least-squares scan.
     """
     n = y.shape[-1]
     duration = float(time_s[-1] - time_s[0]) * n / max(1, n - 1)
@@ -112,7 +136,9 @@ def refine(time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | Non
     steps = np.diff(time_s)
     broken = len(steps) and steps.max() > 3 * np.median(steps)
     if count < 4 or broken:
-        return _scan(time_s, y, frequency_hz, 0.5 / duration) if carrier_hz is None else frequency_hz
+        return (
+            _scan(time_s, y, frequency_hz, 0.5 / duration) if carrier_hz is None else frequency_hz
+        )
     t = time_s[: count * samples].reshape(count, samples)
     centre = t.mean(1)
     lag = count // 2
@@ -121,23 +147,38 @@ def refine(time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | Non
     for _ in range(rounds):
         f = bands(frequency_hz, carrier_hz)
         if even:
-            inverse = np.linalg.pinv(columns(t[0] - centre[0], f, nuisances(carrier_hz)))[None, : 2 * len(f)]
-        else:
-            inverse = np.linalg.pinv(np.stack([columns(row - mid, f, nuisances(carrier_hz)) for row, mid in zip(t, centre, strict=True)]))[
-                :, : 2 * len(f)
+            inverse = np.linalg.pinv(columns(t[0] - centre[0], f, nuisances(carrier_hz)))[
+                None, : 2 * len(f)
             ]
+        else:
+            inverse = np.linalg.pinv(
+                np.stack(
+                    [
+                        columns(row - mid, f, nuisances(carrier_hz))
+                        for row, mid in zip(t, centre, strict=True)
+                    ]
+                )
+            )[:, : 2 * len(f)]
         fit = np.einsum(
-            "wan,cwn->cwa", np.broadcast_to(inverse, (count, *inverse.shape[1:])), y[:, : count * samples].reshape(-1, count, samples)
+            "wan,cwn->cwa",
+            np.broadcast_to(inverse, (count, *inverse.shape[1:])),
+            y[:, : count * samples].reshape(-1, count, samples),
         )
-        u = (fit[..., 0::2] - 1j * fit[..., 1::2]) * np.exp(-2j * np.pi * np.multiply.outer(centre, np.asarray(f)))
+        u = (fit[..., 0::2] - 1j * fit[..., 1::2]) * np.exp(
+            -2j * np.pi * np.multiply.outer(centre, np.asarray(f))
+        )
         cross = (u[:, lag:] * u[:, : count - lag].conj()).sum((0, 1))
         cross = np.where(sign < 0, cross.conj(), cross).sum()
-        frequency_hz = float(frequency_hz + np.angle(cross) / (2 * np.pi * float(np.mean(centre[lag:] - centre[: count - lag]))))
+        frequency_hz = float(
+            frequency_hz
+            + np.angle(cross) / (2 * np.pi * float(np.mean(centre[lag:] - centre[: count - lag])))
+        )
     return frequency_hz
 
 
 def _scan(time_s: Array, y: Array, frequency_hz: float, width_hz: float, rounds: int = 5) -> float:
-    """The frequency within ± `width_hz` of a start where least squares explains most power; the grid narrows with each round."""
+    """The frequency within ± `width_hz` of a start where least squares explains most power; the
+    grid narrows with each round."""
     for _ in range(rounds):
         grid = frequency_hz + np.linspace(-1, 1, 17) * width_hz
         grid = grid[grid > 0]

@@ -1,4 +1,5 @@
-"""The least count of a converter, found from the values it made: the step of the lattice on which they all lie."""
+"""The least count of a converter, found from the values it made: the step of the lattice on which
+they all lie."""
 
 from __future__ import annotations
 
@@ -13,27 +14,32 @@ FEWEST_VALUES = 8
 """Distinct values from which a lattice is looked for."""
 
 OFF_LATTICE = 0.1
-"""Largest rms distance of the steps from whole multiples of the least count, in least counts; values of a continuum have 0.29."""
+"""Largest rms distance of the steps from whole multiples of the least count, in least counts;
+values of a continuum have 0.29."""
 
 WIDEST = 1e4
-"""Usual distance of neighbouring values in steps above which no lattice can be seen: the smallest step is then chance."""
+"""Usual distance of neighbouring values in steps above which no lattice can be seen: the smallest
+step is then chance."""
 
 ROUNDINGS = 4.0
 """A step must exceed the number format's own rounding so many times."""
 
 
 def counted(values: Array) -> tuple[Array, Array]:
-    """The distinct values (k,), rising, and how often each stands; numpy's own `unique` loads masked arrays, which costs a command time."""
+    """The distinct values (k,), rising, and how often each stands; numpy's own `unique` loads
+    masked arrays, which costs a command time."""
     ordered = np.sort(values)
     first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)])
     return ordered[first], np.diff(np.append(first, len(ordered)))
 
 
 def least_count(parts: Iterable[Array]) -> float:
-    """Smallest step on which all values of the arrays lie, in their own unit; 0 where there is none.
+    """Smallest step on which all values of the arrays lie, in their own unit; 0 where there is
+    none.
 
-    Integers: the greatest common divisor of the differences. Floats: the smallest difference of two distinct values, refined over all
-    neighbours (values printed with a few digits are off the lattice by their rounding), and held against all of them.
+    Integers: the greatest common divisor of the differences. Floats: the smallest difference of two
+    distinct values, refined over all neighbours (values printed with a few digits are off the
+    lattice by their rounding), and held against all of them.
     """
     arrays = [np.asarray(part).ravel() for part in parts]
     values: Any = counted(np.concatenate(arrays))[0] if arrays else np.zeros(0)
@@ -52,7 +58,11 @@ def least_count(parts: Iterable[Array]) -> float:
     step = float(steps.min())
     if step <= floor or np.median(steps) > WIDEST * step:
         return 0.0
-    for near in (4.5, 64.5, WIDEST):  # from close neighbours, whose number of steps is certain, to far ones
+    for near in (
+        4.5,
+        64.5,
+        WIDEST,
+    ):  # from close neighbours, whose number of steps is certain, to far ones
         some = steps[steps < near * step]
         step = float(some.sum() / np.round(some / step).sum())
     off = steps / step - np.round(steps / step)

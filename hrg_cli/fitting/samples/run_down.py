@@ -1,9 +1,12 @@
-"""The part of a free recording that is the run-down of a struck body: from the end of the strike to where it is gone or touched.
+"""The part of a free recording that is the run-down of a struck body: from the end of the strike to
+where it is gone or touched.
 
-Short windows along the recording give the wave's power P, the floor F beside its frequency and the power R of all that is not the wave.
-A strike is a rise of P and of the whole sound within two windows, from far below; before it, there is nothing of the run-down. At the end
-the wave is gone where P does not stand out of F, or something else has begun where R jumps up to stay while P falls much faster than
-before. A beat passes through zero again and again, dry friction ends a run-down without a sound: neither is cut.
+Short windows along the recording give the wave's power P, the floor F beside its frequency and the
+power R of all that is not the wave. A strike is a rise of P and of the whole sound within two
+windows, from far below; before it, there is nothing of the run-down. At the end the wave is gone
+where P does not stand out of F, or something else has begun where R jumps up to stay while P falls
+much faster than before. A beat passes through zero again and again, dry friction ends a run-down
+without a sound: neither is cut.
 """
 
 from __future__ import annotations
@@ -19,7 +22,8 @@ from .survey import Survey
 Array = np.ndarray
 
 WINDOWS, SUB_WINDOWS = 256, 4
-"""Windows along a recording that is looked at closely, and those a look of the survey is cut into before."""
+"""Windows along a recording that is looked at closely, and those a look of the survey is cut into
+before."""
 
 FEWEST_PERIODS, FEW_SAMPLES, MOST_SAMPLES = 8.0, 1024, 4096
 """Least length of a window, and its most samples at the first look and at the closer one."""
@@ -31,10 +35,12 @@ CLEAR, GONE = 100.0, 10.0
 """Power over the floor of a wave that is there, and below which it is gone."""
 
 LOUDER, FASTER, FEWEST_END = 3.0, 2.5, 3
-"""Rise of what is not the wave, factor of the decay, and windows up to the end that show another sound."""
+"""Rise of what is not the wave, factor of the decay, and windows up to the end that show another
+sound."""
 
 BESIDE = np.array([0.0, -7, -6, -5, -4, 4, 5, 6, 7])
-"""Bins of a window's spectrum, from the oscillation's on, at which its power and the floor are taken."""
+"""Bins of a window's spectrum, from the oscillation's on, at which its power and the floor are
+taken."""
 
 NEAR = 0.02
 """Part of a bin and of a period within which two windows share their sines."""
@@ -45,7 +51,8 @@ BEFORE = 24
 
 @dataclass(frozen=True)
 class RunDown:
-    """Times between which the run-down lies (±∞ where the recording's ends do) and what was found outside."""
+    """Times between which the run-down lies (±∞ where the recording's ends do) and what was found
+    outside."""
 
     begin_s: float
     end_s: float
@@ -54,7 +61,8 @@ class RunDown:
 
 @dataclass(frozen=True)
 class _Course:
-    """Windows: time of begin and end [s], powers of the wave, of the floor beside it, of the rest (n,)."""
+    """Windows: time of begin and end [s], powers of the wave, of the floor beside it, of the rest
+    (n,)."""
 
     begin_s: Array
     end_s: Array
@@ -84,10 +92,14 @@ def _judged(course: _Course) -> RunDown | None:
     notes = []
     if first > 0:
         notes.append(
-            f"the run-down begins with a strike that ends at about {course.end_s[first]:.4g} s; the windows before are flagged as settling"
+            f"the run-down begins with a strike that ends at about {course.end_s[first]:.4g} s; the"
+            " windows before are flagged as settling"
         )
     if last < n:
-        notes.append(f"the run-down is over at about {course.begin_s[last]:.4g} s; the windows behind are flagged as settling")
+        notes.append(
+            f"the run-down is over at about {course.begin_s[last]:.4g} s; the windows behind are"
+            " flagged as settling"
+        )
     if not notes:
         return None
     begin = float(course.end_s[first]) if first else -np.inf
@@ -100,9 +112,15 @@ def _strike(course: _Course) -> int:
     for k in range(1, len(wave) // 2 + len(wave) // 4):
         after = min(k + 1, len(wave) - 1)
         peak = wave[k : k + BEFORE].max()
-        if np.median(wave[:k] / course.floor[:k]) > GONE:  # a wave is there already: what follows is a beat
+        if (
+            np.median(wave[:k] / course.floor[:k]) > GONE
+        ):  # a wave is there already: what follows is a beat
             return 0
-        if wave[:k].max() * STRIKE < peak and peak < 2 * STRIKE * wave[after] and sound[:k].max() * SOUND < sound[k : after + 1].max():
+        if (
+            wave[:k].max() * STRIKE < peak
+            and peak < 2 * STRIKE * wave[after]
+            and sound[:k].max() * SOUND < sound[k : after + 1].max()
+        ):
             later = np.flatnonzero(wave[k : k + 3] > peak / STRIKE)
             return k + int(later[0]) if len(later) else k
     return 0
@@ -119,8 +137,12 @@ def _gone(course: _Course, first: int) -> int:
 
 
 def _disturbed(course: _Course, first: int, last: int) -> int:
-    """The window from which on another sound is there and the wave falls faster; `last` where there is none."""
-    log_rest, log_wave = np.log(np.maximum(course.rest, 1e-300)), np.log(np.maximum(course.wave, 1e-300))
+    """The window from which on another sound is there and the wave falls faster; `last` where there
+    is none."""
+    log_rest, log_wave = (
+        np.log(np.maximum(course.rest, 1e-300)),
+        np.log(np.maximum(course.wave, 1e-300)),
+    )
     time = (course.begin_s + course.end_s) / 2
     best, found = 0.0, last
     for k in range(first + (last - first) // 2, last - FEWEST_END + 1):
@@ -128,9 +150,16 @@ def _disturbed(course: _Course, first: int, last: int) -> int:
         rise = float(np.median(log_rest[after]) - np.median(log_rest[before]))
         if rise < np.log(LOUDER) or np.mean(log_rest[after] > np.median(log_rest[before])) < 0.9:
             continue
-        slow, fast = (float(np.polyfit(time[part], log_wave[part], 1)[0]) for part in (before, after))
+        slow, fast = (
+            float(np.polyfit(time[part], log_wave[part], 1)[0]) for part in (before, after)
+        )
         step = float(np.std(np.diff(log_rest[before])))
-        if fast < FASTER * min(slow, 0.0) and fast < 0 and rise > 3 * step and rise * np.sqrt(last - k) > best:
+        if (
+            fast < FASTER * min(slow, 0.0)
+            and fast < 0
+            and rise > 3 * step
+            and rise * np.sqrt(last - k) > best
+        ):
             best, found = rise * np.sqrt(last - k), k
     return found
 
@@ -154,11 +183,15 @@ def _windows(recording: Recording, survey: Survey) -> Iterable[tuple[Array, Arra
     pitch = max(least, n // WINDOWS)
     length = min(pitch, max(least, MOST_SAMPLES))
     for start in range(0, n - length + 1, pitch):
-        yield recording.times(start, start + length), np.stack(recording.physical(start, start + length))
+        yield (
+            recording.times(start, start + length),
+            np.stack(recording.physical(start, start + length)),
+        )
 
 
 def _course(pieces: Iterable[tuple[Array, Array]], survey: Survey) -> _Course:
-    """Powers under a Hann window at the oscillation's frequency, at frequencies four to seven bins beside it, and of the rest."""
+    """Powers under a Hann window at the oscillation's frequency, at frequencies four to seven bins
+    beside it, and of the rest."""
     rows: list[tuple[float, float, float, float, float]] = []
     kept: tuple[Array, float] | None = None
     window = turn = np.zeros(0)
@@ -176,6 +209,14 @@ def _course(pieces: Iterable[tuple[Array, Array]], survey: Survey) -> _Course:
         y = y - (y * window).sum(1, keepdims=True)
         power = (np.abs((y * window) @ turn.T) ** 2).sum(0) * 2  # of a wave of amplitude a: a²/2
         whole = float((y**2 @ window).sum())
-        rows.append((time_s[0], time_s[-1], float(power[0]), float(np.median(power[1:])), max(whole - float(power[0]), 1e-12 * whole)))
+        rows.append(
+            (
+                time_s[0],
+                time_s[-1],
+                float(power[0]),
+                float(np.median(power[1:])),
+                max(whole - float(power[0]), 1e-12 * whole),
+            )
+        )
     values = np.array(rows).reshape(-1, 5).T
     return _Course(*values)

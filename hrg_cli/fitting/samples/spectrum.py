@@ -1,4 +1,5 @@
-"""Averaged spectrum of what the demodulation leaves, and the lines that stand out of it (harmonics, mains, aliases, leakage)."""
+"""Averaged spectrum of what the demodulation leaves, and the lines that stand out of it (harmonics,
+mains, aliases, leakage)."""
 
 from __future__ import annotations
 
@@ -11,22 +12,29 @@ from .basis import WindowBasis, columns, pairs, rotations
 Array = np.ndarray
 
 MOTIONS = ((3, 1), (8, 1), (16, 1), (32, 1), (32, 4), (32, 16))
-"""Degree in time by which the envelope may move, in so many pieces of a look, so that its own decay and turning are not seen as noise."""
+"""Degree in time by which the envelope may move, in so many pieces of a look, so that its own decay
+and turning are not seen as noise."""
 
 MOTION_GAIN = 6
-"""A freer motion is taken where it lowers the residual by more than so many times what its columns take from white noise."""
+"""A freer motion is taken where it lowers the residual by more than so many times what its columns
+take from white noise."""
 
 MOTION_PEAK = 25
-"""Power of a bin beside the oscillation over the median's at which it may be motion; noise passes it once in 10⁷ bins."""
+"""Power of a bin beside the oscillation over the median's at which it may be motion; noise passes
+it once in 10⁷ bins."""
 
 LEAST_RESIDUAL = 1e-7
 """A residual of this part of the signal is rounding."""
 
 
-def look_residual(time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = ()) -> tuple[Array, float]:
-    """y (channels, n) less its oscillation, whose envelope moves as freely as it must (`MOTIONS`), and how far from it in Hz that reaches.
+def look_residual(
+    time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = ()
+) -> tuple[Array, float]:
+    """y (channels, n) less its oscillation, whose envelope moves as freely as it must (`MOTIONS`),
+    and how far from it in Hz that reaches.
 
-    A wave that turns by many radians within a look, or two modes that beat, would else fill the spectrum beside the oscillation.
+    A wave that turns by many radians within a look, or two modes that beat, would else fill the
+    spectrum beside the oscillation.
     """
     n, span = len(time_s), max(float(time_s[-1] - time_s[0]), 1e-300)
     pairs_of = 2 * len(frequency_hz)
@@ -38,14 +46,19 @@ def look_residual(time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuis
         if 8 * takes > n or not _stands_out(residual, frequency_hz[0] * span, y):
             break
         parts = zip(np.array_split(time_s, pieces), np.array_split(y, pieces, axis=-1), strict=True)
-        freer = np.concatenate([_less_oscillation(t, part, frequency_hz, nuisance_hz, order) for t, part in parts], -1)
-        if ((residual**2).sum(-1) > (1 + MOTION_GAIN * (takes - taken) / n) * (freer**2).sum(-1)).any():
+        freer = np.concatenate(
+            [_less_oscillation(t, part, frequency_hz, nuisance_hz, order) for t, part in parts], -1
+        )
+        if (
+            (residual**2).sum(-1) > (1 + MOTION_GAIN * (takes - taken) / n) * (freer**2).sum(-1)
+        ).any():
             residual, taken, reach = freer, takes, order * pieces / span
     return residual, reach
 
 
 def _stands_out(residual: Array, turns: float, y: Array) -> bool:
-    """Whether the residual holds more beside an oscillation of so many turns than elsewhere, and more than rounding."""
+    """Whether the residual holds more beside an oscillation of so many turns than elsewhere, and
+    more than rounding."""
     if (residual.std(-1) < LEAST_RESIDUAL * y.std(-1)).all():
         return False
     power = np.abs(np.fft.rfft(residual * np.hanning(residual.shape[-1]))) ** 2
@@ -54,10 +67,19 @@ def _stands_out(residual: Array, turns: float, y: Array) -> bool:
     return bool(near.size and (near.max(-1) > MOTION_PEAK * np.median(power, axis=-1)).any())
 
 
-def _less_oscillation(time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...], order: int) -> Array:
-    """y (channels, n) less pairs at the frequencies, their envelopes polynomials of time, and a constant."""
+def _less_oscillation(
+    time_s: Array,
+    y: Array,
+    frequency_hz: tuple[float, ...],
+    nuisance_hz: tuple[float, ...],
+    order: int,
+) -> Array:
+    """y (channels, n) less pairs at the frequencies, their envelopes polynomials of time, and a
+    constant."""
     tau = time_s - (time_s[0] + time_s[-1]) / 2
-    moving = np.polynomial.legendre.legvander(tau / max(float(np.abs(tau).max()), 1e-300), order)[:, 1:]
+    moving = np.polynomial.legendre.legvander(tau / max(float(np.abs(tau).max()), 1e-300), order)[
+        :, 1:
+    ]
     wanted = (moving[:, :, None] * pairs(tau, frequency_hz)[:, None, :]).reshape(len(tau), -1)
     basis = np.concatenate([columns(tau, frequency_hz, nuisance_hz), wanted], -1)
     gram = basis.T @ basis
@@ -68,7 +90,8 @@ def _less_oscillation(time_s: Array, y: Array, frequency_hz: tuple[float, ...], 
 
 @dataclass
 class AveragedSpectrum:
-    """Welch's average on one frequency grid: `density` (frequencies, channels) one-sided, unit²/Hz, of `segments` Hann segments."""
+    """Welch's average on one frequency grid: `density` (frequencies, channels) one-sided, unit²/Hz,
+    of `segments` Hann segments."""
 
     frequency_hz: Array
     density: Array = field(init=False)
@@ -102,29 +125,42 @@ def floor(density: Array, bins: int = 65) -> Array:
     starts = np.arange(0, max(1, n - bins // 2), bins)
     centres = np.array([(a + min(a + bins, n) - 1) / 2 for a in starts.tolist()])
     medians = np.array([np.median(density[a : a + bins], axis=0) for a in starts])
-    return np.stack([np.interp(np.arange(n), centres, medians[:, k]) for k in range(density.shape[1])], -1)
+    return np.stack(
+        [np.interp(np.arange(n), centres, medians[:, k]) for k in range(density.shape[1])], -1
+    )
 
 
 def chi_square_excess(freedom: float, sigmas: float) -> float:
-    """χ²/freedom that is exceeded as seldom as a normal number exceeds `sigmas` (Wilson and Hilferty)."""
+    """χ²/freedom that is exceeded as seldom as a normal number exceeds `sigmas` (Wilson and
+    Hilferty)."""
     c = 2 / (9 * freedom)
     return float((1 - c + sigmas * np.sqrt(c)) ** 3)
 
 
 def lines(
-    frequency_hz: Array, density: Array, segments: int, skip_hz: tuple[tuple[float, float], ...] = (), most: int = 32, least: float = 0.0
+    frequency_hz: Array,
+    density: Array,
+    segments: int,
+    skip_hz: tuple[tuple[float, float], ...] = (),
+    most: int = 32,
+    least: float = 0.0,
 ) -> tuple[Array, Array, Array]:
-    """Frequencies, amplitudes (lines, channels) and power ratios to the floor of the lines that stand out by six σ; strongest first;
-    amplitudes under `least` (rounding) are left out.
+    """Frequencies, amplitudes (lines, channels) and power ratios to the floor of the lines that
+    stand out by six σ; strongest first; amplitudes under `least` (rounding) are left out.
 
-    A line is a local maximum of the larger of both channels' ratios; its amplitude is √(2 × power above the floor within two bins).
+    A line is a local maximum of the larger of both channels' ratios; its amplitude is √(2 × power
+    above the floor within two bins).
     """
     below = np.maximum(floor(density), 1e-300)
     ratio = (density / below).max(1)
     step = frequency_hz[1] - frequency_hz[0]
     limit = 1.5 * chi_square_excess(2 * max(1, segments), 6.0)
     inner = np.arange(2, len(ratio) - 2)
-    top = inner[(ratio[inner] > limit) & (ratio[inner] >= ratio[inner - 1]) & (ratio[inner] > ratio[inner + 1])]
+    top = inner[
+        (ratio[inner] > limit)
+        & (ratio[inner] >= ratio[inner - 1])
+        & (ratio[inner] > ratio[inner + 1])
+    ]
     for low, high in skip_hz:
         top = top[(frequency_hz[top] < low) | (frequency_hz[top] > high)]
     top = top[np.argsort(-ratio[top])]
@@ -148,19 +184,30 @@ BESIDE = 33
 
 
 def colour(
-    frequency_hz: Array, density: Array, segments: int, basis: WindowBasis, sample_rate_hz: float, blind_hz: tuple[tuple[float, float], ...]
+    frequency_hz: Array,
+    density: Array,
+    segments: int,
+    basis: WindowBasis,
+    sample_rate_hz: float,
+    blind_hz: tuple[tuple[float, float], ...],
 ) -> Array:
-    """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it were white.
+    """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it
+    were white.
 
-    A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n − Σ|Q_j(f)|²) to the residual of the basis Q;
-    so κ = ∫S|H|² / (variance · ∫S(n − Σ|Q_j|²)/freedom). Bins where the oscillation itself was taken out are filled from beside. κ within
-    four of its own standard deviations of 1, or within a tenth, is 1; lines are no chance and add no doubt.
+    A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n −
+    Σ|Q_j(f)|²) to the residual of the basis Q; so κ = ∫S|H|² / (variance · ∫S(n −
+    Σ|Q_j|²)/freedom). Bins where the oscillation itself was taken out are filled from beside. κ
+    within four of its own standard deviations of 1, or within a tenth, is 1; lines are no chance
+    and add no doubt.
     """
     n = len(basis.orthonormal)
     filled = density.copy()
     below = floor(density)
     for low, high in blind_hz:
-        first, last = np.searchsorted(frequency_hz, low), np.searchsorted(frequency_hz, high, side="right")
+        first, last = (
+            np.searchsorted(frequency_hz, low),
+            np.searchsorted(frequency_hz, high, side="right"),
+        )
         beside = [density[max(0, first - BESIDE) : first], density[last : last + BESIDE]]
         levels = [np.median(part, axis=0) for part in beside if len(part)]
         if levels:
@@ -174,7 +221,13 @@ def colour(
     kappa = (s @ rows) / (basis.variance * left[:, None])
     weights = s[:, :, None] * rows
     scale = np.maximum(weights.sum(1, keepdims=True), 1e-300)
-    chance = np.stack([np.interp(at, frequency_hz, np.minimum(filled, 3 * below)[:, k]) for k in range(2)])[:, :, None] * rows / scale
+    chance = (
+        np.stack(
+            [np.interp(at, frequency_hz, np.minimum(filled, 3 * below)[:, k]) for k in range(2)]
+        )[:, :, None]
+        * rows
+        / scale
+    )
     spread = (chance**2).sum(1) * len(at) / max(1, len(frequency_hz))
     doubt = 4 * np.sqrt(spread * 2 / max(1, segments))
     silent = density.max(0) < 1e-28 * density.max()

@@ -1,4 +1,5 @@
-"""A few looks along a recording before it is demodulated: the frequency and its course, rails, noise level, residual spectrum."""
+"""A few looks along a recording before it is demodulated: the frequency and its course, rails,
+noise level, residual spectrum."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ UNEVEN_LOOKS, UNEVEN_SAMPLES = 24, 1024
 """The same for uneven sampling, whose transforms are direct sums."""
 
 LONGEST_SPAN = 20.0
-"""Times that span so many times what the samples fill at their usual step are a clock that jumps, not a run with gaps."""
+"""Times that span so many times what the samples fill at their usual step are a clock that jumps,
+not a run with gaps."""
 
 LINE_LEAST = 1e-8
 """Lines below this part of the oscillation are the arithmetic's rounding."""
@@ -48,9 +50,10 @@ class Look:
 class Survey:
     """What the looks show.
 
-    `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low, high) raw, a channel): where samples
-    are stuck; `least_count` (a channel, its unit, 0: none): the values' step; `strength2`: the stronger channel's variance;
-    `spectrum_*`, `line_*`: as in Periods, from so many segments; `blind_hz`: where the oscillation itself was taken out of the
+    `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low,
+    high) raw, a channel): where samples are stuck; `least_count` (a channel, its unit, 0: none):
+    the values' step; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in
+    Periods, from so many segments; `blind_hz`: where the oscillation itself was taken out of the
     spectrum; reasons to suspect or refuse.
     """
 
@@ -79,33 +82,46 @@ class Survey:
 
 
 def survey(recording: Recording, name: str) -> Survey:
-    """Look at a recording. HrgError: no samples, constant channels, no oscillation possible below half the sampling rate."""
+    """Look at a recording. HrgError: no samples, constant channels, no oscillation possible below
+    half the sampling rate."""
     even = recording.time_s is None
     carrier = recording.carrier_hz if recording.readout == "carrier" else None
     looks = _looks(recording, even, name)
     suspect, refused = _dead(looks, name)
     step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
     if not even and not all(np.isfinite(look.time_s).all() for look in looks):
-        raise HrgError(f"{name}: time_s holds values that are not finite; strictly increasing times were expected")
+        raise HrgError(
+            f"{name}: time_s holds values that are not finite; strictly increasing times were"
+            " expected"
+        )
     if not even and min(np.diff(look.time_s).min() for look in looks) <= 0:
         raise HrgError(
-            f"{name}: its times do not increase; strictly increasing time_s was expected: sort the samples or drop the repeated ones"
+            f"{name}: its times do not increase; strictly increasing time_s was expected: sort the"
+            " samples or drop the repeated ones"
         )
     if not even:
         begin, end = (float(recording.times(k, k + 1)[0]) for k in (0, len(recording.c) - 1))
         if end - begin > LONGEST_SPAN * len(recording.c) * step:
             raise HrgError(
-                f"{name}: its times span {end - begin:.6g} s, but {len(recording.c)} samples at the usual step fill "
-                f"{len(recording.c) * step:.6g} s; the clock jumps or a gap is huge: correct time_s or split the run"
+                f"{name}: its times span {end - begin:.6g} s, but {len(recording.c)} samples at the"
+                f" usual step fill {len(recording.c) * step:.6g} s; the clock jumps or a gap is"
+                " huge: correct time_s or split the run"
             )
-    rails = (_rail(recording.c, [look.raw[0] for look in looks]), _rail(recording.s, [look.raw[1] for look in looks]))
+    rails = (
+        _rail(recording.c, [look.raw[0] for look in looks]),
+        _rail(recording.s, [look.raw[1] for look in looks]),
+    )
     spectra = [finding.even_power(look.y, 1 / step) for look in looks] if even else []
-    found, ratio, limit, warned = _search(looks, spectra, step, carrier, recording.nominal_frequency_hz, name)
+    found, ratio, limit, warned = _search(
+        looks, spectra, step, carrier, recording.nominal_frequency_hz, name
+    )
     suspect += warned
     if not ratio > limit:
         refused += (
-            f"no oscillation stands out of the noise: the highest peak, at {found:.6g} Hz, has {ratio:.3g} times the power around it "
-            f"where {limit:.3g} was expected",
+            (
+                f"no oscillation stands out of the noise: the highest peak, at {found:.6g} Hz, has"
+                f" {ratio:.3g} times the power around it where {limit:.3g} was expected"
+            ),
         )
     track_s, track_hz = _track(looks, spectra, step, found, carrier)
     width = (
@@ -119,7 +135,9 @@ def survey(recording: Recording, name: str) -> Survey:
     spectrum = AveragedSpectrum(grid)
     variance, strength = [], []
     blind = 4 / (width * step)
-    for look, local in zip(looks, np.interp([look.time_s.mean() for look in looks], track_s, track_hz), strict=True):
+    for look, local in zip(
+        looks, np.interp([look.time_s.mean() for look in looks], track_s, track_hz), strict=True
+    ):
         f = finding.bands(float(local), carrier)
         residual, reach = look_residual(look.time_s, look.y, f, finding.nuisances(carrier))
         blind = max(blind, reach)
@@ -133,7 +151,11 @@ def survey(recording: Recording, name: str) -> Survey:
     skip = tuple((f - blind, f + blind) for f in (*finding.bands(reference, carrier), 0.0))
     strength2 = float(np.max(strength))
     line_hz, line_amplitude, line_ratio = lines(
-        grid, spectrum.mean(), spectrum.segments, skip, least=LINE_LEAST * np.sqrt(max(strength2, 0.0))
+        grid,
+        spectrum.mean(),
+        spectrum.segments,
+        skip,
+        least=LINE_LEAST * np.sqrt(max(strength2, 0.0)),
     )
     return Survey(
         reference,
@@ -158,7 +180,8 @@ def survey(recording: Recording, name: str) -> Survey:
 
 
 def _least_counts(recording: Recording, looks: list[Look]) -> tuple[float, float]:
-    """Step of each channel's values in their unit, 0 where they are a continuum: as the recording says, or as its values show."""
+    """Step of each channel's values in their unit, 0 where they are a continuum: as the recording
+    says, or as its values show."""
     if recording.least_count:
         return recording.least_count, recording.least_count
     scales = (recording.c_scale_factor, recording.s_scale_factor)
@@ -171,12 +194,20 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     n = len(recording.c)
     most, length = (LOOKS, min(n, LOOK_SAMPLES)) if even else (UNEVEN_LOOKS, min(n, UNEVEN_SAMPLES))
     if n < 6:
-        raise HrgError(f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record longer")
+        raise HrgError(
+            f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record"
+            " longer"
+        )
     looks, patched, stretches = [], [], []
-    for a in dict.fromkeys(np.linspace(0, n - length, min(most, max(1, n // length))).astype(int).tolist()):
+    for a in dict.fromkeys(
+        np.linspace(0, n - length, min(most, max(1, n // length))).astype(int).tolist()
+    ):
         raw = (np.asarray(recording.c[a : a + length]), np.asarray(recording.s[a : a + length]))
         y = np.stack(
-            [raw[0] * recording.c_scale_factor + recording.c_add_offset, raw[1] * recording.s_scale_factor + recording.s_add_offset]
+            [
+                raw[0] * recording.c_scale_factor + recording.c_add_offset,
+                raw[1] * recording.s_scale_factor + recording.s_add_offset,
+            ]
         )
         y = y.astype(float)
         time = recording.times(a, a + length).astype(float)
@@ -195,11 +226,15 @@ def _looks(recording: Recording, even: bool, name: str) -> list[Look]:
     if stretches and not looks:
         common = min(len(look.time_s) for look in stretches)
         cut = slice(0, common)
-        looks = [Look(look.time_s[cut], look.y[:, cut], (look.raw[0][cut], look.raw[1][cut])) for look in stretches]
+        looks = [
+            Look(look.time_s[cut], look.y[:, cut], (look.raw[0][cut], look.raw[1][cut]))
+            for look in stretches
+        ]
     looks = looks or patched
     if not looks:
         raise HrgError(
-            f"{name}: has hardly any finite sample (NaN or infinite values); finite values of both channels were expected: check it"
+            f"{name}: has hardly any finite sample (NaN or infinite values); finite values of both"
+            " channels were expected: check it"
         )
     return looks
 
@@ -219,32 +254,57 @@ def _dead(looks: list[Look], name: str) -> tuple[tuple[str, ...], tuple[str, ...
     dead = [k for k in range(2) if spread[k] <= 1e-14 * abs(level[k])]
     if len(dead) == 2:
         what = "all zero" if not any(level) else "constant"
-        raise HrgError(f"{name}: both channels are {what}; an oscillation was expected: check the pick-off and the converter")
-    return tuple(f"channel {'CS'[k]} is {'all zero' if level[k] == 0 else f'constant at {level[k]:g}'}; it may be dead" for k in dead), ()
+        raise HrgError(
+            f"{name}: both channels are {what}; an oscillation was expected: check the pick-off and"
+            " the converter"
+        )
+    return (
+        tuple(
+            f"channel {'CS'[k]} is {'all zero' if level[k] == 0 else f'constant at {level[k]:g}'};"
+            " it may be dead"
+            for k in dead
+        ),
+        (),
+    )
 
 
 def _search(
-    looks: list[Look], spectra: Spectra, step_s: float, carrier_hz: float | None, nominal_hz: float | None, name: str
+    looks: list[Look],
+    spectra: Spectra,
+    step_s: float,
+    carrier_hz: float | None,
+    nominal_hz: float | None,
+    name: str,
 ) -> tuple[float, float, float, tuple[str, ...]]:
     """Frequency, its power ratio, the ratio needed, and reasons for suspicion."""
     nyquist = 0.5 / step_s
     top = nyquist if carrier_hz is None else nyquist - carrier_hz
     if carrier_hz is not None and not 0 < carrier_hz < nyquist:
         raise HrgError(
-            f"{name}: its carrier of {carrier_hz:g} Hz is above half the sampling rate ({nyquist:g} Hz); sample faster or correct it"
+            f"{name}: its carrier of {carrier_hz:g} Hz is above half the sampling rate ({nyquist:g}"
+            " Hz); sample faster or correct it"
         )
     if nominal_hz is not None and not 0 < nominal_hz < top:
-        what = "its nominal frequency" if carrier_hz is None else "the sum of its carrier and its nominal frequency"
+        what = (
+            "its nominal frequency"
+            if carrier_hz is None
+            else "the sum of its carrier and its nominal frequency"
+        )
         value = nominal_hz if carrier_hz is None else nominal_hz + carrier_hz
         raise HrgError(
-            f"{name}: {what}, {value:g} Hz, is not between 0 and half the sampling rate ({nyquist:g} Hz); sample faster or correct it"
+            f"{name}: {what}, {value:g} Hz, is not between 0 and half the sampling rate"
+            f" ({nyquist:g} Hz); sample faster or correct it"
         )
     if spectra:
         grid, power = spectra[0][0], np.sum([p for _, p in spectra], 0)
     else:
         some = sorted(looks, key=_span)[:3]
         span = min(_span(some[0]), 4 * len(some[0].time_s) * step_s)
-        band = (0.9 * nominal_hz, 1.1 * nominal_hz) if nominal_hz is not None and carrier_hz is None else (0.5 / span, nyquist)
+        band = (
+            (0.9 * nominal_hz, 1.1 * nominal_hz)
+            if nominal_hz is not None and carrier_hz is None
+            else (0.5 / span, nyquist)
+        )
         grid = np.arange(max(0.5, band[0] * span), band[1] * span, 0.5) / span
         power = np.sum([finding.least_squares_power(look.time_s, look.y, grid) for look in some], 0)
     if carrier_hz is not None:
@@ -252,7 +312,9 @@ def _search(
     resolution = 1 / float(looks[0].time_s[-1] - looks[0].time_s[0])
     limit = finding.detection_ratio(len(looks), len(grid) // finding.PADDING)
     if nominal_hz is not None:
-        found, ratio = finding.peak(grid, power, (1 - NOMINAL_BAND) * nominal_hz, (1 + NOMINAL_BAND) * nominal_hz)
+        found, ratio = finding.peak(
+            grid, power, (1 - NOMINAL_BAND) * nominal_hz, (1 + NOMINAL_BAND) * nominal_hz
+        )
         if ratio > limit:
             return found, ratio, limit, ()
         hint, _ = finding.peak(grid, power, 1.5 * resolution, top)
@@ -262,14 +324,20 @@ def _search(
             found,
             ratio,
             limit,
-            (f"nothing stands out within 10 % of the nominal frequency of {nominal_hz:g} Hz; the highest peak lies at {hint:.6g} Hz",),
+            (
+                (
+                    f"nothing stands out within 10 % of the nominal frequency of {nominal_hz:g} Hz;"
+                    f" the highest peak lies at {hint:.6g} Hz"
+                ),
+            ),
         )
     found, ratio = finding.peak(grid, power, 1.5 * resolution, top)
     if not np.isfinite(found):
         found, ratio = finding.peak(grid, power, 0.5 * resolution, top)
     if not np.isfinite(found):
         raise HrgError(
-            f"{name}: no oscillation between 0 and {top:g} Hz in either channel; several periods were expected: check it or record longer"
+            f"{name}: no oscillation between 0 and {top:g} Hz in either channel; several periods"
+            " were expected: check it or record longer"
         )
     return found, ratio, limit, ()
 
@@ -278,7 +346,9 @@ def _span(look: Look) -> float:
     return float(look.time_s[-1] - look.time_s[0])
 
 
-def _track(looks: list[Look], spectra: Spectra, step_s: float, found: float, carrier_hz: float | None) -> tuple[Array, Array]:
+def _track(
+    looks: list[Look], spectra: Spectra, step_s: float, found: float, carrier_hz: float | None
+) -> tuple[Array, Array]:
     """Times and frequencies of the looks in which the line is clear."""
     times, frequencies = [], []
     for number, look in enumerate(looks):
@@ -303,7 +373,8 @@ def _track(looks: list[Look], spectra: Spectra, step_s: float, found: float, car
 
 
 def _rail(channel: Array, raws: list[Array]) -> tuple[float, float]:
-    """Raw values (low, high) at which samples are stuck; infinite where none is. An integer's own range counts always."""
+    """Raw values (low, high) at which samples are stuck; infinite where none is. An integer's own
+    range counts always."""
     low, high = -np.inf, np.inf
     if np.issubdtype(channel.dtype, np.integer):
         info = np.iinfo(channel.dtype)
@@ -318,10 +389,12 @@ def _rail(channel: Array, raws: list[Array]) -> tuple[float, float]:
 
 
 def _stuck_at_top(values: Array) -> bool:
-    """Whether more samples share the highest value than a sine of that size leaves there: √(2/A)/π of all, A its amplitude in steps.
+    """Whether more samples share the highest value than a sine of that size leaves there: √(2/A)/π
+    of all, A its amplitude in steps.
 
-    Sampling commensurate with the oscillation repeats values too; so either a run of equal samples must be longer than the rounded top of
-    the sine allows, or the next lower values must be much rarer.
+    Sampling commensurate with the oscillation repeats values too; so either a run of equal samples
+    must be longer than the rounded top of the sine allows, or the next lower values must be much
+    rarer.
     """
     values = values[np.isfinite(values)]
     if len(values) < 8 or np.count_nonzero(values == values.max()) < 5:
@@ -337,4 +410,6 @@ def _stuck_at_top(values: Array) -> bool:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(int)))
     longest = int((edges[1::2] - edges[::2]).max())
     crossings = max(1, int((np.diff(np.sign(values - values.mean())) > 0).sum()))
-    return longest >= 3 + 2 * share * len(values) / crossings or counts[-1] > 3 * counts[-6:-1].max()
+    return (
+        longest >= 3 + 2 * share * len(values) / crossings or counts[-1] > 3 * counts[-6:-1].max()
+    )

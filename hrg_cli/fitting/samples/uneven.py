@@ -1,4 +1,5 @@
-"""Rows from uneven sampling: windows of a fixed duration, least squares at the true times by batched normal equations."""
+"""Rows from uneven sampling: windows of a fixed duration, least squares at the true times by
+batched normal equations."""
 
 from __future__ import annotations
 
@@ -41,7 +42,9 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         centre = begin + (np.arange(low, high) + 0.5) * width
         local = run.local_hz(begin + (first + chunk / 2) * width)
         y = np.stack([raw[0] * run.scale(0), raw[1] * run.scale(1)])
-        fits = fit_uneven(time, y, window - low, centre, width, run.local_bands(local), run.nuisance, run.moving)
+        fits = fit_uneven(
+            time, y, window - low, centre, width, run.local_bands(local), run.nuisance, run.moving
+        )
         flags = np.zeros(high - low, "u1")
         flags[_gaps(time, begin, width, step, low, high)] |= FLAG_GAP
         flags[window[~np.isfinite(y).all(0)] - low] |= FLAG_NOT_FINITE
@@ -66,9 +69,11 @@ def fit_uneven(
     nuisance_hz: tuple[float, ...],
     moving: bool,
 ) -> Fits:
-    """Windows at true times: `window` (n,) is each sample's row in `centre_s`, not decreasing; y (channels, n).
+    """Windows at true times: `window` (n,) is each sample's row in `centre_s`, not decreasing; y
+    (channels, n).
 
-    A window with fewer samples than unknowns + 1, or whose samples do not separate the unknowns, holds NaN.
+    A window with fewer samples than unknowns + 1, or whose samples do not separate the unknowns,
+    holds NaN.
     """
     rows, tones = len(centre_s), 2 * len(frequency_hz)
     tau = time_s - centre_s[window]
@@ -79,10 +84,16 @@ def fit_uneven(
     present, starts, samples_present = np.unique(window, return_index=True, return_counts=True)
     samples = np.zeros(rows, int)
     samples[present] = samples_present
-    gram, cross, square = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1])), np.zeros((rows, len(y)))
+    gram, cross, square = (
+        np.zeros((rows, k, k)),
+        np.zeros((rows, k, right.shape[1])),
+        np.zeros((rows, len(y))),
+    )
     if len(present):
         for a in range(k):
-            gram[present, a, a:] = np.add.reduceat(basis[:, a : a + 1] * basis[:, a:], starts, axis=0)
+            gram[present, a, a:] = np.add.reduceat(
+                basis[:, a : a + 1] * basis[:, a:], starts, axis=0
+            )
             gram[:, a:, a] = gram[:, a, a:]
             cross[present, a] = np.add.reduceat(basis[:, a : a + 1] * right, starts, axis=0)
         square[present] = np.add.reduceat(y.T**2, starts, axis=0)
@@ -91,8 +102,12 @@ def fit_uneven(
     gram[~good] = np.eye(k)
     inverse = np.linalg.inv(gram)
     fit = inverse @ cross
-    residual2 = np.maximum(square - np.einsum("rkc,rkc->rc", fit[:, :, : len(y)], cross[:, :, : len(y)]), 0.0)
-    envelope = np.moveaxis(fit[:, 0:tones:2, : len(y)] - 1j * fit[:, 1:tones:2, : len(y)], -1, 0).copy()
+    residual2 = np.maximum(
+        square - np.einsum("rkc,rkc->rc", fit[:, :, : len(y)], cross[:, :, : len(y)]), 0.0
+    )
+    envelope = np.moveaxis(
+        fit[:, 0:tones:2, : len(y)] - 1j * fit[:, 1:tones:2, : len(y)], -1, 0
+    ).copy()
     envelope[:, ~good] = np.nan
     residual2[~good] = np.nan
     pulls = []
@@ -101,15 +116,25 @@ def fit_uneven(
         square2 = np.zeros((rows, tones, tones))
         if len(present):
             motion = right[:, these]
-            square2[present] = np.add.reduceat(motion[:, :, None] * motion[:, None, :], starts, axis=0)
+            square2[present] = np.add.reduceat(
+                motion[:, :, None] * motion[:, None, :], starts, axis=0
+            )
         left = square2 - fit[:, :, these].transpose(0, 2, 1) @ cross[:, :, these]
-        pulls.append(pull(np.where(good[:, None, None], fit[:, :tones, these], 0.0), np.where(good[:, None, None], left, 0.0)))
+        pulls.append(
+            pull(
+                np.where(good[:, None, None], fit[:, :tones, these], 0.0),
+                np.where(good[:, None, None], left, 0.0),
+            )
+        )
     variance = np.einsum("rkk->rk", inverse)[:, :tones]
-    return Fits(envelope, residual2.T, np.maximum(samples - k, 1), samples, variance, pulls[0], pulls[1])
+    return Fits(
+        envelope, residual2.T, np.maximum(samples - k, 1), samples, variance, pulls[0], pulls[1]
+    )
 
 
 def _window_width(run: Demodulator, step: float) -> float:
-    """Duration of a window: as asked, or as long as its unknowns need at the usual step, with two samples to spare."""
+    """Duration of a window: as asked, or as long as its unknowns need at the usual step, with two
+    samples to spare."""
     width = run.periods_asked / run.reference_hz
     if run.moving and run.moving_asked is None and width < 3 * run.columns() * step:
         run.moving = False
@@ -119,19 +144,23 @@ def _window_width(run: Demodulator, step: float) -> float:
             least = 1.1 * max(width, least)
     if width < least:
         run.notes.append(
-            f"windows of {least * run.reference_hz:.3g} periods are used: {run.periods_asked:g} hold too few samples for the fit"
+            f"windows of {least * run.reference_hz:.3g} periods are used: {run.periods_asked:g}"
+            " hold too few samples for the fit"
         )
         return least
     return width
 
 
 def _regular(run: Demodulator, width: float, step: float) -> bool:
-    basis = window_basis(int(width / step), 1 / step, tuple(run.reference), run.nuisance, run.moving)
+    basis = window_basis(
+        int(width / step), 1 / step, tuple(run.reference), run.nuisance, run.moving
+    )
     return basis is not None and basis.condition < 10
 
 
 def _learn(run: Demodulator, width: float, step: float) -> None:
-    """What windows of this length leave at each look: the calm level that a settling start stands out of, and the noise's colour."""
+    """What windows of this length leave at each look: the calm level that a settling start stands
+    out of, and the noise's colour."""
     levels = []
     for look in run.survey.looks[1:] or run.survey.looks:
         start, stop = look.time_s[0], look.time_s[-1]
@@ -142,22 +171,41 @@ def _learn(run: Demodulator, width: float, step: float) -> None:
         window = ((look.time_s[inside] - start) / width).astype(int)
         centre = start + (np.arange(count) + 0.5) * width
         bands = run.local_bands(run.local_hz(float(look.time_s.mean())))
-        fits = fit_uneven(look.time_s[inside], look.y[:, inside], window, centre, width, bands, run.nuisance, run.moving)
+        fits = fit_uneven(
+            look.time_s[inside],
+            look.y[:, inside],
+            window,
+            centre,
+            width,
+            bands,
+            run.nuisance,
+            run.moving,
+        )
         residual2 = fits.residual2.sum(0) / np.maximum(fits.samples, 1)
         wave2 = (np.abs(fits.envelope) ** 2).sum((0, 2)) / 2
         if np.isfinite(residual2).any():
-            levels.append((np.nanmedian(residual2), np.nanmedian(residual2 / np.maximum(wave2, 1e-300))))
+            levels.append(
+                (np.nanmedian(residual2), np.nanmedian(residual2 / np.maximum(wave2, 1e-300)))
+            )
     if levels:
-        run.calm = (float(np.median([a for a, _ in levels])), float(np.median([b for _, b in levels])))
-    basis = window_basis(int(width / step), 1 / step, run.local_bands(run.reference_hz), run.nuisance, run.moving)
+        run.calm = (
+            float(np.median([a for a, _ in levels])),
+            float(np.median([b for _, b in levels])),
+        )
+    basis = window_basis(
+        int(width / step), 1 / step, run.local_bands(run.reference_hz), run.nuisance, run.moving
+    )
     if basis is not None:
         run.learn_colour(basis, 1 / step)
 
 
 def _gaps(time: Array, begin: float, width: float, step: float, low: int, high: int) -> Array:
-    """Rows (of low … high − 1) touched by a stretch without a sample of more than `GAP_STEPS` usual steps."""
+    """Rows (of low … high − 1) touched by a stretch without a sample of more than `GAP_STEPS` usual
+    steps."""
     touched = np.zeros(high - low, bool)
-    edges = np.concatenate([[begin + low * width - step / 2], time, [begin + high * width + step / 2]])
+    edges = np.concatenate(
+        [[begin + low * width - step / 2], time, [begin + high * width + step / 2]]
+    )
     for k in np.flatnonzero(np.diff(edges) > GAP_STEPS * step):
         a, b = int((edges[k] - begin) / width) - low, int((edges[k + 1] - begin) / width) - low
         touched[max(0, a) : max(0, b) + 1] = True
@@ -165,16 +213,26 @@ def _gaps(time: Array, begin: float, width: float, step: float, low: int, high: 
 
 
 class _Reader:
-    """Samples of an unevenly sampled recording by windows, read forward in blocks; checks that times increase."""
+    """Samples of an unevenly sampled recording by windows, read forward in blocks; checks that
+    times increase."""
 
-    def __init__(self, recording: Recording, begin: float, width: float, block: int, name: str) -> None:
-        self.recording, self.begin, self.width, self.block, self.name = recording, begin, width, block, name
+    def __init__(
+        self, recording: Recording, begin: float, width: float, block: int, name: str
+    ) -> None:
+        self.recording, self.begin, self.width, self.block, self.name = (
+            recording,
+            begin,
+            width,
+            block,
+            name,
+        )
         self.read = 0
         self.time = np.zeros(0)
         self.raw = [np.zeros(0), np.zeros(0)]
 
     def windows(self, low: int, high: int) -> tuple[Array, list[Array], Array]:
-        """Times, both channels and window numbers of the samples in windows low … high − 1; low goes back by a few windows at the most."""
+        """Times, both channels and window numbers of the samples in windows low … high − 1; low
+        goes back by a few windows at the most."""
         start, stop = self.begin + low * self.width, self.begin + high * self.width
         while self.read < len(self.recording.c) and not (len(self.time) and self.time[-1] >= stop):
             self._more()
@@ -193,10 +251,14 @@ class _Reader:
         if len(wrong):
             at = int(wrong[0]) + self.read + (0 if len(self.time) else 1)
             raise HrgError(
-                f"{self.name}: time_s[{at}] = {joined[wrong[0] + 1]:.9g} s follows {joined[wrong[0]]:.9g} s; "
-                "strictly increasing times were expected: sort the samples or drop the repeated ones"
+                f"{self.name}: time_s[{at}] = {joined[wrong[0] + 1]:.9g} s follows"
+                f" {joined[wrong[0]]:.9g} s; strictly increasing times were expected: sort the"
+                " samples or drop the repeated ones"
             )
         self.time = np.concatenate([self.time, time])
         channels = (self.recording.c, self.recording.s)
-        self.raw = [np.concatenate([held, np.asarray(channel[more], float)]) for held, channel in zip(self.raw, channels, strict=True)]
+        self.raw = [
+            np.concatenate([held, np.asarray(channel[more], float)])
+            for held, channel in zip(self.raw, channels, strict=True)
+        ]
         self.read = more.stop

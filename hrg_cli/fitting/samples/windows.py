@@ -1,4 +1,5 @@
-"""Least-squares fits of many windows at once, and what follows: drag of the envelope's slope, pooled noise."""
+"""Least-squares fits of many windows at once, and what follows: drag of the envelope's slope,
+pooled noise."""
 
 from __future__ import annotations
 
@@ -11,13 +12,15 @@ from .basis import Pull, WindowBasis
 Array = np.ndarray
 
 NEIGHBOURS = 4
-"""Windows on either side between which the envelope's slope is taken; it adds 0.02 % to the variance at one period a window."""
+"""Windows on either side between which the envelope's slope is taken; it adds 0.02 % to the
+variance at one period a window."""
 
 BEND = 2
 """Windows on either side between which the curvature is taken; it adds 4 % to the variance."""
 
 CURVED = 1 / 3 + 7 / 240
-"""h²/12 at h = 2 for the error of the second difference, and 24·7/5760 for the average over a window to the next order, in T²."""
+"""h²/12 at h = 2 for the error of the second difference, and 24·7/5760 for the average over a
+window to the next order, in T²."""
 
 KNOWN = 1e-3
 """Part of itself to which the motion's share of a residual is known."""
@@ -29,7 +32,8 @@ CACHE_SAMPLES = 1 << 15
 """Samples turned to floats at once, so that they stay in the processor's cache."""
 
 LOST = 1e-9
-"""Part of the sum of squares below which a residual is not left to the difference of two sums: rounding would be 1e-6 of it and more."""
+"""Part of the sum of squares below which a residual is not left to the difference of two sums:
+rounding would be 1e-6 of it and more."""
 
 POOL_FREEDOM = 400
 """Degrees of freedom pooled for a standard deviation, so that error/σ is not a heavy-tailed t."""
@@ -37,10 +41,12 @@ POOL_FREEDOM = 400
 
 @dataclass(frozen=True)
 class Fits:
-    """Windows fitted about their centres at the local frequencies. Rows that could not be fitted hold NaN.
+    """Windows fitted about their centres at the local frequencies. Rows that could not be fitted
+    hold NaN.
 
-    envelope (channel, rows, F) = p − jq; residual2 (channel, rows) sums of squares; freedom, samples (rows,) or numbers;
-    variance (rows or 1, 2F) of p, q for unit noise; slope, curvature: their pulls.
+    envelope (channel, rows, F) = p − jq; residual2 (channel, rows) sums of squares; freedom,
+    samples (rows,) or numbers; variance (rows or 1, 2F) of p, q for unit noise; slope, curvature:
+    their pulls.
     """
 
     envelope: Array
@@ -53,10 +59,12 @@ class Fits:
 
 
 def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
-    """Envelope (rows, F) and residual sum of squares (rows,) of one channel's windows (rows, samples), in raw units.
+    """Envelope (rows, F) and residual sum of squares (rows,) of one channel's windows (rows,
+    samples), in raw units.
 
-    One matrix product for each stretch that fits the cache; the residual is |y|² less the power in the orthonormal basis q, and where
-    that difference has lost its digits (below `LOST` of |y|²) the sum of (y − Qq)² itself, while the stretch is in the cache.
+    One matrix product for each stretch that fits the cache; the residual is |y|² less the power in
+    the orthonormal basis q, and where that difference has lost its digits (below `LOST` of |y|²)
+    the sum of (y − Qq)² itself, while the stretch is in the cache.
     """
     rows, samples = raw.shape
     at_once = max(1, CACHE_SAMPLES // samples)
@@ -78,11 +86,14 @@ def fit_even(raw: Array, basis: WindowBasis) -> tuple[Array, Array]:
 
 def _squares(y: Array) -> Array:
     """Σ y² of every row (rows,)."""
-    return np.asarray(np.einsum("ij,ij->i", y, y) if y.shape[1] < 64 else (y[:, None, :] @ y[:, :, None])[:, 0, 0])
+    return np.asarray(
+        np.einsum("ij,ij->i", y, y) if y.shape[1] < 64 else (y[:, None, :] @ y[:, :, None])[:, 0, 0]
+    )
 
 
 def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
-    """Slope of the envelopes u (channel, rows, F) in the local frame, from rows ± `NEIGHBOURS`; None with fewer than three rows.
+    """Slope of the envelopes u (channel, rows, F) in the local frame, from rows ± `NEIGHBOURS`;
+    None with fewer than three rows.
 
     U1 = (u_{k+h} e^{−jΔhT} − u_{k−h} e^{jΔhT})/2hT, Δ = ω_local − ω_r, in reference phase.
     Rows at the ends continue their neighbours'; 0 where unknown.
@@ -91,14 +102,22 @@ def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Arra
     if h < 1:
         return None
     ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s) / (2 * h * window_s)
-    return _spread(u[:, 2 * h :] * ahead - u[:, : -2 * h] * ahead.conj(), h, np.exp(1j * local_less_reference_rad_s * window_s))
+    return _spread(
+        u[:, 2 * h :] * ahead - u[:, : -2 * h] * ahead.conj(),
+        h,
+        np.exp(1j * local_less_reference_rad_s * window_s),
+    )
 
 
-def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> tuple[Array, Array] | None:
-    """Curvature of the envelopes in the local frame from rows ± `BEND`, and how far it may be wrong (channel, rows, F).
+def curvatures(
+    u: Array, local_less_reference_rad_s: Array, window_s: float
+) -> tuple[Array, Array] | None:
+    """Curvature of the envelopes in the local frame from rows ± `BEND`, and how far it may be wrong
+    (channel, rows, F).
 
-    U2 = D − (1/3 + 7/240)·T²·D²: D = (u_{k+h} e^{−jΔhT} − 2u_k + u_{k−h} e^{jΔhT})/(hT)² and D² the same of D, so that U − U2·T²/24 undoes
-    the average over a window, sin(x/2)/(x/2) for a turn of x a window, but for a rest of the order x⁶. The ends are continued.
+    U2 = D − (1/3 + 7/240)·T²·D²: D = (u_{k+h} e^{−jΔhT} − 2u_k + u_{k−h} e^{jΔhT})/(hT)² and D² the
+    same of D, so that U − U2·T²/24 undoes the average over a window, sin(x/2)/(x/2) for a turn of x
+    a window, but for a rest of the order x⁶. The ends are continued.
     """
     h = min(BEND, (u.shape[1] - 1) // 2)
     if h < 1:
@@ -107,19 +126,30 @@ def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> 
     turn = np.exp(1j * local_less_reference_rad_s * window_s)
 
     def bend(values: Array) -> Array:
-        return np.asarray(values[:, 2 * h :] * ahead - 2 * values[:, h:-h] / (h * window_s) ** 2 + values[:, : -2 * h] * np.conj(ahead))
+        return np.asarray(
+            values[:, 2 * h :] * ahead
+            - 2 * values[:, h:-h] / (h * window_s) ** 2
+            + values[:, : -2 * h] * np.conj(ahead)
+        )
 
     second = bend(u)
     if second.shape[1] <= 4 * h:
         return _spread(second, h, turn), np.zeros(u.shape)
     fourth = _spread(CURVED * window_s**2 * bend(second), h, turn)
-    size = np.sqrt(np.nanmean(np.abs(fourth) ** 2, axis=1) / np.maximum(np.nanmean(np.abs(second) ** 2, axis=1), 1e-300))
-    doubt = np.broadcast_to((4 * size * np.sqrt(np.nanmean(np.abs(fourth) ** 2, axis=1)))[:, None], u.shape).copy()
+    size = np.sqrt(
+        np.nanmean(np.abs(fourth) ** 2, axis=1)
+        / np.maximum(np.nanmean(np.abs(second) ** 2, axis=1), 1e-300)
+    )
+    doubt = np.broadcast_to(
+        (4 * size * np.sqrt(np.nanmean(np.abs(fourth) ** 2, axis=1)))[:, None], u.shape
+    ).copy()
     second = second - fourth
     out = _spread(second, h, turn)
     for i in range(1, h + 1):  # the ends continue a parabola; a third of its bend is the doubt
         for end, near, back in ((h - i, 0, 1), (-h - 1 + i, -1, -1)):
-            first, next_, third = (second[:, near + n * back] * turn ** (-(n + i) * back) for n in (0, 1, 2))
+            first, next_, third = (
+                second[:, near + n * back] * turn ** (-(n + i) * back) for n in (0, 1, 2)
+            )
             bent = i * (i + 1) / 2 * (first - 2 * next_ + third)
             usable = np.isfinite(bent)
             out[:, end] += np.where(usable, bent, 0.0)
@@ -129,18 +159,24 @@ def curvatures(u: Array, local_less_reference_rad_s: Array, window_s: float) -> 
 
 
 def bend_power(u: Array, local_less_reference_rad_s: Array, window_s: float, every: int) -> Array:
-    """Mean square of the curvature's second difference D (channel,), see `curvatures`, at one row of `every`: enough to judge by."""
+    """Mean square of the curvature's second difference D (channel,), see `curvatures`, at one row
+    of `every`: enough to judge by."""
     h = min(BEND, (u.shape[1] - 1) // 2)
     if h < 1:
         return np.zeros(u.shape[0])
     ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s)
-    second = u[:, 2 * h :: every] * ahead - 2 * u[:, h:-h:every] + u[:, : -2 * h : every] * np.conj(ahead)
+    second = (
+        u[:, 2 * h :: every] * ahead
+        - 2 * u[:, h:-h:every]
+        + u[:, : -2 * h : every] * np.conj(ahead)
+    )
     second = np.where(np.isfinite(second), second, 0.0)
     return np.asarray((np.abs(second) ** 2).mean((1, 2)) / (h * window_s) ** 4)
 
 
 def _spread(inner: Array, h: int, turn: Array) -> Array:
-    """`inner` rows with h rows more at either end, continued linearly in the local frame (`turn` a row); what is not finite is 0."""
+    """`inner` rows with h rows more at either end, continued linearly in the local frame (`turn` a
+    row); what is not finite is 0."""
     out = np.empty((inner.shape[0], inner.shape[1] + 2 * h, inner.shape[2]), complex)
     out[:, h:-h] = inner
     for i in range(1, h + 1):
@@ -155,19 +191,28 @@ def _spread(inner: Array, h: int, turn: Array) -> Array:
 
 
 def unpulled(u: Array, motion: Array, turn: Array, by: Pull) -> Array:
-    """The envelopes u without the pull of a motion M, all in reference phase: U − (α M + β M*) with U = u·conj(`turn`)."""
+    """The envelopes u without the pull of a motion M, all in reference phase: U − (α M + β M*) with
+    U = u·conj(`turn`)."""
     if u.shape[2] == 1 and len(by.alpha) == 1:
         out = u - np.conj(motion) * (by.beta[0, 0, 0] * turn * turn)
         if abs(by.alpha[0, 0, 0]) > 1e-6 * abs(by.beta[0, 0, 0]):
             out -= by.alpha[0, 0, 0] * motion
         return out
     own = motion * turn.conj()
-    return u - turn * ((by.alpha[None] * own[:, :, None, :]).sum(-1) + (by.beta[None] * own.conj()[:, :, None, :]).sum(-1))
+    return u - turn * (
+        (by.alpha[None] * own[:, :, None, :]).sum(-1)
+        + (by.beta[None] * own.conj()[:, :, None, :]).sum(-1)
+    )
 
 
 def pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
-    """Factor by which taking the pulls out raises the standard deviation: √(1 + 2(|α1|² + |β1|²)/(2hT)²), times 1 + 2α2/(hT)²."""
-    strength = float((np.abs(slope.alpha) ** 2 + np.abs(slope.beta) ** 2).mean(0).sum(-1).max()) if slope.alpha.size else 0.0
+    """Factor by which taking the pulls out raises the standard deviation: √(1 + 2(|α1|² +
+    |β1|²)/(2hT)²), times 1 + 2α2/(hT)²."""
+    strength = (
+        float((np.abs(slope.alpha) ** 2 + np.abs(slope.beta) ** 2).mean(0).sum(-1).max())
+        if slope.alpha.size
+        else 0.0
+    )
     factor = float(np.sqrt(1 + 2 * strength / (2 * NEIGHBOURS * window_s) ** 2))
     if curvature is not None:
         factor *= 1 + 2 * float(np.abs(curvature.alpha).mean(0).max()) / (BEND * window_s) ** 2
@@ -175,7 +220,8 @@ def pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
 
 
 def motion_counts(residual2: Array, motion: Array, by: Pull) -> bool:
-    """Whether a motion puts more than a thousandth into the residual's sums of squares (channel, rows)."""
+    """Whether a motion puts more than a thousandth into the residual's sums of squares (channel,
+    rows)."""
     mean = float(np.trace(by.left.mean(0))) / by.left.shape[-1]
     for k in range(len(residual2)):
         total = float(residual2[k].sum())
@@ -195,13 +241,17 @@ def motion_residual(motion: Array, turn: Array, by: Pull) -> Array:
 
 
 def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None) -> Array:
-    """Variance a sample (rows,) pooled over neighbouring rows until `POOL_FREEDOM` degrees of freedom; rows that are not finite stay so.
+    """Variance a sample (rows,) pooled over neighbouring rows until `POOL_FREEDOM` degrees of
+    freedom; rows that are not finite stay so.
 
-    A row far above its neighbours (a burst, a clipped top, lost samples) keeps its own variance and does not spoil theirs.
-    `known` (rows,) is the motion's share of the sums of squares, known to `KNOWN` of itself; it is taken out of the
-    pooled values, over `POOL_KNOWN` times as many rows, since motion times noise scatters more than noise alone.
+    A row far above its neighbours (a burst, a clipped top, lost samples) keeps its own variance and
+    does not spoil theirs. `known` (rows,) is the motion's share of the sums of squares, known to
+    `KNOWN` of itself; it is taken out of the pooled values, over `POOL_KNOWN` times as many rows,
+    since motion times noise scatters more than noise alone.
     """
-    group = pool_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (1 if known is None else POOL_KNOWN)
+    group = pool_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (
+        1 if known is None else POOL_KNOWN
+    )
     starts = np.arange(0, len(residual2), group)
     if len(starts) > 1 and len(residual2) - starts[-1] < group / 2:
         starts = starts[:-1]
@@ -217,15 +267,23 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     finite = np.isfinite(residual2)
     sums, weight = np.where(finite, residual2, 0.0), np.where(finite, freedom, 0.0)
     own = np.full(len(starts) * int(counts.max()), np.nan)
-    place = np.repeat(np.arange(len(starts)) * int(counts.max()) - starts, counts) + np.arange(len(residual2))
+    place = np.repeat(np.arange(len(starts)) * int(counts.max()) - starts, counts) + np.arange(
+        len(residual2)
+    )
     own[place] = np.where(finite, residual2 / np.maximum(freedom, 1), np.inf)
     own = np.sort(own.reshape(len(starts), -1), axis=1)
     middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
-    excess = finite & (sums > (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts))
-    total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(np.add.reduceat(np.where(excess, 0.0, weight), starts), 1)
+    excess = finite & (
+        sums > (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
+    )
+    total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(
+        np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
+    )
     if known is not None:
         share = np.where(finite & ~excess, known, 0.0)
-        share = np.add.reduceat(share, starts) / np.maximum(np.add.reduceat(np.where(excess, 0.0, weight), starts), 1)
+        share = np.add.reduceat(share, starts) / np.maximum(
+            np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
+        )
         total = np.maximum(total - share, KNOWN * np.minimum(share, total))
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)

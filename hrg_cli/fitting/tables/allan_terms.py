@@ -1,10 +1,12 @@
 """Noise coefficients fitted to an Allan variance, with intervals   (IEEE Std 952 annex C, IEEE Std 1431).
 
     σ²(τ) = 3Q²/τ² + N²/τ + B²·2 ln 2/π + K²τ/3
-quantization Q, angle random walk N, bias instability B, rate random walk K. The values at different averaging times come from one
-record and are strongly correlated: with the two-sided density S(f) of the terms found and the filter of n samples
+quantization Q, angle random walk N, bias instability B, rate random walk K. The values at different
+averaging times come from one record and are strongly correlated: with the two-sided density S(f) of
+the terms found and the filter of n samples
 |H|² = 2 sin⁴(πfnτ₀)/(n sin πfτ₀)², cov(σ²_i, σ²_j) = (1/T)∫(2S)²|H_i|²|H_j|² df. The squares of the coefficients, not negative, are
-fitted by generalised least squares with it, iterated; the interval of a coefficient is that of its square.
+fitted by generalised least squares with it, iterated; the interval of a coefficient is that of its
+square.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from .allan import allan_deviation
 NAMES = ("quantization", "angle_random_walk", "bias_instability", "rate_random_walk")
 POINTS = 18
 LONGEST = 0.125
-"""Part of the record up to which averaging times are fitted: beyond, a variance of two or three differences is far from normal."""
+"""Part of the record up to which averaging times are fitted: beyond, a variance of two or three
+differences is far from normal."""
 ROUNDS = 5
 FREQUENCIES = 20_000
 SEEN = 2.0
@@ -30,7 +33,8 @@ ONE_SIDED_95 = 1.645
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient in SI units: value (0 where it is not told from zero), standard deviation, and 95 % interval."""
+    """A coefficient in SI units: value (0 where it is not told from zero), standard deviation, and
+    95 % interval."""
 
     value: float
     std: float
@@ -45,7 +49,8 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class AllanTerms:
-    """Averaging times [s], Allan deviations, what the terms make of them, the coefficients by name, and χ² a degree of freedom."""
+    """Averaging times [s], Allan deviations, what the terms make of them, the coefficients by name,
+    and χ² a degree of freedom."""
 
     time_s: Array
     deviation: Array
@@ -56,7 +61,8 @@ class AllanTerms:
 
 
 def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
-    """Fit the four terms to the overlapping Allan variance of an evenly sampled rate (n,), at least 30 values."""
+    """Fit the four terms to the overlapping Allan variance of an evenly sampled rate (n,), at least
+    30 values."""
     from scipy.optimize import nnls
 
     rate = np.asarray(rate, float)
@@ -64,7 +70,9 @@ def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
     known = time <= LONGEST * len(rate) * interval_s
     time, deviation, relative = time[known], deviation[known], relative[known]
     variance = deviation**2
-    terms = np.stack([3 / time**2, 1 / time, np.full(len(time), 2 * np.log(2) / np.pi), time / 3], axis=1)
+    terms = np.stack(
+        [3 / time**2, 1 / time, np.full(len(time), 2 * np.log(2) / np.pi), time / 3], axis=1
+    )
     unit = 1 / np.linalg.norm(terms / np.maximum(variance, 1e-300)[:, None], axis=0)
     design = terms * unit
     covariance = np.diag((2 * variance * relative) ** 2)
@@ -79,30 +87,48 @@ def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
     kept = list(range(len(NAMES)))
     while kept:
         squares = nnls(white[:, kept], target)[0]
-        deviations = np.sqrt(np.maximum(np.diag(np.linalg.pinv(white[:, kept].T @ white[:, kept], hermitian=True)), 1e-300))
+        deviations = np.sqrt(
+            np.maximum(
+                np.diag(np.linalg.pinv(white[:, kept].T @ white[:, kept], hermitian=True)), 1e-300
+            )
+        )
         weakest = int(np.argmin(squares / deviations))
         if squares[weakest] > SEEN * deviations[weakest]:
             break
-        k = kept.pop(weakest)  # what is not told from zero must not pull at the others: each is fitted beside those that are
+        k = kept.pop(
+            weakest
+        )  # what is not told from zero must not pull at the others: each is fitted beside those that are
         found[NAMES[k]] = _coefficient(squares[weakest] * unit[k], deviations[weakest] * unit[k])
     for place, k in enumerate(kept):
         found[NAMES[k]] = _coefficient(squares[place] * unit[k], deviations[place] * unit[k])
     model = terms @ np.array([found[name].value ** 2 for name in NAMES])
     chi2 = float(np.sum((root @ (variance - model)) ** 2))
-    return AllanTerms(time, deviation, np.sqrt(model), {name: found[name] for name in NAMES}, chi2, len(time) - len(kept))
+    return AllanTerms(
+        time,
+        deviation,
+        np.sqrt(model),
+        {name: found[name] for name in NAMES},
+        chi2,
+        len(time) - len(kept),
+    )
 
 
 def _coefficient(square: float, std: float) -> Coefficient:
     if square > SEEN * std:
-        factor = np.exp(NORMAL_95 * std / square / 2)  # an estimate of a variance is about as far from the truth in its logarithm
+        factor = np.exp(
+            NORMAL_95 * std / square / 2
+        )  # an estimate of a variance is about as far from the truth in its logarithm
         value = float(np.sqrt(square))
-        return Coefficient(value, float(std / (2 * value)), float(value / factor), float(value * factor))
+        return Coefficient(
+            value, float(std / (2 * value)), float(value / factor), float(value * factor)
+        )
     high = float(np.sqrt(square + ONE_SIDED_95 * std))
     return Coefficient(0.0, high / ONE_SIDED_95, 0.0, high)
 
 
 def _root(covariance: Array, variance: Array) -> Array:
-    """W with WᵀW = covariance⁻¹; directions known better than 1e-6 of the variances are taken as so known."""
+    """W with WᵀW = covariance⁻¹; directions known better than 1e-6 of the variances are taken as so
+    known."""
     scale = np.sqrt(np.diag(covariance))
     value, vector = np.linalg.eigh(covariance / np.outer(scale, scale))
     return np.asarray((vector / np.sqrt(np.maximum(value, 1e-6))).T / scale)

@@ -1,7 +1,9 @@
-"""Tables over wave angle and temperature: a Fourier series in 2mθ with coefficients that are interpolated between nodes.
+"""Tables over wave angle and temperature: a Fourier series in 2mθ with coefficients that are
+interpolated between nodes.
 
 value(x, θ) = Σ_j ψ_j(x) [h_j0 + Σ_k h_j,2k−1 cos 2mkθ + h_j,2k sin 2mkθ],   ψ_j(x_i) = δ_ij
-x is temperature (or frequency); 2mθ because a linear defect repeats with the period π/m of the wave angle (PHYSICS §0, harmonic theorem).
+x is temperature (or frequency); 2mθ because a linear defect repeats with the period π/m of the wave
+angle (PHYSICS §0, harmonic theorem).
 """
 
 from __future__ import annotations
@@ -12,29 +14,38 @@ Array = np.ndarray
 
 
 def harmonic_basis(
-    wave_angle_rad: Array, harmonics: int, mode_number: int, travel_rad: Array | float = 0.0, block_travel_rad: Array | float = 0.0
+    wave_angle_rad: Array,
+    harmonics: int,
+    mode_number: int,
+    travel_rad: Array | float = 0.0,
+    block_travel_rad: Array | float = 0.0,
 ) -> Array:
-    """Columns 1, cos 2mθ, sin 2mθ, …, sin 2mKθ (n, 1 + 2K); averaged along `travel_rad` of wave angle about θ.
+    """Columns 1, cos 2mθ, sin 2mθ, …, sin 2mKθ (n, 1 + 2K); averaged along `travel_rad` of wave
+    angle about θ.
 
-    A harmonic nθ averaged along a stretch Δθ that is crossed evenly loses the factor sinc(nΔθ/2). Between two averages over blocks
-    of windows it loses a second one, of the travel within a block: the weight is the convolution of both boxes.
+    A harmonic nθ averaged along a stretch Δθ that is crossed evenly loses the factor sinc(nΔθ/2).
+    Between two averages over blocks of windows it loses a second one, of the travel within a block:
+    the weight is the convolution of both boxes.
     """
     angle = np.asarray(wave_angle_rad, float)
     columns = np.empty((angle.size, 1 + 2 * harmonics))
     columns[:, 0] = 1.0
     for k in range(1, harmonics + 1):
         n = 2 * mode_number * k
-        loss = np.sinc(n * np.asarray(travel_rad) / (2 * np.pi)) * np.sinc(n * np.asarray(block_travel_rad) / (2 * np.pi))
+        loss = np.sinc(n * np.asarray(travel_rad) / (2 * np.pi)) * np.sinc(
+            n * np.asarray(block_travel_rad) / (2 * np.pi)
+        )
         columns[:, 2 * k - 1] = np.cos(n * angle) * loss
         columns[:, 2 * k] = np.sin(n * angle) * loss
     return columns
 
 
 def node_weights(x: Array, nodes: Array, interpolation: str = "linear") -> Array:
-    """Weights ψ_j(x) (n, J) of the node values: linear between neighbours, or the cardinal cubic splines (not-a-knot).
+    """Weights ψ_j(x) (n, J) of the node values: linear between neighbours, or the cardinal cubic
+    splines (not-a-knot).
 
-    Beyond the outer nodes the outer straight line (or the spline's outer slope) is continued; whether that is allowed is the
-    table's range, not this function's business.
+    Beyond the outer nodes the outer straight line (or the spline's outer slope) is continued;
+    whether that is allowed is the table's range, not this function's business.
     """
     x, nodes = np.asarray(x, float), np.asarray(nodes, float)
     if len(nodes) == 1:
@@ -57,8 +68,8 @@ def node_weights(x: Array, nodes: Array, interpolation: str = "linear") -> Array
 def monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
     """Weights (n, J) with Σ_j weight_j·value_j = the monotone (PCHIP) interpolant of `values` at x.
 
-    The interpolant is homogeneous of degree one in the node values, so by Euler's theorem its derivatives with respect to them are
-    such weights; a fit repeats with them until they settle.
+    The interpolant is homogeneous of degree one in the node values, so by Euler's theorem its
+    derivatives with respect to them are such weights; a fit repeats with them until they settle.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -67,7 +78,9 @@ def monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
         return node_weights(x, nodes)
     step = 1e-6 * max(np.ptp(values), 1e-300)
     inside = np.clip(np.asarray(x, float), nodes[0], nodes[-1])
-    moved = values[:, None] + np.concatenate([np.eye(len(nodes)), -np.eye(len(nodes))], axis=1) * step
+    moved = (
+        values[:, None] + np.concatenate([np.eye(len(nodes)), -np.eye(len(nodes))], axis=1) * step
+    )
     curve = PchipInterpolator(nodes, moved, axis=0)
     both = curve(inside)
     slopes = (curve(np.array([nodes[0]]), 1), curve(np.array([nodes[-1]]), 1))
@@ -76,11 +89,22 @@ def monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
     return np.asarray((both[:, : len(nodes)] - both[:, len(nodes) :]) / (2 * step))
 
 
-def coefficients_at(x: Array, nodes: Array, coefficients: Array, interpolation: str = "linear") -> Array:
+def coefficients_at(
+    x: Array, nodes: Array, coefficients: Array, interpolation: str = "linear"
+) -> Array:
     """Fourier coefficients (n, H) at x from those of the nodes (J, H)."""
     if interpolation == "monotone" and len(nodes) > 2:
-        return np.stack([np.einsum("nj,j->n", monotone_weights(x, nodes, c), c) for c in np.asarray(coefficients).T], axis=1)
-    return node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic") @ coefficients
+        return np.stack(
+            [
+                np.einsum("nj,j->n", monotone_weights(x, nodes, c), c)
+                for c in np.asarray(coefficients).T
+            ],
+            axis=1,
+        )
+    return (
+        node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
+        @ coefficients
+    )
 
 
 def evaluate(
@@ -99,6 +123,7 @@ def evaluate(
 
 
 def amplitude_and_angle(cosine: Array, sine: Array, order: int) -> tuple[Array, Array]:
-    """c cos nθ + s sin nθ = amplitude · sin n(θ − angle): amplitude and angle in [0, 2π/n), n = `order`."""
+    """c cos nθ + s sin nθ = amplitude · sin n(θ − angle): amplitude and angle in [0, 2π/n), n =
+    `order`."""
     angle = np.mod(np.arctan2(-np.asarray(cosine), np.asarray(sine)), 2 * np.pi) / order
     return np.hypot(cosine, sine), angle

@@ -1,12 +1,15 @@
-"""Increments of the wave angle and their noise: exact generalised least squares for m·dθ/dt = −K·Ω + D.
+"""Increments of the wave angle and their noise: exact generalised least squares for m·dθ/dt = −K·Ω
++ D.
 
-Windows are averaged to blocks; the equation is taken between neighbouring block averages, never as a derivative:
+Windows are averaged to blocks; the equation is taken between neighbouring block averages, never as
+a derivative:
     m(θ̄_{i+1} − θ̄_i) = ∫ w_i(t) [−K(T,θ)Ω + D(T,θ)] dt,   w_i the triangle of two neighbouring block averages.
-White angle noise of variance s² a block and an angle random walk q (rad²/s, of mθ) give the increments a tridiagonal covariance:
+White angle noise of variance s² a block and an angle random walk q (rad²/s, of mθ) give the
+increments a tridiagonal covariance:
     var_i = s_i² + s_{i+1}² + q(Δt − (w_i + w_{i+1})/6),   cov_{i,i+1} = −s_{i+1}² + q w_{i+1}/6   (w: width of a block)
-whose Cholesky factor whitens them in one sweep; neighbouring increments share a block, so they are anticorrelated.
-The basis functions are taken at the measured angle; averaging to blocks first keeps that error second-order small:
-a harmonic nθ is damped by exp(−n²s²/2m²).
+whose Cholesky factor whitens them in one sweep; neighbouring increments share a block, so they are
+anticorrelated. The basis functions are taken at the measured angle; averaging to blocks first keeps
+that error second-order small: a harmonic nθ is damped by exp(−n²s²/2m²).
 """
 
 from __future__ import annotations
@@ -22,7 +25,8 @@ from .fourier import harmonic_basis
 
 Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6
-"""Phase of the highest harmonic that may pass within a block; the loss by averaging is corrected by sinc² (exact at even speed)."""
+"""Phase of the highest harmonic that may pass within a block; the loss by averaging is corrected by
+sinc² (exact at even speed)."""
 FEWEST_BLOCKS, MOST_BLOCKS = 600, 20_000
 ROWS_AT_ONCE = 1 << 16
 SPEED_COLUMNS = ("time_s", "wave_angle_rad", "rate_rad_s")
@@ -35,7 +39,8 @@ BLOCK_COLUMNS = (
 
 @dataclass(frozen=True)
 class Path:
-    """One run averaged to blocks (b values each); `rate_integral_rad` is the block average of ∫Ω dt from the run's start."""
+    """One run averaged to blocks (b values each); `rate_integral_rad` is the block average of ∫Ω dt
+    from the run's start."""
 
     run_id: str
     forced: bool
@@ -86,13 +91,17 @@ class Path:
         """∫w·(1, cos 2mθ, …) dt / Δt of the increments (n, 1 + 2K)."""
         travel = np.diff(self.angle_rad)
         within = travel * np.minimum(self.middle(self.width_s) / self.interval_s, 1.0)
-        return harmonic_basis(self.middle(self.angle_rad), harmonics, self.mode_number, travel, within)
+        return harmonic_basis(
+            self.middle(self.angle_rad), harmonics, self.mode_number, travel, within
+        )
 
     def part(self, rows: slice) -> Path:
         """The path of the increments `rows` alone."""
         blocks = slice(rows.start, rows.stop + 1)
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        columns: dict[str, Any] = {name: v[blocks] for name, v in values.items() if isinstance(v, np.ndarray)}
+        columns: dict[str, Any] = {
+            name: v[blocks] for name, v in values.items() if isinstance(v, np.ndarray)
+        }
         return replace(self, **columns)
 
     def without_jumps(self, half_turns: Array) -> Path:
@@ -111,17 +120,19 @@ def path_of(
     per_block: int | None = None,
     need_rate: bool = True,
 ) -> Path:
-    """Average a run to blocks. `rate_rad_s` replaces a missing log. Memory does not grow with the run: rows are read piece by piece.
+    """Average a run to blocks. `rate_rad_s` replaces a missing log. Memory does not grow with the
+    run: rows are read piece by piece.
 
     per_block: windows a block; by default as many as the run's speed and `harmonics` allow.
-    HrgError: no rate (unless `need_rate` is False: then zeros), fewer than three good windows, times that do not increase.
+    HrgError: no rate (unless `need_rate` is False: then zeros), fewer than three good windows,
+    times that do not increase.
     """
     rows = len(wave)
     if wave.rate_rad_s is None and rate_rad_s is None:
         if need_rate:
             raise HrgError(
-                f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was given; "
-                f"log the table's rate or give it with rate_rad_s or rates_rad_s"
+                f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was"
+                " given; log the table's rate or give it with rate_rad_s or rates_rad_s"
             )
         rate_rad_s = 0.0
     per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
@@ -138,20 +149,31 @@ def path_of(
         steps = np.diff(time, prepend=first_time)
         if (steps[1:] <= 0).any() or (last is not None and steps[0] <= 0):
             raise HrgError(
-                f"run {wave.run_id or '?'}: time_s stands or goes back at {time[int(np.argmin(steps))]:g} s; times must increase"
+                f"run {wave.run_id or '?'}: time_s stands or goes back at"
+                f" {time[int(np.argmin(steps))]:g} s; times must increase"
             )
-        integral = turned + np.cumsum(steps * (rate + np.concatenate([[first_rate], rate[:-1]])) / 2)
+        integral = turned + np.cumsum(
+            steps * (rate + np.concatenate([[first_rate], rate[:-1]])) / 2
+        )
         turned, last = float(integral[-1]), (float(time[-1]), float(rate[-1]))
         pieces.append(_block_means(block, time, integral, per_block))
     joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]} if pieces else {}
     if not joined or len(joined["time_s"]) < 2:
-        raise HrgError(f"run {wave.run_id or '?'}: fewer than two good blocks of its {rows} windows; a longer or a cleaner run is needed")
+        raise HrgError(
+            f"run {wave.run_id or '?'}: fewer than two good blocks of its {rows} windows; a longer"
+            " or a cleaner run is needed"
+        )
     degc = joined["temperature_degc"]
     known = np.isfinite(degc)
     if known.any() and not known.all():
-        joined["temperature_degc"] = np.interp(joined["time_s"], joined["time_s"][known], degc[known])
+        joined["temperature_degc"] = np.interp(
+            joined["time_s"], joined["time_s"][known], degc[known]
+        )
     shortest = np.median(np.diff(joined["time_s"])) / per_block
-    drive_main, drive_quadrature = joined.pop("drive_main", None), joined.pop("drive_quadrature", None)
+    drive_main, drive_quadrature = (
+        joined.pop("drive_main", None),
+        joined.pop("drive_quadrature", None),
+    )
     return Path(
         run_id=wave.run_id,
         forced=wave.mode == "forced",
@@ -168,7 +190,11 @@ def path_of(
 
 def _only(wave: Wave, columns: tuple[str, ...]) -> Wave:
     """The wave without its other rows."""
-    others = [name for name, spec in wave.columns().items() if spec.dims and spec.dims[0] == "row" and name not in columns]
+    others = [
+        name
+        for name, spec in wave.columns().items()
+        if spec.dims and spec.dims[0] == "row" and name not in columns
+    ]
     return wave.replace(**dict.fromkeys(others))
 
 
@@ -178,14 +204,18 @@ def _rate(block: Wave, constant: float | None) -> Array:
     rate = np.asarray(block.rate_rad_s, float)
     bad = ~np.isfinite(rate)
     if bad.all():
-        raise HrgError(f"run {block.run_id or '?'}: rate_rad_s is not finite; log the table's rate or give it with rate_rad_s")
+        raise HrgError(
+            f"run {block.run_id or '?'}: rate_rad_s is not finite; log the table's rate or give it"
+            " with rate_rad_s"
+        )
     if bad.any():
         rate[bad] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), rate[~bad])
     return rate
 
 
 def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float | None) -> int:
-    """As many windows a block as the highest harmonic allows, from a coarse look at the run's speed."""
+    """As many windows a block as the highest harmonic allows, from a coarse look at the run's
+    speed."""
     coarse, largest_rate = max(1, rows // 400), 0.0
     angles, times, turns = [], [], []
     for block in _only(wave, SPEED_COLUMNS).blocks(max(coarse, ROWS_AT_ONCE // coarse * coarse)):
@@ -200,9 +230,15 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
         return 1
     speed = np.abs(np.diff(angle)) / np.maximum(np.diff(time), 1e-12)
     turning = np.abs(rate[1:]) > 0.2 * largest_rate
-    gain = float(np.nanmedian(speed[turning] / np.abs(rate[1:][turning]))) if turning.any() and largest_rate > 0 else 0.0
+    gain = (
+        float(np.nanmedian(speed[turning] / np.abs(rate[1:][turning])))
+        if turning.any() and largest_rate > 0
+        else 0.0
+    )
     gain = min(gain if np.isfinite(gain) else 0.0, 1.0)
-    fastest = max(float(np.nanpercentile(speed, 90)) if np.isfinite(speed).any() else 0.0, gain * largest_rate)
+    fastest = max(
+        float(np.nanpercentile(speed, 90)) if np.isfinite(speed).any() else 0.0, gain * largest_rate
+    )
     step = (time[-1] - time[0]) / rows
     phase_a_row = 2 * wave.mode_number * max(harmonics, 1) * fastest * step
     by_phase = int(LARGEST_PHASE_STEP / phase_a_row) if phase_a_row > 0 else rows
@@ -212,7 +248,8 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
 
 
 def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> dict[str, Array]:
-    """Means over the good rows of each group of `per_block` rows; groups less than half good are left out."""
+    """Means over the good rows of each group of `per_block` rows; groups less than half good are
+    left out."""
     good = np.asarray(block.good()) & np.isfinite(time)
     starts = np.arange(0, len(time), per_block)
     count = np.add.reduceat(good.astype(float), starts)
@@ -223,16 +260,25 @@ def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> d
         return np.asarray(total / count[keep] ** power)
 
     amplitude = np.asarray(block.main_amplitude, float)
-    ratio = np.divide(np.asarray(block.quadrature_amplitude, float), amplitude, out=np.zeros_like(amplitude), where=amplitude > 0)
+    ratio = np.divide(
+        np.asarray(block.quadrature_amplitude, float),
+        amplitude,
+        out=np.zeros_like(amplitude),
+        where=amplitude > 0,
+    )
     means = {
         "time_s": mean(time),
         "count": count[keep],
         "angle_rad": mean(np.asarray(block.wave_angle_rad, float)),
-        "angle_variance": mean(np.nan_to_num(np.asarray(block.wave_angle_rad_std, float)) ** 2, power=2),
+        "angle_variance": mean(
+            np.nan_to_num(np.asarray(block.wave_angle_rad_std, float)) ** 2, power=2
+        ),
         "rate_integral_rad": mean(integral),
-        "temperature_degc": np.full(int(keep.sum()), np.nan)
-        if block.temperature_degc is None
-        else mean(np.asarray(block.temperature_degc, float)),
+        "temperature_degc": (
+            np.full(int(keep.sum()), np.nan)
+            if block.temperature_degc is None
+            else mean(np.asarray(block.temperature_degc, float))
+        ),
         "frequency_hz": mean(np.asarray(block.frequency_hz, float)),
         "ratio": mean(ratio),
         "main_amplitude": mean(amplitude),
@@ -246,32 +292,46 @@ def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> d
 
 @dataclass(frozen=True)
 class Noise:
-    """White angle noise: `white` scales the shape of the blocks' stated variances (rad² of mθ); `walk` is q, rad²/s of mθ."""
+    """White angle noise: `white` scales the shape of the blocks' stated variances (rad² of mθ);
+    `walk` is q, rad²/s of mθ."""
 
     white: float
     walk: float
 
 
 def noise_shape(path: Path) -> Array:
-    """Relative white variance of the blocks, mean one; the level is always estimated from the residuals."""
+    """Relative white variance of the blocks, mean one; the level is always estimated from the
+    residuals."""
     mean = float(np.mean(path.angle_variance))
-    return path.angle_variance / mean if mean > 0 and (path.angle_variance > 0).all() else np.ones(len(path.angle_variance))
+    return (
+        path.angle_variance / mean
+        if mean > 0 and (path.angle_variance > 0).all()
+        else np.ones(len(path.angle_variance))
+    )
 
 
 def covariance_bands(path: Path, noise: Noise) -> Array:
     """Lower band form (2, n) of the increments' tridiagonal covariance."""
     white, width = noise.white * noise_shape(path), path.width_s
     bands = np.zeros((2, len(path)))
-    bands[0] = white[1:] + white[:-1] + noise.walk * np.maximum(path.interval_s - (width[1:] + width[:-1]) / 6, 0)
+    bands[0] = (
+        white[1:]
+        + white[:-1]
+        + noise.walk * np.maximum(path.interval_s - (width[1:] + width[:-1]) / 6, 0)
+    )
     bands[1, :-1] = -white[1:-1] + noise.walk * width[1:-1] / 6
     return bands
 
 
-NOT_POSITIVE = "the covariance of the increments is not positive; times or widths of the windows do not fit together"
+NOT_POSITIVE = (
+    "the covariance of the increments is not positive; times or widths of the windows do not fit"
+    " together"
+)
 
 
 def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
-    """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the result are independent, variance one."""
+    """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the
+    result are independent, variance one."""
     from scipy.linalg.lapack import dpbtrf, dtbtrs
 
     factor, failed = dpbtrf(bands, lower=1)
@@ -282,7 +342,8 @@ def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
 
 
 class Whitener:
-    """`whiten` a stretch of rows at a time: the factor is two numbers a row, only the columns are large."""
+    """`whiten` a stretch of rows at a time: the factor is two numbers a row, only the columns are
+    large."""
 
     def __init__(self, bands: Array) -> None:
         from scipy.linalg.lapack import dpbtrf
@@ -309,7 +370,8 @@ NEEDED_GAIN = 6.0
 
 
 def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> Noise:
-    """White angle noise and angle random walk of a run by maximum likelihood from residual increments (n,).
+    """White angle noise and angle random walk of a run by maximum likelihood from residual
+    increments (n,).
 
     One parameter (their ratio) is searched; the level follows from the whitened residual.
     `lost_degrees`: degrees of freedom the fit took from this run.
@@ -327,7 +389,12 @@ def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> No
 
     grid = np.arange(-18.0, 12.1, 3.0)
     best = grid[int(np.argmin([level(g)[1] for g in grid]))]
-    found = minimize_scalar(lambda g: level(g)[1], bounds=(best - 3.0, best + 3.0), method="bounded", options={"xatol": 0.05})
+    found = minimize_scalar(
+        lambda g: level(g)[1],
+        bounds=(best - 3.0, best + 3.0),
+        method="bounded",
+        options={"xatol": 0.05},
+    )
     log_ratio = float(found.x)
     if level(-40.0)[1] <= level(log_ratio)[1] + NEEDED_GAIN:
         return Noise(level(-40.0)[0], 0.0)

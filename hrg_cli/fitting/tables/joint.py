@@ -1,8 +1,10 @@
-"""Joint least squares of many runs: the design of D(T, θ), K(T, θ) and further factors, and its normal equations in pieces.
+"""Joint least squares of many runs: the design of D(T, θ), K(T, θ) and further factors, and its
+normal equations in pieces.
 
-Every run is whitened once (`increments`); its independent rows are summed to normal matrices of a few contiguous pieces of time.
-Models, held-out fits and groups of runs are then small linear algebra: a model is a matrix that maps its own coefficients to the
-full set, a fold or a group is a sum of pieces.
+Every run is whitened once (`increments`); its independent rows are summed to normal matrices of a
+few contiguous pieces of time. Models, held-out fits and groups of runs are then small linear
+algebra: a model is a matrix that maps its own coefficients to the full set, a fold or a group is a
+sum of pieces.
 """
 
 from __future__ import annotations
@@ -22,12 +24,14 @@ ROWS_AT_ONCE = 1 << 12
 PIECES = 5
 """Pieces of time a run is cut into."""
 Factor = Callable[[Path], Array]
-"""A further cause of drift: its columns (n, q) of the increments, as a rate (they are multiplied by the interval)."""
+"""A further cause of drift: its columns (n, q) of the increments, as a rate (they are multiplied by
+the interval)."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the coefficients: node-major, a node's drift harmonics then its scale-factor harmonics; then the factors' columns."""
+    """Order of the coefficients: node-major, a node's drift harmonics then its scale-factor
+    harmonics; then the factors' columns."""
 
     nodes: Array
     axis: str
@@ -84,7 +88,9 @@ class Layout:
         """Temperature or frequency of the increments (n,); zeros where there is one node only."""
         if len(self.nodes) == 1:
             return np.full(len(path), self.nodes[0])
-        return path.middle(path.temperature_degc if self.axis == "temperature" else path.frequency_hz)
+        return path.middle(
+            path.temperature_degc if self.axis == "temperature" else path.frequency_hz
+        )
 
     def part(
         self,
@@ -94,8 +100,13 @@ class Layout:
         one_node: bool = False,
         lowest: int = 0,
     ) -> Array:
-        """Map (size, p) of the drift's or scale factor's harmonics `lowest`…`limit` (−1: none), the same at all nodes with `one_node`."""
-        start, width = (0, self.drift_size) if kind == "drift" else (self.drift_size, self.node_size - self.drift_size)
+        """Map (size, p) of the drift's or scale factor's harmonics `lowest`…`limit` (−1: none), the
+        same at all nodes with `one_node`."""
+        start, width = (
+            (0, self.drift_size)
+            if kind == "drift"
+            else (self.drift_size, self.node_size - self.drift_size)
+        )
         columns: list[Array] = []
         for h in range(max(2 * lowest - 1, 0), min(1 + 2 * limit, width)):
             places = start + h + self.node_size * np.arange(len(self.nodes))
@@ -107,7 +118,13 @@ class Layout:
 
     def of_factors(self, *names: str) -> Array:
         """Map (size, p) of whole factors."""
-        return np.concatenate([np.zeros((self.size, 0)), *(np.eye(self.size)[:, self.factor(name)] for name in names)], axis=1)
+        return np.concatenate(
+            [
+                np.zeros((self.size, 0)),
+                *(np.eye(self.size)[:, self.factor(name)] for name in names),
+            ],
+            axis=1,
+        )
 
 
 @dataclass(frozen=True)
@@ -125,18 +142,29 @@ class Model:
 
 
 def design(run: Path, layout: Layout, previous: Array | None, rows: slice) -> Array:
-    """Columns (n, size) of m·Δθ for the increments `rows` of a run. `previous` coefficients linearise the monotone interpolation."""
+    """Columns (n, size) of m·Δθ for the increments `rows` of a run. `previous` coefficients
+    linearise the monotone interpolation."""
     path = run.part(rows)
     x = layout.abscissa(path)
     basis = path.angle_basis(max(layout.drift_harmonics, layout.scale_harmonics))
     columns = np.empty((len(path), layout.size))
-    weights = node_weights(x, layout.nodes, "linear" if layout.interpolation in ("linear", "monotone") else "cubic")
+    weights = node_weights(
+        x, layout.nodes, "linear" if layout.interpolation in ("linear", "monotone") else "cubic"
+    )
     table = columns[:, : layout.table_size].reshape(len(path), len(layout.nodes), layout.node_size)
-    tables = layout.tables(previous) if previous is not None and layout.interpolation == "monotone" else None
+    tables = (
+        layout.tables(previous)
+        if previous is not None and layout.interpolation == "monotone"
+        else None
+    )
     time = (path.interval_s, -path.rotation)
-    for kind, (start, width) in enumerate(((0, layout.drift_size), (layout.drift_size, layout.node_size - layout.drift_size))):
+    for kind, (start, width) in enumerate(
+        ((0, layout.drift_size), (layout.drift_size, layout.node_size - layout.drift_size))
+    ):
         for h in range(width):
-            psi = weights if tables is None else monotone_weights(x, layout.nodes, tables[kind][:, h])
+            psi = (
+                weights if tables is None else monotone_weights(x, layout.nodes, tables[kind][:, h])
+            )
             table[:, :, start + h] = psi * (time[kind] * basis[:, h])[:, None]
     for name, factor in layout.factors.items():
         # of the whole run: a factor may look at its neighbours in time
@@ -146,7 +174,8 @@ def design(run: Path, layout: Layout, previous: Array | None, rows: slice) -> Ar
 
 @dataclass
 class Pieces:
-    """Normal equations of R runs × S pieces: information (R, S, P, P), vector (R, S, P), square (R, S), rows (R, S), fold (R, S)."""
+    """Normal equations of R runs × S pieces: information (R, S, P, P), vector (R, S, P), square (R,
+    S), rows (R, S), fold (R, S)."""
 
     information: Array
     vector: Array
@@ -172,16 +201,27 @@ def piece_of(length: int) -> Array:
 
 
 def accumulate(
-    paths: Sequence[Path], noises: Sequence[Noise], layout: Layout, turns: Sequence[Array], previous: Array | None = None
+    paths: Sequence[Path],
+    noises: Sequence[Noise],
+    layout: Layout,
+    turns: Sequence[Array],
+    previous: Array | None = None,
 ) -> Pieces:
     """Whitened normal equations of all runs. turns: m·Δθ of each run."""
     shape = (len(paths), PIECES)
-    pieces = Pieces(np.zeros((*shape, layout.size, layout.size)), np.zeros((*shape, layout.size)), np.zeros(shape), np.zeros(shape, int))
+    pieces = Pieces(
+        np.zeros((*shape, layout.size, layout.size)),
+        np.zeros((*shape, layout.size)),
+        np.zeros(shape),
+        np.zeros(shape, int),
+    )
     for r, (path, noise, turn) in enumerate(zip(paths, noises, turns)):
         piece = piece_of(len(path))
         whitener = Whitener(covariance_bands(path, noise))
         for rows in stretches(len(path)):
-            white = whitener.next(np.column_stack([design(path, layout, previous, rows), turn[rows]]))
+            white = whitener.next(
+                np.column_stack([design(path, layout, previous, rows), turn[rows]])
+            )
             for s in np.unique(piece[rows]):
                 own = white[piece[rows] == s]
                 X, y = own[:, :-1], own[:, -1]
@@ -193,13 +233,20 @@ def accumulate(
 
 
 def stretches(length: int) -> list[slice]:
-    """Increments a run is worked through at once, so that memory holds one stretch of the design."""
-    return [slice(first, min(first + ROWS_AT_ONCE, length)) for first in range(0, length, ROWS_AT_ONCE)]
+    """Increments a run is worked through at once, so that memory holds one stretch of the
+    design."""
+    return [
+        slice(first, min(first + ROWS_AT_ONCE, length)) for first in range(0, length, ROWS_AT_ONCE)
+    ]
 
 
-def predicted(path: Path, layout: Layout, coefficients: Array, previous: Array | None = None) -> Array:
+def predicted(
+    path: Path, layout: Layout, coefficients: Array, previous: Array | None = None
+) -> Array:
     """m·Δθ (n, …) of given coefficients (size, …), a stretch at a time."""
-    return np.concatenate([design(path, layout, previous, rows) @ coefficients for rows in stretches(len(path))])
+    return np.concatenate(
+        [design(path, layout, previous, rows) @ coefficients for rows in stretches(len(path))]
+    )
 
 
 @dataclass(frozen=True)
@@ -211,8 +258,11 @@ class Solution:
     degrees: float
 
 
-def solve(information: Array, vector: Array, model: Model, penalty: Array | None = None) -> Solution:
-    """Least squares in a model's space; directions the data do not see (scaled eigenvalue < 1e-10) stay at zero."""
+def solve(
+    information: Array, vector: Array, model: Model, penalty: Array | None = None
+) -> Solution:
+    """Least squares in a model's space; directions the data do not see (scaled eigenvalue < 1e-10)
+    stay at zero."""
     M = model.matrix
     start = np.zeros(len(vector)) if model.start is None else model.start
     A, b = M.T @ information @ M, M.T @ (vector - information @ start)
@@ -226,7 +276,9 @@ def solve(information: Array, vector: Array, model: Model, penalty: Array | None
     seen = values > 1e-10
     inverse = np.where(seen, 1 / np.where(seen, values, 1.0), 0.0)
     covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
-    return Solution(start + M @ (covariance @ b), M @ covariance @ M.T, float(np.trace(covariance @ data)))
+    return Solution(
+        start + M @ (covariance @ b), M @ covariance @ M.T, float(np.trace(covariance @ data))
+    )
 
 
 def chi_square(information: Array, vector: Array, square: float, coefficients: Array) -> float:
@@ -248,7 +300,9 @@ class Fitted:
     jumps: int
 
 
-def held_out_chi_square(pieces: Pieces, folds: Array, model: Model, penalty: Array | None = None) -> float:
+def held_out_chi_square(
+    pieces: Pieces, folds: Array, model: Model, penalty: Array | None = None
+) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted from the others."""
     A, b, _, _ = pieces.sum()
     total = 0.0
@@ -260,7 +314,8 @@ def held_out_chi_square(pieces: Pieces, folds: Array, model: Model, penalty: Arr
 
 COARSE_BLOCKS = 64
 NEEDED_GAIN = 2.0
-"""Fall of −2 ln L that a common random walk must bring: half of all gyros without one would otherwise show one."""
+"""Fall of −2 ln L that a common random walk must bring: half of all gyros without one would
+otherwise show one."""
 
 
 @dataclass(frozen=True)
@@ -279,7 +334,9 @@ class Coarse:
         return bands
 
 
-def coarsened(path: Path, noise: Noise, turn: Array, layout: Layout, model: Model, previous: Array | None) -> Coarse:
+def coarsened(
+    path: Path, noise: Noise, turn: Array, layout: Layout, model: Model, previous: Array | None
+) -> Coarse:
     """The run's model columns and turn, averaged to some sixty blocks, a stretch at a time."""
     many = max(1, (len(path) + 1) // COARSE_BLOCKS)
     count = (len(path) + 1) // many
@@ -295,14 +352,21 @@ def coarsened(path: Path, noise: Noise, turn: Array, layout: Layout, model: Mode
             own, first = np.unique(block, return_index=True)
             means[own] += np.add.reduceat(summed, first, axis=0) / many
     time = path.time_s[: count * many].reshape(count, many).mean(axis=1)
-    return Coarse(np.diff(means, axis=0), noise.white / many, np.diff(time), many * float(np.median(path.width_s)))
+    return Coarse(
+        np.diff(means, axis=0),
+        noise.white / many,
+        np.diff(time),
+        many * float(np.median(path.width_s)),
+    )
 
 
 def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
-    """Angle random walk q common to all runs, rad²/s of mθ, by restricted likelihood at the runs' white noise.
+    """Angle random walk q common to all runs, rad²/s of mθ, by restricted likelihood at the runs'
+    white noise.
 
-    A slow random walk hides in what the tables absorb, so a run's own residuals understate it: minimised is
-    −2 ln L = Σ ln|V| + χ² + ln|XᵀV⁻¹X|, on blocks averaged to some sixty a run, where a walk that is hard to see acts.
+    A slow random walk hides in what the tables absorb, so a run's own residuals understate it:
+    minimised is −2 ln L = Σ ln|V| + χ² + ln|XᵀV⁻¹X|, on blocks averaged to some sixty a run, where
+    a walk that is hard to see acts.
     """
     from scipy.optimize import minimize_scalar
 
@@ -321,25 +385,46 @@ def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
         values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
         seen = values > 1e-10
         along = vectors.T @ (b / scale)
-        return total - float((along[seen] ** 2 / values[seen]).sum()) + float(np.log(values[seen]).sum() + 2 * np.log(scale).sum())
+        return (
+            total
+            - float((along[seen] ** 2 / values[seen]).sum())
+            + float(np.log(values[seen]).sum() + 2 * np.log(scale).sum())
+        )
 
     powers = np.arange(-4.0, 5.1, 1.0)
     costs = [cost(unit * 10.0**x) for x in powers]
     best = powers[int(np.argmin(costs))]
-    found = minimize_scalar(lambda x: cost(unit * 10.0**x), bounds=(best - 1, best + 1), method="bounded", options={"xatol": 0.05})
+    found = minimize_scalar(
+        lambda x: cost(unit * 10.0**x),
+        bounds=(best - 1, best + 1),
+        method="bounded",
+        options={"xatol": 0.05},
+    )
     return 0.0 if cost(0.0) <= float(found.fun) + NEEDED_GAIN else float(unit * 10.0**found.x)
 
 
-def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start: Fitted | None = None, sweeps: int = 2) -> Fitted:
-    """Joint fit of a model (by default the full layout), alternating coefficients and each run's noise.
+def fit(
+    paths: Sequence[Path],
+    layout: Layout,
+    model: Model | None = None,
+    start: Fitted | None = None,
+    sweeps: int = 2,
+) -> Fitted:
+    """Joint fit of a model (by default the full layout), alternating coefficients and each run's
+    noise.
 
-    White angle noise is each run's own; the angle random walk is the larger of the run's own and the one common to all runs.
-    start: an earlier fit of the same runs, whose noise begins the sweeps.
+    White angle noise is each run's own; the angle random walk is the larger of the run's own and
+    the one common to all runs. start: an earlier fit of the same runs, whose noise begins the
+    sweeps.
     """
     model = Model("everything", np.eye(layout.size)) if model is None else model
     paths = list(paths) if start is None else list(start.paths)
     turns = [p.turn for p in paths]
-    noises = [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths] if start is None else list(start.noises)
+    noises = (
+        [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths]
+        if start is None
+        else list(start.noises)
+    )
     previous: Array | None = None if start is None else start.solution.coefficients
     jumps = 0 if start is None else start.jumps
     for sweep in range(sweeps + 1):
@@ -363,7 +448,8 @@ def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start
             noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
             coarse.append(coarsened(path, noises[r], turns[r], layout, model, linearised))
         if sweep == 0 and start is None:
-            # the first weights are a walk's: what such a fit leaves looks like a walk even where there is none
+            # the first weights are a walk's: what such a fit leaves looks like a walk even where
+            # there is none
             noises = [Noise(n.white, 0.0) for n in noises]
             continue
         walk = common_walk(coarse, float(np.median([p.time_s[-1] - p.time_s[0] for p in paths])))
@@ -373,7 +459,8 @@ def fit(paths: Sequence[Path], layout: Layout, model: Model | None = None, start
 
 
 def roughness(layout: Layout) -> Array:
-    """Penalty (size, size) on the curvature of every harmonic along the nodes: ∫(d²/dx²)², scaled by each harmonic's own kind."""
+    """Penalty (size, size) on the curvature of every harmonic along the nodes: ∫(d²/dx²)², scaled
+    by each harmonic's own kind."""
     J = len(layout.nodes)
     penalty = np.zeros((layout.size, layout.size))
     if J < 3:
@@ -382,7 +469,9 @@ def roughness(layout: Layout) -> Array:
     second = np.zeros((J - 2, J))
     for i in range(J - 2):
         left, right = x[i + 1] - x[i], x[i + 2] - x[i + 1]
-        second[i, i : i + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) * np.sqrt((left + right) / 2)
+        second[i, i : i + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) * np.sqrt(
+            (left + right) / 2
+        )
     one = second.T @ second * float(np.ptp(x)) ** 3 / J
     for h in range(layout.node_size):
         places = h + layout.node_size * np.arange(J)

@@ -1,9 +1,10 @@
 """Harmonics whose size is in doubt: averaged over how large each may be instead of kept or dropped.
 
-A harmonic that held-out data cannot prove may still be larger than the stated error of what is kept. Each harmonic g of 2mθ gets a
-Gaussian prior c_g ~ N(0, τ_g² R) with an unknown scale τ_g; the mean and covariance over τ_g (Gibbs sampling on a grid, each step's
-mixture summed exactly) are the table's. A clear harmonic is left as it is, an absent one is put to nearly zero, one in doubt keeps its
-doubt in the covariance.
+A harmonic that held-out data cannot prove may still be larger than the stated error of what is
+kept. Each harmonic g of 2mθ gets a Gaussian prior c_g ~ N(0, τ_g² R) with an unknown scale τ_g; the
+mean and covariance over τ_g (Gibbs sampling on a grid, each step's mixture summed exactly) are the
+table's. A clear harmonic is left as it is, an absent one is put to nearly zero, one in doubt keeps
+its doubt in the covariance.
 """
 
 from __future__ import annotations
@@ -19,18 +20,21 @@ Array = np.ndarray
 COMMON_SHARE = 0.75
 """Share of a harmonic's prior variance that is the same at all nodes."""
 DRIFT_SIZES = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
-"""τ of the drift's grid in standard deviations of the harmonic when all else is known. A drift has no natural size: as likely in one
-decade as in another; the largest is at least the harmonic's own size."""
+"""τ of the drift's grid in standard deviations of the harmonic when all else is known. A drift has
+no natural size: as likely in one decade as in another; the largest is at least the harmonic's own
+size."""
 SCALE_FACTOR_SIZES = (2e-5, 2e-4, 2e-3, 2e-2)
-"""τ of the scale factor's grid relative to K₀: what read-outs have (PHYSICS §1(a): mismatch 1e-4…1e-2, gap nonlinearity of 1 to 10 % of
-the gap). What the data would have shown, were it there, leaves no doubt; what they are too noisy to show does. Harmonics below 20 ppm
-that the data do not show count as absent."""
+"""τ of the scale factor's grid relative to K₀: what read-outs have (PHYSICS §1(a): mismatch
+1e-4…1e-2, gap nonlinearity of 1 to 10 % of the gap). What the data would have shown, were it there,
+leaves no doubt; what they are too noisy to show does. Harmonics below 20 ppm that the data do not
+show count as absent."""
 ABSENT = 0.01
 """τ of an absent harmonic, in the same standard deviations."""
 ABSENT_TO_PRESENT = {"drift": (1.0, 4.0, 20.0), "scale": (0.1, 0.1, 5.0)}
-"""Odds before the data of harmonic 1, 2 and all higher ones of 2mθ (PHYSICS §0, harmonic theorem): one linear defect makes the first, two
-of them or a cubic term the second, more are needed above. Read-outs have some mismatch as a rule; absent harmonics within the sizes above
-are refuted by clean data whatever the odds."""
+"""Odds before the data of harmonic 1, 2 and all higher ones of 2mθ (PHYSICS §0, harmonic theorem):
+one linear defect makes the first, two of them or a cubic term the second, more are needed above.
+Read-outs have some mismatch as a rule; absent harmonics within the sizes above are refuted by clean
+data whatever the odds."""
 SWEEPS, BURN_IN = 16, 4
 FEWER_SWEEPS = 7
 """Enough where the mean alone is wanted."""
@@ -38,7 +42,8 @@ FEWER_SWEEPS = 7
 
 @dataclass(frozen=True)
 class Doubtful:
-    """A harmonic that may be absent: places (J, 2) in the coefficients, the odds of that before the data, and the sizes it may have."""
+    """A harmonic that may be absent: places (J, 2) in the coefficients, the odds of that before the
+    data, and the sizes it may have."""
 
     places: Array
     odds: float
@@ -52,18 +57,33 @@ def doubtful_harmonics(layout: Layout, kinds: Sequence[str], scale_factor: float
     out = []
     for kind in kinds:
         drift = kind == "drift"
-        limit, part = (layout.drift_harmonics, layout.drift) if drift else (layout.scale_harmonics, layout.scale)
+        limit, part = (
+            (layout.drift_harmonics, layout.drift)
+            if drift
+            else (layout.scale_harmonics, layout.scale)
+        )
         sizes = np.array(DRIFT_SIZES) if drift else np.array(SCALE_FACTOR_SIZES) * abs(scale_factor)
         for k in range(1, limit + 1):
-            places = np.array([part(j).start + np.array([2 * k - 1, 2 * k]) for j in range(len(layout.nodes))])
+            places = np.array(
+                [part(j).start + np.array([2 * k - 1, 2 * k]) for j in range(len(layout.nodes))]
+            )
             out.append(Doubtful(places, ABSENT_TO_PRESENT[kind][min(k, 3) - 1], sizes, drift))
     return out
 
 
-def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[Doubtful], seed: int, sweeps: int = SWEEPS) -> Solution:
-    """Posterior mean and covariance of the coefficients with the doubtful harmonics' prior scales integrated out.
+def averaged(
+    information: Array,
+    vector: Array,
+    seen: Array,
+    doubtful: Sequence[Doubtful],
+    seed: int,
+    sweeps: int = SWEEPS,
+) -> Solution:
+    """Posterior mean and covariance of the coefficients with the doubtful harmonics' prior scales
+    integrated out.
 
-    information, vector: normal equations with unit noise; seen (size, p): the model's map, whose other directions stay at zero.
+    information, vector: normal equations with unit noise; seen (size, p): the model's map, whose
+    other directions stay at zero.
     """
     generator = np.random.default_rng(seed)
     active = np.flatnonzero(np.abs(seen).sum(axis=1) > 0)
@@ -77,7 +97,9 @@ def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[
     grids, scale = [], []
     for g, harmonic in zip(groups, doubtful):
         one_std = 1 / np.sqrt(float(np.mean([A[np.ix_(g[:, a], g[:, a])].sum() for a in (0, 1)])))
-        sizes = np.append(ABSENT * one_std, harmonic.sizes * (one_std if harmonic.relative else 1.0))
+        sizes = np.append(
+            ABSENT * one_std, harmonic.sizes * (one_std if harmonic.relative else 1.0)
+        )
         sizes[-1] = max(sizes[-1], float(np.sqrt(np.mean(flat[g] ** 2))))
         grids.append(sizes**2)
         scale.append(len(sizes) - 1)
@@ -99,7 +121,10 @@ def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[
             for variance in grids[n]:
                 factor = np.linalg.cholesky(gain[own] + variance * prior)
                 whitened = np.linalg.solve(factor, np.column_stack([mean[own], gain.T]))
-                logs.append(-0.5 * float(whitened[:, 0] @ whitened[:, 0]) - float(np.log(np.diag(factor)).sum()))
+                logs.append(
+                    -0.5 * float(whitened[:, 0] @ whitened[:, 0])
+                    - float(np.log(np.diag(factor)).sum())
+                )
                 steps.append(whitened)
             before = np.full(len(grids[n]), 1 / (len(grids[n]) - 1))
             before[0] = doubtful[n].odds
@@ -111,7 +136,9 @@ def averaged(information: Array, vector: Array, seen: Array, doubtful: Sequence[
                         continue
                     away = mean - whitened[:, 1:].T @ whitened[:, 0] - flat
                     first += weight * away
-                    second += weight * (covariance - whitened[:, 1:].T @ whitened[:, 1:] + np.outer(away, away))
+                    second += weight * (
+                        covariance - whitened[:, 1:].T @ whitened[:, 1:] + np.outer(away, away)
+                    )
                 count += 1
             scale[n] = int(generator.choice(len(weights), p=weights))
             precision[np.ix_(own, own)] += inverse_prior / grids[n][scale[n]]

@@ -1,4 +1,5 @@
-"""The one figure of the answer: what is left of the runs without and with the causes, and how much of it each cause makes."""
+"""The one figure of the answer: what is left of the runs without and with the causes, and how much
+of it each cause makes."""
 
 from __future__ import annotations
 
@@ -13,8 +14,11 @@ from .drawing import INK, MUTED, SERIES, Plot, binned, dots, labels, note, panel
 BINS = 40
 
 
-def before_and_after(record: Diagnosis, departure: Departure | None, causes: tuple[Cause, ...]) -> Plot | None:
-    """Measured less simulated against time, before and after; beside it the shares. None where the record holds no rows."""
+def before_and_after(
+    record: Diagnosis, departure: Departure | None, causes: tuple[Cause, ...]
+) -> Plot | None:
+    """Measured less simulated against time, before and after; beside it the shares. None where the
+    record holds no rows."""
     if not len(record) or np.ndim(record.measured) != 2 or np.shape(record.measured)[1] != 4:
         return None
     amplitude = departure is not None and departure.key == "amplitude_ppm"
@@ -22,7 +26,10 @@ def before_and_after(record: Diagnosis, departure: Departure | None, causes: tup
     factor, unit = time_unit(float(np.ptp(time_s)))
     figure, axes = panels(1, 2, height=2.7, width=8.2)
     ax = axes[0, 0]
-    pairs = [("without the causes", record.simulated_before, 1), ("with the causes", record.simulated_after, 0)]
+    pairs = [
+        ("without the causes", record.simulated_before, 1),
+        ("with the causes", record.simulated_after, 0),
+    ]
     for words, simulated, colour in pairs if causes else pairs[1:]:
         left = difference(record.measured, simulated)
         values = left.amplitude * 1e6 if amplitude else left.angle * 1e3
@@ -37,12 +44,21 @@ def before_and_after(record: Diagnosis, departure: Departure | None, causes: tup
     if causes:
         ax.legend(loc="best")
     shown = _shares(axes[0, 1], departure, causes)
-    good = "Good: a flat band about zero, as wide as the noise. Bad: bends and slopes, which noise does not make."
-    return Plot("answer", "Before and after", f"{shown} Dots: rows; lines: a run's running mean. {good}", figure)
+    good = (
+        "Good: a flat band about zero, as wide as the noise. Bad: bends and slopes, which noise"
+        " does not make."
+    )
+    return Plot(
+        "answer",
+        "Before and after",
+        f"{shown} Dots: rows; lines: a run's running mean. {good}",
+        figure,
+    )
 
 
 def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) -> str:
-    """Bars: the error without the causes, each cause's share, and what is left; the words for them."""
+    """Bars: the error without the causes, each cause's share, and what is left; the words for
+    them."""
     from matplotlib.axes import Axes
 
     assert isinstance(ax, Axes)
@@ -59,11 +75,21 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     top = max(v for _, v, _ in rows) or 1.0
     ax.set_xlim(0, top * 1.22)
     for k, (_, value, _) in enumerate(rows):
-        ax.annotate(number(value, 3), (value, k), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.5)
+        ax.annotate(
+            number(value, 3),
+            (value, k),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8.5,
+        )
     words = next(w for key, w, *_ in QUANTITIES if key == departure.key)
     labels(ax, x=f"{words} error, {departure.unit}", title="Whose it is")
     note(ax, "on data left out" if departure.held_out else "")
     left = f"{number(departure.after, 3)} {departure.unit}"
     if not causes:
         return f"{words.capitalize()} error {left}."
-    return f"{words.capitalize()} error {number(departure.before, 3)} {departure.unit} without the causes, {left} with them."
+    return (
+        f"{words.capitalize()} error {number(departure.before, 3)} {departure.unit} without the"
+        f" causes, {left} with them."
+    )

@@ -27,7 +27,14 @@ from .drawing import (
 def calibration_plots(record: Calibration, first_only: bool = False) -> list[Plot]:
     """Maps of D and K, their harmonics with σ, and the ladder; or the map of D alone."""
     mean = float(np.nanmean(record.scale_factor_harmonics[:, 0])) or 1.0
-    drift = _map(record, record.drift_rad_s / DEGREE_PER_HOUR, record.drift_rad_s_std / DEGREE_PER_HOUR, "D", "drift D, °/h", "drift-map")
+    drift = _map(
+        record,
+        record.drift_rad_s / DEGREE_PER_HOUR,
+        record.drift_rad_s_std / DEGREE_PER_HOUR,
+        "D",
+        "drift D, °/h",
+        "drift-map",
+    )
     if first_only:
         return [drift]
     found = [
@@ -52,22 +59,48 @@ def _node_axis(record: Calibration) -> str:
     return "temperature, °C" if record.axis == "temperature" else "frequency, Hz"
 
 
-def _map(record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str) -> Plot:
+def _map(
+    record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str
+) -> Plot:
     node, angle = np.asarray(record.node), np.degrees(np.asarray(record.wave_angle_rad))
     several = len(node) > 1 and len(angle) > 1
     figure, axes = panels(1, 2 if several else 1, height=2.9, width=8.2 if several else 7.2)
     ax = axes[0, 0]
     if len(angle) == 1:
         # a gyro without a wave angle: its bias and scale factor stand over the nodes
-        ax.errorbar(node, values[:, 0], deviation[:, 0], fmt="o-", ms=3.2, lw=1.1, capsize=2, color=SERIES[0])
+        ax.errorbar(
+            node,
+            values[:, 0],
+            deviation[:, 0],
+            fmt="o-",
+            ms=3.2,
+            lw=1.1,
+            capsize=2,
+            color=SERIES[0],
+        )
         labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
-        words = f"{label} over {len(node)} nodes ({_node_axis(record)} {spread(node)}): {spread(values[:, 0])}."
-        return Plot(key, f"{'Bias' if symbol == 'D' else 'Scale factor'} {symbol} against {record.axis}", words, figure)
+        words = (
+            f"{label} over {len(node)} nodes ({_node_axis(record)} {spread(node)}):"
+            f" {spread(values[:, 0])}."
+        )
+        return Plot(
+            key,
+            f"{'Bias' if symbol == 'D' else 'Scale factor'} {symbol} against {record.axis}",
+            words,
+            figure,
+        )
     picked = np.unique(np.linspace(0, len(node) - 1, min(5, len(node))).round().astype(int))
     for k, i in enumerate(picked):
         colour = SERIES[k % len(SERIES)]
-        ax.plot(angle, values[i], color=colour, label=f"{number(float(node[i]), 6)} {'°C' if record.axis == 'temperature' else 'Hz'}")
-        ax.fill_between(angle, values[i] - deviation[i], values[i] + deviation[i], color=colour, alpha=0.2, lw=0)
+        ax.plot(
+            angle,
+            values[i],
+            color=colour,
+            label=f"{number(float(node[i]), 6)} {'°C' if record.axis == 'temperature' else 'Hz'}",
+        )
+        ax.fill_between(
+            angle, values[i] - deviation[i], values[i] + deviation[i], color=colour, alpha=0.2, lw=0
+        )
     labels(ax, x="wave angle θ, °", y=label, title=f"{symbol} against θ with ±σ")
     low_end, high_end = ax.get_ylim()
     ax.set_ylim(low_end, high_end + 0.3 * (high_end - low_end))
@@ -95,22 +128,38 @@ def _map(record: Calibration, values: Array, deviation: Array, symbol: str, labe
         shade.plot(np.full(len(node), angle[0]), node, "_", color=MUTED, ms=6, clip_on=False)
         figure.colorbar(mesh, ax=shade, label=label)
         labels(shade, x="wave angle θ, °", y=_node_axis(record), title=f"Map of {symbol}")
-    low, high = np.unravel_index(np.nanargmin(values), values.shape), np.unravel_index(np.nanargmax(values), values.shape)
-    words = (
-        f"{label} over {len(node)} nodes ({_node_axis(record)} {spread(node)}) and {len(angle)} angles: "
-        f"lowest {number(float(values[low]))} at {number(float(angle[low[1]]), 3)}°, "
-        f"highest {number(float(values[high]))} at {number(float(angle[high[1]]), 3)}°; "
-        f"median σ {number(float(np.nanmedian(deviation)), 2)}."
+    low, high = (
+        np.unravel_index(np.nanargmin(values), values.shape),
+        np.unravel_index(np.nanargmax(values), values.shape),
     )
-    return Plot(key, f"{'Drift' if symbol == 'D' else 'Scale factor'} {symbol} against wave angle and {record.axis}", words, figure)
+    words = (
+        f"{label} over {len(node)} nodes ({_node_axis(record)} {spread(node)}) and {len(angle)}"
+        f" angles: lowest {number(float(values[low]))} at {number(float(angle[low[1]]), 3)}°,"
+        f" highest {number(float(values[high]))} at {number(float(angle[high[1]]), 3)}°; median σ"
+        f" {number(float(np.nanmedian(deviation)), 2)}."
+    )
+    return Plot(
+        key,
+        f"{'Drift' if symbol == 'D' else 'Scale factor'} {symbol} against wave angle and"
+        f" {record.axis}",
+        words,
+        figure,
+    )
 
 
 def _harmonics(record: Calibration, mean: float) -> Plot:
     figure, axes = panels(2, 1, height=2.3)
     said = []
-    scale = record.scale_factor_harmonics - mean * (np.arange(record.scale_factor_harmonics.shape[1]) == 0)
+    scale = record.scale_factor_harmonics - mean * (
+        np.arange(record.scale_factor_harmonics.shape[1]) == 0
+    )
     parts = (
-        (record.drift_harmonics / DEGREE_PER_HOUR, record.drift_harmonics_std / DEGREE_PER_HOUR, "D, °/h", 0),
+        (
+            record.drift_harmonics / DEGREE_PER_HOUR,
+            record.drift_harmonics_std / DEGREE_PER_HOUR,
+            "D, °/h",
+            0,
+        ),
         (scale / mean * 1e6, record.scale_factor_harmonics_std / abs(mean) * 1e6, "K, ppm", 1),
     )
     for ax, (values, deviation, label, first) in zip(axes[:, 0], parts):
@@ -135,14 +184,28 @@ def _harmonics(record: Calibration, mean: float) -> Plot:
         labels(ax, y=label, title=f"Harmonics of {label[0]} with ±σ")
         middle = values[len(values) // 2]
         sigma = deviation[len(values) // 2]
-        said.append(f"{label}: " + ", ".join(f"{n} {number(float(v), 3)} ± {number(float(s), 2)}" for n, v, s in zip(names, middle, sigma)))
+        said.append(
+            f"{label}: "
+            + ", ".join(
+                f"{n} {number(float(v), 3)} ± {number(float(s), 2)}"
+                for n, v, s in zip(names, middle, sigma)
+            )
+        )
     if len(record.node) > 1:
-        axes[0, 0].legend(title=_node_axis(record), title_fontsize=8, fontsize=7.5, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        axes[0, 0].legend(
+            title=_node_axis(record),
+            title_fontsize=8,
+            fontsize=7.5,
+            loc="center left",
+            bbox_to_anchor=(1.0, 0.5),
+        )
     return Plot("harmonics", "Harmonics with σ", f"At the middle node: {'; '.join(said)}.", figure)
 
 
 def _harmonic_names(count: int, mode: int) -> list[str]:
-    return ["constant"] + [f"{'cos' if k % 2 else 'sin'} {2 * mode * ((k + 1) // 2)}θ" for k in range(1, count)]
+    return ["constant"] + [
+        f"{'cos' if k % 2 else 'sin'} {2 * mode * ((k + 1) // 2)}θ" for k in range(1, count)
+    ]
 
 
 def _ladder(steps: list[dict[str, Any]]) -> Plot:
@@ -154,7 +217,9 @@ def _ladder(steps: list[dict[str, Any]]) -> Plot:
     )
     said = []
     for ax, (key, short, label, factor), colour in zip(axes[0], columns, SERIES):
-        parts = np.array([figure_of_merit(step.get(key, step.get(short))) for step in steps]) * factor
+        parts = (
+            np.array([figure_of_merit(step.get(key, step.get(short))) for step in steps]) * factor
+        )
         values, low, high = parts.T
         shown = np.nan_to_num(values)
         finite = shown[shown > 0]
@@ -171,9 +236,20 @@ def _ladder(steps: list[dict[str, Any]]) -> Plot:
         start = ax.get_xlim()[0]
         for i, value in enumerate(values):
             end = np.nanmax([shown[i], high[i], start])
-            ax.annotate(number(float(value), 3), (end, i), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8)
+            ax.annotate(
+                number(float(value), 3),
+                (end, i),
+                xytext=(4, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8,
+            )
         labels(ax, x=label)
-        said.append(f"{label}: " + ", ".join(f"{n} {number(float(v), 3)}" for n, v in zip(names, values)))
+        said.append(
+            f"{label}: " + ", ".join(f"{n} {number(float(v), 3)}" for n, v in zip(names, values))
+        )
     axes[0, 0].set_yticks(range(len(steps)), names)
     axes[0, 0].invert_yaxis()
-    return Plot("ladder", "Ladder: what each step of the calibration leaves", ". ".join(said) + ".", figure)
+    return Plot(
+        "ladder", "Ladder: what each step of the calibration leaves", ". ".join(said) + ".", figure
+    )

@@ -1,4 +1,5 @@
-"""Where the simulation departs from the motion: measured beside simulated, and their difference against everything known along the runs."""
+"""Where the simulation departs from the motion: measured beside simulated, and their difference
+against everything known along the runs."""
 
 from __future__ import annotations
 
@@ -10,7 +11,18 @@ from ...physics import ellipse
 from ...records import Array, Diagnosis
 from ..json_text import json_list
 from ..text import number
-from .drawing import INK, SERIES, Plot, dots, labels, legend, note, panels, scatter_with_mean, time_unit
+from .drawing import (
+    INK,
+    SERIES,
+    Plot,
+    dots,
+    labels,
+    legend,
+    note,
+    panels,
+    scatter_with_mean,
+    time_unit,
+)
 
 SPREAD = 1e-9
 """Relative range of a covariate below which nothing can be seen against it."""
@@ -26,9 +38,11 @@ class Motion(NamedTuple):
 
 
 def departure_plots(record: Diagnosis, mode_number: int) -> list[Plot]:
-    """The worst run measured and simulated, then amplitude, wave angle, quadrature and phase measured less simulated."""
+    """The worst run measured and simulated, then amplitude, wave angle, quadrature and phase
+    measured less simulated."""
     measured, before, after = (
-        _motion(np.asarray(series), mode_number) for series in (record.measured, record.simulated_before, record.simulated_after)
+        _motion(np.asarray(series), mode_number)
+        for series in (record.measured, record.simulated_before, record.simulated_after)
     )
     period = np.pi / mode_number
     differences = []
@@ -46,7 +60,9 @@ def departure_plots(record: Diagnosis, mode_number: int) -> list[Plot]:
         )
     found = [_worst_run(record, measured, before, after)]
     for name, (first, unit, factor) in differences[0].items():
-        found.append(_difference(record, name, unit, first * factor, differences[1][name][0] * factor))
+        found.append(
+            _difference(record, name, unit, first * factor, differences[1][name][0] * factor)
+        )
     return found
 
 
@@ -72,7 +88,10 @@ def _worst_run(record: Diagnosis, measured: Motion, before: Motion, after: Motio
         (axes[0, 1], "wave angle, °", lambda m: np.degrees(m.angle)),
         (axes[0, 2], "quadrature, % of a_A", lambda m: 1e2 * m.quadrature),
     ):
-        for motion, colour, words in ((before, 1, "simulated before"), (after, 0, "simulated after")):
+        for motion, colour, words in (
+            (before, 1, "simulated before"),
+            (after, 0, "simulated after"),
+        ):
             values = np.array(pick(motion)[rows])
             if label.startswith("wave angle"):
                 values[1:][np.abs(np.diff(values)) > 45] = np.nan
@@ -81,7 +100,10 @@ def _worst_run(record: Diagnosis, measured: Motion, before: Motion, after: Motio
         labels(ax, x=f"time, {unit}", y=label)
     legend(axes[0, 2], above=True)
     note(axes[0, 0], f"run {name}, dots: measured")
-    words = f"Run {name}, which the base model fits worst: measured (dots) and simulated before and after (lines)."
+    words = (
+        f"Run {name}, which the base model fits worst: measured (dots) and simulated before and"
+        " after (lines)."
+    )
     return Plot("measured-and-simulated", "Measured and simulated", words, figure)
 
 
@@ -92,8 +114,13 @@ def _difference(record: Diagnosis, name: str, unit: str, before: Array, after: A
         (f"time, {time}", np.asarray(record.time_s) * factor),
         ("a_A", np.asarray(record.main_amplitude)),
     ]
-    for values, label, scale in ((record.temperature_degc, "T, °C", 1.0), (record.rate_rad_s, "Ω, °/s", np.degrees(1.0))):
-        if values is not None and np.nanmax(values) - np.nanmin(values) > SPREAD * np.nanmax(np.abs(values)):
+    for values, label, scale in (
+        (record.temperature_degc, "T, °C", 1.0),
+        (record.rate_rad_s, "Ω, °/s", np.degrees(1.0)),
+    ):
+        if values is not None and np.nanmax(values) - np.nanmin(values) > SPREAD * np.nanmax(
+            np.abs(values)
+        ):
             against.append((label, np.asarray(values) * scale))
     figure, axes = panels(1, len(against), height=2.3, width=8.2, sharey=True)
     for ax, (label, x) in zip(axes[0], against):
@@ -107,5 +134,10 @@ def _difference(record: Diagnosis, name: str, unit: str, before: Array, after: A
     axes[0, 0].set_ylabel(f"{name}, {unit}")
     legend(axes[0, -1], above=True)
     rms = [number(float(np.sqrt(np.nanmean(r**2)))) for r in (before, after)]
-    words = f"Measured less simulated {name}: {rms[0]} {unit} rms before, {rms[1]} {unit} rms after the extended model."
-    return Plot(f"departure-{name.replace(' ', '-')}", f"Measured less simulated: {name}", words, figure)
+    words = (
+        f"Measured less simulated {name}: {rms[0]} {unit} rms before, {rms[1]} {unit} rms after the"
+        " extended model."
+    )
+    return Plot(
+        f"departure-{name.replace(' ', '-')}", f"Measured less simulated: {name}", words, figure
+    )

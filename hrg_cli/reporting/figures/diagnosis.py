@@ -29,7 +29,8 @@ ALIKE = 0.9
 
 
 def diagnosis_plots(record: Diagnosis) -> list[Plot]:
-    """Ranking of the causes, gain, forecast, measured beside simulated against everything, and the map of what looks alike."""
+    """Ranking of the causes, gain, forecast, measured beside simulated against everything, and the
+    map of what looks alike."""
     report = json_object(record.report)
     found = []
     if entries(report, "effects") or entries(report, "tested"):
@@ -39,24 +40,38 @@ def diagnosis_plots(record: Diagnosis) -> list[Plot]:
     found += forecast_plots(report)
     if len(record) and record.measured.shape[1] == 4:
         found += departure_plots(record, int(as_float(report.get("mode_number", 2))))
-    names, matrix = child(report, "correlations").get("names", []), child(report, "correlations").get("matrix", [])
+    names, matrix = (
+        child(report, "correlations").get("names", []),
+        child(report, "correlations").get("matrix", []),
+    )
     if len(names) > 1 and np.shape(matrix) == (len(names), len(names)):
         found.append(_correlation_map(names, np.array(matrix, float)))
     return found
 
 
 def _ranking(report: dict[str, Any]) -> Plot:
-    effects = [(str(e.get("name")), abs(as_float(e.get("z"))), 0) for e in entries(report, "effects")]
+    effects = [
+        (str(e.get("name")), abs(as_float(e.get("z"))), 0) for e in entries(report, "effects")
+    ]
     named = {name for name, _, _ in effects}
     tested = sorted(
-        ((str(e.get("name")), abs(as_float(e.get("z"))), 5) for e in entries(report, "tested") if str(e.get("name")) not in named),
+        (
+            (str(e.get("name")), abs(as_float(e.get("z"))), 5)
+            for e in entries(report, "tested")
+            if str(e.get("name")) not in named
+        ),
         key=lambda e: -np.nan_to_num(e[1]),
     )
     rows = (effects + tested)[:24]
     figure, axes = panels(1, 1, height=0.8 + 0.24 * len(rows))
     ax = axes[0, 0]
     values = np.array([np.nan_to_num(z) for _, z, _ in rows])
-    ax.barh(range(len(rows)), np.maximum(values, 1e-3), color=[SERIES[c] for _, _, c in rows], height=0.65)
+    ax.barh(
+        range(len(rows)),
+        np.maximum(values, 1e-3),
+        color=[SERIES[c] for _, _, c in rows],
+        height=0.65,
+    )
     if values.max(initial=1.0) > 50:
         ax.set_xscale("log")
         ax.set_xlim(0.3, values.max() * 3)
@@ -64,14 +79,29 @@ def _ranking(report: dict[str, Any]) -> Plot:
     else:
         ax.set_xlim(0, max(5.0, values.max(initial=1.0)) * 1.15)
     for i, z in enumerate(values):
-        ax.annotate(number(float(z), 3), (max(z, ax.get_xlim()[0]), i), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8)
+        ax.annotate(
+            number(float(z), 3),
+            (max(z, ax.get_xlim()[0]), i),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+        )
     ax.set_yticks(range(len(rows)), [name for name, _, _ in rows])
     ax.invert_yaxis()
     labels(ax, x="|z|, standard deviations")
     note(ax, "blue: found, in the order found; grey: tested, not found")
     words = f"Verdict: {report.get('verdict')}. "
-    words += "Found: " + ", ".join(f"{n} at {number(z, 3)} σ" for n, z, _ in effects) + ". " if effects else "No cause was found. "
-    words += f"Tested and not found: {chosen([f'{n} {number(z, 2)} σ' for n, z, _ in tested], 8)}." if tested else ""
+    words += (
+        "Found: " + ", ".join(f"{n} at {number(z, 3)} σ" for n, z, _ in effects) + ". "
+        if effects
+        else "No cause was found. "
+    )
+    words += (
+        f"Tested and not found: {chosen([f'{n} {number(z, 2)} σ' for n, z, _ in tested], 8)}."
+        if tested
+        else ""
+    )
     return Plot("ranking", "Causes by significance", words, figure)
 
 
@@ -88,7 +118,13 @@ def _gain(report: dict[str, Any]) -> Plot:
             "χ² a degree of freedom",
             4,
         ),
-        (axes[0, 1], as_float(gain.get("before")), as_float(gain.get("after")), f"residual on held-out {held}", 2),
+        (
+            axes[0, 1],
+            as_float(gain.get("before")),
+            as_float(gain.get("after")),
+            f"residual on held-out {held}",
+            2,
+        ),
     ):
         values = [before, after]
         ax.bar([0, 1], np.nan_to_num(values), color=[MUTED, SERIES[colour]], width=0.55)
@@ -97,22 +133,41 @@ def _gain(report: dict[str, Any]) -> Plot:
         ax.set_ylim(0, top * 1.18 or 1.0)
         ax.yaxis.set_major_locator(MaxNLocator(5))
         for i, value in enumerate(values):
-            ax.annotate(number(value), (i, np.nan_to_num(value)), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=8.5)
+            ax.annotate(
+                number(value),
+                (i, np.nan_to_num(value)),
+                xytext=(0, 3),
+                textcoords="offset points",
+                ha="center",
+                fontsize=8.5,
+            )
         labels(ax, y=label)
         said.append(f"{label} {number(before)} before and {number(after)} after")
     if np.isfinite(as_float(gain.get("ratio"))):
-        note(axes[0, 1], f"ratio {number(as_float(gain.get('ratio')), 3)} ± {number(as_float(gain.get('std')), 2)}")
-        said.append(f"ratio {number(as_float(gain.get('ratio')), 3)} ± {number(as_float(gain.get('std')), 2)}")
+        note(
+            axes[0, 1],
+            f"ratio {number(as_float(gain.get('ratio')), 3)} ±"
+            f" {number(as_float(gain.get('std')), 2)}",
+        )
+        said.append(
+            f"ratio {number(as_float(gain.get('ratio')), 3)} ±"
+            f" {number(as_float(gain.get('std')), 2)}"
+        )
     return Plot("gain", "Gain of the extended model", "; ".join(said) + ".", figure)
 
 
 def _correlation_map(names: list[Any], matrix: Array) -> Plot:
-    """How alike two causes are to these runs beside the base model, of those that can be seen at all."""
+    """How alike two causes are to these runs beside the base model, of those that can be seen at
+    all."""
     count = len(names)
-    shade = LinearSegmentedColormap.from_list("alike", [to_rgba(SERIES[0], 0.0), to_rgba(SERIES[0], 1.0)])
+    shade = LinearSegmentedColormap.from_list(
+        "alike", [to_rgba(SERIES[0], 0.0), to_rgba(SERIES[0], 1.0)]
+    )
     figure, axes = panels(1, 1, height=1.5 + 0.2 * count, width=2.6 + 0.26 * count)
     ax = axes[0, 0]
-    ax.pcolormesh(np.arange(count + 1), np.arange(count + 1), np.abs(matrix), cmap=shade, vmin=0, vmax=1)
+    ax.pcolormesh(
+        np.arange(count + 1), np.arange(count + 1), np.abs(matrix), cmap=shade, vmin=0, vmax=1
+    )
     middle = np.arange(count) + 0.5
     ax.set_xticks(middle, [str(n) for n in names], rotation=90)
     ax.set_yticks(middle, [str(n) for n in names])
@@ -121,5 +176,9 @@ def _correlation_map(names: list[Any], matrix: Array) -> Plot:
     note(ax, "blank: told apart; full: one cause to these runs")
     pairs = [(abs(matrix[i, j]), names[j], names[i]) for i in range(count) for j in range(i)]
     alike = [f"{a} and {b} {c:.3f}" for c, a, b in sorted(pairs, reverse=True) if c > ALIKE]
-    words = f"Correlations above {ALIKE}: {chosen(alike, 8)}." if alike else f"No two causes have a correlation above {ALIKE}."
+    words = (
+        f"Correlations above {ALIKE}: {chosen(alike, 8)}."
+        if alike
+        else f"No two causes have a correlation above {ALIKE}."
+    )
     return Plot("correlations", "Which causes look alike in these runs", words, figure)

@@ -1,7 +1,9 @@
-"""What every figure shares: one palette for both modes, panels with units, decimation, and SVG that follows the page's colours.
+"""What every figure shares: one palette for both modes, panels with units, decimation, and SVG that
+follows the page's colours.
 
-Figures are drawn with the colours of the light page. In SVG each of these becomes a CSS variable, so that one drawing serves the
-light and the dark page; the text stays text. Identical data give identical bytes.
+Figures are drawn with the colours of the light page. In SVG each of these becomes a CSS variable,
+so that one drawing serves the light and the dark page; the text stays text. Identical data give
+identical bytes.
 """
 
 from __future__ import annotations
@@ -84,7 +86,8 @@ _ROUND = re.compile(r"(\d\.\d\d)\d+")
 
 @dataclass(frozen=True)
 class Plot:
-    """One figure: `key` names its file, `title` its caption, `words` say the numbers to whoever cannot see it."""
+    """One figure: `key` names its file, `title` its caption, `words` say the numbers to whoever
+    cannot see it."""
 
     key: str
     title: str
@@ -121,7 +124,8 @@ def time_unit(duration_s: float) -> tuple[float, str]:
 
 
 def envelope(x: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """At most about `points` of a line that look the same: the lowest and highest of each bin, in their order; NaN breaks it."""
+    """At most about `points` of a line that look the same: the lowest and highest of each bin, in
+    their order; NaN breaks it."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if len(y) <= points:
         return x, y
@@ -132,16 +136,35 @@ def envelope(x: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     low = np.where(np.isfinite(block), block, np.inf).argmin(1)
     high = np.where(np.isfinite(block), block, -np.inf).argmax(1)
     start = np.arange(len(block)) * size
-    pick = np.minimum(np.stack([start + np.minimum(low, high), start + np.maximum(low, high)], 1).ravel(), len(y) - 1)
+    pick = np.minimum(
+        np.stack([start + np.minimum(low, high), start + np.maximum(low, high)], 1).ravel(),
+        len(y) - 1,
+    )
     return x[pick], y[pick]
 
 
-def line(ax: Axes, x: Array, y: Array, colour: int = 0, label: str | None = None, points: int = POINTS, **more: Any) -> None:
+def line(
+    ax: Axes,
+    x: Array,
+    y: Array,
+    colour: int = 0,
+    label: str | None = None,
+    points: int = POINTS,
+    **more: Any,
+) -> None:
     """A decimated line in a colour of the palette."""
     ax.plot(*envelope(x, y, points), color=SERIES[colour % len(SERIES)], label=label, **more)
 
 
-def dots(ax: Axes, x: Array, y: Array, colour: int = 0, points: int = 400, size: float = 2.0, alpha: float = 0.45) -> None:
+def dots(
+    ax: Axes,
+    x: Array,
+    y: Array,
+    colour: int = 0,
+    points: int = 400,
+    size: float = 2.0,
+    alpha: float = 0.45,
+) -> None:
     """At most `points` dots, evenly picked, as one path (a tenth of the bytes of a scatter)."""
     keep = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     if not len(keep):
@@ -150,9 +173,21 @@ def dots(ax: Axes, x: Array, y: Array, colour: int = 0, points: int = 400, size:
         keep = keep[np.linspace(0, len(keep) - 1, points).round().astype(int)]
     at = np.stack([np.asarray(x, dtype=float)[keep], np.asarray(y, dtype=float)[keep]], 1)
     nudge = np.array([1e-3 * (np.ptp(at[:, 0]) or 1.0), 0.0])
-    outline = Outline(np.stack([at, at + nudge], 1).reshape(-1, 2), np.tile([Outline.MOVETO, Outline.LINETO], len(at)))
+    outline = Outline(
+        np.stack([at, at + nudge], 1).reshape(-1, 2),
+        np.tile([Outline.MOVETO, Outline.LINETO], len(at)),
+    )
     outline.should_simplify = False
-    ax.add_patch(PathPatch(outline, fill=False, edgecolor=SERIES[colour % len(SERIES)], lw=size, alpha=alpha, capstyle="round"))
+    ax.add_patch(
+        PathPatch(
+            outline,
+            fill=False,
+            edgecolor=SERIES[colour % len(SERIES)],
+            lw=size,
+            alpha=alpha,
+            capstyle="round",
+        )
+    )
     ax.autoscale_view()
 
 
@@ -172,11 +207,24 @@ def binned(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
     return centre, mean, np.sqrt(np.maximum(spread, 0) / size)
 
 
-def scatter_with_mean(ax: Axes, x: Array, y: Array, colour: int = 0, label: str | None = None) -> None:
-    """Dots behind, the mean of bins with its standard error in front; the range is that of 99 % of the dots."""
+def scatter_with_mean(
+    ax: Axes, x: Array, y: Array, colour: int = 0, label: str | None = None
+) -> None:
+    """Dots behind, the mean of bins with its standard error in front; the range is that of 99 % of
+    the dots."""
     dots(ax, x, y, colour, alpha=0.3, size=1.6, points=300)
     centre, mean, error = binned(x, y)
-    ax.errorbar(centre, mean, error, color=SERIES[colour % len(SERIES)], fmt="o-", ms=2.6, lw=1.0, elinewidth=0.9, label=label)
+    ax.errorbar(
+        centre,
+        mean,
+        error,
+        color=SERIES[colour % len(SERIES)],
+        fmt="o-",
+        ms=2.6,
+        lw=1.0,
+        elinewidth=0.9,
+        label=label,
+    )
 
 
 def note(ax: Axes, text: str) -> None:
@@ -185,10 +233,16 @@ def note(ax: Axes, text: str) -> None:
 
 
 def legend(ax: Axes, *, above: bool = False, **more: Any) -> None:
-    """A legend where there is something to tell apart; `above` puts it over the frame, right of the title."""
+    """A legend where there is something to tell apart; `above` puts it over the frame, right of the
+    title."""
     options: dict[str, Any] = {"loc": "best", "borderaxespad": 0.3, "handlelength": 1.6}
     if above:
-        options |= {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4, "borderaxespad": 0.1}
+        options |= {
+            "loc": "lower right",
+            "bbox_to_anchor": (1.0, 1.0),
+            "ncols": 4,
+            "borderaxespad": 0.1,
+        }
     if len(ax.get_legend_handles_labels()[1]) > 1:
         ax.legend(**(options | more))
 
@@ -202,11 +256,17 @@ def _settle(figure: Figure) -> None:
 
 
 def svg(plot: Plot, prefix: str) -> str:
-    """The figure as one <svg> element: no date, ids that start with `prefix`, colours as CSS variables, role img with its words."""
+    """The figure as one <svg> element: no date, ids that start with `prefix`, colours as CSS
+    variables, role img with its words."""
     buffer = io.StringIO()
     with style():
         _settle(plot.figure)
-        plot.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, dpi=130)
+        plot.figure.savefig(
+            buffer,
+            format="svg",
+            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+            dpi=130,
+        )
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.S)
@@ -214,26 +274,39 @@ def svg(plot: Plot, prefix: str) -> str:
     text = re.sub(r"\s*<defs>\s*<style.*?</style>\s*</defs>", "", text, flags=re.S)
     text = re.sub(r'<g id="[^"]*"', "<g", text)
     text = re.sub(r'\bid="', f'id="{prefix}-', text)
-    text = text.replace("url(#", f"url(#{prefix}-").replace('xlink:href="#', f'xlink:href="#{prefix}-')
+    text = text.replace("url(#", f"url(#{prefix}-").replace(
+        'xlink:href="#', f'xlink:href="#{prefix}-'
+    )
     text = re.sub("|".join(VARIABLES), lambda match: f"var({VARIABLES[match[0]]})", text)
-    text = text.replace("'DejaVu Sans'", "var(--figure-font)").replace("DejaVu Sans", "var(--figure-font)")
+    text = text.replace("'DejaVu Sans'", "var(--figure-font)").replace(
+        "DejaVu Sans", "var(--figure-font)"
+    )
     text = re.sub(r'(?<= d=")[^"]*', lambda match: _ROUND.sub(r"\1", match[0]), text)
     text = re.sub(r"\n\s*", "\n", text)
-    return text.replace("<svg ", f'<svg role="img" aria-labelledby="{prefix}-title" focusable="false" ', 1)
+    return text.replace(
+        "<svg ", f'<svg role="img" aria-labelledby="{prefix}-title" focusable="false" ', 1
+    )
 
 
 def standalone_svg(plot: Plot, path: Path) -> None:
     """The figure as an SVG file of its own on white, without a date."""
     with style():
         _settle(plot.figure)
-        plot.figure.savefig(path, format="svg", facecolor="white", metadata={"Date": None, "Creator": None, "Title": plot.title})
+        plot.figure.savefig(
+            path,
+            format="svg",
+            facecolor="white",
+            metadata={"Date": None, "Creator": None, "Title": plot.title},
+        )
 
 
 def png(plot: Plot, path: Path) -> None:
     """The figure as PNG on white, without a date."""
     with style():
         _settle(plot.figure)
-        plot.figure.savefig(path, format="png", dpi=150, facecolor="white", metadata={"Software": None})
+        plot.figure.savefig(
+            path, format="png", dpi=150, facecolor="white", metadata={"Software": None}
+        )
 
 
 def log_axis(axis: Axis) -> None:
@@ -252,7 +325,9 @@ def log_axis(axis: Axis) -> None:
 def spread(values: Array) -> str:
     """Lowest to highest, for words."""
     finite = np.asarray(values)[np.isfinite(values)]
-    return f"{number(finite.min())} to {number(finite.max())}" if len(finite) else "no finite values"
+    return (
+        f"{number(finite.min())} to {number(finite.max())}" if len(finite) else "no finite values"
+    )
 
 
 def labels(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
@@ -265,4 +340,6 @@ def labels(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
 
 def chosen(names: Sequence[str], limit: int) -> str:
     """A list cut for words."""
-    return ", ".join(names[:limit]) + (f" and {len(names) - limit} more" if len(names) > limit else "")
+    return ", ".join(names[:limit]) + (
+        f" and {len(names) - limit} more" if len(names) > limit else ""
+    )

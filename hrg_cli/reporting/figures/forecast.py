@@ -18,13 +18,16 @@ QUANTITIES = (
 
 
 def forecast_plots(report: dict[str, Any]) -> list[Plot]:
-    """Measured less predicted against time for the linear and the extended model, and the signals' error of both."""
+    """Measured less predicted against time for the linear and the extended model, and the signals'
+    error of both."""
     forecast = child(report, "forecast")
     courses = entries(forecast, "course")
     if not courses:
         return []
     times = [_numbers(course.get("time_s")) for course in courses]
-    factor, unit = time_unit(max((float(np.nanmax(t)) for t in times if np.isfinite(t).any()), default=1.0))
+    factor, unit = time_unit(
+        max((float(np.nanmax(t)) for t in times if np.isfinite(t).any()), default=1.0)
+    )
     figure, axes = panels(1, 4, height=2.5, width=10.0)
     for ax, (key, label) in zip(axes[0], QUANTITIES):
         for k, (t, course) in enumerate(zip(times, courses)):
@@ -35,7 +38,13 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
             std = _numbers(child(course, "after_std").get(key))
             if len(std) == len(t):
                 ax.fill_between(
-                    t * factor, -2 * std, 2 * std, color=SERIES[0], alpha=0.15, lw=0, label="expected, 95 %" if k == 0 else None
+                    t * factor,
+                    -2 * std,
+                    2 * std,
+                    color=SERIES[0],
+                    alpha=0.15,
+                    lw=0,
+                    label="expected, 95 %" if k == 0 else None,
                 )
         ax.axhline(0, color=INK, lw=0.5)
         labels(ax, x=f"time, {unit}", y=label)
@@ -46,7 +55,14 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
     ax.set_xticks([0, 1], ["linear", "extended"])
     labels(ax, y=f"error of the signals, {plain(forecast.get('unit', '1'))}")
     note(ax, f"{number(as_float(forecast.get('ratio')), 3)} times smaller")
-    return [Plot("forecast", "Forecast of what was not fitted", f"{forecast.get('sentence', '')}.", figure)]
+    return [
+        Plot(
+            "forecast",
+            "Forecast of what was not fitted",
+            f"{forecast.get('sentence', '')}.",
+            figure,
+        )
+    ]
 
 
 def _numbers(values: Any) -> np.ndarray:

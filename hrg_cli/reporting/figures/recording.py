@@ -1,4 +1,5 @@
-"""First look at samples: both channels, the orbit, the raw spectrum with what a local fit leaves of it; and the demodulated signals.
+"""First look at samples: both channels, the orbit, the raw spectrum with what a local fit leaves of
+it; and the demodulated signals.
 
 A recording may be larger than memory: it is read in a few dozen short looks spread over its length.
 """
@@ -11,7 +12,21 @@ import numpy as np
 
 from ...records import Array, Periods, Recording, Wave
 from ..text import number
-from .drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, line, log_axis, note, panels, spread, time_unit
+from .drawing import (
+    INK,
+    MUTED,
+    SERIES,
+    Plot,
+    dots,
+    labels,
+    legend,
+    line,
+    log_axis,
+    note,
+    panels,
+    spread,
+    time_unit,
+)
 
 LOOKS, LOOK_SAMPLES = 48, 1 << 13
 SPECTRUM_BINS = 700
@@ -19,7 +34,8 @@ SPECTRUM_BINS = 700
 
 @dataclass(frozen=True)
 class Look:
-    """One short stretch of a recording: times from the recording's start, both channels, sampling rate."""
+    """One short stretch of a recording: times from the recording's start, both channels, sampling
+    rate."""
 
     time_s: Array
     signal: Array
@@ -32,7 +48,11 @@ def plots(record: Recording, truth: bool) -> list[Plot]:
     if not looks:
         return []
     frequency = _frequency(looks)
-    found = [_overview(record, looks), _orbit(record, looks, frequency), _spectrum(record, looks, frequency)]
+    found = [
+        _overview(record, looks),
+        _orbit(record, looks, frequency),
+        _spectrum(record, looks, frequency),
+    ]
     log = _log(record)
     if log is not None:
         found.append(log)
@@ -72,10 +92,13 @@ def _frequency(looks: list[Look]) -> float:
 
 
 def _strongest(signal: Array, rate_hz: float) -> float:
-    """Frequency [Hz] of the highest point of the spectrum of both channels, by a parabola through its logarithm."""
+    """Frequency [Hz] of the highest point of the spectrum of both channels, by a parabola through
+    its logarithm."""
     n = signal.shape[1]
     window = np.hanning(n + 2)[1:-1]
-    power = (np.abs(np.fft.rfft((signal - signal.mean(1, keepdims=True)) * window, 4 * n)) ** 2).sum(0)
+    power = (
+        np.abs(np.fft.rfft((signal - signal.mean(1, keepdims=True)) * window, 4 * n)) ** 2
+    ).sum(0)
     top = int(np.argmax(power[4:])) + 4
     offset = 0.0
     if top + 1 < len(power) and power[top - 1 : top + 2].min() > 0:
@@ -88,18 +111,29 @@ def _overview(record: Recording, looks: list[Look]) -> Plot:
     figure, axes = panels(2, 1, height=1.75, sharex=True)
     factor, unit = time_unit(looks[-1].time_s[-1])
     pieces = max(1, 200 // len(looks))
-    centre = np.concatenate([[part.mean() for part in np.array_split(look.time_s, pieces)] for look in looks]) * factor
+    centre = (
+        np.concatenate(
+            [[part.mean() for part in np.array_split(look.time_s, pieces)] for look in looks]
+        )
+        * factor
+    )
     said = []
-    for i, (ax, channel, units) in enumerate(zip(axes[:, 0], "CS", (record.c_units, record.s_units))):
+    for i, (ax, channel, units) in enumerate(
+        zip(axes[:, 0], "CS", (record.c_units, record.s_units))
+    ):
         parts = [part for look in looks for part in np.array_split(look.signal[i], pieces)]
         low, high = (np.array([f(part) for part in parts]) for f in (np.min, np.max))
         ax.fill_between(centre, low, high, color=SERIES[i], alpha=0.35, lw=0)
         ax.plot(centre, low, color=SERIES[i], lw=0.8)
         ax.plot(centre, high, color=SERIES[i], lw=0.8)
-        said.append(f"channel {channel} runs from {spread(np.concatenate([low, high]))} {_unit(units)}")
+        said.append(
+            f"channel {channel} runs from {spread(np.concatenate([low, high]))} {_unit(units)}"
+        )
         labels(ax, y=f"{channel}, {_unit(units)}", title=f"Channel {channel}")
     axes[1, 0].set_xlabel(f"time, {unit}")
-    note(axes[0, 0], f"lowest and highest, from {len(looks)} looks of {len(looks[0].time_s)} samples")
+    note(
+        axes[0, 0], f"lowest and highest, from {len(looks)} looks of {len(looks[0].time_s)} samples"
+    )
     words = f"Both channels over {number(looks[-1].time_s[-1] * factor)} {unit}: {'; '.join(said)}."
     return Plot("channels", "Channels against time", words, figure)
 
@@ -130,17 +164,25 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
         labels(
             ax,
             x=f"C, {_unit(record.c_units)}",
-            title=f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 : {number(ratio, 2)}",
+            title=(
+                f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 :"
+                f" {number(ratio, 2)}"
+            ),
         )
         said.append(
-            f"at {number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave angle of {angle:.1f}° "
-            f"and the minor axis is {ratio:.2g} of it"
+            f"at {number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave"
+            f" angle of {angle:.1f}° and the minor axis is {ratio:.2g} of it"
         )
         reach = max(reach, 1.08 * float(np.abs(part).max()))
     axes[0, 0].set_xlim(-reach, reach)
     axes[0, 0].set_ylim(-reach, reach)
     axes[0, 0].set_ylabel(f"S, {_unit(record.s_units)}")
-    return Plot("orbit", "Orbit: S against C", "A few periods of the orbit: " + "; ".join(said) + ".", figure)
+    return Plot(
+        "orbit",
+        "Orbit: S against C",
+        "A few periods of the orbit: " + "; ".join(said) + ".",
+        figure,
+    )
 
 
 def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:
@@ -165,20 +207,25 @@ def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:
         x, top = _thinned(axis[1:], np.sqrt(left[i, 1:]))
         ax.semilogy(x, top, color=MUTED, lw=0.8, label="residual of a local fit")
         log_axis(ax.yaxis)
-        labels(ax, y=f"{channel}, {_unit(record.c_units if i == 0 else record.s_units)}/√Hz", title=f"Channel {channel}")
+        labels(
+            ax,
+            y=f"{channel}, {_unit(record.c_units if i == 0 else record.s_units)}/√Hz",
+            title=f"Channel {channel}",
+        )
         legend(ax, above=True)
     axes[1, 0].set_xlabel("frequency, Hz")
     axes[1, 0].set_xlim(0, rate / 2)
     words = (
-        f"Amplitude spectral density from 0 to {number(rate / 2)} Hz: the strongest line is at {number(frequency, 7)} Hz; "
-        f"the median of the residual is "
-        f"{number(floor[0], 3)} (C) and {number(floor[1], 3)} (S) {_unit(record.c_units)}/√Hz."
+        f"Amplitude spectral density from 0 to {number(rate / 2)} Hz: the strongest line is at"
+        f" {number(frequency, 7)} Hz; the median of the residual is {number(floor[0], 3)} (C) and"
+        f" {number(floor[1], 3)} (S) {_unit(record.c_units)}/√Hz."
     )
     return Plot("spectrum", "Raw spectrum with its residual", words, figure)
 
 
 def _without_lines(signal: Array, rate: float, lines: int) -> Array:
-    """What least squares of `lines` slowly changing lines (cos, sin, each times 1, t, t²) leaves."""
+    """What least squares of `lines` slowly changing lines (cos, sin, each times 1, t, t²)
+    leaves."""
     tau = np.linspace(-1, 1, signal.shape[1])
     seconds = np.arange(signal.shape[1]) / rate
     residual = signal
@@ -186,7 +233,11 @@ def _without_lines(signal: Array, rate: float, lines: int) -> Array:
     for _ in range(lines):
         frequency = _strongest(residual, rate)
         turn = 2 * np.pi * frequency * seconds
-        parts += [wave * power for wave in (np.cos(turn), np.sin(turn)) for power in (np.ones_like(tau), tau, tau**2, tau**3)]
+        parts += [
+            wave * power
+            for wave in (np.cos(turn), np.sin(turn))
+            for power in (np.ones_like(tau), tau, tau**2, tau**3)
+        ]
         basis = np.stack(parts, 1)
         residual = signal - (basis @ np.linalg.lstsq(basis, signal.T, rcond=None)[0]).T
     return residual
@@ -209,7 +260,9 @@ def _log(record: Recording) -> Plot | None:
         ("drive_main", "main drive", 1.0),
         ("drive_quadrature", "quadrature drive", 1.0),
     )
-    rows = [(name, label, factor) for name, label, factor in named if getattr(record, name) is not None]
+    rows = [
+        (name, label, factor) for name, label, factor in named if getattr(record, name) is not None
+    ]
     if not rows:
         return None
     time = np.asarray(record.auxiliary_time_s)
@@ -235,7 +288,9 @@ def _truth(record: Recording) -> Plot:
         ("truth_quadrature_amplitude", f"a_B, {_unit(record.c_units)}", 1.0),
         ("truth_phase_rad", "φ, rad", 1.0),
     )
-    rows = [(name, label, factor) for name, label, factor in named if getattr(record, name) is not None]
+    rows = [
+        (name, label, factor) for name, label, factor in named if getattr(record, name) is not None
+    ]
     figure, axes = panels(len(rows), 1, height=1.4, sharex=True)
     said = []
     for ax, (name, label, factor) in zip(axes[:, 0], rows):
@@ -248,18 +303,27 @@ def _truth(record: Recording) -> Plot:
 
 
 def period_plots(record: Periods) -> list[Plot]:
-    """Every figure of demodulated periods: the signals against time, and the residual's spectrum with its lines."""
+    """Every figure of demodulated periods: the signals against time, and the residual's spectrum
+    with its lines."""
     found = [_signals(record)] if len(record) else []
-    if record.spectrum_frequency_hz is not None and record.spectrum_density is not None and len(record.spectrum_frequency_hz):
+    if (
+        record.spectrum_frequency_hz is not None
+        and record.spectrum_density is not None
+        and len(record.spectrum_frequency_hz)
+    ):
         found.append(residual_spectrum(record))
     return found
 
 
 def _signals(record: Periods) -> Plot:
-    time, signals, residual = (np.asarray(a[:]) for a in (record.time_s, record.signals, record.residual_rms))
+    time, signals, residual = (
+        np.asarray(a[:]) for a in (record.time_s, record.signals, record.residual_rms)
+    )
     factor, unit = time_unit(float(time[-1]))
     names = (
-        ("C cos", "C sin", "S cos", "S sin") if signals.shape[1] == 4 else ("a_c⁻", "a_c⁺", "b_c⁻", "b_c⁺", "a_s⁻", "a_s⁺", "b_s⁻", "b_s⁺")
+        ("C cos", "C sin", "S cos", "S sin")
+        if signals.shape[1] == 4
+        else ("a_c⁻", "a_c⁺", "b_c⁻", "b_c⁺", "a_s⁻", "a_s⁺", "b_s⁻", "b_s⁺")
     )
     figure, axes = panels(3, 1, height=1.8, sharex=True)
     half = signals.shape[1] // 2
@@ -273,27 +337,51 @@ def _signals(record: Periods) -> Plot:
         line(axes[2, 0], time * factor, residual[:, k], k, channel)
     flags = np.asarray(record.flags[:]) != 0
     if flags.any():
-        axes[2, 0].plot(time[flags][:400] * factor, residual[flags][:400].max(1), "x", color=INK, ms=4, label="flagged")
-    labels(axes[2, 0], x=f"time, {unit}", y=_unit(record.units), title="rms of what the fit leaves a window")
+        axes[2, 0].plot(
+            time[flags][:400] * factor,
+            residual[flags][:400].max(1),
+            "x",
+            color=INK,
+            ms=4,
+            label="flagged",
+        )
+    labels(
+        axes[2, 0],
+        x=f"time, {unit}",
+        y=_unit(record.units),
+        title="rms of what the fit leaves a window",
+    )
     axes[2, 0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
     words = (
-        f"{len(time)} windows of {number(record.window_s)} s over {number(time[-1] * factor)} {unit} "
-        f"against {number(record.reference_frequency_hz, 8)} Hz; "
-        f"signals {spread(signals)}, residual rms {spread(residual)} {_unit(record.units)}; {int(flags.sum())} windows are flagged."
+        f"{len(time)} windows of {number(record.window_s)} s over {number(time[-1] * factor)}"
+        f" {unit} against {number(record.reference_frequency_hz, 8)} Hz; signals {spread(signals)},"
+        f" residual rms {spread(residual)} {_unit(record.units)}; {int(flags.sum())} windows are"
+        " flagged."
     )
     return Plot("signals", "Demodulated signals", words, figure)
 
 
 def residual_spectrum(record: Periods | Wave) -> Plot:
     """Averaged spectrum of the demodulation's residual with the lines that stand out of it."""
-    frequency, density = np.asarray(record.spectrum_frequency_hz, dtype=float), np.asarray(record.spectrum_density, dtype=float)
+    frequency, density = (
+        np.asarray(record.spectrum_frequency_hz, dtype=float),
+        np.asarray(record.spectrum_density, dtype=float),
+    )
     figure, axes = panels(1, 1, height=2.4)
     ax = axes[0, 0]
     keep = frequency > 0
     for k, channel in enumerate("CS"):
-        ax.semilogy(*_thinned(frequency[keep], np.sqrt(np.maximum(density[keep, k], 0))), color=SERIES[k], lw=0.9, label=channel)
+        ax.semilogy(
+            *_thinned(frequency[keep], np.sqrt(np.maximum(density[keep, k], 0))),
+            color=SERIES[k],
+            lw=0.9,
+            label=channel,
+        )
     median = float(np.sqrt(np.median(density[keep])))
-    words = f"Residual amplitude density from 0 to {number(frequency[-1])} Hz, median {number(median, 3)} {_unit(record.units)}/√Hz."
+    words = (
+        f"Residual amplitude density from 0 to {number(frequency[-1])} Hz, median"
+        f" {number(median, 3)} {_unit(record.units)}/√Hz."
+    )
     if record.spectrum_line_frequency_hz is not None and len(record.spectrum_line_frequency_hz):
         at = np.asarray(record.spectrum_line_frequency_hz)[:12]
         top = np.sqrt(np.interp(at, frequency, density.max(1)))

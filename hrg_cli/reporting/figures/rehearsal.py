@@ -1,4 +1,5 @@
-"""Picture of a rehearsal: every figure's bias and the rms of its errors in units of its standard deviation, with the limits."""
+"""Picture of a rehearsal: every figure's bias and the rms of its errors in units of its standard
+deviation, with the limits."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
     place = np.arange(len(figures))
     figure, axes = panels(1, 2, height=max(2.0, 0.28 * len(figures) + 0.8), width=9.0, sharey=True)
     left, right = axes[0]
-    bias, rms = (np.array([f[key] for f in figures]) for key in ("bias_over_std", "error_over_std_rms"))
+    bias, rms = (
+        np.array([f[key] for f in figures]) for key in ("bias_over_std", "error_over_std_rms")
+    )
     left.axvspan(-1, 1, color=GRID, alpha=0.5, lw=0)
     left.axvline(0, color=INK, lw=0.5)
     left.axvline(1, color=INK, lw=0.5, ls=":")
@@ -28,14 +31,20 @@ def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
     left.invert_yaxis()
     labels(left, x="error, standard deviations")
     legend(left, above=True)
-    for key, expected, colour in (("coverage_68", 68.3, SERIES[2]), ("coverage_95", 95.0, SERIES[3])):
+    for key, expected, colour in (
+        ("coverage_68", 68.3, SERIES[2]),
+        ("coverage_95", 95.0, SERIES[3]),
+    ):
         right.axvline(expected, color=colour, lw=0.7, ls="--")
-        right.plot([100 * f[key] for f in figures], place, "o", color=colour, label=f"{expected:.0f} %")
+        right.plot(
+            [100 * f[key] for f in figures], place, "o", color=colour, label=f"{expected:.0f} %"
+        )
     right.set_xlim(0, 102)
     labels(right, x="true value within the interval, %")
     legend(right, above=True)
     words = (
-        f"{report['times']} rehearsals on a simulated twin: errors of {rms.min():.2f} to {rms.max():.2f} standard deviations, "
-        f"bias of {bias.min():.2f} to {bias.max():.2f}; {report['status']}."
+        f"{report['times']} rehearsals on a simulated twin: errors of {rms.min():.2f} to"
+        f" {rms.max():.2f} standard deviations, bias of {bias.min():.2f} to {bias.max():.2f};"
+        f" {report['status']}."
     )
     return Plot("rehearsal", "Rehearsal", words, figure)

@@ -1,4 +1,5 @@
-"""First look at a resonator (correlations, runs) and at a compensated rate (what is left, Allan deviation)."""
+"""First look at a resonator (correlations, runs) and at a compensated rate (what is left, Allan
+deviation)."""
 
 from __future__ import annotations
 
@@ -30,7 +31,12 @@ def resonator_plots(record: Resonator) -> list[Plot]:
     deviation = np.sqrt(np.clip(np.diag(record.covariance), 0, None))
     known = deviation > 0
     if known.sum() > 1:
-        found.append(_correlation([str(n) for n, k in zip(record.name, known) if k], record.covariance[np.ix_(known, known)]))
+        found.append(
+            _correlation(
+                [str(n) for n, k in zip(record.name, known) if k],
+                record.covariance[np.ix_(known, known)],
+            )
+        )
     if record.run is not None and record.run_chi2_per_dof is not None and len(record.run):
         found.append(_runs(record))
     return found
@@ -43,7 +49,9 @@ def _correlation(names: list[str], covariance: Array) -> Plot:
     figure, axes = panels(1, 1, height=min(6.5, 1.4 + 0.42 * n), width=min(8.2, 3.4 + 0.52 * n))
     ax = axes[0, 0]
     ax.grid(False)
-    image = ax.imshow(correlation, vmin=-1, vmax=1, cmap="RdBu_r", aspect="auto", interpolation="nearest")
+    image = ax.imshow(
+        correlation, vmin=-1, vmax=1, cmap="RdBu_r", aspect="auto", interpolation="nearest"
+    )
     for i in range(n):
         for j in range(n):
             value = float(correlation[i, j])
@@ -59,10 +67,14 @@ def _correlation(names: list[str], covariance: Array) -> Plot:
     ax.set_xticks(range(n), names, rotation=38, ha="right")
     ax.set_yticks(range(n), names)
     figure.colorbar(image, ax=ax, label="correlation", shrink=0.9)
-    pairs = sorted(((abs(correlation[i, j]), i, j) for i in range(n) for j in range(i)), reverse=True)[:3]
+    pairs = sorted(
+        ((abs(correlation[i, j]), i, j) for i in range(n) for j in range(i)), reverse=True
+    )[:3]
     words = (
         "Correlation of the estimates; strongest: "
-        + ", ".join(f"{names[i]} with {names[j]} {number(float(correlation[i, j]), 2)}" for _, i, j in pairs)
+        + ", ".join(
+            f"{names[i]} with {names[j]} {number(float(correlation[i, j]), 2)}" for _, i, j in pairs
+        )
         + "."
     )
     return Plot("correlation", "Correlation of the parameters", words, figure)
@@ -84,7 +96,10 @@ def _runs(record: Resonator) -> Plot:
     )
     labels(ax, x="run", y="χ² a degree of freedom")
     worst = int(np.nanargmax(values)) if np.isfinite(values).any() else 0
-    words = f"χ² a degree of freedom of {len(names)} runs: {spread(values)}; the worst is {names[worst]}. One is expected of noise alone."
+    words = (
+        f"χ² a degree of freedom of {len(names)} runs: {spread(values)}; the worst is"
+        f" {names[worst]}. One is expected of noise alone."
+    )
     return Plot("runs", "How each run agrees with the fit", words, figure)
 
 
@@ -96,7 +111,9 @@ def compensated_plots(record: Compensated) -> list[Plot]:
     interval = float(np.median(np.diff(record.time_s)))
     series = [
         (np.asarray(y) / DEGREE_PER_HOUR, name, k)
-        for k, (y, name) in enumerate(((record.residual_before_rad_s, "before"), (record.residual_after_rad_s, "after")))
+        for k, (y, name) in enumerate(
+            ((record.residual_before_rad_s, "before"), (record.residual_after_rad_s, "after"))
+        )
         if y is not None and np.isfinite(y).all()
     ]
     if not series and np.isfinite(record.rate_estimate_rad_s).all():
@@ -118,12 +135,23 @@ def _compensated(record: Compensated) -> Plot:
     words = f"Rate estimate {spread(np.degrees(np.asarray(record.rate_estimate_rad_s)))} °/s"
     if known:
         ax = axes[2, 0]
-        for y, name, k in ((record.residual_before_rad_s, "before", 1), (record.residual_after_rad_s, "after", 0)):
+        for y, name, k in (
+            (record.residual_before_rad_s, "before", 1),
+            (record.residual_after_rad_s, "after", 0),
+        ):
             if y is not None:
                 error = np.asarray(y) / DEGREE_PER_HOUR
                 line(ax, time, error, k, alpha=0.25, lw=0.6, points=700)
-                ax.plot(*binned(time, error, 120)[:2], color=SERIES[k], lw=1.4, label=f"{name} the tables")
-                words += f"; residual {name} {number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
+                ax.plot(
+                    *binned(time, error, 120)[:2],
+                    color=SERIES[k],
+                    lw=1.4,
+                    label=f"{name} the tables",
+                )
+                words += (
+                    f"; residual {name}"
+                    f" {number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
+                )
         labels(ax, y="°/h", title="Rate error and its running mean")
         legend(ax, above=True)
     axes[-1, 0].set_xlabel(f"time, {unit}")
@@ -137,7 +165,14 @@ def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
     for rate, name, k in series:
         tau, deviation, relative = allan_deviation(rate, interval_s)
         ax.loglog(tau, deviation, "o-", ms=2.8, color=SERIES[1 - k], label=name)
-        ax.fill_between(tau, deviation / (1 + relative), deviation * (1 + relative), color=SERIES[1 - k], alpha=0.18, lw=0)
+        ax.fill_between(
+            tau,
+            deviation / (1 + relative),
+            deviation * (1 + relative),
+            color=SERIES[1 - k],
+            alpha=0.18,
+            lw=0,
+        )
         best = int(np.argmin(deviation))
         said.append(
             f"{name}: {number(float(deviation[0]), 3)} °/h at {number(float(tau[0]), 3)} s, "

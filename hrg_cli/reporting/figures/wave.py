@@ -1,4 +1,5 @@
-"""First look at a wave: θ, a_A, a_B, φ against time, and its rates against everything that might drive them."""
+"""First look at a wave: θ, a_A, a_B, φ against time, and its rates against everything that might
+drive them."""
 
 from __future__ import annotations
 
@@ -10,7 +11,20 @@ import numpy as np
 from ...records import Array, Recording, Wave
 from ...units import DEGREE_PER_HOUR
 from ..text import number
-from .drawing import INK, SERIES, Plot, envelope, labels, legend, line, note, panels, scatter_with_mean, spread, time_unit
+from .drawing import (
+    INK,
+    SERIES,
+    Plot,
+    envelope,
+    labels,
+    legend,
+    line,
+    note,
+    panels,
+    scatter_with_mean,
+    spread,
+    time_unit,
+)
 from .recording import residual_spectrum
 
 INCREMENTS = 900
@@ -32,14 +46,20 @@ class Rates:
 
 
 def plots(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[Plot]:
-    """Every figure of a wave; `truth` is the simulated recording of its run where it may be shown, `spectrum` asks for the residual's."""
+    """Every figure of a wave; `truth` is the simulated recording of its run where it may be shown,
+    `spectrum` asks for the residual's."""
     if not len(record):
         return []
     found = [_course(record, truth)]
     rates = increments(record)
     if rates is not None:
         found.append(_rates(record, rates))
-    if spectrum and record.spectrum_frequency_hz is not None and record.spectrum_density is not None and len(record.spectrum_frequency_hz):
+    if (
+        spectrum
+        and record.spectrum_frequency_hz is not None
+        and record.spectrum_density is not None
+        and len(record.spectrum_frequency_hz)
+    ):
         found.append(residual_spectrum(record))
     return found
 
@@ -53,7 +73,12 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
         ("wave_angle_rad", "θ, °", np.degrees(1.0), "Wave angle θ"),
         ("main_amplitude", f"a_A, {amplitude}", 1.0, "Main amplitude a_A"),
         ("quadrature_amplitude", f"a_B, {amplitude}", 1.0, "Quadrature amplitude a_B"),
-        ("phase_rad", "φ, rad", 1.0, f"Phase φ against {number(record.reference_frequency_hz, 8)} Hz"),
+        (
+            "phase_rad",
+            "φ, rad",
+            1.0,
+            f"Phase φ against {number(record.reference_frequency_hz, 8)} Hz",
+        ),
     ]
     if record.readout == "carrier":
         rows.append(("carrier_phase_rad", "ψ, rad", 1.0, "Carrier phase ψ"))
@@ -69,12 +94,26 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
         deviation = getattr(record, f"{name}_std", None)
         if deviation is not None and np.isfinite(deviation[:]).any():
             unit_of = label.partition(", ")[2]
-            note(ax, f"median σ {number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}")
+            note(
+                ax,
+                "median σ"
+                f" {number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}",
+            )
         expected = None if truth is None else getattr(truth, f"truth_{name}", None)
         if expected is not None and truth is not None and truth.truth_time_s is not None:
-            shift = _branch(record, name, values, time, np.asarray(truth.truth_time_s), np.asarray(expected) * scale, scale)
+            shift = _branch(
+                record,
+                name,
+                values,
+                time,
+                np.asarray(truth.truth_time_s),
+                np.asarray(expected) * scale,
+                scale,
+            )
             ax.plot(
-                *envelope(np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift),
+                *envelope(
+                    np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift
+                ),
                 color=INK,
                 lw=1.2,
                 ls=(0, (3, 4)),
@@ -87,25 +126,37 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
     axes[-1, 0].set_xlabel(f"time, {unit}")
     bad = int(len(time) - good.sum())
     words = (
-        f"Run over {number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of which {bad} are flagged or failed: "
-        + "; ".join(said)
-        + "."
+        f"Run over {number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of which"
+        f" {bad} are flagged or failed: " + "; ".join(said) + "."
     )
     return Plot("wave", "Wave against time: θ, a_A, a_B, φ", words, figure)
 
 
-def _branch(record: Wave, name: str, values: Array, time: Array, truth_time: Array, truth: Array, scale: float) -> float:
+def _branch(
+    record: Wave,
+    name: str,
+    values: Array,
+    time: Array,
+    truth_time: Array,
+    truth: Array,
+    scale: float,
+) -> float:
     """Whole turns between an unwrapped angle and its truth (θ is known modulo π/m, φ modulo π)."""
     turn = {"wave_angle_rad": np.pi / record.mode_number, "phase_rad": np.pi}.get(name)
     finite = np.flatnonzero(np.isfinite(values))
     if turn is None or not len(finite):
         return 0.0
     middle = finite[len(finite) // 2]
-    return float(np.round((values[middle] - np.interp(time[middle], truth_time, truth)) / (turn * scale)) * turn * scale)
+    return float(
+        np.round((values[middle] - np.interp(time[middle], truth_time, truth)) / (turn * scale))
+        * turn
+        * scale
+    )
 
 
 def increments(record: Wave) -> Rates | None:
-    """Rates over increments of a run: differences of the means of neighbouring blocks, only where windows are good."""
+    """Rates over increments of a run: differences of the means of neighbouring blocks, only where
+    windows are good."""
     good = record.good()
     time = np.asarray(record.time_s[:])[good]
     if len(time) < 16:
@@ -140,7 +191,8 @@ def increments(record: Wave) -> Rates | None:
 
 
 def without_constants(rates: Rates) -> tuple[Array, str]:
-    """m·dθ/dt less a constant drift and, where the rate turns enough, a constant scale factor times it; and what was taken out in words."""
+    """m·dθ/dt less a constant drift and, where the rate turns enough, a constant scale factor times
+    it; and what was taken out in words."""
     y = rates.precession_rad_s
     columns = [np.ones_like(y)]
     turning = (
@@ -155,7 +207,10 @@ def without_constants(rates: Rates) -> tuple[Array, str]:
     said = (
         f"mean {number(solution[0] / DEGREE_PER_HOUR)} °/h"
         if not turning
-        else f"K = {number(-solution[1], 5)} and a drift of {number(solution[0] / DEGREE_PER_HOUR)} °/h"
+        else (
+            f"K = {number(-solution[1], 5)} and a drift of"
+            f" {number(solution[0] / DEGREE_PER_HOUR)} °/h"
+        )
     )
     return y - basis @ solution, said
 
@@ -163,10 +218,17 @@ def without_constants(rates: Rates) -> tuple[Array, str]:
 def _rates(record: Wave, rates: Rates) -> Plot:
     period = np.pi / record.mode_number
     left, constants = without_constants(rates)
-    against: list[tuple[str, Array]] = [(f"θ modulo {number(np.degrees(period), 3)}°", np.degrees(rates.wave_angle_rad % period))]
+    against: list[tuple[str, Array]] = [
+        (f"θ modulo {number(np.degrees(period), 3)}°", np.degrees(rates.wave_angle_rad % period))
+    ]
     factor, unit = time_unit(float(rates.time_s[-1] - rates.time_s[0]))
     against.append((f"time, {unit}", rates.time_s * factor))
-    against.append((f"a_A, {'full scale' if record.units in ('', '1') else record.units}", rates.main_amplitude))
+    against.append(
+        (
+            f"a_A, {'full scale' if record.units in ('', '1') else record.units}",
+            rates.main_amplitude,
+        )
+    )
     if rates.temperature_degc is not None and np.ptp(rates.temperature_degc) > 0:
         against.append(("T, °C", rates.temperature_degc))
     decay = rates.decay_1_s - rates.decay_1_s.mean()
@@ -190,8 +252,14 @@ def _rates(record: Wave, rates: Rates) -> Plot:
         axes[-1, j].set_xlabel(label)
     scatter = float(np.std(left)) / DEGREE_PER_HOUR
     words = (
-        f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by {number(scatter)} °/h rms; "
-        f"the decay rate is {number(rates.decay_1_s.mean())} 1/s and scatters by {number(float(np.std(decay)))} 1/s; "
-        f"the quadrature ratio moves by {number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
+        f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by"
+        f" {number(scatter)} °/h rms; the decay rate is {number(rates.decay_1_s.mean())} 1/s and"
+        f" scatters by {number(float(np.std(decay)))} 1/s; the quadrature ratio moves by"
+        f" {number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
     )
-    return Plot("rates", "What constants leave of the wave's rates, against θ, time, amplitude and temperature", words, figure)
+    return Plot(
+        "rates",
+        "What constants leave of the wave's rates, against θ, time, amplitude and temperature",
+        words,
+        figure,
+    )

@@ -1,4 +1,5 @@
-"""Every variant of the drift model on the same runs and the same folds, held against each other: which fits, which predicts best."""
+"""Every variant of the drift model on the same runs and the same folds, held against each other:
+which fits, which predicts best."""
 
 from __future__ import annotations
 
@@ -19,12 +20,14 @@ from .variants import NEEDS, VARIANTS, WHOLE_DRIFT, missing, tied, variant
 
 Array = np.ndarray
 AS_WELL = 4.0
-"""Difference in χ² of data left out that tells nothing: what a few coefficients of the size of their errors make."""
+"""Difference in χ² of data left out that tells nothing: what a few coefficients of the size of
+their errors make."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A variant tried: its solutions, the band limits used and stored, its checks, and χ² of the data left out."""
+    """A variant tried: its solutions, the band limits used and stored, its checks, and χ² of the
+    data left out."""
 
     name: str
     tried: Tried
@@ -42,23 +45,35 @@ class Answer:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the user fixed: band limits (None: by data left out), and the seed of the average over harmonics in doubt."""
+    """What the user fixed: band limits (None: by data left out), and the seed of the average over
+    harmonics in doubt."""
 
     harmonics: int | None
     scale_factor_harmonics: int | None
     seed: int
     average: bool = True
-    """Whether harmonics in doubt are averaged over; a programme that gives no table has nothing to average."""
+    """Whether harmonics in doubt are averaged over; a programme that gives no table has nothing to
+    average."""
 
     @property
     def in_doubt(self) -> list[str]:
         """Tables whose band limit is open."""
         if not self.average:
             return []
-        return [kind for kind, given in (("drift", self.harmonics), ("scale", self.scale_factor_harmonics)) if given is None]
+        return [
+            kind
+            for kind, given in (("drift", self.harmonics), ("scale", self.scale_factor_harmonics))
+            if given is None
+        ]
 
 
-def answers(fitted: Fitted, folds: Array, names: Sequence[str], wanted: Wanted, coefficients: Coefficients | None) -> list[Answer]:
+def answers(
+    fitted: Fitted,
+    folds: Array,
+    names: Sequence[str],
+    wanted: Wanted,
+    coefficients: Coefficients | None,
+) -> list[Answer]:
     """The named variants that these runs allow, solved and judged, in the order of the names."""
     limits: dict[str, tuple[int, int, dict[str, list[float]]]] = {}
     tries, used, stored = [], [], []
@@ -66,7 +81,9 @@ def answers(fitted: Fitted, folds: Array, names: Sequence[str], wanted: Wanted, 
         layout = fitted.layout
         family = "combined" if name in NEEDS and "quadrature_course" in layout.factors else "table"
         if family not in limits:
-            limits[family] = choose_limits(fitted, wanted.harmonics, wanted.scale_factor_harmonics, family)
+            limits[family] = choose_limits(
+                fitted, wanted.harmonics, wanted.scale_factor_harmonics, family
+            )
         drift, scale = limits[family][:2]
         if name == "physical":
             drift, scale = 1, 0
@@ -83,13 +100,22 @@ def answers(fitted: Fitted, folds: Array, names: Sequence[str], wanted: Wanted, 
         stored.append(widest(layout, wanted, own) if name in WHOLE_DRIFT else own)
     checks = judged(fitted, folds, tries)
     return [
-        Answer(t.model.name, _with_doubt(fitted, t), u, s, tuple(c), tuple(f), held_out(fitted, folds, t))
+        Answer(
+            t.model.name,
+            _with_doubt(fitted, t),
+            u,
+            s,
+            tuple(c),
+            tuple(f),
+            held_out(fitted, folds, t),
+        )
         for t, u, s, (c, f) in zip(tries, used, stored, checks)
     ]
 
 
 def _with_doubt(fitted: Fitted, tried: Tried) -> Tried:
-    """The solution with the error to which a constant drift, where the model holds none, was seen to be absent: no 0 ± 0."""
+    """The solution with the error to which a constant drift, where the model holds none, was seen
+    to be absent: no 0 ± 0."""
     layout = fitted.layout
     constant = layout.part("drift", 0)
     if tried.model.name in WHOLE_DRIFT:
@@ -120,7 +146,9 @@ def linear(fitted: Fitted, folds: Array, model: Model, penalty: Array | None = N
     return Tried(model, solve(A, b, model, penalty), tuple(held))
 
 
-def again(fitted: Fitted, folds: Array, answer: Answer, model: Model, penalty: Array | None = None) -> Answer:
+def again(
+    fitted: Fitted, folds: Array, answer: Answer, model: Model, penalty: Array | None = None
+) -> Answer:
     """The answer solved anew with another model matrix or a penalty, and judged anew."""
     tried = linear(fitted, folds, model, penalty)
     ((checks, failed),) = judged(fitted, folds, [tried])
@@ -134,12 +162,16 @@ def again(fitted: Fitted, folds: Array, answer: Answer, model: Model, penalty: A
     )
 
 
-def _averaged(fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits: tuple[int, int]) -> Tried:
+def _averaged(
+    fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits: tuple[int, int]
+) -> Tried:
     """The same with the harmonics in doubt averaged over how large each may be."""
     layout = fitted.layout
     A, b, _, _ = fitted.pieces.sum()
     first = solve(A, b, model)
-    in_doubt = doubtful_harmonics(layout, wanted.in_doubt, float(np.mean(layout.tables(first.coefficients)[1][:, 0])))
+    in_doubt = doubtful_harmonics(
+        layout, wanted.in_doubt, float(np.mean(layout.tables(first.coefficients)[1][:, 0]))
+    )
     stored = widest(layout, wanted, limits)
     seen = variant("table", layout, *stored).matrix[: layout.table_size]
     to_full = np.eye(layout.size)[:, : layout.table_size]
@@ -147,7 +179,12 @@ def _averaged(fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits
         measured = layout.of_factors("quadrature_course")
         to_full = np.concatenate([tied(layout, "ellipticity_course") @ to_full, measured], axis=1)
         width = measured.shape[1]
-        seen = np.block([[seen, np.zeros((len(seen), width))], [np.zeros((width, seen.shape[1])), np.eye(width)]])
+        seen = np.block(
+            [
+                [seen, np.zeros((len(seen), width))],
+                [np.zeros((width, seen.shape[1])), np.eye(width)],
+            ]
+        )
 
     def once(information: Array, vector: Array, sweeps: int) -> Solution:
         return _reduced(information, vector, to_full, seen, in_doubt, wanted.seed, sweeps)
@@ -159,9 +196,19 @@ def _averaged(fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits
     return Tried(model, once(A, b, SWEEPS), tuple(held))
 
 
-def _reduced(A: Array, b: Array, to_full: Array, seen: Array, in_doubt: Sequence[Doubtful], seed: int, sweeps: int) -> Solution:
+def _reduced(
+    A: Array,
+    b: Array,
+    to_full: Array,
+    seen: Array,
+    in_doubt: Sequence[Doubtful],
+    seed: int,
+    sweeps: int,
+) -> Solution:
     found = averaged(to_full.T @ A @ to_full, to_full.T @ b, seen, in_doubt, seed, sweeps)
-    return Solution(to_full @ found.coefficients, to_full @ found.covariance @ to_full.T, found.degrees)
+    return Solution(
+        to_full @ found.coefficients, to_full @ found.covariance @ to_full.T, found.degrees
+    )
 
 
 def _foreign(layout: Layout, model: Model, coefficients: Coefficients, folds: int) -> Tried:
@@ -174,46 +221,77 @@ def _foreign(layout: Layout, model: Model, coefficients: Coefficients, folds: in
 
 def held_out(fitted: Fitted, folds: Array, tried: Tried) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted without itself."""
-    return sum(chi_square(*fitted.pieces.sum(folds == f)[:3], solution.coefficients) for f, solution in enumerate(tried.held))
+    return sum(
+        chi_square(*fitted.pieces.sum(folds == f)[:3], solution.coefficients)
+        for f, solution in enumerate(tried.held)
+    )
 
 
 def best(tried: Sequence[Answer]) -> Answer:
-    """Of the variants that pass every check, the one that predicts data left out best; of all, where none passes.
+    """Of the variants that pass every check, the one that predicts data left out best; of all,
+    where none passes.
 
     Of those that predict as well (within `AS_WELL` of χ²), the one with the fewest coefficients.
     """
-    chosen = [answer for answer in tried if answer.fits] or [answer for answer in tried if not answer.tried.foreign] or list(tried)
+    chosen = (
+        [answer for answer in tried if answer.fits]
+        or [answer for answer in tried if not answer.tried.foreign]
+        or list(tried)
+    )
     least = min(answer.held_out_chi2 for answer in chosen)
-    return min((a for a in chosen if a.held_out_chi2 <= least + AS_WELL), key=lambda a: (a.tried.model.free, a.held_out_chi2))
+    return min(
+        (a for a in chosen if a.held_out_chi2 <= least + AS_WELL),
+        key=lambda a: (a.tried.model.free, a.held_out_chi2),
+    )
 
 
-def told(fitted: Fitted, tried: Sequence[Answer], written: Answer, not_tried: dict[str, str]) -> dict[str, Any]:
-    """Why a variant was chosen, for JSON and screen; where another was asked for, which `auto` would have taken."""
+def told(
+    fitted: Fitted, tried: Sequence[Answer], written: Answer, not_tried: dict[str, str]
+) -> dict[str, Any]:
+    """Why a variant was chosen, for JSON and screen; where another was asked for, which `auto`
+    would have taken."""
     rows = fitted.pieces.sum()[3]
     words = ", ".join(f"{a.name} {a.held_out_chi2 / max(rows, 1):.4g}" for a in tried)
     fitting = [a.name for a in tried if a.fits]
     chosen = best(tried)
     if chosen.fits:
         why = (
-            f"{chosen.name} passes its checks and, of those that do ({', '.join(fitting)}), predicts data left out best, or as well "
-            f"with fewer coefficients"
+            f"{chosen.name} passes its checks and, of those that do ({', '.join(fitting)}),"
+            " predicts data left out best, or as well with fewer coefficients"
         )
     else:
         why = f"no variant passes its checks; {chosen.name} predicts data left out best"
     if written.name != chosen.name:
         why = f"{written.name} is written as asked, --model auto would take another: {why}"
-    return {"model": chosen.name, "why": f"{why}; held-out χ² a row: {words}", "fitting": fitting, "not_tried": not_tried}
+    return {
+        "model": chosen.name,
+        "why": f"{why}; held-out χ² a row: {words}",
+        "fitting": fitting,
+        "not_tried": not_tried,
+    }
 
 
-def compared(fitted: Fitted, folds: Array, tried: Sequence[Answer], scale_factor: float, draws: int, seed: int) -> list[dict[str, Any]]:
-    """One row a variant: held-out figures, coefficients, χ² of data left out, whether it fits and why not.
+def compared(
+    fitted: Fitted,
+    folds: Array,
+    tried: Sequence[Answer],
+    scale_factor: float,
+    draws: int,
+    seed: int,
+) -> list[dict[str, Any]]:
+    """One row a variant: held-out figures, coefficients, χ² of data left out, whether it fits and
+    why not.
 
-    For (12) the demand on the mean frequency in numbers: `mean_frequency_needed_hz` is the error of it that alone makes the drift
-    figure of the first variant, δD = 4πr·δf.
+    For (12) the demand on the mean frequency in numbers: `mean_frequency_needed_hz` is the error of
+    it that alone makes the drift figure of the first variant, δD = 4πr·δf.
     """
     whole = np.stack([a.tried.solution.coefficients for a in tried], axis=1)
-    held = np.stack([np.stack([s.coefficients for s in a.tried.held], axis=1) for a in tried], axis=1)
-    rows = figure_rows([a.name for a in tried], *cells(fitted, whole, held, folds), scale_factor, draws, seed)
+    held = np.stack(
+        [np.stack([s.coefficients for s in a.tried.held], axis=1) for a in tried], axis=1
+    )
+    rows = figure_rows(
+        [a.name for a in tried], *cells(fitted, whole, held, folds), scale_factor, draws, seed
+    )
     ratio = float(np.sqrt(np.mean(np.concatenate([p.ratio for p in fitted.paths]) ** 2)))
     count = fitted.pieces.sum()[3]
     for row, a in zip(rows, tried):
@@ -226,13 +304,19 @@ def compared(fitted: Fitted, folds: Array, tried: Sequence[Answer], scale_factor
         if a.name == "phase":
             row["quadrature_ratio_rms"] = ratio
             target = rows[0]["drift"]["value"]
-            row["mean_frequency_needed_hz"] = target / (4 * np.pi * ratio) if ratio > 0 and target is not None else None
+            row["mean_frequency_needed_hz"] = (
+                target / (4 * np.pi * ratio) if ratio > 0 and target is not None else None
+            )
     return rows
 
 
-def possible(layout: Layout, coefficients: Coefficients | None, why_not_physical: str | None) -> tuple[list[str], dict[str, str]]:
+def possible(
+    layout: Layout, coefficients: Coefficients | None, why_not_physical: str | None
+) -> tuple[list[str], dict[str, str]]:
     """(variants these runs allow, the others with the reason)."""
     reasons = {name: missing(name, layout, coefficients) for name in VARIANTS}
     if why_not_physical is not None:
         reasons["physical"] = why_not_physical
-    return [n for n, r in reasons.items() if r is None], {n: r for n, r in reasons.items() if r is not None}
+    return [n for n, r in reasons.items() if r is None], {
+        n: r for n, r in reasons.items() if r is not None
+    }

@@ -1,6 +1,8 @@
-"""Further causes of drift beside the tables, each a set of columns of the joint fit: measured quadrature, phase, drive, thermal memory.
+"""Further causes of drift beside the tables, each a set of columns of the joint fit: measured
+quadrature, phase, drive, thermal memory.
 
-Signs: PHYSICS §0 and §4, checked against the exact slow model in the tests. r = a_B/a_A, ζ = 2m(θ − θ_ω).
+Signs: PHYSICS §0 and §4, checked against the exact slow model in the tests. r = a_B/a_A, ζ = 2m(θ −
+θ_ω).
 """
 
 from __future__ import annotations
@@ -23,23 +25,34 @@ FEWEST_RATES = 4
 
 
 def quadrature(path: Path) -> Array:
-    """r/(1 − r²)·(cos 2mθ, sin 2mθ): seed A (11), exact in r: D = −2rδω cos ζ/(1 − r²); coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
+    """r/(1 − r²)·(cos 2mθ, sin 2mθ): seed A (11), exact in r: D = −2rδω cos ζ/(1 − r²);
+    coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
     ratio = path.middle(path.ratio)
-    return np.asarray((ratio / np.maximum(1 - ratio**2, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:])
+    return np.asarray(
+        (ratio / np.maximum(1 - ratio**2, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:]
+    )
 
 
 def ellipticity(path: Path) -> Array:
-    """2r²/(1 − r²)·(cos 2mθ, sin 2mθ): what the damping anisotropy adds in an ellipse, νδμ sin χ·(1 + r²)/(1 − r²) (PHYSICS §4, (8))."""
+    """2r²/(1 − r²)·(cos 2mθ, sin 2mθ): what the damping anisotropy adds in an ellipse, νδμ sin χ·(1
+    + r²)/(1 − r²) (PHYSICS §4, (8))."""
     square = path.middle(path.ratio) ** 2
-    return np.asarray((2 * square / np.maximum(1 - square, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:])
+    return np.asarray(
+        (2 * square / np.maximum(1 - square, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:]
+    )
 
 
 def courses(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
-    """A factor whose coefficients are interpolated between the nodes: columns ψ_j(x)·factor (n, J·q), node-major."""
+    """A factor whose coefficients are interpolated between the nodes: columns ψ_j(x)·factor (n,
+    J·q), node-major."""
 
     def columns(path: Path) -> Array:
         own = factor(path)
-        return np.asarray((weights_of(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]).reshape(len(own), -1))
+        return np.asarray(
+            (weights_of(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]).reshape(
+                len(own), -1
+            )
+        )
 
     return columns
 
@@ -53,27 +66,33 @@ def weights_of(path: Path, nodes: Array, axis: str, interpolation: str) -> Array
 
 
 def phase_ratio(path: Path) -> Array:
-    """−2r/(1 + r²) (n,): what seed A (12) multiplies dφ/dt with, exact in r (PHYSICS §4, unnumbered after (7))."""
+    """−2r/(1 + r²) (n,): what seed A (12) multiplies dφ/dt with, exact in r (PHYSICS §4, unnumbered
+    after (7))."""
     ratio = path.middle(path.ratio)
     return np.asarray(-2 * ratio / (1 + ratio**2))
 
 
 def flattening(path: Path) -> Array:
-    """−2r²/(1 + r²)·(cos 2mθ, sin 2mθ): what an ellipse takes from the damping in (12), νδμ sin χ·(1 − r²)/(1 + r²)."""
+    """−2r²/(1 + r²)·(cos 2mθ, sin 2mθ): what an ellipse takes from the damping in (12), νδμ sin
+    χ·(1 − r²)/(1 + r²)."""
     square = path.middle(path.ratio) ** 2
     return np.asarray((-2 * square / (1 + square))[:, None] * path.angle_basis(1)[:, 1:])
 
 
 def reference_hz(paths: Sequence[Path]) -> float:
-    """A frequency near all runs': those of `phase` and `mean_frequency` are taken against it, so that their columns differ."""
+    """A frequency near all runs': those of `phase` and `mean_frequency` are taken against it, so
+    that their columns differ."""
     return float(np.mean([np.mean(path.frequency_hz) for path in paths]))
 
 
 def phase(reference: float) -> Factor:
-    """−2r/(1 + r²)·dφ/dt: seed A (12), coefficient 1 when dφ/dt is taken against the mean frequency; here against `reference`, Hz."""
+    """−2r/(1 + r²)·dφ/dt: seed A (12), coefficient 1 when dφ/dt is taken against the mean
+    frequency; here against `reference`, Hz."""
 
     def columns(path: Path) -> Array:
-        return np.asarray(phase_ratio(path) * 2 * np.pi * (path.middle(path.frequency_hz) - reference))[:, None]
+        return np.asarray(
+            phase_ratio(path) * 2 * np.pi * (path.middle(path.frequency_hz) - reference)
+        )[:, None]
 
     return columns
 
@@ -93,12 +112,14 @@ def rate_powers(fastest: float) -> Factor:
 
 
 def quadrature_drive(path: Path) -> Array:
-    """a_ΦB/a_A: phase error of the quadrature loop's force, D = −(a_ΦB/a_A)Δφ_B (PHYSICS C1); zero in free runs."""
+    """a_ΦB/a_A: phase error of the quadrature loop's force, D = −(a_ΦB/a_A)Δφ_B (PHYSICS C1); zero
+    in free runs."""
     return _a_second(path, path.drive_quadrature)[:, None]
 
 
 def main_drive(path: Path) -> Array:
-    """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): the drive matrix, coefficients ρ, ε/2 and −g/2 (PHYSICS C5, C4, C3); zero in free runs."""
+    """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): the drive matrix, coefficients ρ, ε/2 and −g/2 (PHYSICS C5,
+    C4, C3); zero in free runs."""
     return np.asarray(_a_second(path, path.drive_main)[:, None] * path.angle_basis(1))
 
 
@@ -106,11 +127,16 @@ def _a_second(path: Path, drive: Array | None) -> Array:
     """A drive's log against the amplitude, 1/s (n,); a free run needs none."""
     if drive is None or not path.forced:
         return np.zeros(len(path))
-    return path.middle(np.divide(drive, path.main_amplitude, out=np.zeros(len(drive)), where=path.main_amplitude > 0))
+    return path.middle(
+        np.divide(
+            drive, path.main_amplitude, out=np.zeros(len(drive)), where=path.main_amplitude > 0
+        )
+    )
 
 
 def forced_only(path: Path) -> Array:
-    """(1, cos 2mθ, sin 2mθ) in forced runs only: the drive matrix, told from the resonator by free runs."""
+    """(1, cos 2mθ, sin 2mθ) in forced runs only: the drive matrix, told from the resonator by free
+    runs."""
     return np.asarray(path.angle_basis(1) * float(path.forced))
 
 
@@ -145,7 +171,13 @@ def build(
         ("quadrature_drive", [p.drive_quadrature for p in forced], quadrature_drive, 1),
         ("main_drive", [p.drive_main for p in forced], main_drive, 3),
     ):
-        if forced and all(log is not None and np.isfinite(log).all() for log in logs) and any(np.any(log) for log in logs):
+        if (
+            forced
+            and all(log is not None and np.isfinite(log).all() for log in logs)
+            and any(np.any(log) for log in logs)
+        ):
             available[name] = (factor, width)
     chosen = {name: available[name] for name in wanted if name in available}
-    return {name: f for name, (f, _) in chosen.items()}, {name: width for name, (_, width) in chosen.items()}
+    return {name: f for name, (f, _) in chosen.items()}, {
+        name: width for name, (_, width) in chosen.items()
+    }

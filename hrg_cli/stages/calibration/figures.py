@@ -1,8 +1,10 @@
-"""Residual drift and scale-factor error of a calibration, as rates in cells of run × temperature node × angle; held out and with intervals.
+"""Residual drift and scale-factor error of a calibration, as rates in cells of run × temperature
+node × angle; held out and with intervals.
 
-A cell is what one run saw in a sixteenth of the wave angle's period near one node: residual increments summed and divided by their time,
-every cell with the same weight, however long the gyro dwelt there. Drift: cells at the lowest rates, rad/s. Scale factor: cells at
-high rates, residual rate / rate, in ppm of K₀. Both contain the noise of the run; `floor` is what noise alone leaves.
+A cell is what one run saw in a sixteenth of the wave angle's period near one node: residual
+increments summed and divided by their time, every cell with the same weight, however long the gyro
+dwelt there. Drift: cells at the lowest rates, rad/s. Scale factor: cells at high rates, residual
+rate / rate, in ppm of K₀. Both contain the noise of the run; `floor` is what noise alone leaves.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ CELLS_A_PERIOD = 16
 
 @dataclass(frozen=True)
 class Cells:
-    """Mean residual rate (c, models) of each cell, its noise variance, rate, run and whether it counts as low or high rate."""
+    """Mean residual rate (c, models) of each cell, its noise variance, rate, run and whether it
+    counts as low or high rate."""
 
     residual_rad_s: Array
     variance: Array
@@ -33,8 +36,11 @@ class Cells:
     high: Array
 
 
-def predictions(fitted: Fitted, models: Sequence[Model], folds: Array, penalty: Array | None = None) -> tuple[Array, Array]:
-    """Coefficients of each model (size, models) and of each with each fold left out (size, models, folds)."""
+def predictions(
+    fitted: Fitted, models: Sequence[Model], folds: Array, penalty: Array | None = None
+) -> tuple[Array, Array]:
+    """Coefficients of each model (size, models) and of each with each fold left out (size, models,
+    folds)."""
     count = int(folds.max()) + 1
     A, b, _, _ = fitted.pieces.sum()
     whole = np.empty((fitted.layout.size, len(models)))
@@ -66,18 +72,38 @@ def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cell
         rate = path.rate_rad_s
         kind = np.where(np.abs(rate) <= low_limit, 0, np.where(np.abs(rate) >= 0.5 * fastest, 1, 2))
         period = np.pi / path.mode_number
-        angle = (np.mod(_steady_angle(path), period) / period * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
+        angle = (np.mod(_steady_angle(path), period) / period * CELLS_A_PERIOD).astype(
+            int
+        ) % CELLS_A_PERIOD
         node = np.argmax(node_weights(fitted.layout.abscissa(path), fitted.layout.nodes), axis=1)
-        keys, place = np.unique((kind * len(fitted.layout.nodes) + node) * CELLS_A_PERIOD + angle, return_inverse=True)
+        keys, place = np.unique(
+            (kind * len(fitted.layout.nodes) + node) * CELLS_A_PERIOD + angle, return_inverse=True
+        )
         time = np.bincount(place, path.interval_s)
         bands = covariance_bands(path, fitted.noises[r])
         together = place[1:] == place[:-1]
-        variance = np.bincount(place, bands[0]) + np.bincount(place[1:][together], 2 * bands[1, :-1][together], minlength=len(keys))
+        variance = np.bincount(place, bands[0]) + np.bincount(
+            place[1:][together], 2 * bands[1, :-1][together], minlength=len(keys)
+        )
         of_kind = keys // (len(fitted.layout.nodes) * CELLS_A_PERIOD)
-        keep = (time >= 0.2 * np.median(time)) & (of_kind < 2 if slowest < 0.5 * fastest else np.ones(len(keys), bool))
-        sums = [np.stack([np.bincount(place, column) for column in table.T], axis=1)[keep] / time[keep, None] for table in (used, unseen)]
+        keep = (time >= 0.2 * np.median(time)) & (
+            of_kind < 2 if slowest < 0.5 * fastest else np.ones(len(keys), bool)
+        )
+        sums = [
+            np.stack([np.bincount(place, column) for column in table.T], axis=1)[keep]
+            / time[keep, None]
+            for table in (used, unseen)
+        ]
         mean_rate = (np.bincount(place, path.rotation) / time)[keep]
-        inside.append((*sums, variance[keep] / time[keep] ** 2, mean_rate, np.full(int(keep.sum()), r), of_kind[keep]))
+        inside.append(
+            (
+                *sums,
+                variance[keep] / time[keep] ** 2,
+                mean_rate,
+                np.full(int(keep.sum()), r),
+                of_kind[keep],
+            )
+        )
     used, unseen, variance, rate, run, of_kind = (np.concatenate(part) for part in zip(*inside))
     low = np.abs(rate) <= 1.01 * low_limit
     high = (np.abs(rate) >= 0.45 * fastest) & (rate != 0)
@@ -86,10 +112,17 @@ def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cell
 
 
 def _steady_angle(path: Path) -> Array:
-    """Wave angle of the increments, the mean of a stretch where it creeps: the noise of an increment must not choose its cell."""
+    """Wave angle of the increments, the mean of a stretch where it creeps: the noise of an
+    increment must not choose its cell."""
     angle = path.middle(path.angle_rad)
     speed = abs(float(path.angle_rad[-1] - path.angle_rad[0])) / len(path)
-    width = int(np.clip(np.pi / path.mode_number / CELLS_A_PERIOD / 4 / max(speed, 1e-300), 1, max(len(path) // 8, 1)))
+    width = int(
+        np.clip(
+            np.pi / path.mode_number / CELLS_A_PERIOD / 4 / max(speed, 1e-300),
+            1,
+            max(len(path) // 8, 1),
+        )
+    )
     stretch = np.arange(len(path)) // width
     return np.asarray((np.bincount(stretch, angle) / np.bincount(stretch))[stretch])
 
@@ -102,7 +135,8 @@ def of_runs(found: Cells, count: int) -> Cells:
 
 @dataclass(frozen=True)
 class Figure:
-    """Root mean square of each model with its 95 % bootstrap interval over runs, and the floor that noise leaves."""
+    """Root mean square of each model with its 95 % bootstrap interval over runs, and the floor that
+    noise leaves."""
 
     value: Array
     low: Array
@@ -117,7 +151,11 @@ def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) 
     if not chosen.any() or (kind == "scale" and scale_factor == 0):
         nothing = np.full(models, np.nan)
         return Figure(nothing, nothing, nothing, float("nan"))
-    unit = np.ones(int(chosen.sum())) if kind == "drift" else 1e6 / (scale_factor * found.rate_rad_s[chosen])
+    unit = (
+        np.ones(int(chosen.sum()))
+        if kind == "drift"
+        else 1e6 / (scale_factor * found.rate_rad_s[chosen])
+    )
     square = (found.residual_rad_s[chosen] * unit[:, None]) ** 2
     noise = float(np.sqrt(np.mean(found.variance[chosen] * unit**2)))
     runs, place = np.unique(found.run[chosen], return_inverse=True)
@@ -130,13 +168,21 @@ def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) 
     return Figure(np.sqrt(square.mean(axis=0)), low, high, noise)
 
 
-def figure_rows(names: Sequence[str], used: Cells, unseen: Cells, scale_factor: float, draws: int, seed: int) -> list[dict[str, Any]]:
-    """One row a model: held-out drift [rad/s] and scale-factor [ppm] figures with intervals, and the same on the data used."""
+def figure_rows(
+    names: Sequence[str], used: Cells, unseen: Cells, scale_factor: float, draws: int, seed: int
+) -> list[dict[str, Any]]:
+    """One row a model: held-out drift [rad/s] and scale-factor [ppm] figures with intervals, and
+    the same on the data used."""
     rows: list[dict[str, Any]] = [{"stage": name} for name in names]
     for kind in ("drift", "scale"):
         for key, found in ((kind, unseen), (kind + "_used", used)):
             f = figure(found, kind, scale_factor, draws, seed)
             for i, row in enumerate(rows):
-                numbers = (("value", f.value[i]), ("low", f.low[i]), ("high", f.high[i]), ("floor", f.floor))
+                numbers = (
+                    ("value", f.value[i]),
+                    ("low", f.low[i]),
+                    ("high", f.high[i]),
+                    ("floor", f.floor),
+                )
                 row[key] = {name: float(v) if np.isfinite(v) else None for name, v in numbers}
     return rows

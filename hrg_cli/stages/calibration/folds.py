@@ -1,4 +1,5 @@
-"""Which data stay unseen: folds of whole runs where programmes repeat, of time otherwise; band limits and smoothness chosen with them."""
+"""Which data stay unseen: folds of whole runs where programmes repeat, of time otherwise; band
+limits and smoothness chosen with them."""
 
 from __future__ import annotations
 
@@ -20,10 +21,13 @@ def time_folds(fitted: Fitted) -> Array:
 def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     """Fold (R, S) of each piece and "runs" or "time".
 
-    Whole runs are left out only if the others still give every table and reach the rates left out: no figure is an extrapolation.
+    Whole runs are left out only if the others still give every table and reach the rates left out:
+    no figure is an extrapolation.
     """
     nodes, axis = fitted.layout.nodes, fitted.layout.axis
-    nearest = [int(np.argmin(np.abs(nodes - np.mean(fitted.layout.abscissa(p))))) for p in fitted.paths]
+    nearest = [
+        int(np.argmin(np.abs(nodes - np.mean(fitted.layout.abscissa(p))))) for p in fitted.paths
+    ]
     fold = np.array([nearest[:r].count(n) for r, n in enumerate(nearest)])
     mean = np.array([float(np.mean(p.rate_rad_s)) for p in fitted.paths])
     slack = 0.1 * float(np.abs(mean).max(initial=0.0))
@@ -32,7 +36,11 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
         for n in set(nearest):
             own = np.array(nearest) == n
             kept, gone = mean[own & (fold != left)], mean[own & (fold == left)]
-            if len(gone) and (len(kept) == 0 or (gone < kept.min() - slack).any() or (gone > kept.max() + slack).any()):
+            if len(gone) and (
+                len(kept) == 0
+                or (gone < kept.min() - slack).any()
+                or (gone > kept.max() + slack).any()
+            ):
                 return False
         rest = [p for p, f in zip(fitted.paths, fold) if f != left]
         return not any(f.refuses for f in examine(rest, nodes, axis, harmonics))
@@ -43,26 +51,36 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     return time_folds(fitted), "time"
 
 
-def choose_limits(fitted: Fitted, drift: int | None, scale: int | None, family: str = "table") -> tuple[int, int, dict[str, list[float]]]:
-    """Band limits of drift and scale factor with the smallest held-out χ² over stretches of time, drift first.
+def choose_limits(
+    fitted: Fitted, drift: int | None, scale: int | None, family: str = "table"
+) -> tuple[int, int, dict[str, list[float]]]:
+    """Band limits of drift and scale factor with the smallest held-out χ² over stretches of time,
+    drift first.
 
-    family: "table", or "combined": with the measured quadrature beside. The scores (above the smallest, by harmonics) are kept.
+    family: "table", or "combined": with the measured quadrature beside. The scores (above the
+    smallest, by harmonics) are kept.
     """
     layout, folds = fitted.layout, time_folds(fitted)
     scores = {"drift": [0.0], "scale_factor": [0.0]}
     if drift is None:
-        candidates = [variant(family, layout, k, layout.scale_harmonics) for k in range(layout.drift_harmonics + 1)]
+        candidates = [
+            variant(family, layout, k, layout.scale_harmonics)
+            for k in range(layout.drift_harmonics + 1)
+        ]
         scores["drift"] = [held_out_chi_square(fitted.pieces, folds, model) for model in candidates]
         drift = int(np.argmin(scores["drift"]))
     if scale is None:
         candidates = [variant(family, layout, drift, k) for k in range(layout.scale_harmonics + 1)]
-        scores["scale_factor"] = [held_out_chi_square(fitted.pieces, folds, model) for model in candidates]
+        scores["scale_factor"] = [
+            held_out_chi_square(fitted.pieces, folds, model) for model in candidates
+        ]
         scale = int(np.argmin(scores["scale_factor"]))
     return drift, scale, {key: [s - min(row) for s in row] for key, row in scores.items()}
 
 
 def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
-    """Penalty on curvature along the nodes with the smallest held-out χ², relative to the information about each kind of coefficient."""
+    """Penalty on curvature along the nodes with the smallest held-out χ², relative to the
+    information about each kind of coefficient."""
     layout: Layout = fitted.layout
     information = np.diag(fitted.pieces.sum()[0])
     scale = np.zeros(layout.size)
@@ -70,6 +88,9 @@ def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
         places = np.concatenate([np.arange(layout.size)[part(j)] for j in range(len(layout.nodes))])
         scale[places] = np.sqrt(np.mean(information[places]))
     penalty = roughness(layout) * np.outer(scale, scale)
-    scores = [held_out_chi_square(fitted.pieces, time_folds(fitted), model, weight * penalty) for weight in SMOOTHNESS]
+    scores = [
+        held_out_chi_square(fitted.pieces, time_folds(fitted), model, weight * penalty)
+        for weight in SMOOTHNESS
+    ]
     best = SMOOTHNESS[int(np.argmin(scores))]
     return best * penalty, best

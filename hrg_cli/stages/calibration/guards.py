@@ -1,9 +1,13 @@
-"""The closing checks of a drift model, the same for every variant: fit at the noise known, whiteness, unseen data, noise, spread.
+"""The closing checks of a drift model, the same for every variant: fit at the noise known,
+whiteness, unseen data, noise, spread.
 
-The noise is that of the fit in which every table, every measured part and every suspected cause is free; the variants are judged at it,
-so that what a variant fails to hold cannot pass for noise. Each cause a variant leaves out is tested by its score at its solution:
-    s = Gᵀ(b − A c),  Var s = Gᵀ(A − A C A)G (coefficients fitted to these data) or Gᵀ(A + A C A)G (coefficients from elsewhere)
-with A, b the whitened normal equations and C the covariance of the variant's coefficients c: sᵀ Var⁻¹ s is χ² if the cause is absent.
+The noise is that of the fit in which every table, every measured part and every suspected cause is
+free; the variants are judged at it, so that what a variant fails to hold cannot pass for noise.
+Each cause a variant leaves out is tested by its score at its solution:
+    s = Gᵀ(b − A c),  Var s = Gᵀ(A − A C A)G (coefficients fitted to these data) or Gᵀ(A + A C A)G
+    (coefficients from elsewhere)
+with A, b the whitened normal equations and C the covariance of the variant's coefficients c: sᵀ
+Var⁻¹ s is χ² if the cause is absent.
 """
 
 from __future__ import annotations
@@ -19,18 +23,21 @@ from ...fitting.tables.joint import Fitted, Layout, Model, Solution, chi_square,
 
 Array = np.ndarray
 LARGEST_NOISE = 2.0
-"""Variance of the angles against that which the windows state, above which the result is suspect; below, the excess is said."""
+"""Variance of the angles against that which the windows state, above which the result is suspect;
+below, the excess is said."""
 MOST_NAMED = 3
 """Causes that are named of one variant."""
 LEAST_OWN = 1e-6
-"""Part of a cause's information (relative to the whole) that must lie outside the variant's span to be tested."""
+"""Part of a cause's information (relative to the whole) that must lie outside the variant's span to
+be tested."""
 LEAST_SEEN = 1e-9
 """Scaled eigenvalue of the normal matrix below which the data do not tell a direction."""
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A variant's solution on all runs and with each fold left out; `foreign`: its coefficients come from elsewhere."""
+    """A variant's solution on all runs and with each fold left out; `foreign`: its coefficients
+    come from elsewhere."""
 
     model: Model
     solution: Solution
@@ -38,7 +45,9 @@ class Tried:
     foreign: bool = False
 
 
-def judged(fitted: Fitted, folds: Array, tried: Sequence[Tried]) -> list[tuple[list[Check], list[str]]]:
+def judged(
+    fitted: Fitted, folds: Array, tried: Sequence[Tried]
+) -> list[tuple[list[Check], list[str]]]:
     """(checks, what failed in words) of each variant at the noise of `fitted`."""
     A, b, _, _ = fitted.pieces.sum()
     noise = noise_known(fitted)
@@ -48,13 +57,18 @@ def judged(fitted: Fitted, folds: Array, tried: Sequence[Tried]) -> list[tuple[l
         general = [unseen(fitted, folds, t), *white]
         always = [noise, _spread(fitted.layout, t)]
         # a cause that is named is said; what else failed for its sake stands in the checks
-        words = named(fitted.layout, A, b, t, beside[:-1]) or failures([beside[-1]]) or failures(general)
+        words = (
+            named(fitted.layout, A, b, t, beside[:-1])
+            or failures([beside[-1]])
+            or failures(general)
+        )
         out.append((beside + general + always, words + failures(always)))
     return out
 
 
 def named(layout: Layout, A: Array, b: Array, tried: Tried, checks: Sequence[Check]) -> list[str]:
-    """Sentences of the causes left out: the one that explains most, then those that still fail beside it."""
+    """Sentences of the causes left out: the one that explains most, then those that still fail
+    beside it."""
     said: list[str] = []
     matrix = tried.model.matrix
     all_causes = {name: columns for name, columns, _ in causes(layout)}
@@ -62,18 +76,38 @@ def named(layout: Layout, A: Array, b: Array, tried: Tried, checks: Sequence[Che
         failed = {check.name: check for check in checks if not check.passed}
         if not failed:
             break
-        gains = {name: solve(A, b, Model("", np.concatenate([matrix, all_causes[name]], axis=1), tried.model.start)) for name in failed}
+        gains = {
+            name: solve(
+                A,
+                b,
+                Model("", np.concatenate([matrix, all_causes[name]], axis=1), tried.model.start),
+            )
+            for name in failed
+        }
         worst = min(gains, key=lambda name: chi_square(A, b, 0.0, gains[name].coefficients))
         said.append(failed[worst].sentence)
         matrix = np.concatenate([matrix, all_causes[worst]], axis=1)
-        checks = left_out(layout, A, b, Tried(Model(tried.model.name, matrix, tried.model.start), gains[worst], ()))[:-1]
+        checks = left_out(
+            layout,
+            A,
+            b,
+            Tried(Model(tried.model.name, matrix, tried.model.start), gains[worst], ()),
+        )[:-1]
     return said
 
 
-def score(A: Array, u: Array, G: Array, covariance: Array, sign: float, open_directions: Array | None = None) -> tuple[float, int]:
+def score(
+    A: Array,
+    u: Array,
+    G: Array,
+    covariance: Array,
+    sign: float,
+    open_directions: Array | None = None,
+) -> tuple[float, int]:
     """(sᵀ Var⁻¹ s, rank) of the directions G (size, g): s = Gᵀu, Var = Gᵀ(A + sign·A C A)G.
 
-    open_directions (size, k): of the coefficients, known not at all; what lies along them is no contradiction.
+    open_directions (size, k): of the coefficients, known not at all; what lies along them is no
+    contradiction.
     """
     AG = A @ G
     size = np.diag(G.T @ AG)
@@ -105,7 +139,8 @@ def not_seen(information: Array, model: Model) -> Array:
 def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
     """One check a cause that the variant may have left out, and one for all together."""
     u = b - A @ tried.solution.coefficients
-    # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own covariance is a mixture's, not a fit's
+    # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own
+    # covariance is a mixture's, not a fit's
     covariance = tried.solution.covariance if tried.foreign else solve(A, b, tried.model).covariance
     sign = 1.0 if tried.foreign else -1.0
     checks = []
@@ -115,21 +150,23 @@ def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
             checks.append(goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
     chi2, rank = score(A, u, np.eye(layout.size), covariance, sign)
     sentence = (
-        f"model {tried.model.name} leaves more than the noise: χ² = {chi2:.4g} of what the runs hold beside it, {rank} were expected; "
-        f"try --model auto, or run with --ladder to see what each part buys"
+        f"model {tried.model.name} leaves more than the noise: χ² = {chi2:.4g} of what the runs"
+        f" hold beside it, {rank} were expected; try --model auto, or run with --ladder to see what"
+        " each part buys"
     )
     return [*checks, goodness(chi2, max(rank, 1), sentence, "lack_of_fit")]
 
 
 def causes(layout: Layout) -> list[tuple[str, Array, Callable[[float], str]]]:
-    """(name, directions (size, g), sentence of the rms score) of every cause a variant may leave out."""
+    """(name, directions (size, g), sentence of the rms score) of every cause a variant may leave
+    out."""
 
     def harmonic(kind: str, k: int) -> Callable[[float], str]:
         what = "the drift" if kind == "drift" else "the scale factor"
         part = f"its harmonic {2 * layout.mode_number * k}θ" if k else "its constant part"
         return lambda z: (
-            f"{what} holds more than the model does in {part} ({z:.3g} times its error): a defect beside the linear anisotropy; "
-            f"use --model table, or --model combined"
+            f"{what} holds more than the model does in {part} ({z:.3g} times its error): a defect"
+            " beside the linear anisotropy; use --model table, or --model combined"
         )
 
     out: list[tuple[str, Array, Callable[[float], str]]] = []
@@ -137,27 +174,39 @@ def causes(layout: Layout) -> list[tuple[str, Array, Callable[[float], str]]]:
     for kind, most in kinds:
         for k in range(most + 1):
             label = f"{'drift' if kind == 'drift' else 'scale_factor'}_harmonic_{k}"
-            out.append((label, layout.part("drift" if kind == "drift" else "scale", k, lowest=k), harmonic(kind, k)))
+            out.append(
+                (
+                    label,
+                    layout.part("drift" if kind == "drift" else "scale", k, lowest=k),
+                    harmonic(kind, k),
+                )
+            )
     sentences = {
         "quadrature_course": lambda z: (
-            f"the drift moves with the measured quadrature, which is no function of temperature and angle ({z:.3g} times its error); "
-            f"use --model quadrature, or a firmer quadrature loop"
+            "the drift moves with the measured quadrature, which is no function of temperature and"
+            f" angle ({z:.3g} times its error); use --model quadrature, or a firmer quadrature loop"
         ),
         "rate": lambda z: (
-            f"the drift moves with the rate itself, which the tables over temperature and angle do not hold ({z:.3g} times its error): an "
-            f"asymmetry or nonlinearity of the scale factor, or a frequency split under a soft quadrature loop"
+            "the drift moves with the rate itself, which the tables over temperature and angle do"
+            f" not hold ({z:.3g} times its error): an asymmetry or nonlinearity of the scale"
+            " factor, or a frequency split under a soft quadrature loop"
         ),
         "quadrature_drive": lambda z: (
-            f"the drift moves with the logged quadrature drive ({z:.3g} times its error): a phase error of the quadrature loop; "
-            f"run with --ladder to measure it"
+            f"the drift moves with the logged quadrature drive ({z:.3g} times its error): a phase"
+            " error of the quadrature loop; run with --ladder to measure it"
         ),
     }
-    out += [(name, layout.of_factors(name), words) for name, words in sentences.items() if name in layout.factors]
+    out += [
+        (name, layout.of_factors(name), words)
+        for name, words in sentences.items()
+        if name in layout.factors
+    ]
     return out
 
 
 def unseen(fitted: Fitted, folds: Array, tried: Tried) -> Check:
-    """The worst fold predicted from the others, held against the prediction's own standard deviation."""
+    """The worst fold predicted from the others, held against the prediction's own standard
+    deviation."""
     worst = Check("held_out", 0.0, 1.0, True)
     everything = fitted.pieces.sum()[0]
     for f, solution in enumerate(tried.held):
@@ -165,11 +214,17 @@ def unseen(fitted: Fitted, folds: Array, tried: Tried) -> Check:
         if rows == 0:
             continue
         chi2, rank = score(
-            A, b - A @ solution.coefficients, np.eye(len(b)), solution.covariance, 1.0, not_seen(everything - A, tried.model)
+            A,
+            b - A @ solution.coefficients,
+            np.eye(len(b)),
+            solution.covariance,
+            1.0,
+            not_seen(everything - A, tried.model),
         )
         sentence = (
-            f"data left out are predicted {np.sqrt(chi2 / max(rank, 1)):.3g} times worse than model {tried.model.name} states "
-            f"(fold {f + 1} of {len(tried.held)}): the runs do not repeat, or the model is not theirs; look at stability in `hrg info`"
+            f"data left out are predicted {np.sqrt(chi2 / max(rank, 1)):.3g} times worse than model"
+            f" {tried.model.name} states (fold {f + 1} of {len(tried.held)}): the runs do not"
+            " repeat, or the model is not theirs; look at stability in `hrg info`"
         )
         check = goodness(chi2, max(rank, 1), sentence, "held_out")
         if check.value / check.limit > worst.value / worst.limit:
@@ -178,63 +233,90 @@ def unseen(fitted: Fitted, folds: Array, tried: Tried) -> Check:
 
 
 def noise_known(fitted: Fitted) -> Check:
-    """The angles' white noise against what the windows state, as a ratio of variances; 0 where they state none."""
+    """The angles' white noise against what the windows state, as a ratio of variances; 0 where they
+    state none."""
     ratio = noise_ratio(fitted)
     sentence = (
-        f"the angles scatter {np.sqrt(ratio or 0):.3g} times as much as their windows state; the errors hold that, but what makes it "
-        f"is not known: look at the residual of demodulate, and run diagnose on free runs"
+        f"the angles scatter {np.sqrt(ratio or 0):.3g} times as much as their windows state; the"
+        " errors hold that, but what makes it is not known: look at the residual of demodulate,"
+        " and run diagnose on free runs"
     )
     return at_most("noise_over_stated", 0.0 if ratio is None else ratio, LARGEST_NOISE, sentence)
 
 
 def noise_ratio(fitted: Fitted) -> float | None:
-    """Mean over the runs of white noise found / stated (variances); None where no run states one."""
+    """Mean over the runs of white noise found / stated (variances); None where no run states
+    one."""
     found = [
         (noise.white / (path.mode_number**2 * float(np.mean(path.angle_variance))), len(path))
         for path, noise in zip(fitted.paths, fitted.noises)
         if np.mean(path.angle_variance) > 0
     ]
-    return float(np.average([r for r, _ in found], weights=[n for _, n in found])) if found else None
+    return (
+        float(np.average([r for r, _ in found], weights=[n for _, n in found])) if found else None
+    )
 
 
 def _spread(layout: Layout, tried: Tried) -> Check:
-    drift = np.concatenate([np.arange(layout.size)[layout.drift(j)] for j in range(len(layout.nodes))])
+    drift = np.concatenate(
+        [np.arange(layout.size)[layout.drift(j)] for j in range(len(layout.nodes))]
+    )
     std = np.sqrt(np.maximum(np.diag(tried.solution.covariance)[drift], 0))
-    sentence = "the drift comes out without any standard deviation: nothing of it was measured; do not use it as known exactly"
+    sentence = (
+        "the drift comes out without any standard deviation: nothing of it was measured; do not use"
+        " it as known exactly"
+    )
     return holds("drift_has_an_error", bool(std.max(initial=0.0) > 0), sentence)
 
 
 def _settled(A: Array, b: Array, tried: Tried) -> Array:
-    """The coefficients whose residual should be white: those from elsewhere, moved within their own errors to where the data want them."""
+    """The coefficients whose residual should be white: those from elsewhere, moved within their own
+    errors to where the data want them."""
     c, C = tried.solution.coefficients, tried.solution.covariance
-    return c if not tried.foreign else np.asarray(c + C @ np.linalg.solve(np.eye(len(c)) + A @ C, b - A @ c))
+    return (
+        c
+        if not tried.foreign
+        else np.asarray(c + C @ np.linalg.solve(np.eye(len(c)) + A @ C, b - A @ c))
+    )
 
 
 def _whiteness(fitted: Fitted, tried: Sequence[Tried]) -> list[list[Check]]:
-    """Whiteness of each variant's residual over time, wave angle, temperature (or frequency) and rate."""
+    """Whiteness of each variant's residual over time, wave angle, temperature (or frequency) and
+    rate."""
     A, b, _, _ = fitted.pieces.sum()
     coefficients = np.stack([_settled(A, b, t) for t in tried], axis=1)
     white, angle, place, rate = [], [], [], []
     for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
-        rest = turn[:, None] - predicted(path, fitted.layout, coefficients, fitted.solution.coefficients)
+        rest = turn[:, None] - predicted(
+            path, fitted.layout, coefficients, fitted.solution.coefficients
+        )
         white.append(whiten(covariance_bands(path, noise), rest)[0])
         angle.append(np.mod(path.middle(path.angle_rad), np.pi / path.mode_number))
         place.append(fitted.layout.abscissa(path))
         rate.append(path.rate_rad_s)
-    orders = {"wave angle": angle, "temperature" if fitted.layout.axis == "temperature" else "frequency": place, "rate": rate}
+    orders = {
+        "wave angle": angle,
+        "temperature" if fitted.layout.axis == "temperature" else "frequency": place,
+        "rate": rate,
+    }
     whole = np.concatenate(white)
     sorts = {
-        name: np.argsort(np.concatenate(values), kind="stable") for name, values in orders.items() if np.ptp(np.concatenate(values)) > 0
+        name: np.argsort(np.concatenate(values), kind="stable")
+        for name, values in orders.items()
+        if np.ptp(np.concatenate(values)) > 0
     }
     out = []
     for i, t in enumerate(tried):
-        rows = {"time": [w[:, i] for w in white]} | {name: [whole[order, i]] for name, order in sorts.items()}
+        rows = {"time": [w[:, i] for w in white]} | {
+            name: [whole[order, i]] for name, order in sorts.items()
+        }
         out.append(
             [
                 whiteness(
                     list(residuals),
-                    f"what model {t.model.name} leaves is no noise: over {name} it goes slowly, where noise would not; "
-                    f"a cause is missing: run diagnose on free runs, or --ladder",
+                    f"what model {t.model.name} leaves is no noise: over {name} it goes slowly,"
+                    " where noise would not; a cause is missing: run diagnose on free runs, or"
+                    " --ladder",
                     f"whiteness_over_{name.replace(' ', '_')}",
                 )
                 for name, residuals in rows.items()
@@ -244,7 +326,8 @@ def _whiteness(fitted: Fitted, tried: Sequence[Tried]) -> list[list[Check]]:
 
 
 def noise_told(fitted: Fitted) -> dict[str, float | None]:
-    """The noise the variants were judged at: white against what the windows state, and the angle random walk beside it."""
+    """The noise the variants were judged at: white against what the windows state, and the angle
+    random walk beside it."""
     ratio = noise_ratio(fitted)
     walk = float(np.median([noise.walk for noise in fitted.noises])) / fitted.layout.mode_number**2
     return {

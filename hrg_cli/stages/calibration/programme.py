@@ -1,4 +1,5 @@
-"""Is a calibration programme able to give a table: nodes of temperature, rates and wave angles at each; what run is missing."""
+"""Is a calibration programme able to give a table: nodes of temperature, rates and wave angles at
+each; what run is missing."""
 
 from __future__ import annotations
 
@@ -26,24 +27,38 @@ def abscissa_blocks(path: Path, axis: str) -> Array:
     return path.temperature_degc if axis == "temperature" else path.frequency_hz
 
 
-def choose_nodes(paths: Sequence[Path], axis: str, given: Sequence[float] | None) -> tuple[Array, float, float, list[str]]:
-    """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at their means, a sweep gets even nodes."""
+def choose_nodes(
+    paths: Sequence[Path], axis: str, given: Sequence[float] | None
+) -> tuple[Array, float, float, list[str]]:
+    """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at
+    their means, a sweep gets even nodes."""
     x = np.concatenate([abscissa_blocks(p, axis) for p in paths])
     finite = np.isfinite(x)
     unit = "°C" if axis == "temperature" else "Hz"
     name = "temperature" if axis == "temperature" else "frequency"
     if not finite.any():
         if given is not None and len(given) > 1:
-            raise HrgError(f"the runs hold no {name}, so nodes {list(given)} cannot be filled; log temperature_degc, or leave nodes out")
+            raise HrgError(
+                f"the runs hold no {name}, so nodes {list(given)} cannot be filled; log"
+                " temperature_degc, or leave nodes out"
+            )
         return (
             np.zeros(1),
             -np.inf,
             np.inf,
-            [f"the runs hold no {name}: the tables cannot follow it and cannot guard against it; log temperature_degc"],
+            [
+                f"the runs hold no {name}: the tables cannot follow it and cannot guard against it;"
+                " log temperature_degc"
+            ],
         )
     if not finite.all():
-        missing = [p.run_id or "?" for p in paths if not np.isfinite(abscissa_blocks(p, axis)).all()]
-        raise HrgError(f"run {', '.join(missing)}: {name} is missing in a part of the runs; log it in all of them or leave these runs out")
+        missing = [
+            p.run_id or "?" for p in paths if not np.isfinite(abscissa_blocks(p, axis)).all()
+        ]
+        raise HrgError(
+            f"run {', '.join(missing)}: {name} is missing in a part of the runs; log it in all of"
+            " them or leave these runs out"
+        )
     low, high = float(x.min()), float(x.max())
     if given is not None:
         nodes = np.array(sorted(given), float)
@@ -54,12 +69,14 @@ def choose_nodes(paths: Sequence[Path], axis: str, given: Sequence[float] | None
     margin = SINGLE_NODE_MARGIN_DEGC if axis == "temperature" else SINGLE_NODE_MARGIN_HZ
     if centres is None:
         spacing = NODE_SPACING_DEGC if axis == "temperature" else (high - low) / 4
-        count = int(np.clip(round((high - low) / spacing) + 1, 2, 9)) if high - low > 2 * margin else 1
+        count = (
+            int(np.clip(round((high - low) / spacing) + 1, 2, 9)) if high - low > 2 * margin else 1
+        )
         centres = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     if len(centres) == 1:
         remark = (
-            f"all runs are near {centres[0]:.6g} {unit}: one node, the tables hold from {low - margin:.6g} to "
-            f"{high + margin:.6g} {unit} only; add runs at another {name}"
+            f"all runs are near {centres[0]:.6g} {unit}: one node, the tables hold from"
+            f" {low - margin:.6g} to {high + margin:.6g} {unit} only; add runs at another {name}"
         )
         return centres, low - margin, high + margin, [remark]
     return centres, low, high, []
@@ -97,7 +114,8 @@ class Finding:
 
 
 def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> list[Finding]:
-    """What the runs cannot give at each node: two rates (K against D), both signs, the whole period of the wave angle."""
+    """What the runs cannot give at each node: two rates (K against D), both signs, the whole period
+    of the wave angle."""
     findings: list[Finding] = []
     unit = "°C" if axis == "temperature" else "Hz"
     rates = np.concatenate([p.rate_rad_s for p in paths])
@@ -106,7 +124,11 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
     travels = np.concatenate([np.diff(p.angle_rad) for p in paths])
     run = np.concatenate([np.full(len(p), i) for i, p in enumerate(paths)])
     m = paths[0].mode_number
-    x = np.concatenate([p.middle(abscissa_blocks(p, axis)) for p in paths]) if len(nodes) > 1 else np.zeros(len(rates))
+    x = (
+        np.concatenate([p.middle(abscissa_blocks(p, axis)) for p in paths])
+        if len(nodes) > 1
+        else np.zeros(len(rates))
+    )
     weights = node_weights(x, nodes)
     fastest = float(np.abs(rates).max(initial=0.0))
     for j, node in enumerate(nodes):
@@ -114,7 +136,13 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
         near = weights[:, j] > 0.3
         names = ", ".join(dict.fromkeys(paths[i].run_id or f"number {i + 1}" for i in run[near]))
         if not near.any():
-            findings.append(Finding(f"no run is near the node {node:.4g} {unit}; add runs at three rates (0, + and −) there", True))
+            findings.append(
+                Finding(
+                    f"no run is near the node {node:.4g} {unit}; add runs at three rates (0, + and"
+                    " −) there",
+                    True,
+                )
+            )
             continue
         here, time = rates[near], times[near]
         mean = float(np.average(here, weights=time))
@@ -124,15 +152,16 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
                 findings.append(
                     Finding(
                         f"{at}no run turns (run {names}): the scale factor K cannot be told; "
-                        f"add a run at a rate well above the drift, best two of both signs",
+                        "add a run at a rate well above the drift, best two of both signs",
                         True,
                     )
                 )
             else:
                 findings.append(
                     Finding(
-                        f"{at}there is one rate only, {mean:.4g} rad/s (run {names}): K and D cannot be told apart; "
-                        f"add a run at another rate, best at {-mean:.4g} rad/s, and one near 0",
+                        f"{at}there is one rate only, {mean:.4g} rad/s (run {names}): K and D"
+                        f" cannot be told apart; add a run at another rate, best at {-mean:.4g}"
+                        " rad/s, and one near 0",
                         True,
                     )
                 )
@@ -141,7 +170,9 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
             sign = "positive" if here.min() > -0.05 * fastest else "negative"
             findings.append(
                 Finding(
-                    f"{at}all turning runs are {sign}: asymmetry of the scale factor cannot be seen; add a run of the other sign", False
+                    f"{at}all turning runs are {sign}: asymmetry of the scale factor cannot be"
+                    " seen; add a run of the other sign",
+                    False,
                 )
             )
         if harmonics == 0:
@@ -156,10 +187,11 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
             if length > period / (2 * harmonics + 1):
                 findings.append(
                     Finding(
-                        f"{at}{what} (run {names}) cover {100 * (1 - length / period):.0f} % of the wave angle's period of "
-                        f"{np.degrees(period):.0f}°: "
-                        f"{np.degrees(start):.0f}° to {np.degrees(start + length):.0f}° is missing; "
-                        f"add a run that starts or turns through there, or turn for longer",
+                        f"{at}{what} (run {names}) cover {100 * (1 - length / period):.0f} % of the"
+                        f" wave angle's period of {np.degrees(period):.0f}°:"
+                        f" {np.degrees(start):.0f}° to {np.degrees(start + length):.0f}° is"
+                        " missing; add a run that starts or turns through there, or turn for"
+                        " longer",
                         True,
                     )
                 )
@@ -168,11 +200,14 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
 
 
 def _uncovered(angle: Array, travel: Array, m: int) -> tuple[float, float] | None:
-    """(start, length) of the largest arc of the period π/m that no increment passes; None when all is passed."""
+    """(start, length) of the largest arc of the period π/m that no increment passes; None when all
+    is passed."""
     period = np.pi / m
     hit = np.zeros(ANGLE_BINS, bool)
     for part in np.linspace(-0.5, 0.5, 5):
-        hit[(np.mod(angle + part * travel, period) / period * ANGLE_BINS).astype(int) % ANGLE_BINS] = True
+        hit[
+            (np.mod(angle + part * travel, period) / period * ANGLE_BINS).astype(int) % ANGLE_BINS
+        ] = True
     if hit.all():
         return None
     twice = np.concatenate([hit, hit])

@@ -1,4 +1,5 @@
-"""The calibration record from the joint fit: coefficients cut to the band limits, tables, standard deviations, ranges."""
+"""The calibration record from the joint fit: coefficients cut to the band limits, tables, standard
+deviations, ranges."""
 
 from __future__ import annotations
 
@@ -26,26 +27,42 @@ def record_of(
     model: str,
     details: dict[str, Any],
 ) -> Calibration:
-    """limits: band limits of drift and scale factor; valid: range of the nodes' quantity; chi2 scales the covariance."""
+    """limits: band limits of drift and scale factor; valid: range of the nodes' quantity; chi2
+    scales the covariance."""
     layout = fitted.layout
     sizes = [1 + 2 * k for k in limits]
     everything = np.arange(layout.size)
     keep = np.concatenate(
         [
-            np.concatenate([everything[part(j)][:size] for part, size in zip((layout.drift, layout.scale), sizes)])
+            np.concatenate(
+                [
+                    everything[part(j)][:size]
+                    for part, size in zip((layout.drift, layout.scale), sizes)
+                ]
+            )
             for j in range(len(layout.nodes))
         ]
     )
     covariance = solution.covariance[np.ix_(keep, keep)] * chi2
-    drift, scale = (table[:, :size] for table, size in zip(layout.tables(solution.coefficients), sizes))
+    drift, scale = (
+        table[:, :size] for table, size in zip(layout.tables(solution.coefficients), sizes)
+    )
     angles = np.arange(TABLE_ANGLES) * np.pi / layout.mode_number / TABLE_ANGLES
     of_drift, of_scale = (harmonic_basis(angles, k, layout.mode_number) for k in limits)
     width = sum(sizes)
     std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(len(layout.nodes), width)
 
     def table_std(basis: Array, first: int) -> Array:
-        parts = [slice(j * width + first, j * width + first + basis.shape[1]) for j in range(len(layout.nodes))]
-        return np.stack([np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", basis, covariance[p, p], basis), 0)) for p in parts])
+        parts = [
+            slice(j * width + first, j * width + first + basis.shape[1])
+            for j in range(len(layout.nodes))
+        ]
+        return np.stack(
+            [
+                np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", basis, covariance[p, p], basis), 0))
+                for p in parts
+            ]
+        )
 
     rates = [float(extreme(p.rate_rad_s)) for p in fitted.paths for extreme in (np.min, np.max)]
     temperature = layout.axis == "temperature"

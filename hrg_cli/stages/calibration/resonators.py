@@ -1,4 +1,5 @@
-"""Coefficients of the drift from resonator files: K_DC, K_DS, K, and of the measured quadrature, over temperature or frequency.
+"""Coefficients of the drift from resonator files: K_DC, K_DS, K, and of the measured quadrature,
+over temperature or frequency.
 
 D = K_DC cos 2mθ + K_DS sin 2mθ − 2rδω cos 2m(θ − θ_ω), K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ   (seed A (8), (10))
 Components, not sizes and axes, are interpolated: an axis turns round, a size has no sign.
@@ -22,11 +23,18 @@ from .programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
 Array = np.ndarray
 NAMES = ("K_DC_rad_s", "K_DS_rad_s", "K", "quadrature_cos_rad_s", "quadrature_sin_rad_s")
 """Order of a resonator's coefficients; the last two are −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
-NEEDED = ("damping_split_1_s", "damping_axis_rad", "frequency_split_rad_s", "stiffness_axis_rad", "scale_factor")
+NEEDED = (
+    "damping_split_1_s",
+    "damping_axis_rad",
+    "frequency_split_rad_s",
+    "stiffness_axis_rad",
+    "scale_factor",
+)
 
 
 def coefficients_of(resonator: Resonator) -> tuple[Array, Array]:
-    """The five coefficients of `NAMES` and their covariance (5, 5), by the Jacobian of the resonator's parameters.
+    """The five coefficients of `NAMES` and their covariance (5, 5), by the Jacobian of the
+    resonator's parameters.
 
     HrgError: a parameter is missing, or its standard deviation is not finite.
     """
@@ -34,30 +42,43 @@ def coefficients_of(resonator: Resonator) -> tuple[Array, Array]:
     for name in NEEDED:
         if name not in names:
             raise HrgError(
-                f"the resonator file of gyro {resonator.gyro_id or '?'} has no {name} (it was not determined); "
-                f"identify free runs at both signs of rotation"
+                f"the resonator file of gyro {resonator.gyro_id or '?'} has no {name} (it was not"
+                " determined); identify free runs at both signs of rotation"
             )
     covariance = np.asarray(resonator.covariance, float)
     if not np.isfinite(covariance).all():
-        raise HrgError("the resonator file's covariance is not finite: its runs do not tell all parameters; add free runs at other angles")
+        raise HrgError(
+            "the resonator file's covariance is not finite: its runs do not tell all parameters;"
+            " add free runs at other angles"
+        )
     two_m = 2 * resonator.mode_number
     value, slope = np.zeros(5), np.zeros((5, len(names)))
     split, axis = resonator.get("damping_split_1_s"), two_m * resonator.get("damping_axis_rad")
     value[:2] = -split * np.sin(axis), split * np.cos(axis)
     slope[:2, names.index("damping_split_1_s")] = -np.sin(axis), np.cos(axis)
-    slope[:2, names.index("damping_axis_rad")] = -two_m * split * np.cos(axis), -two_m * split * np.sin(axis)
+    slope[:2, names.index("damping_axis_rad")] = (
+        -two_m * split * np.cos(axis),
+        -two_m * split * np.sin(axis),
+    )
     value[2] = resonator.get("scale_factor")
     slope[2, names.index("scale_factor")] = 1.0
-    split, axis = resonator.get("frequency_split_rad_s"), two_m * resonator.get("stiffness_axis_rad")
+    split, axis = (
+        resonator.get("frequency_split_rad_s"),
+        two_m * resonator.get("stiffness_axis_rad"),
+    )
     value[3:] = -2 * split * np.cos(axis), -2 * split * np.sin(axis)
     slope[3:, names.index("frequency_split_rad_s")] = -2 * np.cos(axis), -2 * np.sin(axis)
-    slope[3:, names.index("stiffness_axis_rad")] = 2 * two_m * split * np.sin(axis), -2 * two_m * split * np.cos(axis)
+    slope[3:, names.index("stiffness_axis_rad")] = (
+        2 * two_m * split * np.sin(axis),
+        -2 * two_m * split * np.cos(axis),
+    )
     return value, slope @ covariance @ slope.T
 
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Coefficients (R, 5) of `NAMES` at R values of the nodes' quantity, ascending, their covariances (R, 5, 5), and checks."""
+    """Coefficients (R, 5) of `NAMES` at R values of the nodes' quantity, ascending, their
+    covariances (R, 5, 5), and checks."""
 
     place: Array
     value: Array
@@ -94,34 +115,51 @@ class Coefficients:
         return out
 
     def table(self) -> list[dict[str, Any]]:
-        """One row a resonator: where it was identified, each coefficient and its standard deviation, their covariance."""
+        """One row a resonator: where it was identified, each coefficient and its standard
+        deviation, their covariance."""
         key = "temperature_degc" if self.axis == "temperature" else "frequency_hz"
         rows = []
         for x, value, covariance in zip(self.place, self.value, self.covariance):
             row: dict[str, Any] = {key: float(x) if np.isfinite(x) else None}
             for i, name in enumerate(NAMES):
-                row[name], row[f"{name}_std"] = float(value[i]), float(np.sqrt(max(covariance[i, i], 0.0)))
+                row[name], row[f"{name}_std"] = (
+                    float(value[i]),
+                    float(np.sqrt(max(covariance[i, i], 0.0))),
+                )
             rows.append(row | {"covariance": covariance.tolist()})
         return rows
 
 
-def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, high: float, interpolation: str) -> Coefficients:
+def over(
+    resonators: Sequence[Resonator],
+    axis: str,
+    nodes: Array,
+    low: float,
+    high: float,
+    interpolation: str,
+) -> Coefficients:
     """The resonators' coefficients over temperature or frequency, those of one place pooled.
 
-    low, high: the range the runs to be described take. HrgError: a resonator without its temperature where it matters, a range that
-    the resonators do not span, a refused resonator.
+    low, high: the range the runs to be described take. HrgError: a resonator without its
+    temperature where it matters, a range that the resonators do not span, a refused resonator.
     """
     margin, name, unit = (
-        (SINGLE_NODE_MARGIN_DEGC, "temperature", "°C") if axis == "temperature" else (SINGLE_NODE_MARGIN_HZ, "frequency", "Hz")
+        (SINGLE_NODE_MARGIN_DEGC, "temperature", "°C")
+        if axis == "temperature"
+        else (SINGLE_NODE_MARGIN_HZ, "frequency", "Hz")
     )
     for r in resonators:
         if r.status == "refused":
-            raise HrgError(f"a resonator file is refused ({'; '.join(r.status_reasons)}); identify it from better runs")
+            raise HrgError(
+                f"a resonator file is refused ({'; '.join(r.status_reasons)}); identify it from"
+                " better runs"
+            )
         span = r.temperature_span_degc
         if axis == "temperature" and span is not None and span > 2 * margin:
             raise HrgError(
-                f"a resonator file was identified from runs that span {span:.3g} °C; its coefficients are those of no temperature: "
-                f"identify the runs of each temperature by themselves and give each file with --resonator"
+                f"a resonator file was identified from runs that span {span:.3g} °C; its"
+                " coefficients are those of no temperature: identify the runs of each temperature"
+                " by themselves and give each file with --resonator"
             )
     places = np.array([place_of(r, axis) for r in resonators])
     found = [coefficients_of(r) for r in resonators]
@@ -129,8 +167,9 @@ def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, h
     if not np.isfinite(places).all():
         if wide or len(resonators) > 1:
             raise HrgError(
-                f"a resonator file says no {name} and the runs go from {low:.4g} to {high:.4g} {unit}; identify it again from runs that "
-                f"log their {name}, one resonator file a {name}"
+                f"a resonator file says no {name} and the runs go from {low:.4g} to {high:.4g}"
+                f" {unit}; identify it again from runs that log their {name}, one resonator file a"
+                f" {name}"
             )
         places = np.full(1, nodes[0])
     groups = _groups(places, margin)
@@ -138,10 +177,13 @@ def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, h
         lowest, highest = float(places.min()), float(places.max())
         if low < lowest - margin or high > highest + margin:
             raise HrgError(
-                f"the resonators were identified at {lowest:.4g} to {highest:.4g} {unit}, the runs go from {low:.4g} to {high:.4g} {unit}; "
-                f"their coefficients are not extrapolated: add resonator files (--resonator, repeated) of free runs at the outer {name}s"
+                f"the resonators were identified at {lowest:.4g} to {highest:.4g} {unit}, the runs"
+                f" go from {low:.4g} to {high:.4g} {unit}; their coefficients are not extrapolated:"
+                f" add resonator files (--resonator, repeated) of free runs at the outer {name}s"
             )
-    pooled = [_pool([found[i] for i in group], f"{np.mean(places[group]):.4g} {unit}") for group in groups]
+    pooled = [
+        _pool([found[i] for i in group], f"{np.mean(places[group]):.4g} {unit}") for group in groups
+    ]
     return Coefficients(
         np.array([np.mean(places[group]) for group in groups]),
         np.array([value for value, _, _ in pooled]),
@@ -155,7 +197,11 @@ def over(resonators: Sequence[Resonator], axis: str, nodes: Array, low: float, h
 def place_of(resonator: Resonator, axis: str) -> float:
     """Temperature or frequency a resonator was identified at; NaN where its file does not say."""
     if axis == "temperature":
-        return float("nan") if resonator.temperature_degc is None else float(resonator.temperature_degc)
+        return (
+            float("nan")
+            if resonator.temperature_degc is None
+            else float(resonator.temperature_degc)
+        )
     names = [str(n) for n in resonator.name]
     return resonator.get("frequency_hz") if "frequency_hz" in names else float("nan")
 
@@ -168,12 +214,16 @@ def _groups(places: Array, margin: float) -> list[Array]:
 
 
 def _pool(found: Sequence[tuple[Array, Array]], at: str) -> tuple[Array, Array, Check | None]:
-    """Generalised mean of coefficients of one place, its covariance, and the check that they agree."""
+    """Generalised mean of coefficients of one place, its covariance, and the check that they
+    agree."""
     if len(found) == 1:
         return (*found[0], None)
     weights = [np.linalg.pinv(covariance, hermitian=True) for _, covariance in found]
     total = np.linalg.pinv(np.sum(weights, axis=0), hermitian=True)
     mean = total @ np.sum([w @ v for w, (v, _) in zip(weights, found)], axis=0)
     excess = float(sum((v - mean) @ w @ (v - mean) for w, (v, _) in zip(weights, found)))
-    sentence = f"the resonator files at {at} contradict each other beyond their errors; leave one out, or identify all their runs together"
+    sentence = (
+        f"the resonator files at {at} contradict each other beyond their errors; leave one out, or"
+        " identify all their runs together"
+    )
     return mean, total, goodness(excess, 5 * (len(found) - 1), sentence, "resonators_agree")

@@ -1,4 +1,5 @@
-"""Drift and scale factor of a calibration record at any temperature (or frequency) and wave angle, with their standard deviations."""
+"""Drift and scale factor of a calibration record at any temperature (or frequency) and wave angle,
+with their standard deviations."""
 
 from __future__ import annotations
 
@@ -29,37 +30,58 @@ def in_range(calibration: Calibration, x: Array, where: str) -> None:
     slack = 0.02 * (calibration.node_max - calibration.node_min)
     if low < calibration.node_min - slack or high > calibration.node_max + slack:
         raise HrgError(
-            f"{where}: its {name} goes from {low:.6g} to {high:.6g} {unit}, the tables hold from {calibration.node_min:.6g} to "
-            f"{calibration.node_max:.6g} {unit} and are not extrapolated; calibrate over the wider range"
+            f"{where}: its {name} goes from {low:.6g} to {high:.6g} {unit}, the tables hold from"
+            f" {calibration.node_min:.6g} to {calibration.node_max:.6g} {unit} and are not"
+            " extrapolated; calibrate over the wider range"
         )
 
 
-def values(calibration: Calibration, x: Array, wave_angle_rad: Array, travel_rad: Array | float = 0.0) -> tuple[Array, Array]:
+def values(
+    calibration: Calibration, x: Array, wave_angle_rad: Array, travel_rad: Array | float = 0.0
+) -> tuple[Array, Array]:
     """(D [rad/s], K) (n,) at (x, θ); averaged along `travel_rad` of wave angle."""
     common = (calibration.mode_number, calibration.interpolation, travel_rad)
-    drift = evaluate(x, wave_angle_rad, calibration.node, np.asarray(calibration.drift_harmonics), *common)
-    return drift, evaluate(x, wave_angle_rad, calibration.node, np.asarray(calibration.scale_factor_harmonics), *common)
+    drift = evaluate(
+        x, wave_angle_rad, calibration.node, np.asarray(calibration.drift_harmonics), *common
+    )
+    return drift, evaluate(
+        x, wave_angle_rad, calibration.node, np.asarray(calibration.scale_factor_harmonics), *common
+    )
 
 
-def standard_deviations(calibration: Calibration, x: Array, wave_angle_rad: Array) -> tuple[Array, Array]:
-    """Standard deviations (n,) of D and K at (x, θ): noise of the fit, and of the interpolation between nodes where it was estimated."""
+def standard_deviations(
+    calibration: Calibration, x: Array, wave_angle_rad: Array
+) -> tuple[Array, Array]:
+    """Standard deviations (n,) of D and K at (x, θ): noise of the fit, and of the interpolation
+    between nodes where it was estimated."""
     kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
     weights = node_weights(x, calibration.node, kind)
-    nodes, width = len(calibration.node), calibration.drift_harmonics.shape[1] + calibration.scale_factor_harmonics.shape[1]
+    nodes, width = (
+        len(calibration.node),
+        calibration.drift_harmonics.shape[1] + calibration.scale_factor_harmonics.shape[1],
+    )
     out = []
     doubt = json.loads(calibration.details).get("interpolation_std") or {}
     if not isinstance(doubt, dict) or not all(_is_number(v) for v in doubt.values()):
-        raise HrgError("the calibration's details are damaged (interpolation_std); make the calibration again")
+        raise HrgError(
+            "the calibration's details are damaged (interpolation_std); make the calibration again"
+        )
     shape = bump(x, np.asarray(calibration.node, float))
     for first, size, key in (
         (0, calibration.drift_harmonics.shape[1], "drift_rad_s"),
-        (calibration.drift_harmonics.shape[1], calibration.scale_factor_harmonics.shape[1], "scale_factor"),
+        (
+            calibration.drift_harmonics.shape[1],
+            calibration.scale_factor_harmonics.shape[1],
+            "scale_factor",
+        ),
     ):
         basis = harmonic_basis(wave_angle_rad, (size - 1) // 2, calibration.mode_number)
         places = (np.arange(nodes)[:, None] * width + first + np.arange(size)).ravel()
         block = np.asarray(calibration.covariance)[np.ix_(places, places)]
         rows = (weights[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
-        variance = np.einsum("ni,ij,nj->n", rows, block, rows) + (float(doubt.get(key, 0.0)) * shape) ** 2
+        variance = (
+            np.einsum("ni,ij,nj->n", rows, block, rows) + (float(doubt.get(key, 0.0)) * shape) ** 2
+        )
         out.append(np.sqrt(np.maximum(variance, 0)))
     return out[0], out[1]
 
@@ -75,10 +97,12 @@ def bump(x: Array, nodes: Array) -> Array:
 
 @dataclass(frozen=True)
 class Measured:
-    """Coefficients (n, …) of the part of the drift that is computed from what is seen in operation; `exact` in r, or to first order.
+    """Coefficients (n, …) of the part of the drift that is computed from what is seen in operation;
+    `exact` in r, or to first order.
 
-    kind "quadrature", seed A (11): D = r/(1 − r²)·(cos, sin)·quadrature + 2r²/(1 − r²)·(cos, sin)·damping
-    kind "phase", seed A (12): D = −2r/(1 + r²)·2π(f − mean_frequency) − 2r²/(1 + r²)·(cos, sin)·damping
+    kind "quadrature", seed A (11): D = r/(1 − r²)·(cos, sin)·quadrature + 2r²/(1 − r²)·(cos,
+    sin)·damping kind "phase", seed A (12): D = −2r/(1 + r²)·2π(f − mean_frequency) − 2r²/(1 +
+    r²)·(cos, sin)·damping
     """
 
     kind: str
@@ -89,9 +113,11 @@ class Measured:
 
 
 def measured_at(calibration: Calibration, x: Array) -> Measured | None:
-    """The measured part's coefficients at temperatures or frequencies x (n,); None for a model without one.
+    """The measured part's coefficients at temperatures or frequencies x (n,); None for a model
+    without one.
 
-    Files written before the formulas were exact in r, or with one pair for all nodes, are applied as they were fitted.
+    Files written before the formulas were exact in r, or with one pair for all nodes, are applied
+    as they were fitted.
     """
     part = measured_part(calibration)
     if part is None:
@@ -100,19 +126,29 @@ def measured_at(calibration: Calibration, x: Array) -> Measured | None:
     weights = node_weights(np.asarray(x, float), np.asarray(calibration.node, float), kind)
     damping = weights @ np.asarray(calibration.drift_harmonics)[:, 1:3]
     if part["kind"] == "phase":
-        return Measured("phase", bool(part.get("exact")), damping, mean_frequency_hz=weights @ np.array(part["mean_frequency_hz"]))
+        return Measured(
+            "phase",
+            bool(part.get("exact")),
+            damping,
+            mean_frequency_hz=weights @ np.array(part["mean_frequency_hz"]),
+        )
     coefficients = np.atleast_2d(np.array(part["coefficients"], float))
     if len(coefficients) == 1:
         coefficients = np.repeat(coefficients, len(calibration.node), axis=0)
-    return Measured("quadrature", bool(part.get("exact")), damping, quadrature=weights @ coefficients)
+    return Measured(
+        "quadrature", bool(part.get("exact")), damping, quadrature=weights @ coefficients
+    )
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    return (
+        isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    )
 
 
 def measured_part(calibration: Calibration) -> dict[str, Any] | None:
-    """What of the drift is computed in operation, from the calibration's details: {kind, coefficients or mean_frequency_hz}; or None.
+    """What of the drift is computed in operation, from the calibration's details: {kind,
+    coefficients or mean_frequency_hz}; or None.
 
     HrgError: it is there, but not as `hrg calibrate` writes it.
     """
@@ -134,14 +170,19 @@ def measured_part(calibration: Calibration) -> dict[str, Any] | None:
 
 
 def measured_drift(calibration: Calibration, path: Path) -> Array:
-    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in operation; zeros otherwise."""
-    x = path.middle(path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz)
+    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in
+    operation; zeros otherwise."""
+    x = path.middle(
+        path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
+    )
     part = measured_at(calibration, x)
     if part is None:
         return np.zeros(len(path))
     if part.kind == "quadrature":
         drift = (quadrature(path) * part.quadrature).sum(axis=1)
-        return np.asarray(drift + (ellipticity(path) * part.damping).sum(axis=1) if part.exact else drift)
+        return np.asarray(
+            drift + (ellipticity(path) * part.damping).sum(axis=1) if part.exact else drift
+        )
     speed = 2 * np.pi * (path.middle(path.frequency_hz) - np.asarray(part.mean_frequency_hz))
     if not part.exact:
         return np.asarray(-2 * path.middle(path.ratio) * speed)

@@ -1,9 +1,11 @@
-"""The drift models of seed A as linear models inside one layout: table, parametric (10), quadrature (11), phase (12), combined, physical.
+"""The drift models of seed A as linear models inside one layout: table, parametric (10), quadrature
+(11), phase (12), combined, physical.
 
 (11), exact in r: D = νδμ sin χ (1 + r²)/(1 − r²) − 2rδω cos ζ/(1 − r²)            (PHYSICS §4, (8))
 (12), exact in r: D = νδμ sin χ (1 − r²)/(1 + r²) − 2r/(1 + r²)·(dφ/dt − 2πf(T))    (the same with dφ/dt for δω cos ζ)
-What r does to the damping is not free: its columns are tied to the first harmonic of the table. `combined` is the table over
-temperature and angle with the measured part of (11) beside it: seed A's fourth stage.
+What r does to the damping is not free: its columns are tied to the first harmonic of the table.
+`combined` is the table over temperature and angle with the measured part of (11) beside it: seed
+A's fourth stage.
 """
 
 from __future__ import annotations
@@ -19,8 +21,17 @@ from .resonators import Coefficients
 
 Array = np.ndarray
 VARIANTS = ("table", "parametric", "quadrature", "phase", "combined", "physical")
-FACTORS = ("quadrature_course", "ellipticity_course", "phase", "mean_frequency", "flattening_course", "rate", "quadrature_drive")
-"""What the common layout holds beside the tables: the variants' measured parts, and causes that no variant holds."""
+FACTORS = (
+    "quadrature_course",
+    "ellipticity_course",
+    "phase",
+    "mean_frequency",
+    "flattening_course",
+    "rate",
+    "quadrature_drive",
+)
+"""What the common layout holds beside the tables: the variants' measured parts, and causes that no
+variant holds."""
 NEEDS = {"quadrature": "quadrature_course", "combined": "quadrature_course", "phase": "phase"}
 """Factor without which a variant cannot be tried."""
 WHOLE_DRIFT = ("table", "combined")
@@ -39,27 +50,42 @@ def missing(name: str, layout: Layout, coefficients: Coefficients | None) -> str
     return "the runs hold no quadrature (a_B is 0 everywhere)"
 
 
-def variant(name: str, layout: Layout, drift_limit: int, scale_limit: int, coefficients: Coefficients | None = None) -> Model:
+def variant(
+    name: str,
+    layout: Layout,
+    drift_limit: int,
+    scale_limit: int,
+    coefficients: Coefficients | None = None,
+) -> Model:
     """A variant's model; `coefficients`: those of the resonators, for `physical`."""
     scale = layout.part("scale", scale_limit)
     if name == "physical":
         assert coefficients is not None
-        return Model(name, np.zeros((layout.size, 0)), coefficients.spread(layout) @ coefficients.at_nodes(layout)[0])
+        return Model(
+            name,
+            np.zeros((layout.size, 0)),
+            coefficients.spread(layout) @ coefficients.at_nodes(layout)[0],
+        )
     lowest, highest = (0, drift_limit) if name in WHOLE_DRIFT else (1, 1)
     drift = layout.part("drift", highest, lowest=lowest)
     if name in ("quadrature", "combined"):
         drift = tied(layout, "ellipticity_course") @ drift
-        return Model(name, np.concatenate([drift, scale, layout.of_factors("quadrature_course")], axis=1))
+        return Model(
+            name, np.concatenate([drift, scale, layout.of_factors("quadrature_course")], axis=1)
+        )
     if name == "phase":
         start = np.zeros(layout.size)
         start[layout.factor("phase")] = 1.0
         drift = tied(layout, "flattening_course") @ drift
-        return Model(name, np.concatenate([drift, scale, layout.of_factors("mean_frequency")], axis=1), start)
+        return Model(
+            name, np.concatenate([drift, scale, layout.of_factors("mean_frequency")], axis=1), start
+        )
     return Model(name, np.concatenate([drift, scale], axis=1))
 
 
 def tied(layout: Layout, course: str) -> Array:
-    """Map (size, size) that gives a course's columns the coefficients of the drift's first harmonic at the same node."""
+    """Map (size, size) that gives a course's columns the coefficients of the drift's first harmonic
+    at the same node."""
     out = np.eye(layout.size)
     first = layout.factor(course).start
     for j in range(len(layout.nodes)):
@@ -68,8 +94,11 @@ def tied(layout: Layout, course: str) -> Array:
     return out
 
 
-def measured_details(name: str, layout: Layout, coefficients: Array, covariance: Array, paths: list[Path]) -> dict[str, Any] | None:
-    """What `compensate` and the exports need to compute the measured part of the drift in operation, one row a node."""
+def measured_details(
+    name: str, layout: Layout, coefficients: Array, covariance: Array, paths: list[Path]
+) -> dict[str, Any] | None:
+    """What `compensate` and the exports need to compute the measured part of the drift in
+    operation, one row a node."""
     count = len(layout.nodes)
     if name in ("quadrature", "combined", "physical") and "quadrature_course" in layout.factors:
         place = layout.factor("quadrature_course")

@@ -1,8 +1,11 @@
-"""Diagnosis between the runs: their frequencies, which every run's own fit leaves free, against what each cause predicts of them.
+"""Diagnosis between the runs: their frequencies, which every run's own fit leaves free, against
+what each cause predicts of them.
 
-ô = H f + G θ + w, w ~ N(0, Σ + s²): ô (R,) the fitted offsets with covariance Σ, H the mean of the free and of the forced runs,
-G what a cause's parameters θ do to them, s an unexplained wander from run to run, estimated beside each cause by restricted likelihood.
-A cause is named where it takes away so much of the scatter that, with s unknown, chance would not (F test), whatever the wander's size.
+ô = H f + G θ + w, w ~ N(0, Σ + s²): ô (R,) the fitted offsets with covariance Σ, H the mean of the
+free and of the forced runs, G what a cause's parameters θ do to them, s an unexplained wander from
+run to run, estimated beside each cause by restricted likelihood. A cause is named where it takes
+away so much of the scatter that, with s unknown, chance would not (F test), whatever the wander's
+size.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ Array = np.ndarray
 SCATTER = 1e-6
 """Chance of the offsets' scatter being noise from which it is looked into."""
 SIGNIFICANT, BESIDE_NOISE = 1e-3, 1e-2
-"""Corrected chance of a false alarm allowed; the second where what is left is no more than the offsets' own noise."""
+"""Corrected chance of a false alarm allowed; the second where what is left is no more than the
+offsets' own noise."""
 QUIET = 0.01
 """p of the scatter that is left from which it counts as noise."""
 SPARE = 2
@@ -34,14 +38,16 @@ RIVAL = 10.0
 
 @dataclass(frozen=True)
 class Offsets:
-    """The runs' frequency offsets (R,), their covariance (R, R), the means that are free (R, h), all in rad/s."""
+    """The runs' frequency offsets (R,), their covariance (R, R), the means that are free (R, h),
+    all in rad/s."""
 
     value: Array
     covariance: Array
     means: Array
 
     def misfit(self, wander: float, extra: Array | None = None) -> tuple[float, Array]:
-        """(χ² that means and extra columns leave, their projector's whitened basis) with a wander of that size."""
+        """(χ² that means and extra columns leave, their projector's whitened basis) with a wander
+        of that size."""
         C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
         columns = self.means if extra is None else np.concatenate([self.means, extra], axis=1)
         basis = evidence.orthonormal(np.linalg.solve(C, columns), 1e-6)
@@ -50,7 +56,8 @@ class Offsets:
         return float(left @ left), basis
 
     def wander(self, extra: Array | None = None) -> float:
-        """s of largest restricted likelihood: where χ² equals the degrees of freedom left, 0 where it is smaller from the start."""
+        """s of largest restricted likelihood: where χ² equals the degrees of freedom left, 0 where
+        it is smaller from the start."""
         dof = len(self.value) - self.misfit(0.0, extra)[1].shape[1]
         if dof <= 0 or self.misfit(0.0, extra)[0] <= dof:
             return 0.0
@@ -67,7 +74,10 @@ def offsets_of(fit: Fit, noise_factor: float) -> tuple[Offsets, list[int]]:
     index = [fit.layout.frequency(k) for k in range(runs)]
     forced = fit.series.forced[:, 0] > 0
     means = np.stack([kind.astype(float) for kind in (~forced, forced) if kind.any()], axis=1)
-    return Offsets(fit.point.offset_rad_s, fit.covariance[np.ix_(index, index)] * noise_factor, means), index
+    return (
+        Offsets(fit.point.offset_rad_s, fit.covariance[np.ix_(index, index)] * noise_factor, means),
+        index,
+    )
 
 
 def scatter(offsets: Offsets) -> tuple[float, float]:
@@ -79,7 +89,8 @@ def scatter(offsets: Offsets) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Pattern:
-    """A cause against the offsets: what it does to them (R, m), F test's p, χ² it takes away, wander left, p of what is left as noise."""
+    """A cause against the offsets: what it does to them (R, m), F test's p, χ² it takes away,
+    wander left, p of what is left as noise."""
 
     variant: Variant
     response: Array
@@ -89,8 +100,11 @@ class Pattern:
     left_p: float
 
 
-def patterns(fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[Variant]) -> list[Pattern]:
-    """Every cause that changes the runs' frequencies differently, the least likely by chance first."""
+def patterns(
+    fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[Variant]
+) -> list[Pattern]:
+    """Every cause that changes the runs' frequencies differently, the least likely by chance
+    first."""
     from scipy.special import chdtrc, fdtrc
 
     active = {effect.name for effect, _ in fit.point.active}
@@ -112,8 +126,11 @@ def patterns(fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[
     return sorted(out.values(), key=lambda one: (one.p_value, -one.gain))
 
 
-def between_runs(search: Search, candidates: Sequence[Variant], noise_factor: float) -> tuple[Search, dict[str, Any]]:
-    """The search with the causes that the runs' frequencies show, and what is to be said of these frequencies."""
+def between_runs(
+    search: Search, candidates: Sequence[Variant], noise_factor: float
+) -> tuple[Search, dict[str, Any]]:
+    """The search with the causes that the runs' frequencies show, and what is to be said of these
+    frequencies."""
     fit, found = search.final, list(search.found)
     follows: list[str] = []
     while len(follows) < MOST:
@@ -134,28 +151,41 @@ def between_runs(search: Search, candidates: Sequence[Variant], noise_factor: fl
     return replace(search, final=fit, found=tuple(found)), said
 
 
-def _adopted(fit: Fit, best: Pattern, ranked: Sequence[Pattern], offsets: Offsets) -> tuple[Fit, Found]:
+def _adopted(
+    fit: Fit, best: Pattern, ranked: Sequence[Pattern], offsets: Offsets
+) -> tuple[Fit, Found]:
     """The fit with the cause, the runs' frequencies held together up to the wander that is left."""
     C = np.linalg.cholesky(offsets.covariance + best.wander**2 * np.eye(len(offsets.value)))
     design = np.linalg.solve(C, np.concatenate([offsets.means, best.response], axis=1))
     size = np.linalg.norm(design, axis=0)
-    solution = np.linalg.lstsq(design / np.where(size > 0, size, 1.0), np.linalg.solve(C, offsets.value), rcond=1e-6)[0]
+    solution = np.linalg.lstsq(
+        design / np.where(size > 0, size, 1.0), np.linalg.solve(C, offsets.value), rcond=1e-6
+    )[0]
     estimate = (solution / np.where(size > 0, size, 1.0))[offsets.means.shape[1] :]
     values = dict(best.variant.values)
     for name, value in zip(best.variant.steps, estimate, strict=True):
         values[name] += float(value)
     own = float(np.sqrt(np.median(np.diag(offsets.covariance))))
     freedom = replace(fit.freedom, offset_std=max(best.wander, LEAST * own))
-    # what the cause does to the frequencies leaves the offsets, or a great one would start many turns away
+    # what the cause does to the frequencies leaves the offsets, or a great one would start many
+    # turns away
     point = replace(fit.point, offset_rad_s=fit.point.offset_rad_s - best.response @ estimate)
-    again = extended_fit.fit(fit.series, extended_fit.with_effect(point, best.variant.effect, values), freedom)
+    again = extended_fit.fit(
+        fit.series, extended_fit.with_effect(point, best.variant.effect, values), freedom
+    )
     S = fit.sensitivities([best.variant.wanted])[0]
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
     level = offsets.misfit(best.wander, best.response)[0]
-    rivals = [o.variant.effect.name for o in ranked[1:] if offsets.misfit(best.wander, o.response)[0] < level + RIVAL]
+    rivals = [
+        o.variant.effect.name
+        for o in ranked[1:]
+        if offsets.misfit(best.wander, o.response)[0] < level + RIVAL
+    ]
     rank = int(best.response.any(axis=0).sum())
     worth = evidence.criterion(best.gain, rank, len(fit.residual))
-    return again, Found(best.variant, replace(score, p_value=best.p_value), len(ranked), worth, tuple(rivals))
+    return again, Found(
+        best.variant, replace(score, p_value=best.p_value), len(ranked), worth, tuple(rivals)
+    )
 
 
 def _freed(fit: Fit, follows: Sequence[str]) -> Fit:
@@ -163,9 +193,15 @@ def _freed(fit: Fit, follows: Sequence[str]) -> Fit:
     active = []
     for effect, values in fit.point.active:
         if effect.name in follows:
-            effect = replace(effect, parameters=tuple(replace(p, fitted=False) for p in effect.parameters))
+            effect = replace(
+                effect, parameters=tuple(replace(p, fitted=False) for p in effect.parameters)
+            )
         active.append((effect, values))
-    return extended_fit.fit(fit.series, replace(fit.point, active=tuple(active)), replace(fit.freedom, offset_std=np.inf))
+    return extended_fit.fit(
+        fit.series,
+        replace(fit.point, active=tuple(active)),
+        replace(fit.freedom, offset_std=np.inf),
+    )
 
 
 def _said(fit: Fit, noise_factor: float, follows: Sequence[str]) -> dict[str, Any]:
@@ -180,16 +216,32 @@ def _said(fit: Fit, noise_factor: float, follows: Sequence[str]) -> dict[str, An
         "follow": list(follows),
     }
     if len(offsets.value) <= offsets.means.shape[1]:
-        return out | {"scatter_hz": None, "sigma": None, "sentence": "one run alone: its frequency is compared with no other's"}
+        return out | {
+            "scatter_hz": None,
+            "sigma": None,
+            "sentence": "one run alone: its frequency is compared with no other's",
+        }
     z, p = scatter(offsets)
     wander = offsets.wander() * hz
     out |= {"scatter_hz": wander, "sigma": z}
     if p > SCATTER:
         sentence = "the runs' frequencies agree within their errors"
-        return out | {"sentence": sentence + (f" once {' and '.join(follows)} is taken into account" if follows else "")}
+        return out | {
+            "sentence": (
+                sentence
+                + (f" once {' and '.join(follows)} is taken into account" if follows else "")
+            )
+        }
     beside = f"beside {' and '.join(follows)} " if follows else ""
     return out | {
-        "sentence": f"{beside}the frequencies of the runs differ by {wander:.3g} Hz from run to run ({z:.3g} sigma); "
-        "nothing in the catalogue follows it, every run keeps a frequency of its own; "
-        + ("log the temperature of every run" if not fit.series.has_temperature else "repeat a run as it was")
+        "sentence": (
+            f"{beside}the frequencies of the runs differ by {wander:.3g} Hz from run to run"
+            f" ({z:.3g} sigma); nothing in the catalogue follows it, every run keeps a frequency of"
+            " its own; "
+            + (
+                "log the temperature of every run"
+                if not fit.series.has_temperature
+                else "repeat a run as it was"
+            )
+        )
     }

@@ -1,6 +1,8 @@
-"""Diagnosis, the closing checks: what the final model must pass before it may be called adequate or explained.
+"""Diagnosis, the closing checks: what the final model must pass before it may be called adequate or
+explained.
 
-Each check looks at the result and not at how it was reached, at the noise that the windows state; one that fails takes the word away.
+Each check looks at the result and not at how it was reached, at the noise that the windows state;
+one that fails takes the word away.
 """
 
 from __future__ import annotations
@@ -19,12 +21,21 @@ from .form import Form
 from .gain import folds_of, predicted
 from .remainder import Remainder
 from .search import Search, is_small
-from .thresholds import BOUND_COST, NOISE_LEVEL, OWN_SIGMA, RUN_PREDICTED, SCALE_FACTORS, WRITTEN, WRITTEN_FORCED
+from .thresholds import (
+    BOUND_COST,
+    NOISE_LEVEL,
+    OWN_SIGMA,
+    RUN_PREDICTED,
+    SCALE_FACTORS,
+    WRITTEN,
+    WRITTEN_FORCED,
+)
 from .written import Written
 
 Array = np.ndarray
 LEAST_INFORMATION = 1e-4
-"""Part of all information on a combination of numbers that the other runs must hold to predict it at all."""
+"""Part of all information on a combination of numbers that the other runs must hold to predict it
+at all."""
 
 
 def word(causes: bool, is_open: bool) -> str:
@@ -44,28 +55,47 @@ def closing_checks(
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
-    level: noise over the stated one that the last fit was weighted with; waveform: entries of the causes that the samples show before
-    any dynamics.
+    level: noise over the stated one that the last fit was weighted with; waveform: entries of the
+    causes that the samples show before any dynamics.
     """
     final = search.final
     return [
-        checks.holds("nothing_left_over", remainder is None, "the residual still follows something that the catalogue does not hold"),
-        checks.holds("catalogued_form", form is None, "a cause has another form than the catalogue's"),
-        checks.goodness(
-            final.chi2 * level**2, final.dof, "the final model leaves more than the noise that the windows state", "chi2_per_dof"
+        checks.holds(
+            "nothing_left_over",
+            remainder is None,
+            "the residual still follows something that the catalogue does not hold",
         ),
-        checks.at_most("noise_level", level, NOISE_LEVEL, f"the noise between the windows is {level:.3g} times what they state"),
+        checks.holds(
+            "catalogued_form", form is None, "a cause has another form than the catalogue's"
+        ),
+        checks.goodness(
+            final.chi2 * level**2,
+            final.dof,
+            "the final model leaves more than the noise that the windows state",
+            "chi2_per_dof",
+        ),
+        checks.at_most(
+            "noise_level",
+            level,
+            NOISE_LEVEL,
+            f"the noise between the windows is {level:.3g} times what they state",
+        ),
         *_whiteness(final),
         *_runs(final),
         *_causes(search, waveform),
         *_physics(final),
-        checks.holds("converged", final.converged and search.base.converged, "a fit stopped before it had settled"),
+        checks.holds(
+            "converged",
+            final.converged and search.base.converged,
+            "a fit stopped before it had settled",
+        ),
         *_written(written, bool(np.any(final.series.forced))),
     ]
 
 
 def _whiteness(fit: Fit) -> Iterator[Check]:
-    """The residual in the wave's own frame, run by run, in the order of time and of what else moves."""
+    """The residual in the wave's own frame, run by run, in the order of time and of what else
+    moves."""
     series = fit.series
     values = np.zeros((*series.weight.shape, 4))
     values[tuple(fit.rows.T)] = fit.residual
@@ -83,25 +113,37 @@ def _whiteness(fit: Fit) -> Iterator[Check]:
     for name, along in orders.items():
         if name != "time" and not np.any(np.ptp(np.where(good, along, along[:, :1]), axis=1) > 0):
             continue
-        runs = [own[k][good[k]][np.argsort(along[k][good[k]], kind="stable")] for k in range(len(own))]
-        yield checks.whiteness(runs, f"what is left is not white in the order of {name.replace('_', ' ')}", f"white_in_{name}")
+        runs = [
+            own[k][good[k]][np.argsort(along[k][good[k]], kind="stable")] for k in range(len(own))
+        ]
+        yield checks.whiteness(
+            runs,
+            f"what is left is not white in the order of {name.replace('_', ' ')}",
+            f"white_in_{name}",
+        )
 
 
 def _runs(fit: Fit) -> Iterator[Check]:
-    """Every run predicted by the others, its own start and frequency fitted on it: errors over what they may be."""
+    """Every run predicted by the others, its own start and frequency fitted on it: errors over what
+    they may be."""
     if len(fit.series.names) < 2:
         return
     kind, folds = folds_of(fit, fewest_runs=2)
     left = predicted(fit, kind, folds)
     level = max(fit.chi2 / fit.dof, 1.0)
-    ratios = [float(np.sqrt(np.mean(left[fold] ** 2) / level)) / _expected(fit, fold) for fold in folds]
+    ratios = [
+        float(np.sqrt(np.mean(left[fold] ** 2) / level)) / _expected(fit, fold) for fold in folds
+    ]
     worst = int(np.argmax(ratios))
     run = fit.series.names[int(fit.rows[folds[worst][0], 0])]
-    yield checks.at_most("runs_predicted", ratios[worst], RUN_PREDICTED, f"run {run} is not predicted by the others")
+    yield checks.at_most(
+        "runs_predicted", ratios[worst], RUN_PREDICTED, f"run {run} is not predicted by the others"
+    )
 
 
 def _expected(fit: Fit, fold: Array) -> float:
-    """rms over σ of a run predicted by the others: its noise, and what they leave unknown of the shared numbers, (1 + tr(J C Jᵀ)/n)^½."""
+    """rms over σ of a run predicted by the others: its noise, and what they leave unknown of the
+    shared numbers, (1 + tr(J C Jᵀ)/n)^½."""
     shared = fit.design.shared[fold]
     if not shared.shape[1]:
         return 1.0
@@ -120,31 +162,55 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
         name = one.variant.effect.name
         _, wald = fit.away(one.variant.effect)
         sigma = float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
-        yield checks.at_least(f"{name}_stands_off_zero", sigma, OWN_SIGMA, f"{name} is no more than {sigma:.2g} of its σ off zero")
+        yield checks.at_least(
+            f"{name}_stands_off_zero",
+            sigma,
+            OWN_SIGMA,
+            f"{name} is no more than {sigma:.2g} of its σ off zero",
+        )
         small = is_small(one.variant.effect, fit.values(name), fit)
-        yield checks.holds(f"{name}_is_small", small, f"{name} came out larger than such a cause can be")
+        yield checks.holds(
+            f"{name}_is_small", small, f"{name} came out larger than such a cause can be"
+        )
     for entry in waveform:
         parameters = entry["parameters"]
         assert isinstance(parameters, dict)
-        known = all(np.isfinite(p["value"]) and np.isfinite(p["std"]) and p["std"] > 0 for p in parameters.values())
-        yield checks.holds(f"{entry['name']}_is_measured", known, f"{entry['name']} has a figure without a standard deviation")
+        known = all(
+            np.isfinite(p["value"]) and np.isfinite(p["std"]) and p["std"] > 0
+            for p in parameters.values()
+        )
+        yield checks.holds(
+            f"{entry['name']}_is_measured",
+            known,
+            f"{entry['name']} has a figure without a standard deviation",
+        )
 
 
 def _physics(fit: Fit) -> Iterator[Check]:
     """Base parameters that a resonator can have."""
     level = max(fit.chi2 / fit.dof, 1.0)
     yield checks.at_most(
-        "passive", fit.bound_cost / level, BOUND_COST, "the damping stands at the bound of a passive resonator and would be beyond it"
+        "passive",
+        fit.bound_cost / level,
+        BOUND_COST,
+        "the damping stands at the bound of a passive resonator and would be beyond it",
     )
     if fit.layout.coordinate("scale_factor") is not None:
         nominal = nominal_scale_factor(fit.series.mode_number)
         value, std = fit.coordinate("scale_factor"), fit.coordinate_std("scale_factor")
         low, high = (part * nominal for part in SCALE_FACTORS)
         sure = value + 3 * std, value - 3 * std
-        text = f"the scale factor came out as {value:.4g}: the rate log has another unit or sign, or the channels are swapped"
+        text = (
+            f"the scale factor came out as {value:.4g}: the rate log has another unit or sign, or"
+            " the channels are swapped"
+        )
         yield checks.at_least("scale_factor_above", sure[0], low, text)
         yield checks.at_most("scale_factor_below", sure[1], high, text)
-    finite = bool(np.all(np.isfinite(fit.point.p)) and np.all(np.isfinite(fit.residual)) and np.all(np.isfinite(fit.covariance)))
+    finite = bool(
+        np.all(np.isfinite(fit.point.p))
+        and np.all(np.isfinite(fit.residual))
+        and np.all(np.isfinite(fit.covariance))
+    )
     yield checks.holds("finite", finite, "a number of the model is not finite")
     yield checks.covariance_is_one(fit.covariance, "the covariance of the fit is none")
 
@@ -152,10 +218,14 @@ def _physics(fit: Fit) -> Iterator[Check]:
 def _written(written: Written | None, driven: bool) -> Iterator[Check]:
     """The file that was written against the fit."""
     if written is None:
-        yield checks.holds("written_model", False, "the extended model could not be simulated from its own file")
+        yield checks.holds(
+            "written_model", False, "the extended model could not be simulated from its own file"
+        )
         return
     text = (
-        f"the extended model simulated from its file misses the measurement by {written.rms_over_noise:.3g} σ rms, "
-        f"the fit by {written.fitted_rms_over_noise:.3g}"
+        "the extended model simulated from its file misses the measurement by"
+        f" {written.rms_over_noise:.3g} σ rms, the fit by {written.fitted_rms_over_noise:.3g}"
     )
-    yield checks.at_most("written_model", written.ratio, WRITTEN_FORCED if driven else WRITTEN, text)
+    yield checks.at_most(
+        "written_model", written.ratio, WRITTEN_FORCED if driven else WRITTEN, text
+    )

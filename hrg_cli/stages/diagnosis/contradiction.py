@@ -9,11 +9,13 @@ from ...fitting.causes.extended_fit import Fit
 GROSS = 1e3
 """χ² a degree of freedom from which it is asked whether the runs are of one gyro."""
 APART = 0.02
-"""Relative distance of two runs' frequencies that no temperature makes: fused silica's 90 ppm/K over 200 K."""
+"""Relative distance of two runs' frequencies that no temperature makes: fused silica's 90 ppm/K
+over 200 K."""
 
 
 def strangers(base: Fit) -> str | None:
-    """A sentence naming the runs on either side of the widest gap between the runs' frequencies, where no one gyro has both; else None."""
+    """A sentence naming the runs on either side of the widest gap between the runs' frequencies,
+    where no one gyro has both; else None."""
     if base.chi2 / base.dof < GROSS:
         return None
     order = np.argsort(base.frequency_hz)
@@ -24,6 +26,7 @@ def strangers(base: Fit) -> str | None:
     first = int(np.argmax(gaps)) + 1
     low, high = ([base.series.names[i] for i in part] for part in (order[:first], order[first:]))
     return (
-        f"the runs are not of one gyro: {', '.join(low)} at {hz[:first].mean():.6g} Hz, {', '.join(high)} at {hz[first:].mean():.6g} Hz, "
-        f"and no model fits both (χ² a degree of freedom {base.chi2 / base.dof:.3g}); diagnose them apart"
+        f"the runs are not of one gyro: {', '.join(low)} at {hz[:first].mean():.6g} Hz,"
+        f" {', '.join(high)} at {hz[first:].mean():.6g} Hz, and no model fits both (χ² a degree of"
+        f" freedom {base.chi2 / base.dof:.3g}); diagnose them apart"
     )

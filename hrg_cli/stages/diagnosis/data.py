@@ -1,4 +1,5 @@
-"""Diagnosis, first step: waves become runs side by side with few rows, and a first guess of the base model."""
+"""Diagnosis, first step: waves become runs side by side with few rows, and a first guess of the
+base model."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ FEWEST, MOST = 120, 1500
 GAP = 2.5
 """Steps over the usual one from which a gap is bridged by empty rows."""
 DEGREES, ENDS = 3, 3
-"""Highest power of time by which a temperature log is smoothed, and rows at its ends that do not count."""
+"""Highest power of time by which a temperature log is smoothed, and rows at its ends that do not
+count."""
 EXACT = 1e-6
 """Misfit, as a part of its range, below which a temperature log is the polynomial."""
 SHAPES = 0.1
@@ -48,21 +50,35 @@ def prepare(
         raise HrgError("there is no run; give at least one wave file")
     modes = sorted({w.mode_number for w in waves})
     if len(modes) > 1:
-        raise HrgError(f"the runs have mode numbers {', '.join(map(str, modes))}, one was expected; diagnose them apart")
+        raise HrgError(
+            f"the runs have mode numbers {', '.join(map(str, modes))}, one was expected; diagnose"
+            " them apart"
+        )
     runs = [envelope_runs.from_wave(w) for w in waves]
     free = [r for r, w in zip(runs, waves, strict=True) if w.mode != "forced"]
     p, offsets = guess(runs, free, waves, scale_factor)
-    fastest = np.array([abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]) + abs(p[5]) * _fastest_turn(r) for r in runs])
+    fastest = np.array(
+        [
+            abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]) + abs(p[5]) * _fastest_turn(r)
+            for r in runs
+        ]
+    )
     span = np.array([r.duration_s for r in runs])
     rows = int(np.clip(np.max(fastest * span / STEP_ANGLE), max(FEWEST, blocks), MOST))
     if coarser > 1:
         rows = min(rows, max(len(run) for run in runs)) // coarser
     thin = [
-        envelope_runs.averaged(r, rows, propagator.carry(p if w.mode != "forced" else _undamped(p), o))
+        envelope_runs.averaged(
+            r, rows, propagator.carry(p if w.mode != "forced" else _undamped(p), o)
+        )
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
     series = side_by_side([bridged(r) for r in thin], waves)
-    shift = 2 * np.pi * (np.array([r.reference_frequency_hz for r in runs]) - series.reference_frequency_hz)
+    shift = (
+        2
+        * np.pi
+        * (np.array([r.reference_frequency_hz for r in runs]) - series.reference_frequency_hz)
+    )
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
 
 
@@ -78,8 +94,14 @@ def _fastest_turn(run: EnvelopeRun) -> float:
     return float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, 0.99))
 
 
-def guess(runs: list[EnvelopeRun], free: list[EnvelopeRun], waves: Sequence[Wave], scale_factor: float | None) -> tuple[Array, Array]:
-    """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs, else roughly."""
+def guess(
+    runs: list[EnvelopeRun],
+    free: list[EnvelopeRun],
+    waves: Sequence[Wave],
+    scale_factor: float | None,
+) -> tuple[Array, Array]:
+    """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs,
+    else roughly."""
     known = Known(scale_factor=scale_factor)
     p, rough_offsets = propagator.rough(runs)
     if scale_factor is not None:
@@ -92,7 +114,11 @@ def guess(runs: list[EnvelopeRun], free: list[EnvelopeRun], waves: Sequence[Wave
             offsets = rough_offsets.copy()
             offsets[[i for i, w in enumerate(waves) if w.mode != "forced"]] = found
     else:
-        damping = [float(np.nanmean(w.drive_main / w.main_amplitude)) for w in waves if w.drive_main is not None]
+        damping = [
+            float(np.nanmean(w.drive_main / w.main_amplitude))
+            for w in waves
+            if w.drive_main is not None
+        ]
         p = np.zeros(COUNT)
         p[0] = damping[0] if damping and np.isfinite(damping[0]) else 0.0
         p[5] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
@@ -102,14 +128,17 @@ def guess(runs: list[EnvelopeRun], free: list[EnvelopeRun], waves: Sequence[Wave
 
 
 def bridged(run: EnvelopeRun) -> EnvelopeRun:
-    """The run with empty rows (σ = ∞) in its gaps, so that no step of the Runge–Kutta rule is longer than the others."""
+    """The run with empty rows (σ = ∞) in its gaps, so that no step of the Runge–Kutta rule is
+    longer than the others."""
     steps = np.diff(run.time_s)
     usual = float(np.median(steps))
     wide = np.flatnonzero(steps > GAP * usual)
     if not len(wide):
         return run
     counts = np.ceil(steps[wide] / usual).astype(int)
-    times = np.concatenate([run.time_s[k] + steps[k] * np.arange(1, n) / n for k, n in zip(wide, counts, strict=True)])
+    times = np.concatenate(
+        [run.time_s[k] + steps[k] * np.arange(1, n) / n for k, n in zip(wide, counts, strict=True)]
+    )
     place = np.repeat(wide + 1, counts - 1)
 
     def filled(values: Array) -> Array:
@@ -137,13 +166,21 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
     for run, wave in zip(runs, waves, strict=True):
         t = run.time_s
         shift = 2 * np.pi * (run.reference_frequency_hz - reference) * t
-        rate = np.interp(t, *_finite(wave.time_s, wave.rate_rad_s)) if _has(wave.rate_rad_s) else np.zeros(len(t))
+        rate = (
+            np.interp(t, *_finite(wave.time_s, wave.rate_rad_s))
+            if _has(wave.rate_rad_s)
+            else np.zeros(len(t))
+        )
         warm = run.temperature_degc if run.temperature_degc is not None else np.zeros(len(t))
         warm = np.interp(t, *_finite(t, warm)) if np.isfinite(warm).any() else np.zeros(len(t))
         smooth = _smoothed(t, warm)
         forced = np.full(len(t), float(wave.mode == "forced"))
         unlogged = wave.mode == "forced" and not _has(wave.drive_main)
-        held = _smoothed(t, _amplitude(run.envelope), pieces=max(24, len(t) // 3), always=True) if unlogged else np.full(len(t), np.nan)
+        held = (
+            _smoothed(t, _amplitude(run.envelope), pieces=max(24, len(t) // 3), always=True)
+            if unlogged
+            else np.full(len(t), np.nan)
+        )
         row = {
             "time_s": t,
             "envelope": run.envelope * np.exp(1j * shift)[:, None],
@@ -164,12 +201,15 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
         std = np.hypot(run.std, _bend(t, row["main_drive"], row["quadrature_drive"]))
-        columns.setdefault("weight", []).append(np.concatenate([1 / std, np.zeros(longest - len(run))]))
+        columns.setdefault("weight", []).append(
+            np.concatenate([1 / std, np.zeros(longest - len(run))])
+        )
     stacked: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
     return Series(
         names=tuple(w.run_id or f"run {k}" for k, w in enumerate(waves)),
         **stacked,
-        turn_rad_s=(stacked["phase_rad"][:, -1] - stacked["phase_rad"][:, 0]) / (stacked["time_s"][:, -1] - stacked["time_s"][:, 0]),
+        turn_rad_s=(stacked["phase_rad"][:, -1] - stacked["phase_rad"][:, 0])
+        / (stacked["time_s"][:, -1] - stacked["time_s"][:, 0]),
         reference_frequency_hz=reference,
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
@@ -195,7 +235,8 @@ def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
 
 
 def _impulse(wave: Wave, name: str, t: Array, forced: Array) -> Array:
-    """∫ of a logged drive command from the log's start to times t, the command straight between its windows; zero where there is none."""
+    """∫ of a logged drive command from the log's start to times t, the command straight between its
+    windows; zero where there is none."""
     values = getattr(wave, name)
     if not forced.any() or not _has(values):
         return np.zeros(len(t))
@@ -208,8 +249,13 @@ def _impulse(wave: Wave, name: str, t: Array, forced: Array) -> Array:
 
 
 def _bend(t: Array, *commands: Array) -> Array:
-    """By how much a row's mean may miss its middle, h²ü/24: what the commands bend of the wave within a row of length h, ü their slope."""
-    return np.gradient(t) ** 2 / 24 * np.sqrt(sum(np.gradient(command, t) ** 2 for command in commands))
+    """By how much a row's mean may miss its middle, h²ü/24: what the commands bend of the wave
+    within a row of length h, ü their slope."""
+    return (
+        np.gradient(t) ** 2
+        / 24
+        * np.sqrt(sum(np.gradient(command, t) ** 2 for command in commands))
+    )
 
 
 def _amplitude(u: Array) -> Array:
@@ -217,7 +263,8 @@ def _amplitude(u: Array) -> Array:
 
 
 def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -> Array:
-    """Temperature by a line or a low polynomial, else by lines through about `pieces` local means where the thermometer is noisy.
+    """Temperature by a line or a low polynomial, else by lines through about `pieces` local means
+    where the thermometer is noisy.
 
     Its slope is then not the noise's.
     """
@@ -225,11 +272,18 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
     if np.ptp(values) == 0:
         return values
     if not always and len(t) > 4 * ENDS:
-        x, inner = (t - t.mean()) / np.ptp(t), slice(ENDS, -ENDS)  # a log's first and last value may have been held beyond it
+        x, inner = (
+            (t - t.mean()) / np.ptp(t),
+            slice(ENDS, -ENDS),
+        )  # a log's first and last value may have been held beyond it
         for degree in range(1, DEGREES + 1):
-            curve = np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x[inner], values[inner], degree))
+            curve = np.polynomial.polynomial.polyval(
+                x, np.polynomial.polynomial.polyfit(x[inner], values[inner], degree)
+            )
             # second differences of white noise are √6 times as large
-            if np.median(np.abs(values - curve)) <= max(1.2 * rough / np.sqrt(6), EXACT * float(np.ptp(values))):
+            if np.median(np.abs(values - curve)) <= max(
+                1.2 * rough / np.sqrt(6), EXACT * float(np.ptp(values))
+            ):
                 return curve
     if len(t) < 2 * min(pieces, 40) or (not always and rough < QUIET * float(np.ptp(values))):
         return values
@@ -245,10 +299,12 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
 
 
 def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Freedom:
-    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell it, the second order's scale at 1.
+    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
+    it, the second order's scale at 1.
 
-    With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale factor fitted there takes up any misfit.
-    Once it is not gross, K may be any that a mode shape makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
+    With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale
+    factor fitted there takes up any misfit. Once it is not gross, K may be any that a mode shape
+    makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
     """
     span = float(series.time_s.max())
     damping = max(abs(float(point.p[0])), 0.01 / span)
@@ -266,10 +322,15 @@ def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Free
 
 
 def shows_scale_factor(series: Series, nominal: float) -> bool:
-    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole period of its splits."""
+    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole
+    period of its splits."""
     good = series.weight > 0
     rates = series.rate_rad_s[good]
     if np.ptp(rates) > DIFFERENT_RATES * np.abs(rates).max(initial=0.0):
         return True
-    turned = [np.ptp(angle[rows]) for angle, rows in zip(series.table_angle_rad, good, strict=True) if rows.any()]
+    turned = [
+        np.ptp(angle[rows])
+        for angle, rows in zip(series.table_angle_rad, good, strict=True)
+        if rows.any()
+    ]
     return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)

@@ -1,4 +1,5 @@
-"""Diagnosis: the resonator of the extended model as a record of its own, so that what takes a resonator takes this one."""
+"""Diagnosis: the resonator of the extended model as a record of its own, so that what takes a
+resonator takes this one."""
 
 from __future__ import annotations
 
@@ -12,13 +13,18 @@ SURE = ("adequate", "explained")
 
 
 def extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
-    """The base parameters beside the causes found, with their covariance; None where the report holds no values.
+    """The base parameters beside the causes found, with their covariance; None where the report
+    holds no values.
 
-    Suspect unless the verdict says that nothing is left: parameters of a model that misses something are only as good as the model.
+    Suspect unless the verdict says that nothing is left: parameters of a model that misses
+    something are only as good as the model.
     """
     try:
         report = json.loads(diagnosis.report)
-        rows = [(str(v["name"]), float(v["value"]), float(v["std"]), str(v["units"])) for v in report["values"]]
+        rows = [
+            (str(v["name"]), float(v["value"]), float(v["std"]), str(v["units"]))
+            for v in report["values"]
+        ]
     except (ValueError, KeyError, TypeError):
         return None
     if not rows:
@@ -37,7 +43,16 @@ def extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
         mode_number=int(report.get("mode_number", 2)),
         gyro_id=diagnosis.gyro_id,
         chi2_per_dof=float((report.get("after") or {}).get("chi2_per_dof", np.nan)),
-        details=json.dumps({"verdict": diagnosis.verdict, "effects": [e.get("name") for e in report.get("effects", [])]}),
+        details=json.dumps(
+            {
+                "verdict": diagnosis.verdict,
+                "effects": [e.get("name") for e in report.get("effects", [])],
+            }
+        ),
     )
-    left_open = [] if diagnosis.verdict in SURE else [f"the model is not whole: its verdict is {diagnosis.verdict}"]
+    left_open = (
+        []
+        if diagnosis.verdict in SURE
+        else [f"the model is not whole: its verdict is {diagnosis.verdict}"]
+    )
     return record.judged(left_open)

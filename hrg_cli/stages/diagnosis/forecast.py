@@ -1,10 +1,13 @@
-"""Diagnosis, the forecast: how much better data are predicted that nothing of the model has seen, the choice of the causes included.
+"""Diagnosis, the forecast: how much better data are predicted that nothing of the model has seen,
+the choice of the causes included.
 
-With four runs or more half of the runs are held out, then the other half; with fewer the last part of every run. On the rest the base model
-is fitted, the causes are *chosen* and fitted anew, and both models predict what was held out: a run from its own start and frequency, the
-last part of a run from nothing but its first. The whole wave counts, its phase included:
+With four runs or more half of the runs are held out, then the other half; with fewer the last part
+of every run. On the rest the base model is fitted, the causes are *chosen* and fitted anew, and
+both models predict what was held out: a run from its own start and frequency, the last part of a
+run from nothing but its first. The whole wave counts, its phase included:
     e = |C − Ĉ|² + |S − Ŝ|²,   ratio = (Σe_base / Σe_causes)^½.
-The interval is that of a bootstrap over blocks of what was held out, each with its own draw of what the training taught.
+The interval is that of a bootstrap over blocks of what was held out, each with its own draw of what
+the training taught.
 """
 
 from __future__ import annotations
@@ -31,28 +34,33 @@ TRAIN = 0.7
 FEWEST_ROWS, BLOCKS, DRAWS = 40, 8, 400
 COURSE_POINTS = 60
 UNTAUGHT = 3.0
-"""Times its σ from all data beyond which a cause is not known from a part of them, so that what it predicts there says nothing of it."""
+"""Times its σ from all data beyond which a cause is not known from a part of them, so that what it
+predicts there says nothing of it."""
 
 
 @dataclass(frozen=True)
 class Fold:
-    """Data split in two: series with weight on what teaches, rows (R, n) to be predicted, whether those are whole runs."""
+    """Data split in two: series with weight on what teaches, rows (R, n) to be predicted, whether
+    those are whole runs."""
 
     train: Series
     test: Array
     whole_runs: bool
 
     def taught(self, point: Point) -> Point:
-        """A point of all runs for those that teach, found by number: pieces of one run have its name in common."""
+        """A point of all runs for those that teach, found by number: pieces of one run have its
+        name in common."""
         kept = self.train.numbers
         return replace(point, start=point.start[kept], offset_rad_s=point.offset_rad_s[kept])
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of a forecast at the rows held out: run (k,), time (k,), measured less predicted (k, 4), relative wave errors (k, 4).
+    """Errors of a forecast at the rows held out: run (k,), time (k,), measured less predicted (k,
+    4), relative wave errors (k, 4).
 
-    `parts`: δmθ, δ ln a, δr and δφ (k, 4); `learned` (k, 4, m): what one σ of each of m combinations of the parameters moves the errors by.
+    `parts`: δmθ, δ ln a, δr and δφ (k, 4); `learned` (k, 4, m): what one σ of each of m
+    combinations of the parameters moves the errors by.
     """
 
     run: Array
@@ -68,8 +76,12 @@ class Errors:
 
     def drawn(self, random: np.random.Generator) -> Array:
         """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
-        other = self.learned.reshape(-1, self.learned.shape[-1]) @ random.standard_normal((self.learned.shape[-1], DRAWS))
-        return np.sum((self.difference[..., None] + other.reshape(*self.difference.shape, DRAWS)) ** 2, axis=1)
+        other = self.learned.reshape(-1, self.learned.shape[-1]) @ random.standard_normal(
+            (self.learned.shape[-1], DRAWS)
+        )
+        return np.sum(
+            (self.difference[..., None] + other.reshape(*self.difference.shape, DRAWS)) ** 2, axis=1
+        )
 
 
 def folds_of(series: Series) -> list[Fold]:
@@ -78,18 +90,33 @@ def folds_of(series: Series) -> list[Fold]:
     runs = len(series.names)
     if runs >= FEWEST_RUNS:
         halves = [np.arange(runs) % 2 == k for k in (0, 1)]
-        return [Fold(series.runs(np.flatnonzero(~half).tolist()), good & half[:, None], True) for half in halves]
+        return [
+            Fold(series.runs(np.flatnonzero(~half).tolist()), good & half[:, None], True)
+            for half in halves
+        ]
     first, last = series.time_s[:, 0], np.max(series.time_s, axis=1, where=good, initial=-np.inf)
     keep = good & (series.time_s <= (first + TRAIN * (last - first))[:, None])
     if keep.sum(axis=1).min() < FEWEST_ROWS or (good & ~keep).sum() < BLOCKS:
         return []
-    return [Fold(replace(series, weight=np.where(keep, series.weight, 0.0), unsettled=None), good & ~keep, False)]
+    return [
+        Fold(
+            replace(series, weight=np.where(keep, series.weight, 0.0), unsettled=None),
+            good & ~keep,
+            False,
+        )
+    ]
 
 
 def forecast(
-    search: Search, candidates: Sequence[Variant], noise_factor: float, most: int, unit: str, seed: int = 0
+    search: Search,
+    candidates: Sequence[Variant],
+    noise_factor: float,
+    most: int,
+    unit: str,
+    seed: int = 0,
 ) -> dict[str, Any] | None:
-    """The forecast with causes chosen inside each fold, in the signals' unit; None where no fold can be made or fitted.
+    """The forecast with causes chosen inside each fold, in the signals' unit; None where no fold
+    can be made or fitted.
 
     search: that of all data, whose base fit is where each fold's fit starts; most: causes at most.
     """
@@ -108,7 +135,9 @@ def forecast(
     random = np.random.default_rng(seed)
     rows = sum(len(e.run) for e in before)
     ratio, low, high, std = gain_of(before, after, random)
-    levels = [float(np.sqrt(sum(e.square.sum() for e in side) / (2 * rows))) for side in (before, after)]
+    levels = [
+        float(np.sqrt(sum(e.square.sum() for e in side) / (2 * rows))) for side in (before, after)
+    ]
     held = "runs" if len(base.series.names) >= FEWEST_RUNS else "time"
     found = {
         "held_out": held,
@@ -137,14 +166,26 @@ def trained(base: Fit, fold: Fold) -> Fit:
 
 def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
     """What a training fit misses of the rows held out."""
-    series = replace(base.series, weight=np.where(fold.test, base.series.weight, 0.0), unsettled=None)
+    series = replace(
+        base.series, weight=np.where(fold.test, base.series.weight, 0.0), unsettled=None
+    )
     if fold.whole_runs:
         # a run's start and frequency are its own: they are fitted on it, everything shared is held
         kept = np.flatnonzero(fold.test.any(axis=1))
         series = series.runs(kept.tolist())
-        still = tuple((replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v) for e, v in fit.point.active)
-        point = replace(fit.point, start=base.point.start[kept], offset_rad_s=base.point.offset_rad_s[kept], active=still)
-        own = extended_fit.fit(series, point, Freedom(fit.point.p, np.zeros(len(fit.point.p)), passive=False))
+        still = tuple(
+            (replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v)
+            for e, v in fit.point.active
+        )
+        point = replace(
+            fit.point,
+            start=base.point.start[kept],
+            offset_rad_s=base.point.offset_rad_s[kept],
+            active=still,
+        )
+        own = extended_fit.fit(
+            series, point, Freedom(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
+        )
         prediction, layout, covariance, names = own.prediction, own.layout, own.covariance, kept
     else:
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
@@ -155,21 +196,30 @@ def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
     weight = series.weight[run, row]
     learned = (design.whole() @ _root(covariance)).reshape(len(run), 4, -1) / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]
-    misfit = max(1.0, fit.chi2 / fit.dof)  # a model that misses its own training by more than the noise is trusted that much less
+    misfit = max(
+        1.0, fit.chi2 / fit.dof
+    )  # a model that misses its own training by more than the noise is trusted that much less
     parts = _parts(measured, said)
-    return Errors(names[run], series.time_s[run, row], real(measured - said), parts, np.sqrt(misfit) * learned)
+    return Errors(
+        names[run], series.time_s[run, row], real(measured - said), parts, np.sqrt(misfit) * learned
+    )
 
 
 def predicts_worse(final: Fit, name: str, base: Fit, folds: Sequence[Fold]) -> bool:
-    """Whether what is held out is predicted no better with a cause than without it, fitted each time to the training data alone.
+    """Whether what is held out is predicted no better with a cause than without it, fitted each
+    time to the training data alone.
 
-    Folds whose training does not know the cause (`UNTAUGHT`) are left out; none left: it cannot be said, and is not.
+    Folds whose training does not know the cause (`UNTAUGHT`) are left out; none left: it cannot be
+    said, and is not.
     """
     with_it = without_it = 0.0
     for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
             taught = extended_fit.fit(fold.train, fold.taught(final.point), final.freedom)
-            ratio = [taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300) for p in final.layout.parameters(name)]
+            ratio = [
+                taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300)
+                for p in final.layout.parameters(name)
+            ]
             if not ratio or max(ratio) > UNTAUGHT * (np.sqrt(2) if fold.whole_runs else 1.0):
                 continue
             reduced = leaving_out(taught, name)
@@ -181,8 +231,11 @@ def predicts_worse(final: Fit, name: str, base: Fit, folds: Sequence[Fold]) -> b
     return with_it > without_it
 
 
-def gain_of(before: Sequence[Errors], after: Sequence[Errors], random: np.random.Generator) -> tuple[float, float, float, float]:
-    """(ratio of the errors, 2.5 % and 97.5 % quantile, standard deviation): blocks drawn with replacement, each with its own teaching."""
+def gain_of(
+    before: Sequence[Errors], after: Sequence[Errors], random: np.random.Generator
+) -> tuple[float, float, float, float]:
+    """(ratio of the errors, 2.5 % and 97.5 % quantile, standard deviation): blocks drawn with
+    replacement, each with its own teaching."""
     sums: list[list[Array]] = [[], []]
     for pair in zip(before, after, strict=True):
         blocks = [b for b in np.array_split(np.arange(len(pair[0].run)), BLOCKS) if len(b)]
@@ -214,12 +267,23 @@ def _parts(measured: Array, said: Array) -> Array:
     turn = angle - angle_said
     half = np.round(turn / np.pi)  # (mθ + π, φ + π) is the same wave
     shift = phase - phase_said - np.pi * half
-    return np.stack([turn - np.pi * half, np.log(a / a_said), b / a - b_said / a_said, np.angle(np.exp(1j * shift))], axis=1)
+    return np.stack(
+        [
+            turn - np.pi * half,
+            np.log(a / a_said),
+            b / a - b_said / a_said,
+            np.angle(np.exp(1j * shift)),
+        ],
+        axis=1,
+    )
 
 
 def _root_mean_squares(sides: Sequence[Errors], mode_number: int) -> dict[str, float]:
-    """Of all folds together: degrees of the wave angle and of the phase, amplitude and quadrature in per cent of the amplitude."""
-    angle, amplitude, quadrature, phase = np.sqrt(np.mean(np.concatenate([e.parts for e in sides]) ** 2, axis=0))
+    """Of all folds together: degrees of the wave angle and of the phase, amplitude and quadrature
+    in per cent of the amplitude."""
+    angle, amplitude, quadrature, phase = np.sqrt(
+        np.mean(np.concatenate([e.parts for e in sides]) ** 2, axis=0)
+    )
     return {
         "angle_deg": float(np.degrees(angle) / mode_number),
         "amplitude_percent": float(100 * amplitude),
@@ -240,10 +304,14 @@ def _course(before: Errors, after: Errors, series: Series) -> list[dict[str, Any
     for k in np.unique(before.run):
         rows = np.flatnonzero(before.run == k)
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, COURSE_POINTS).astype(int))]
-        one: dict[str, Any] = {"run": series.names[int(k)], "time_s": [float(f"{t:.6g}") for t in before.time_s[rows]]}
+        one: dict[str, Any] = {
+            "run": series.names[int(k)],
+            "time_s": [float(f"{t:.6g}") for t in before.time_s[rows]],
+        }
         for name, errors in (("before", before), ("after", after)):
             one[name] = {
-                word: [float(f"{v:.6g}") for v in unit * errors.parts[rows, column]] for column, (word, unit) in enumerate(units.items())
+                word: [float(f"{v:.6g}") for v in unit * errors.parts[rows, column]]
+                for column, (word, unit) in enumerate(units.items())
             }
         out.append(one)
     return out
@@ -259,6 +327,7 @@ def sentence(report: dict[str, Any]) -> str:
     names = list(dict.fromkeys(name for fold in report["chosen"] for name in fold))
     by = f"with {', '.join(names)}" if names else "no cause was chosen there"
     return (
-        f"{what}: {report['before']:.3g} → {report['after']:.3g} {report['unit']} rms, phase included ({by}); "
-        f"{report['ratio']:.3g} times as good, 95 % between {report['low']:.3g} and {report['high']:.3g}"
+        f"{what}: {report['before']:.3g} → {report['after']:.3g} {report['unit']} rms, phase"
+        f" included ({by}); {report['ratio']:.3g} times as good, 95 % between {report['low']:.3g}"
+        f" and {report['high']:.3g}"
     )

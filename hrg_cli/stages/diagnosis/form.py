@@ -1,8 +1,11 @@
-"""Diagnosis, the functional form of a damping that changes: the power of the amplitude it follows, and what physics forbids.
+"""Diagnosis, the functional form of a damping that changes: the power of the amplitude it follows,
+and what physics forbids.
 
-A passive resonator's linear damping is nowhere negative: ν − |νδμ| ≥ 0. A catalogued damping that needs it negative has the wrong
-form, and so has one whose power, left free, comes out as another. Another shape takes its place. Where ν is forbidden even with the power
-free, those that physics allows stand against each other, and the ones that χ² does not tell from the best are named beside it.
+A passive resonator's linear damping is nowhere negative: ν − |νδμ| ≥ 0. A catalogued damping that
+needs it negative has the wrong form, and so has one whose power, left free, comes out as another.
+Another shape takes its place. Where ν is forbidden even with the power free, those that physics
+allows stand against each other, and the ones that χ² does not tell from the best are named beside
+it.
 """
 
 from __future__ import annotations
@@ -17,7 +20,19 @@ import numpy as np
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
 from .search import Found, Search, Variant, adopted, as_fitted, bic, scored
-from .shapes import FREE, NAME, PASSIVE, SUPPLIED, Shape, effect_of, in_shape, in_the_catalogue, level_of, power_of, values
+from .shapes import (
+    FREE,
+    NAME,
+    PASSIVE,
+    SUPPLIED,
+    Shape,
+    effect_of,
+    in_shape,
+    in_the_catalogue,
+    level_of,
+    power_of,
+    values,
+)
 from .thresholds import WORTH
 
 Array = np.ndarray
@@ -26,7 +41,8 @@ FORBIDDEN = 2.0
 DIFFERENT = 4.0
 """σ by which a fitted power must differ from the catalogue's."""
 PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
-"""Score in σ from which a cause is refitted beside the new form, the most that are, and in how many steps."""
+"""Score in σ from which a cause is refitted beside the new form, the most that are, and in how many
+steps."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +55,8 @@ class Tried:
 
 @dataclass(frozen=True)
 class Form:
-    """The better form: shape, power, ν_n at a₀ and ν with σ; ν with the catalogue's and χ² of both; what it is not told from."""
+    """The better form: shape, power, ν_n at a₀ and ν with σ; ν with the catalogue's and χ² of both;
+    what it is not told from."""
 
     shape: Shape
     power: tuple[float, float]
@@ -68,13 +85,15 @@ class Form:
     def sentence(self) -> str:
         """What is wrong with the catalogue's form and what is better."""
         why = (
-            f"would need a linear damping of {_with_std(self.catalogue_1_s)} 1/s along its weaker axis, which physics forbids"
+            f"would need a linear damping of {_with_std(self.catalogue_1_s)} 1/s along its weaker"
+            " axis, which physics forbids"
             if self.forbidden
             else f"falls short by {self.chi2_catalogue - self.chi2:.3g} in χ²"
         )
         power, power_std = self.power
         better = (
-            f"a linear damping of {_with_std(self.linear_1_s)} 1/s beside {self.shape.words} that no log tells of"
+            f"a linear damping of {_with_std(self.linear_1_s)} 1/s beside {self.shape.words} that"
+            " no log tells of"
             if self.shape.supplied
             else f"{self.shape.words}, n = {power:.2f} ± {power_std:.2f}"
         )
@@ -85,11 +104,16 @@ class Form:
         return text + (f"; not told apart from {' and '.join(self.rivals)}" if self.rivals else "")
 
     def amended(self, effect: dict[str, Any]) -> dict[str, Any]:
-        """The report's entry of the damping, its z that of ν_n at a₀: at unit amplitude level and power are hardly told apart."""
+        """The report's entry of the damping, its z that of ν_n at a₀: at unit amplitude level and
+        power are hardly told apart."""
         if effect["name"] != NAME:
             return effect
         z = self.level_1_s[0] / self.level_1_s[1]
-        return effect | {"z": z, "p_value": float(np.exp(-0.5 * min(z**2, 1400.0))), "form": self.formula}
+        return effect | {
+            "z": z,
+            "p_value": float(np.exp(-0.5 * min(z**2, 1400.0))),
+            "form": self.formula,
+        }
 
     def completed(self, remainder: dict[str, Any] | None) -> dict[str, Any]:
         """The remainder with what the catalogue's form leaves open in front."""
@@ -100,7 +124,10 @@ class Form:
             "covariate": "amplitude",
             "harmonic": None,
             "formula": self.formula,
-            "power": {"value": self.power[0], "std": None if self.shape.supplied else self.power[1]},
+            "power": {
+                "value": self.power[0],
+                "std": None if self.shape.supplied else self.power[1],
+            },
             "shapes": [{"name": t.shape.words, "chi2": t.chi2} for t in self.tried],
             "terms": terms,
         }
@@ -122,16 +149,24 @@ def least_damping(fit: Fit) -> tuple[float, float]:
     return float(p[0]) - size, float(np.sqrt(max(variance, 0.0)))
 
 
-def better(search: Search, candidates: Sequence[Variant], noise_factor: float, most: int) -> tuple[Search, Form | None]:
-    """The search with the damping's better form in the catalogue's place, or as it was where that serves.
+def better(
+    search: Search, candidates: Sequence[Variant], noise_factor: float, most: int
+) -> tuple[Search, Form | None]:
+    """The search with the damping's better form in the catalogue's place, or as it was where that
+    serves.
 
-    Causes that the search added to a form that fits only roughly are sought again beside the better one.
+    Causes that the search added to a form that fits only roughly are sought again beside the better
+    one.
     """
     place = next((f for f in search.found if f.variant.effect.name == NAME), None)
     if place is None:
         return search, None
     with contextlib.suppress(extended_fit.DivergedError):
-        old = search.final if len(search.found) == 1 else adopted(search.base, place.score, place.variant)
+        old = (
+            search.final
+            if len(search.found) == 1
+            else adopted(search.base, place.score, place.variant)
+        )
         inflate, amplitude = noise_factor**0.5, extended_fit.amplitude_of(old.series)
         low, low_std = least_damping(old)
         forbidden = _forbidden(old, noise_factor)
@@ -148,7 +183,8 @@ def better(search: Search, candidates: Sequence[Variant], noise_factor: float, m
             shape, fit = min(allowed, key=lambda pair: bic(pair[1]))
             tried = tuple(Tried(s, f.chi2) for s, f in allowed)
         fit, others = _beside(fit, candidates, noise_factor, most - 1)
-        # what a missing cause would do must not be taken for a forbidden damping: a model that physics allows has to be beaten
+        # what a missing cause would do must not be taken for a forbidden damping: a model that
+        # physics allows has to be beaten
         if not _forbidden(search.final, noise_factor) and bic(fit) > bic(search.final):
             return search, None
         final = in_the_catalogue(fit, shape, amplitude)
@@ -156,9 +192,20 @@ def better(search: Search, candidates: Sequence[Variant], noise_factor: float, m
         def real(value: float, std: float) -> tuple[float, float]:
             return value, inflate * std
 
-        linear = real(float(final.point.p[0]), final.coordinate_std("damping") if shape.linear else 0.0)
+        linear = real(
+            float(final.point.p[0]), final.coordinate_std("damping") if shape.linear else 0.0
+        )
         numbers = (real(*power_of(final)), real(*level_of(final, amplitude)), linear, amplitude)
-        form = Form(shape, *numbers, forbidden, real(low, low_std), old.chi2, final.chi2, place.rivals, tried)
+        form = Form(
+            shape,
+            *numbers,
+            forbidden,
+            real(low, low_std),
+            old.chi2,
+            final.chi2,
+            place.rivals,
+            tried,
+        )
         fitted = {p.name: 1.0 for p in effect_of(shape).fitted()}
         own = replace(place, variant=Variant(effect_of(shape), values(final), fitted))
         last = tuple(s for s, _ in scored(final, candidates))
@@ -167,29 +214,43 @@ def better(search: Search, candidates: Sequence[Variant], noise_factor: float, m
 
 
 def _forbidden(fit: Fit, noise_factor: float) -> bool:
-    """Whether the damping stands at the bound of a passive resonator, and would be clearly beyond it if it might."""
+    """Whether the damping stands at the bound of a passive resonator, and would be clearly beyond
+    it if it might."""
     return fit.bound_cost > FORBIDDEN**2 * noise_factor
 
 
 def _another(old: Fit, free: Fit, noise_factor: float) -> bool:
     """Whether the power, left free, is another than the catalogue's."""
     power, power_std = power_of(free)
-    return abs(power - 2) > DIFFERENT * power_std * noise_factor**0.5 and old.chi2 - free.chi2 > WORTH * noise_factor
+    return (
+        abs(power - 2) > DIFFERENT * power_std * noise_factor**0.5
+        and old.chi2 - free.chi2 > WORTH * noise_factor
+    )
 
 
 def _allowed(old: Fit, noise_factor: float) -> list[tuple[Shape, Fit]]:
-    """The shapes without a forbidden linear damping that the data do not tell from the best of them."""
-    fits = [(shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := in_shape(old, shape)) is not None]
+    """The shapes without a forbidden linear damping that the data do not tell from the best of
+    them."""
+    fits = [
+        (shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := in_shape(old, shape)) is not None
+    ]
     fits = [(s, f) for s, f in fits if not s.linear or not _forbidden(f, noise_factor)]
     level = min((bic(f) for _, f in fits), default=0.0)
     return [(s, f) for s, f in fits if bic(f) < level + WORTH * noise_factor]
 
 
-def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: int) -> tuple[Fit, list[Found]]:
-    """Forward selection with every promising cause refitted; of causes not told apart the one with the fewest parameters stands first."""
+def _beside(
+    fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: int
+) -> tuple[Fit, list[Found]]:
+    """Forward selection with every promising cause refitted; of causes not told apart the one with
+    the fewest parameters stands first."""
     found: list[Found] = []
     while len(found) < most:
-        ranked = [(s, v) for s, v in scored(fit, candidates) if s.visible and s.z > PROMISING * noise_factor**0.5]
+        ranked = [
+            (s, v)
+            for s, v in scored(fit, candidates)
+            if s.visible and s.z > PROMISING * noise_factor**0.5
+        ]
         trials = []
         for score, variant in ranked[:SHORTLIST]:
             with contextlib.suppress(extended_fit.DivergedError):
@@ -201,6 +262,14 @@ def _beside(fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: 
         near = [t for t in trials if bic(t[0]) < level + WORTH * noise_factor]
         best, score, variant = min(near, key=lambda t: (t[1].rank, t[0].chi2))
         rivals = tuple(t[2].effect.name for t in near if t[0] is not best)
-        found.append(Found(as_fitted(variant, best), score, len(ranked), (bic(fit) - bic(best)) / noise_factor, rivals))
+        found.append(
+            Found(
+                as_fitted(variant, best),
+                score,
+                len(ranked),
+                (bic(fit) - bic(best)) / noise_factor,
+                rivals,
+            )
+        )
         fit = extended_fit.fit(best.series, best.point, best.freedom)
     return fit, found

@@ -1,4 +1,5 @@
-"""Diagnosis, the gain: how much better runs are predicted that the extended model was not fitted to."""
+"""Diagnosis, the gain: how much better runs are predicted that the extended model was not fitted
+to."""
 
 from __future__ import annotations
 
@@ -25,15 +26,19 @@ PPM = 1e6
 
 @dataclass(frozen=True)
 class Gain:
-    """Held out by whole "runs" or blocks of "time": squared errors over σ, and what they are as drift, angle and amplitude."""
+    """Held out by whole "runs" or blocks of "time": squared errors over σ, and what they are as
+    drift, angle and amplitude."""
 
     kind: str
     errors: HeldOut
     quantities: dict[str, dict[str, float]]
 
 
-def folds_of(fit: Fit, origin: Sequence[int] | None = None, fewest_runs: int = FEWEST_RUNS) -> tuple[str, list[Array]]:
-    """("runs", one fold a run) with four runs or more, else ("time", blocks of time across all runs): indices into the residual.
+def folds_of(
+    fit: Fit, origin: Sequence[int] | None = None, fewest_runs: int = FEWEST_RUNS
+) -> tuple[str, list[Array]]:
+    """("runs", one fold a run) with four runs or more, else ("time", blocks of time across all
+    runs): indices into the residual.
 
     `origin`: which recorded run each of the fit's runs is a piece of.
     """
@@ -47,23 +52,33 @@ def folds_of(fit: Fit, origin: Sequence[int] | None = None, fewest_runs: int = F
     for k in runs:
         own = whole == k
         first, last = time[own].min(), time[own].max()
-        block[own] = np.minimum((time[own] - first) / (last - first) * TIME_BLOCKS, TIME_BLOCKS - 1).astype(int)
+        block[own] = np.minimum(
+            (time[own] - first) / (last - first) * TIME_BLOCKS, TIME_BLOCKS - 1
+        ).astype(int)
     return "time", [np.flatnonzero(block == b) for b in range(TIME_BLOCKS)]
 
 
 def predicted(fit: Fit, kind: str, folds: list[Array]) -> Array:
-    """Whitened residual (N,) of every fold, predicted from the others (linearised at the optimum)."""
+    """Whitened residual (N,) of every fold, predicted from the others (linearised at the
+    optimum)."""
     prior = coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
         own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
-        return evidence.predicted(fit.residual, fit.design.shared, own, folds, prior[:, fit.design.places])
+        return evidence.predicted(
+            fit.residual, fit.design.shared, own, folds, prior[:, fit.design.places]
+        )
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
     return evidence.predicted(fit.residual, fit.design.whole(), own, folds, prior)
 
 
 def _own(fit: Fit, rows: Array) -> Array:
-    """Columns of a fold's own runs on its rows, (N_f, q); the rows of a fold are those of whole runs, in order."""
-    blocks = [values for block, _, values in fit.design.own if rows[0] <= block.start and block.stop <= rows[-1] + 1]
+    """Columns of a fold's own runs on its rows, (N_f, q); the rows of a fold are those of whole
+    runs, in order."""
+    blocks = [
+        values
+        for block, _, values in fit.design.own
+        if rows[0] <= block.start and block.stop <= rows[-1] + 1
+    ]
     out = np.zeros((len(rows), sum(b.shape[1] for b in blocks)))
     row = column = 0
     for b in blocks:
@@ -72,26 +87,46 @@ def _own(fit: Fit, rows: Array) -> Array:
     return out
 
 
-def held_out(before: Fit, after: Fit, origin_before: Sequence[int] | None = None, origin_after: Sequence[int] | None = None) -> Gain:
-    """Held-out errors of two fits of the same runs; `origin_…`: the recorded run of each of their pieces."""
+def held_out(
+    before: Fit,
+    after: Fit,
+    origin_before: Sequence[int] | None = None,
+    origin_after: Sequence[int] | None = None,
+) -> Gain:
+    """Held-out errors of two fits of the same runs; `origin_…`: the recorded run of each of their
+    pieces."""
     kind, first, old = _errors(before, origin_before)
     kind, second, new = (kind, first, old) if after is before else _errors(after, origin_after)
     names = [name for name in old if name in new]
     quantities = {
-        name: {"before": old[name][0], "before_std": old[name][1], "after": new[name][0], "after_std": new[name][1]} for name in names
+        name: {
+            "before": old[name][0],
+            "before_std": old[name][1],
+            "after": new[name][0],
+            "after_std": new[name][1],
+        }
+        for name in names
     }
     return Gain(kind, HeldOut(first, second), quantities)
 
 
-def _errors(fit: Fit, origin: Sequence[int] | None) -> tuple[str, Array, dict[str, tuple[float, float]]]:
-    """(How it is held out, mean squared error over σ of every fold, what that is as drift, angle and amplitude)."""
+def _errors(
+    fit: Fit, origin: Sequence[int] | None
+) -> tuple[str, Array, dict[str, tuple[float, float]]]:
+    """(How it is held out, mean squared error over σ of every fold, what that is as drift, angle
+    and amplitude)."""
     kind, folds = folds_of(fit, origin)
     left = predicted(fit, kind, folds)
-    return kind, np.array([float(np.mean(left[fold] ** 2)) for fold in folds]), _quantities(fit, left, folds)
+    return (
+        kind,
+        np.array([float(np.mean(left[fold] ** 2)) for fold in folds]),
+        _quantities(fit, left, folds),
+    )
 
 
 def predicts_better(before: Fit, after: Fit) -> bool:
-    """Whether what was left out is predicted better by runs, or, where single runs alone show a cause, by blocks of time."""
+    """Whether what was left out is predicted better by runs, or, where single runs alone show a
+    cause, by blocks of time."""
     kinds = (FEWEST_RUNS, len(before.series.names) + 1)
     for fewest in kinds:
         kind, folds = folds_of(before, fewest_runs=fewest)
@@ -101,7 +136,8 @@ def predicts_better(before: Fit, after: Fit) -> bool:
 
 
 def _quantities(fit: Fit, left: Array, folds: list[Array]) -> dict[str, tuple[float, float]]:
-    """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle mθ and of the amplitude (ppm)."""
+    """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
+    mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
     errors = np.zeros((*series.weight.shape, 4))
     errors[tuple(fit.rows.T)] = left
@@ -110,7 +146,11 @@ def _quantities(fit: Fit, left: Array, folds: list[Array]) -> dict[str, tuple[fl
     turn, e_A, e_B, a_A = frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A
-    out: dict[str, list[float]] = {"drift_error_deg_h": [], "angle_error_ppm": [], "amplitude_error_ppm": []}
+    out: dict[str, list[float]] = {
+        "drift_error_deg_h": [],
+        "angle_error_ppm": [],
+        "amplitude_error_ppm": [],
+    }
     for fold in folds:
         run, row = fit.rows[fold[::4], :2].T  # four residuals a row
         slopes = []
@@ -119,7 +159,9 @@ def _quantities(fit: Fit, left: Array, folds: list[Array]) -> dict[str, tuple[fl
                 if len(piece) > 2:
                     t = series.time_s[k, piece] - series.time_s[k, piece].mean()
                     slopes.append(t @ angle[k, piece] / (t @ t))
-        out["drift_error_deg_h"].append(float(np.mean(np.square(slopes))) / DEGREE_PER_HOUR**2 if slopes else 0.0)
+        out["drift_error_deg_h"].append(
+            float(np.mean(np.square(slopes))) / DEGREE_PER_HOUR**2 if slopes else 0.0
+        )
         out["angle_error_ppm"].append(float(np.mean(angle[run, row] ** 2)) * PPM**2)
         out["amplitude_error_ppm"].append(float(np.mean(amplitude[run, row] ** 2)) * PPM**2)
     return {name: _root(np.array(squares)) for name, squares in out.items()}

@@ -1,4 +1,5 @@
-"""Diagnosis, odd harmonics: clipping where samples were clipped, the converter where they are many, else the pick-off's cubic."""
+"""Diagnosis, odd harmonics: clipping where samples were clipped, the converter where they are many,
+else the pick-off's cubic."""
 
 from __future__ import annotations
 
@@ -20,8 +21,11 @@ CLIPPED_PEAK = 4 / np.pi
 """Fundamental of a wave that is clipped to a square, over the level."""
 
 
-def nonlinear(waves: Sequence[Wave], harmonics: dict[int, Line], codes: Sequence[Line], found: Sequence[str]) -> list[dict[str, Any]]:
-    """What the odd harmonics are, as entries; none where the dynamics found a read-out that makes them (`found`)."""
+def nonlinear(
+    waves: Sequence[Wave], harmonics: dict[int, Line], codes: Sequence[Line], found: Sequence[str]
+) -> list[dict[str, Any]]:
+    """What the odd harmonics are, as entries; none where the dynamics found a read-out that makes
+    them (`found`)."""
     odd = [n for n in sorted(harmonics) if n % 2]
     if {"pickoff_nonlinearity", "saturation", "converter_nonlinearity"} & set(found):
         return []
@@ -36,15 +40,25 @@ def nonlinear(waves: Sequence[Wave], harmonics: dict[int, Line], codes: Sequence
     cubic = 4 * float(np.max(line.amplitude)) / size**3
     if not 0 < cubic * size**2 < CUBIC_LARGEST:
         return []
-    offer = entry("pickoff_nonlinearity", float(np.sqrt(2 * line.ratio)), {"cubic": (cubic, cubic, "amplitude-2")}, 2 * line.ratio)
-    known = {"magnitude": {"cubic": cubic}, "magnitude_std": {"cubic": cubic / np.sqrt(2 * line.ratio)}}
+    offer = entry(
+        "pickoff_nonlinearity",
+        float(np.sqrt(2 * line.ratio)),
+        {"cubic": (cubic, cubic, "amplitude-2")},
+        2 * line.ratio,
+    )
+    known = {
+        "magnitude": {"cubic": cubic},
+        "magnitude_std": {"cubic": cubic / np.sqrt(2 * line.ratio)},
+    }
     return [offer | known | {"sign": UNMEASURED}]
 
 
 def _clipping(waves: Sequence[Wave], odd: Sequence[Line]) -> dict[str, Any] | None:
-    """The level between the largest channel that was not clipped and the smallest that was; None where that is no level.
+    """The level between the largest channel that was not clipped and the smallest that was; None
+    where that is no level.
 
-    A channel clipped to a square shows 4/π of the level, so the level is no less than π/4 of the largest seen.
+    A channel clipped to a square shows 4/π of the level, so the level is no less than π/4 of the
+    largest seen.
     """
     seen = [np.abs(_channels(w)).max(axis=-1) for w in waves]
     clipped = [(np.asarray(w.flags) & 1) > 0 for w in waves]
@@ -57,7 +71,9 @@ def _clipping(waves: Sequence[Wave], odd: Sequence[Line]) -> dict[str, Any] | No
         least = max(least, float(free.max()))
     level, std = (least + max(most, least)) / 2, max(abs(most - least) / 2, 1e-3 * least)
     z = float(np.sqrt(max([2 * line.ratio for line in odd], default=float(len(high)))))
-    return entry("saturation", z, {"inverse_level": (1 / level, std / level**2, "amplitude-1")}, z**2) | {"clipped_windows": len(high)}
+    return entry(
+        "saturation", z, {"inverse_level": (1 / level, std / level**2, "amplitude-1")}, z**2
+    ) | {"clipped_windows": len(high)}
 
 
 def least_count(waves: Sequence[Wave]) -> float | None:
@@ -67,20 +83,34 @@ def least_count(waves: Sequence[Wave]) -> float | None:
 
 
 def below_the_codes(line: Line, waves: Sequence[Wave]) -> bool:
-    """Whether a line is smaller than half a code in runs whose noise is too small to spread the codes (less than half of one)."""
+    """Whether a line is smaller than half a code in runs whose noise is too small to spread the
+    codes (less than half of one)."""
     step = least_count(waves)
     if step is None or float(line.amplitude.max()) > step / 2:
         return False
-    power = [np.sum(np.asarray(w.spectrum_density, float).mean(axis=-1)) * cell_hz([w]) for w in waves if w.spectrum_density is not None]
+    power = [
+        np.sum(np.asarray(w.spectrum_density, float).mean(axis=-1)) * cell_hz([w])
+        for w in waves
+        if w.spectrum_density is not None
+    ]
     return bool(power) and float(np.sqrt(np.median(power))) < DITHERED * step
 
 
 def _channels(wave: Wave) -> Array:
-    return ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)
+    return ellipse.envelopes(
+        wave.main_amplitude,
+        wave.quadrature_amplitude,
+        wave.wave_angle_rad,
+        wave.phase_rad,
+        wave.mode_number,
+    )
 
 
-def _converter(waves: Sequence[Wave], codes: Sequence[Line], harmonics: dict[int, Line]) -> dict[str, Any]:
-    """The codes' own harmonics as one cause: a step h at mid-scale makes harmonics 4h/πn, so h from each of them, its sign unknown."""
+def _converter(
+    waves: Sequence[Wave], codes: Sequence[Line], harmonics: dict[int, Line]
+) -> dict[str, Any]:
+    """The codes' own harmonics as one cause: a step h at mid-scale makes harmonics 4h/πn, so h from
+    each of them, its sign unknown."""
     gain = float(sum(2 * line.ratio for line in codes))
     low = [(n, line) for n, line in harmonics.items() if n % 2]
     sizes = [np.pi * n * float(line.amplitude.max()) / 4 for n, line in low] or [

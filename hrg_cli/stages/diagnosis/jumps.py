@@ -1,8 +1,9 @@
 """Diagnosis, jumps: where the wave of one run does not go on as it went before.
 
-The two circular parts z± = (C ± jS)/√2 of the envelopes turn each at a rate of its own and change slowly beside that, at any angle and any
-quadrature (near a circle, where φ and mθ cannot be told apart, both bend and z± do not). A jump is what one smooth course of z± on either
-side of an instant leaves between them. Lost samples turn both parts alike; a knock does not.
+The two circular parts z± = (C ± jS)/√2 of the envelopes turn each at a rate of its own and change
+slowly beside that, at any angle and any quadrature (near a circle, where φ and mθ cannot be told
+apart, both bend and z± do not). A jump is what one smooth course of z± on either side of an instant
+leaves between them. Lost samples turn both parts alike; a knock does not.
 """
 
 from __future__ import annotations
@@ -22,18 +23,22 @@ TOUCHED = 6
 MOST_A_RUN = 5
 """More jumps than this are no instants: something else moves the wave."""
 CORE, PART = 2, 0.1
-"""Steps on either side of the largest that belong to the same jump, and part of it that they then have."""
+"""Steps on either side of the largest that belong to the same jump, and part of it that they then
+have."""
 SPOILT = 1e-3
-"""Part of a jump to which the motion on either side of it is known: its neighbours were fitted with a slope across it."""
+"""Part of a jump to which the motion on either side of it is known: its neighbours were fitted with
+a slope across it."""
 ALIKE = 8.0
 """σ that what is left beside a common turn may have."""
 
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump of one wave: last row before and first row after it, instant, common turn with σ, what is left beside it (C, S) and its σ.
+    """A jump of one wave: last row before and first row after it, instant, common turn with σ, what
+    is left beside it (C, S) and its σ.
 
-    `shift_s`: time by which the slow motion moved on, taken out of the rest, with its σ: known where the wave turns or dies fast enough.
+    `shift_s`: time by which the slow motion moved on, taken out of the rest, with its σ: known
+    where the wave turns or dies fast enough.
     """
 
     before: int
@@ -51,7 +56,10 @@ class Jump:
     @property
     def alike(self) -> bool:
         """Whether both channels turned alike and did nothing else."""
-        return abs(self.turn_rad) > JUMP_SIGMA * self.turn_std_rad and float(np.abs(self.rest).max()) <= ALIKE * self.rest_std
+        return (
+            abs(self.turn_rad) > JUMP_SIGMA * self.turn_std_rad
+            and float(np.abs(self.rest).max()) <= ALIKE * self.rest_std
+        )
 
     @property
     def knock(self) -> bool:
@@ -65,15 +73,28 @@ def jumps(wave: Wave) -> list[Jump]:
     if len(rows) < 4 * NEIGHBOURS:
         return []
     time = np.asarray(wave.time_s, float)[rows]
-    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[rows]
+    u = ellipse.envelopes(
+        wave.main_amplitude,
+        wave.quadrature_amplitude,
+        wave.wave_angle_rad,
+        wave.phase_rad,
+        wave.mode_number,
+    )[rows]
     noise = np.asarray(wave.signal_std, float)[rows]
     z = circular(u)
     step = np.diff(time)
-    rate = np.stack([_running_median(np.angle(p[1:] * np.conj(p[:-1])) / step) for p in z.T], axis=-1)
+    rate = np.stack(
+        [_running_median(np.angle(p[1:] * np.conj(p[:-1])) / step) for p in z.T], axis=-1
+    )
     change = z[1:] * np.exp(-1j * rate * step[:, None]) - z[:-1]
-    change -= np.stack([_running_median(c.real) + 1j * _running_median(c.imag) for c in change.T], axis=-1)
+    change -= np.stack(
+        [_running_median(c.real) + 1j * _running_median(c.imag) for c in change.T], axis=-1
+    )
     size = np.abs(change)
-    usual = np.maximum(1.4826 * np.median(size, axis=0), np.sqrt(2) * float(np.median(noise[np.isfinite(noise)], axis=0)))
+    usual = np.maximum(
+        1.4826 * np.median(size, axis=0),
+        np.sqrt(2) * float(np.median(noise[np.isfinite(noise)], axis=0)),
+    )
     places = _peaks((size / usual).max(axis=1))
     if len(places) > MOST_A_RUN:
         return []
@@ -82,7 +103,8 @@ def jumps(wave: Wave) -> list[Jump]:
 
 
 def _peaks(height: Array) -> list[tuple[int, int]]:
-    """Steps (first row, last row) that stand out, the highest first; what a jump does to its neighbours' fits is not looked at again."""
+    """Steps (first row, last row) that stand out, the highest first; what a jump does to its
+    neighbours' fits is not looked at again."""
     left, out = height.copy(), list[tuple[int, int]]()
     while len(out) <= MOST_A_RUN and len(left) and left.max() > JUMP_SIGMA:
         top = int(np.argmax(left))
@@ -98,10 +120,15 @@ def circular(u: Array) -> Array:
     return np.stack([u[:, 0] + 1j * u[:, 1], u[:, 0] - 1j * u[:, 1]], axis=-1) / np.sqrt(2)
 
 
-def _between(time: Array, z: Array, noise: Array, first: int, last: int, rows: Array) -> Jump | None:
-    """The jump between rows `first` and `last` of the good ones; None where it is none or the run begins or ends there."""
+def _between(
+    time: Array, z: Array, noise: Array, first: int, last: int, rows: Array
+) -> Jump | None:
+    """The jump between rows `first` and `last` of the good ones; None where it is none or the run
+    begins or ends there."""
     left = np.arange(max(0, first + 1 - TOUCHED - 2 * NEIGHBOURS), max(0, first + 1 - TOUCHED))
-    right = np.arange(min(len(time), last + TOUCHED), min(len(time), last + TOUCHED + 2 * NEIGHBOURS))
+    right = np.arange(
+        min(len(time), last + TOUCHED), min(len(time), last + TOUCHED + 2 * NEIGHBOURS)
+    )
     if len(left) < NEIGHBOURS or len(right) < NEIGHBOURS:
         return None
     near = np.concatenate([left, right])
@@ -111,17 +138,29 @@ def _between(time: Array, z: Array, noise: Array, first: int, last: int, rows: A
     here = (unit > 0).astype(float)
     design = np.column_stack([np.ones(len(x)), unit, unit**2, here, here * unit])
     inverse = np.linalg.pinv(design)
-    before, after, slope, spread = np.zeros(2, complex), np.zeros(2, complex), np.zeros(2, complex), []
+    before, after, slope, spread = (
+        np.zeros(2, complex),
+        np.zeros(2, complex),
+        np.zeros(2, complex),
+        [],
+    )
     for part in (0, 1):
         steps = np.concatenate([np.diff(time[side]) for side in (left, right)])
-        turns = np.concatenate([np.angle(z[side[1:], part] * np.conj(z[side[:-1], part])) for side in (left, right)])
+        turns = np.concatenate(
+            [np.angle(z[side[1:], part] * np.conj(z[side[:-1], part])) for side in (left, right)]
+        )
         turning = float(np.median(turns / steps))
         still = z[near, part] * np.exp(-1j * turning * x)
         solution = inverse @ still
         before[part], after[part] = solution[0], solution[0] + solution[3]
         slope[part] = 1j * turning * solution[0] + solution[1] / np.ptp(x)
-        spread.append(float(np.sum(np.abs(still - design @ solution) ** 2)) / (2 * max(1, len(x) - design.shape[1])))
-    std = float(np.sqrt(max(max(spread), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3]))
+        spread.append(
+            float(np.sum(np.abs(still - design @ solution) ** 2))
+            / (2 * max(1, len(x) - design.shape[1]))
+        )
+    std = float(
+        np.sqrt(max(max(spread), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3])
+    )
     if not float(np.abs(after - before).max()) > JUMP_SIGMA * std:
         return None
     size = float(np.sqrt(np.sum(np.abs(before) ** 2)))

@@ -1,7 +1,9 @@
-"""Diagnosis, lines of the residual spectrum: which are the oscillation's own harmonics, which follow the wave, which stand on their own.
+"""Diagnosis, lines of the residual spectrum: which are the oscillation's own harmonics, which
+follow the wave, which stand on their own.
 
-All is measured in the spectrum's cells and in the oscillation's frequency. A tone from outside has the same size whatever the wave's;
-a partial or a harmonic follows it; a converter puts odd harmonics of any order, folded, where a cubic has the third and clipping a few.
+All is measured in the spectrum's cells and in the oscillation's frequency. A tone from outside has
+the same size whatever the wave's; a partial or a harmonic follows it; a converter puts odd
+harmonics of any order, folded, where a cubic has the third and clipping a few.
 """
 
 from __future__ import annotations
@@ -25,14 +27,17 @@ HARMONICS = 25
 ORDERS = (25, 51, 101, 201, 401)
 """Highest odd orders that a converter's harmonics are looked for to."""
 FEWEST_SPURS, BY_CHANCE = 4, 1e-6
-"""Odd harmonics from which a converter is thought of, and the chance at which so many lines may meet odd multiples."""
+"""Odd harmonics from which a converter is thought of, and the chance at which so many lines may
+meet odd multiples."""
 SPREAD, BETTER = 1.2, 9.0
-"""Ratio of the runs' amplitudes from which a line's size can be held against them, and Δχ² that decides."""
+"""Ratio of the runs' amplitudes from which a line's size can be held against them, and Δχ² that
+decides."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line: frequency, amplitudes of C and S, power over the floor, runs that show it, its amplitude and the wave's in each (n, 2)."""
+    """A line: frequency, amplitudes of C and S, power over the floor, runs that show it, its
+    amplitude and the wave's in each (n, 2)."""
 
     frequency_hz: float
     amplitude: Array
@@ -79,7 +84,11 @@ def cell_hz(waves: Sequence[Wave]) -> float:
 
 def sampling_hz(waves: Sequence[Wave]) -> float | None:
     """Sampling rate, twice the end of the spectrum."""
-    ends = [float(w.spectrum_frequency_hz[-1]) for w in waves if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)]
+    ends = [
+        float(w.spectrum_frequency_hz[-1])
+        for w in waves
+        if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)
+    ]
     return 2 * ends[0] if ends else None
 
 
@@ -101,9 +110,18 @@ def lines(waves: Sequence[Wave]) -> list[Line]:
     """Lines that a third of the runs at least show, strongest first."""
     pool = []
     for number, wave in enumerate(waves):
-        if wave.spectrum_line_frequency_hz is None or wave.spectrum_line_ratio is None or wave.spectrum_line_amplitude is None:
+        if (
+            wave.spectrum_line_frequency_hz is None
+            or wave.spectrum_line_ratio is None
+            or wave.spectrum_line_amplitude is None
+        ):
             continue
-        for f, a, ratio in zip(wave.spectrum_line_frequency_hz, wave.spectrum_line_amplitude, wave.spectrum_line_ratio, strict=True):
+        for f, a, ratio in zip(
+            wave.spectrum_line_frequency_hz,
+            wave.spectrum_line_amplitude,
+            wave.spectrum_line_ratio,
+            strict=True,
+        ):
             if ratio > LINE_RATIO:
                 pool.append((float(f), np.asarray(a, float), float(ratio), number))
     out, cell = [], cell_hz(waves)
@@ -117,27 +135,48 @@ def lines(waves: Sequence[Wave]) -> list[Line]:
             weight = np.array([p[2] for p in near])
             frequency = float(np.average([p[0] for p in near], weights=weight))
             size = np.array([[float(np.hypot(*p[1])), amplitude_of(waves[p[3]])] for p in near])
-            out.append(Line(frequency, np.sqrt(np.mean([p[1] ** 2 for p in near], axis=0)), float(weight.max()), runs, size))
+            out.append(
+                Line(
+                    frequency,
+                    np.sqrt(np.mean([p[1] ** 2 for p in near], axis=0)),
+                    float(weight.max()),
+                    runs,
+                    size,
+                )
+            )
     return out
 
 
 def folded(frequency_hz: float | Array, sampling: float | None) -> Any:
     """A frequency as the sampling shows it, between 0 and half the rate."""
-    return frequency_hz if not sampling else np.abs((frequency_hz + sampling / 2) % sampling - sampling / 2)
+    return (
+        frequency_hz
+        if not sampling
+        else np.abs((frequency_hz + sampling / 2) % sampling - sampling / 2)
+    )
 
 
 def harmonic_of(line: Line, frequency_hz: float, sampling: float | None, cell: float) -> int:
-    """Which multiple of the oscillation (2 … `HARMONICS`) a line is, folded at half the sampling rate where that is known; 0: none."""
+    """Which multiple of the oscillation (2 … `HARMONICS`) a line is, folded at half the sampling
+    rate where that is known; 0: none."""
     orders = np.arange(2, HARMONICS + 1)
     off = np.abs(line.frequency_hz - folded(orders * frequency_hz, sampling))
     near = np.flatnonzero(off < WIDTH_CELLS * cell + 2 * WANDER * orders * frequency_hz)
     return int(orders[near[0]]) if len(near) else 0
 
 
-def spurs(found: Sequence[Line], frequency_hz: float, wander_hz: float, sampling: float | None, cell: float) -> list[Line]:
-    """Lines at odd multiples of the oscillation, of any order, too many for chance; none where they are few.
+def spurs(
+    found: Sequence[Line],
+    frequency_hz: float,
+    wander_hz: float,
+    sampling: float | None,
+    cell: float,
+) -> list[Line]:
+    """Lines at odd multiples of the oscillation, of any order, too many for chance; none where they
+    are few.
 
-    Of L lines k meet one of the odd orders up to N by chance with the binomial probability of p = Σ 2·tolerance/(half the rate).
+    Of L lines k meet one of the odd orders up to N by chance with the binomial probability of p = Σ
+    2·tolerance/(half the rate).
     """
     from scipy.special import bdtrc
 
@@ -151,7 +190,9 @@ def spurs(found: Sequence[Line], frequency_hz: float, wander_hz: float, sampling
         chance = float(np.sum(2 * reach) / (sampling / 2))
         if chance > 0.5:
             break
-        met = (np.abs(places[:, None] - folded(orders * frequency_hz, sampling)) < reach).any(axis=1)
+        met = (np.abs(places[:, None] - folded(orders * frequency_hz, sampling)) < reach).any(
+            axis=1
+        )
         count = int(met.sum())
         if count >= FEWEST_SPURS and (p := float(bdtrc(count - 1, len(found), chance))) < best[0]:
             best = p, [line for line, yes in zip(found, met, strict=True) if yes]

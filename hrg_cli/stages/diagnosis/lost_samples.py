@@ -1,4 +1,5 @@
-"""Diagnosis, samples lost or repeated: both channels of a run turn alike between two windows, by a whole number of samples."""
+"""Diagnosis, samples lost or repeated: both channels of a run turn alike between two windows, by a
+whole number of samples."""
 
 from __future__ import annotations
 
@@ -22,12 +23,14 @@ KNOWN_STEP = 0.15
 SHIFTED = 5.0
 """σ of the slow motion's shift within which the time lost lies."""
 MOST_PERIODS = 40
-"""Whole periods that may be lost beside what the phase shows, where the slow motion does not tell."""
+"""Whole periods that may be lost beside what the phase shows, where the slow motion does not
+tell."""
 
 
 @dataclass(frozen=True)
 class PhaseStep:
-    """A step of the phase of one run: last row before and first row after it, instant, size in (−π, π], its σ, frequency about it."""
+    """A step of the phase of one run: last row before and first row after it, instant, size in (−π,
+    π], its σ, frequency about it."""
 
     run: int
     before: int
@@ -42,8 +45,11 @@ class PhaseStep:
 
 
 def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
-    """Where both channels of a run turn alike between two windows and do nothing else, at most a few a run."""
-    found = ((number, jump) for number, wave in enumerate(waves) for jump in jumps(wave) if jump.alike)
+    """Where both channels of a run turn alike between two windows and do nothing else, at most a
+    few a run."""
+    found = (
+        (number, jump) for number, wave in enumerate(waves) for jump in jumps(wave) if jump.alike
+    )
     return [
         PhaseStep(
             run=number,
@@ -61,10 +67,15 @@ def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
 
 
 def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wave], list[int]]:
-    """The waves cut at every step, each piece a run of its own, and the wave each comes from; pieces too short are left out."""
+    """The waves cut at every step, each piece a run of its own, and the wave each comes from;
+    pieces too short are left out."""
     pieces, origin = [], []
     for number, wave in enumerate(waves):
-        cuts = sorted((max(0, s.before + 1 - TOUCHED), min(len(wave), s.after + TOUCHED)) for s in steps if s.run == number)
+        cuts = sorted(
+            (max(0, s.before + 1 - TOUCHED), min(len(wave), s.after + TOUCHED))
+            for s in steps
+            if s.run == number
+        )
         begin = 0
         for stop, start in [*cuts, (len(wave), len(wave))]:
             piece = wave.rows(begin, stop)
@@ -81,8 +92,18 @@ def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wa
 def _rough(wave: Wave) -> float:
     """Noise of one signal coefficient from the envelopes' third differences."""
     good = wave.good()
-    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[good]
-    return float(np.sqrt(np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2) / (20 * 2 * np.log(2)))) if len(u) > 3 else np.inf
+    u = ellipse.envelopes(
+        wave.main_amplitude,
+        wave.quadrature_amplitude,
+        wave.wave_angle_rad,
+        wave.phase_rad,
+        wave.mode_number,
+    )[good]
+    return (
+        float(np.sqrt(np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2) / (20 * 2 * np.log(2))))
+        if len(u) > 3
+        else np.inf
+    )
 
 
 def together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[PhaseStep]]:
@@ -93,9 +114,15 @@ def together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[Pha
             first = group[0]
             # runs of another frequency turn by another angle in the same time
             own = 2 * np.pi * abs(first.frequency_hz - step.frequency_hz)
-            slack = 8 * float(np.hypot(first.std_rad, step.std_rad)) + 2 * own * max(abs(first.shift_s), abs(step.shift_s))
+            slack = 8 * float(np.hypot(first.std_rad, step.std_rad)) + 2 * own * max(
+                abs(first.shift_s), abs(step.shift_s)
+            )
             same_size = abs(np.angle(np.exp(1j * (first.step_rad - step.step_rad)))) < slack
-            if abs(first.time_s - step.time_s) < waves[step.run].window_s and same_size and first.run != step.run:
+            if (
+                abs(first.time_s - step.time_s) < waves[step.run].window_s
+                and same_size
+                and first.run != step.run
+            ):
                 group.append(step)
                 break
         else:
@@ -103,11 +130,17 @@ def together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[Pha
     return groups
 
 
-def lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any] | None:
-    """Samples lost, or repeated where the time is negative; None where the sampling is even and no whole number of samples does it."""
+def lost(
+    group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
+) -> dict[str, Any] | None:
+    """Samples lost, or repeated where the time is negative; None where the sampling is even and no
+    whole number of samples does it."""
     omega, first = 2 * np.pi * frequency_hz, group[0]
     weight = np.array([s.std_rad**-2 for s in group])
-    mean = first.step_rad + float(np.sum(weight * [np.angle(np.exp(1j * (s.step_rad - first.step_rad))) for s in group]) / weight.sum())
+    mean = first.step_rad + float(
+        np.sum(weight * [np.angle(np.exp(1j * (s.step_rad - first.step_rad))) for s in group])
+        / weight.sum()
+    )
     std = float(weight.sum() ** -0.5)
     missing, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
     step_s = _even_step(waves[first.run])
@@ -115,7 +148,13 @@ def lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float)
         best, shown = min(group, key=lambda s: s.std_rad), min(group, key=lambda s: s.shift_std_s)
         period_s = 1 / best.frequency_hz
         turns = best.step_rad / (2 * np.pi), best.std_rad / (2 * np.pi)
-        whole = _whole(turns[0] * period_s, turns[1] * period_s, step_s, period_s, (shown.shift_s, shown.shift_std_s))
+        whole = _whole(
+            turns[0] * period_s,
+            turns[1] * period_s,
+            step_s,
+            period_s,
+            (shown.shift_s, shown.shift_std_s),
+        )
         if whole is None:
             return None
         missing, samples = whole * step_s, whole
@@ -126,24 +165,44 @@ def lost(group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float)
         "time_s": (first.time_s, float(waves[first.run].window_s) / 2, "s"),
     }
     offer = entry("dropped_samples", abs(mean) / std, parameters, (mean / std) ** 2)
-    offer |= {"runs": [waves[s.run].run_id for s in group], "ambiguity_s": 1 / frequency_hz, "what": "lost" if missing > 0 else "repeated"}
+    offer |= {
+        "runs": [waves[s.run].run_id for s in group],
+        "ambiguity_s": 1 / frequency_hz,
+        "what": "lost" if missing > 0 else "repeated",
+    }
     return offer if samples is None else offer | {"samples": samples}
 
 
 def _even_step(wave: Wave) -> float | None:
-    """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None elsewhere."""
+    """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None
+    elsewhere."""
     rate = sampling_hz([wave])
     steps = np.diff(np.asarray(wave.time_s, float))
-    regular = len(steps) > 0 and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max()) < 1e-6
+    regular = (
+        len(steps) > 0
+        and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max())
+        < 1e-6
+    )
     return 1 / rate if rate and regular else None
 
 
-def _whole(time_s: float, std_s: float, step_s: float, period_s: float, shift: tuple[float, float]) -> int | None:
-    """Fewest samples whose time agrees with a step of the phase, but for whole periods, and with the shift of the slow motion."""
+def _whole(
+    time_s: float, std_s: float, step_s: float, period_s: float, shift: tuple[float, float]
+) -> int | None:
+    """Fewest samples whose time agrees with a step of the phase, but for whole periods, and with
+    the shift of the slow motion."""
     most = MOST_PERIODS
     if np.isfinite(shift[1]):
-        most = max(most, int((abs(shift[0]) + SHIFTED * shift[1]) / period_s) + 1) if shift[1] < MOST_PERIODS * period_s else most
+        most = (
+            max(most, int((abs(shift[0]) + SHIFTED * shift[1]) / period_s) + 1)
+            if shift[1] < MOST_PERIODS * period_s
+            else most
+        )
     times = time_s + np.arange(-most, most + 1) * period_s
     whole = np.round(times / step_s)
-    fits = (np.abs(times / step_s - whole) < 4 * std_s / step_s + WHOLE) & (whole != 0) & (np.abs(times - shift[0]) < SHIFTED * shift[1])
+    fits = (
+        (np.abs(times / step_s - whole) < 4 * std_s / step_s + WHOLE)
+        & (whole != 0)
+        & (np.abs(times - shift[0]) < SHIFTED * shift[1])
+    )
     return int(min(whole[fits], key=lambda n: (abs(n), -n))) if fits.any() else None

@@ -1,4 +1,5 @@
-"""Diagnosis, the extended model: the fitted resonator, the runs and the effects as a simulation file."""
+"""Diagnosis, the extended model: the fitted resonator, the runs and the effects as a simulation
+file."""
 
 from __future__ import annotations
 
@@ -27,10 +28,12 @@ def simulation_file(
     effects_named: Sequence[dict[str, Any]],
     change: Array | None = None,
 ) -> str:
-    """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start, rate, temperature and length.
+    """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start,
+    rate, temperature and length.
 
-    The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces become the run's own effect.
-    change (R, 5): of the runs' start states and frequency offsets, by what a simulation of the file missed the fit.
+    The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces
+    become the run's own effect. change (R, 5): of the runs' start states and frequency offsets, by
+    what a simulation of the file missed the fit.
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
@@ -46,10 +49,17 @@ def simulation_file(
         "mode_number": fit.series.mode_number,
     }
     if any(effect.follows_temperature for effect, _ in fit.point.active):
-        device["temperature"] = {"reference_degc": float(np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3))}
+        device["temperature"] = {
+            "reference_degc": float(
+                np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3)
+            )
+        }
     table: dict[str, Any] = {
         "device": device,
-        "recording": {"sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())), "duration_s": 1.0},
+        "recording": {
+            "sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())),
+            "duration_s": 1.0,
+        },
     }
     if waves[0].gyro_id:
         table["recording"]["gyro_id"] = waves[0].gyro_id
@@ -59,15 +69,29 @@ def simulation_file(
         if e["name"] == "dropped_samples"
         for run in e["runs"]
     }
-    tone = [{k: v["value"] for k, v in e["parameters"].items()} for e in effects_named if e["name"] == "mains_tone"][:1]
-    effects = {effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active}
-    of_one = {name: int(given.pop(RUN)) for name, given in effects.items() if given.get(RUN, OF_EVERY_RUN) != OF_EVERY_RUN}
+    tone = [
+        {k: v["value"] for k, v in e["parameters"].items()}
+        for e in effects_named
+        if e["name"] == "mains_tone"
+    ][:1]
+    effects = {
+        effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active
+    }
+    of_one = {
+        name: int(given.pop(RUN))
+        for name, given in effects.items()
+        if given.get(RUN, OF_EVERY_RUN) != OF_EVERY_RUN
+    }
     struck = {name: effects.pop(name) for name in of_one}
     if tone:
         effects["mains_tone"] = tone[0]
     for e in effects_named:
         # a cubic whose sign the spectrum does not tell is a size, and no model
-        if e.get("view") == "waveform" and e["name"] in ("pickoff_nonlinearity", "saturation") and "sign" not in e:
+        if (
+            e.get("view") == "waveform"
+            and e["name"] in ("pickoff_nonlinearity", "saturation")
+            and "sign" not in e
+        ):
             effects[e["name"]] = {k: v["value"] for k, v in e["parameters"].items()}
     if effects:
         table["effects"] = effects
@@ -77,12 +101,23 @@ def simulation_file(
         own = [k for k, o in enumerate(origin) if o == number]
         if not own:
             continue
-        run = {"run_id": _unused(fit.series.names[own[0]], names), "device": {"frequency_hz": float(frequency[own[0]])}}
-        run |= run_table(fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"], change[own[0]])
-        turned = [effect.name for effect, _ in fit.point.active if effect.coherent and effect.name in effects and _turned(fit, own[0], run)]
+        run = {
+            "run_id": _unused(fit.series.names[own[0]], names),
+            "device": {"frequency_hz": float(frequency[own[0]])},
+        }
+        run |= run_table(
+            fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"], change[own[0]]
+        )
+        turned = [
+            effect.name
+            for effect, _ in fit.point.active
+            if effect.coherent and effect.name in effects and _turned(fit, own[0], run)
+        ]
         own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
         own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
-        if lost.get(wave.run_id, {}).get("lost_s", 0.0) > 0:  # repeated samples have no effect in the engine
+        if (
+            lost.get(wave.run_id, {}).get("lost_s", 0.0) > 0
+        ):  # repeated samples have no effect in the engine
             own_effects["dropped_samples"] = lost[wave.run_id]
         if own_effects:
             run["effects"] = own_effects
@@ -91,7 +126,8 @@ def simulation_file(
 
 
 def _turned(fit: Fit, k: int, run: dict[str, Any]) -> bool:
-    """Whether the run's phase was turned by π against that of its start in the file, so that coherent vectors change sign."""
+    """Whether the run's phase was turned by π against that of its start in the file, so that
+    coherent vectors change sign."""
     return bool(np.cos(fit.series.phase_rad[k, 0] - run["start"]["phase_rad"]) < 0)
 
 

@@ -1,7 +1,9 @@
-"""Diagnosis, the vocabulary of the open search: places of the envelope equation and of the read-out, and functions of what is known.
+"""Diagnosis, the vocabulary of the open search: places of the envelope equation and of the
+read-out, and functions of what is known.
 
-u' += g·M u or u_m = u + g·M u. M: damping −1, frequency j, their splits −R, jR, turning J, circular jJ, one channel's gain or phase;
-g: powers of time, amplitude, temperature, rate, harmonics of an angle, and in time a step, a tone or a decay e^{−t/τ} of free shape.
+u' += g·M u or u_m = u + g·M u. M: damping −1, frequency j, their splits −R, jR, turning J, circular
+jJ, one channel's gain or phase; g: powers of time, amplitude, temperature, rate, harmonics of an
+angle, and in time a step, a tone or a decay e^{−t/τ} of free shape.
 """
 
 from __future__ import annotations
@@ -20,14 +22,17 @@ Array = np.ndarray
 LEAST_KELVIN = 1e-6
 """Range of temperature below which it is constant but for rounding."""
 HARMONICS = (1, 2, 3, 4, 6, 8)
-"""Of mθ: the harmonic theorem's, those of two defects together, and 12θ, 16θ of an HRG's electrodes."""
+"""Of mθ: the harmonic theorem's, those of two defects together, and 12θ, 16θ of an HRG's
+electrodes."""
 STEPS, DECAYS = 15, 4
-"""Instants of steps on the first grid, and decays from half the longest run downwards in factors of two; then their shape is refined."""
+"""Instants of steps on the first grid, and decays from half the longest run downwards in factors of
+two; then their shape is refined."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a term acts: its columns M u, the symbol it changes and its unit; `readout`: on what is seen, not on the motion."""
+    """Where a term acts: its columns M u, the symbol it changes and its unit; `readout`: on what is
+    seen, not on the motion."""
 
     name: str
     symbol: str
@@ -60,7 +65,13 @@ PLACES = (
     Place("frequency split", "δω", "rad s-1", False, lambda u: [1j * x for x in _split(u)]),
     Place("turning", "−mθ̇", "rad s-1", False, lambda u: [_turned(u)]),
     Place("circular", "ṙ", "s-1", False, lambda u: [1j * _turned(u)]),
-    Place("precession with quadrature", "φ̇ and −mθ̇·a_A/2a_B", "rad s-1", False, lambda u: [1j * _mirror(u)]),
+    Place(
+        "precession with quadrature",
+        "φ̇ and −mθ̇·a_A/2a_B",
+        "rad s-1",
+        False,
+        lambda u: [1j * _mirror(u)],
+    ),
     Place("gain", "a", "1", True, lambda u: [u]),
     Place("gain split", "g/2", "1", True, lambda u: _split(u)[:1]),
     Place("non-orthogonality", "ε/2", "1", True, lambda u: _split(u)[1:]),
@@ -82,7 +93,8 @@ Function = Callable[[Array, Any], Array]
 
 @dataclass(frozen=True)
 class Covariate:
-    """A function of what is known along the runs, `parts` of it (two: cosine and sine), with its name and formula."""
+    """A function of what is known along the runs, `parts` of it (two: cosine and sine), with its
+    name and formula."""
 
     name: str
     formula: str
@@ -97,7 +109,8 @@ class Covariate:
 
 @dataclass(frozen=True)
 class Shape:
-    """What is still free in a covariate's form: how it is made from the number, the number, and the first grid's spacing."""
+    """What is still free in a covariate's form: how it is made from the number, the number, and the
+    first grid's spacing."""
 
     make: Callable[[Series, float], Covariate]
     value: float
@@ -105,24 +118,39 @@ class Shape:
 
 
 def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterator[Covariate]:
-    """The functions looked through; scales come from the motion u (R, n, 2) of the runs; `cycles`: of tones in the longest run."""
+    """The functions looked through; scales come from the motion u (R, n, 2) of the runs; `cycles`:
+    of tones in the longest run."""
     good = series.weight > 0
     a0 = float(np.sqrt((_amplitude(u)[good] ** 2).mean()))
     span = _span(series)
     yield Covariate("none", "1", lambda u, s: np.ones((1, *u.shape[:-1])))
     for power, formula in ((0.5, "√(t/T)"), (1, "t/T"), (2, "(t/T)²")):
         yield Covariate("time", formula, _of_time(power, span))
-    for power, formula in ((1, "a/a₀"), (2, "(a/a₀)²"), (3, "(a/a₀)³"), (4, "(a/a₀)⁴"), (-1, "a₀/a")):
+    for power, formula in (
+        (1, "a/a₀"),
+        (2, "(a/a₀)²"),
+        (3, "(a/a₀)³"),
+        (4, "(a/a₀)⁴"),
+        (-1, "a₀/a"),
+    ):
         yield Covariate("amplitude", formula, _of_amplitude(power, a0))
     warm = series.temperature_degc[good]
     if np.ptp(warm) > LEAST_KELVIN:
         mean, scale = float(warm.mean()), float(np.ptp(warm))
-        yield Covariate("temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale))
-        yield Covariate("temperature", "((T − T₀)/ΔT)²", lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2))
+        yield Covariate(
+            "temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale)
+        )
+        yield Covariate(
+            "temperature",
+            "((T − T₀)/ΔT)²",
+            lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2),
+        )
         steep = series.temperature_rate_degc_s[good]
         top = float(np.abs(steep).max())
         if np.ptp(steep) > 1e-6 * top:
-            yield Covariate("temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top))
+            yield Covariate(
+                "temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top)
+            )
     fastest = float(np.abs(series.rate_rad_s[good]).max())
     if fastest > 0:
         yield Covariate("rate", "Ω/Ω₀", lambda u, s: _one(u, s.rate_rad_s / fastest))
@@ -132,15 +160,28 @@ def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterat
         yield _scale_factor("time", "t/T", lambda u, s: s.time_s / span, fastest)
         yield _scale_factor("amplitude", "(a/a₀)²", lambda u, s: (_amplitude(u) / a0) ** 2, fastest)
         if np.ptp(warm) > LEAST_KELVIN:
-            yield _scale_factor("temperature", "(T − T₀)/ΔT", lambda u, s: (s.temperature_degc - mean) / scale, fastest)
+            yield _scale_factor(
+                "temperature",
+                "(T − T₀)/ΔT",
+                lambda u, s: (s.temperature_degc - mean) / scale,
+                fastest,
+            )
         if np.ptp(series.table_angle_rad[good]) > 1:
             for n in (1, 2):
-                yield Covariate(f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), 2, n)
+                yield Covariate(
+                    f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), 2, n
+                )
     for n in HARMONICS:
         harmonic = series.mode_number * n
         yield Covariate("wave angle", f"harmonic {harmonic}θ", _of_wave(n), 2, harmonic)
         if n in (2, 4):
-            yield Covariate("wave angle and amplitude", f"harmonic {harmonic}θ × (a/a₀)²", _of_wave(n, a0), 2, harmonic)
+            yield Covariate(
+                "wave angle and amplitude",
+                f"harmonic {harmonic}θ × (a/a₀)²",
+                _of_wave(n, a0),
+                2,
+                harmonic,
+            )
     for k in range(1, STEPS + 1):
         yield step_at(series, k / (STEPS + 1))
     for k in range(1, DECAYS + 1):
@@ -149,10 +190,16 @@ def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterat
         yield tone_of(series, number)
 
 
-def _scale_factor(name: str, formula: str, follows: Callable[[Array, Any], Array], fastest: float) -> Covariate:
-    """What a scale factor does that follows something: the rate times that, at the turning alone."""
+def _scale_factor(
+    name: str, formula: str, follows: Callable[[Array, Any], Array], fastest: float
+) -> Covariate:
+    """What a scale factor does that follows something: the rate times that, at the turning
+    alone."""
     return Covariate(
-        f"rate and {name}", f"Ω/Ω₀ × {formula}", lambda u, s: _one(u, follows(u, s) * s.rate_rad_s / fastest), places=("turning",)
+        f"rate and {name}",
+        f"Ω/Ω₀ × {formula}",
+        lambda u, s: _one(u, follows(u, s) * s.rate_rad_s / fastest),
+        places=("turning",),
     )
 
 
@@ -211,7 +258,10 @@ def decay_of(series: Series, log_share: float) -> Covariate:
     """e^{−t/τ}, τ = e^log_share of the longest run: what settles after every run's start."""
     tau = float(np.exp(log_share)) * _span(series)
     return Covariate(
-        "time", f"e^(−t/{tau:.4g} s)", lambda u, s: _one(u, np.exp(-s.time_s / tau)), shape=Shape(decay_of, log_share, float(np.log(2)))
+        "time",
+        f"e^(−t/{tau:.4g} s)",
+        lambda u, s: _one(u, np.exp(-s.time_s / tau)),
+        shape=Shape(decay_of, log_share, float(np.log(2))),
     )
 
 
@@ -238,7 +288,12 @@ def effect_of(place: Place, covariate: Covariate, name: str) -> Effect:
         return sum(p[c] * part for c, part in zip(names, parts, strict=True))
 
     parameters = tuple(Parameter(c, place.units, 1e-3, "coefficient") for c in names)
-    common: dict[str, Any] = {"name": name, "family": "open", "page": covariate.formula, "parameters": parameters}
+    common: dict[str, Any] = {
+        "name": name,
+        "family": "open",
+        "page": covariate.formula,
+        "parameters": parameters,
+    }
     if place.readout:
         return Effect(**common, slow_readout=lambda p, u, state: u + change(p, u, state))
     return Effect(**common, slow=change)

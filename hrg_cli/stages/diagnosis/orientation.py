@@ -1,7 +1,8 @@
 """Diagnosis, the sign of e^{jφ} in every run: (mθ, φ) and (mθ + π, φ + π) are the same wave.
 
-A vector coherent with the phase (offset, feed-through, parasitic force) therefore stands with a sign of its own in every run, whoever
-wrote it. The signs are chosen together where that clearly explains what nothing else does.
+A vector coherent with the phase (offset, feed-through, parasitic force) therefore stands with a
+sign of its own in every run, whoever wrote it. The signs are chosen together where that clearly
+explains what nothing else does.
 """
 
 from __future__ import annotations
@@ -30,11 +31,16 @@ def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
     best, signs = -np.inf, np.ones(runs)
     for columns in base.sensitivities([variant.wanted for variant in own]):
         gain, plain, trial, rank = _turned(columns, base, runs)
-        if gain - plain > CLEARLY + 2 * runs * np.log(2) and evidence.criterion(gain, rank, rows) > best:
+        if (
+            gain - plain > CLEARLY + 2 * runs * np.log(2)
+            and evidence.criterion(gain, rank, rows) > best
+        ):
             best, signs = evidence.criterion(gain, rank, rows), trial
     if np.all(signs > 0):
         return base
-    others = (evidence.criterion(s.gain, s.rank, rows) for s, v in scored(base, candidates) if s.visible)
+    others = (
+        evidence.criterion(s.gain, s.rank, rows) for s, v in scored(base, candidates) if s.visible
+    )
     if best < max(others, default=-np.inf):
         return base
     turned = base.series.phase_rad + np.pi * (signs < 0)[:, None]
@@ -42,7 +48,8 @@ def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
 
 
 def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, int]:
-    """(fall of χ² with the best signs found, with all +, those signs (R,), parameters) of columns (N, K) whose sign each run may turn."""
+    """(fall of χ² with the best signs found, with all +, those signs (R,), parameters) of columns
+    (N, K) whose sign each run may turn."""
     count = columns.shape[1]
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
@@ -56,13 +63,25 @@ def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, 
 
     def gain(s: Array) -> float:
         right = s @ b
-        return float(right @ np.linalg.pinv(np.einsum("r,ricj,c->ij", s, A, s), rcond=evidence.BLIND**2, hermitian=True) @ right)
+        return float(
+            right
+            @ np.linalg.pinv(
+                np.einsum("r,ricj,c->ij", s, A, s), rcond=evidence.BLIND**2, hermitian=True
+            )
+            @ right
+        )
 
     plain = gain(np.ones(runs))
-    most = float(b.ravel() @ np.linalg.pinv(A.reshape(runs * count, -1), rcond=evidence.BLIND**2, hermitian=True) @ b.ravel())
+    most = float(
+        b.ravel()
+        @ np.linalg.pinv(A.reshape(runs * count, -1), rcond=evidence.BLIND**2, hermitian=True)
+        @ b.ravel()
+    )
     if most - plain < CLEARLY:  # a vector of its own in every run would not earn it
         return plain, plain, np.ones(runs), count
-    alone = np.array([np.linalg.pinv(A[k, :, k], rcond=1e-6, hermitian=True) @ b[k] for k in range(runs)])
+    alone = np.array(
+        [np.linalg.pinv(A[k, :, k], rcond=1e-6, hermitian=True) @ b[k] for k in range(runs)]
+    )
     clearest = int(np.argmax(np.sum(alone * b, axis=1)))
     best, signs = -np.inf, np.ones(runs)
     for start in (np.ones(runs), np.where(alone @ alone[clearest] < 0, -1.0, 1.0)):
@@ -79,5 +98,7 @@ def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, 
                     s[k] = -s[k]
         if value > best:
             best, signs = value, s.copy()
-    majority = np.sign(signs.sum()) or signs[0]  # the sign of all together is nobody's to know: the fewest turned
+    majority = (
+        np.sign(signs.sum()) or signs[0]
+    )  # the sign of all together is nobody's to know: the fewest turned
     return best, plain, signs * majority, count

@@ -1,8 +1,10 @@
-"""Diagnosis, steps of the logged rate: a log knows the table's rate at its instants, not the angle turned while the rate steps.
+"""Diagnosis, steps of the logged rate: a log knows the table's rate at its instants, not the angle
+turned while the rate steps.
 
-Where the rate jumps by ΔΩ between two rows h apart, the angle turned meanwhile is uncertain by up to ΔΩ h/2, and so is when within h it was
-turned: on another way through the splits the wave gathers another quadrature and amplitude. The angle is taken as the wave itself shows it,
-and no cause is judged by what a step can do beside that.
+Where the rate jumps by ΔΩ between two rows h apart, the angle turned meanwhile is uncertain by up
+to ΔΩ h/2, and so is when within h it was turned: on another way through the splits the wave gathers
+another quadrature and amplitude. The angle is taken as the wave itself shows it, and no cause is
+judged by what a step can do beside that.
 """
 
 from __future__ import annotations
@@ -33,17 +35,21 @@ INDEPENDENT = 1e-6
 
 
 def settled(fit: Fit) -> Fit:
-    """The fit again with the table angle of every step as the waves show it, blind to what else a step can do; the same where none is."""
+    """The fit again with the table angle of every step as the waves show it, blind to what else a
+    step can do; the same where none is."""
     places = steps(fit.series, float(fit.point.p[5]))
     for _ in range(ROUNDS if places else 0):
         fit = extended_fit.fit(_corrected(fit, places), fit.point, fit.freedom)
     if places:
-        fit = extended_fit.fit(replace(fit.series, unsettled=_doings(fit, places)), fit.point, fit.freedom)
+        fit = extended_fit.fit(
+            replace(fit.series, unsettled=_doings(fit, places)), fit.point, fit.freedom
+        )
     return fit
 
 
 def steps(series: Series, scale_factor: float) -> list[tuple[int, int, int]]:
-    """(run, first row before, last row before) of every step of the rate that matters; none in a run whose rate always moves like that."""
+    """(run, first row before, last row before) of every step of the rate that matters; none in a
+    run whose rate always moves like that."""
     out = []
     for k, rate in enumerate(series.rate_rad_s):
         good = series.weight[k] > 0
@@ -51,26 +57,51 @@ def steps(series: Series, scale_factor: float) -> list[tuple[int, int, int]]:
         if len(jump) < 8 or not jump.any():
             continue
         size = float(np.sqrt(np.mean(np.sum(np.abs(series.envelope[k][good]) ** 2, axis=-1))))
-        unsure = abs(scale_factor) * jump * series.step_s[k] / 2 * size * float(np.median(series.weight[k][good]))
-        big = np.flatnonzero((jump > ABOVE * np.median(jump[good[1:]])) & (jump > 1e-3 * np.abs(rate).max()) & (unsure > MATTERS))
+        unsure = (
+            abs(scale_factor)
+            * jump
+            * series.step_s[k]
+            / 2
+            * size
+            * float(np.median(series.weight[k][good]))
+        )
+        big = np.flatnonzero(
+            (jump > ABOVE * np.median(jump[good[1:]]))
+            & (jump > 1e-3 * np.abs(rate).max())
+            & (unsure > MATTERS)
+        )
         groups = np.split(big, np.flatnonzero(np.diff(big) > 1) + 1) if len(big) else []
-        if 0 < len(groups) <= MOST_A_RUN and max(map(len, groups)) <= LONGEST and len(big) < SHARE * good.sum():
+        if (
+            0 < len(groups) <= MOST_A_RUN
+            and max(map(len, groups)) <= LONGEST
+            and len(big) < SHARE * good.sum()
+        ):
             out += [(k, int(group[0]), int(group[-1])) for group in groups]
     return out
 
 
 def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
-    """The series with the steps' angles that its residual asks for, each within its own uncertainty, rows beside the steps left out."""
+    """The series with the steps' angles that its residual asks for, each within its own
+    uncertainty, rows beside the steps left out."""
     series, flow = fit.series, fit.flow
-    columns = extended_fit.flat(series, flow.seen(np.stack([_kicks(fit, *place)[0] for place in places], axis=-1)))
+    columns = extended_fit.flat(
+        series, flow.seen(np.stack([_kicks(fit, *place)[0] for place in places], axis=-1))
+    )
     spread = np.array(
-        [abs(series.rate_rad_s[k, b + 1] - series.rate_rad_s[k, a]) * series.step_s[k, a : b + 1].sum() / 2 for k, a, b in places]
+        [
+            abs(series.rate_rad_s[k, b + 1] - series.rate_rad_s[k, a])
+            * series.step_s[k, a : b + 1].sum()
+            / 2
+            for k, a, b in places
+        ]
     )
     columns, spread = fit.basis.off(columns), np.maximum(spread, 1e-9)
     angle = np.linalg.solve(columns.T @ columns + np.diag(1 / spread**2), columns.T @ fit.residual)
     table, weight = series.table_angle_rad.copy(), series.weight.copy()
     for (k, first, last), turned in zip(places, angle, strict=True):
-        table[k, first + 1 : last + 2] += turned * np.arange(1, last - first + 2) / (last - first + 1)
+        table[k, first + 1 : last + 2] += (
+            turned * np.arange(1, last - first + 2) / (last - first + 1)
+        )
         table[k, last + 2 :] += turned
         weight[k, first : last + 2] = 0.0
     return replace(series, table_angle_rad=table, weight=weight)
@@ -79,7 +110,8 @@ def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
 def _doings(fit: Fit, places: list[tuple[int, int, int]]) -> Basis:
     """Orthonormal basis, run by run, of all that the steps can do to the residual.
 
-    Their sizes are bounded, but a prior would be dragged along by whatever goes on between the steps; so they are left free.
+    Their sizes are bounded, but a prior would be dragged along by whatever goes on between the
+    steps; so they are left free.
     """
     series = fit.series
     ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
@@ -87,12 +119,21 @@ def _doings(fit: Fit, places: list[tuple[int, int, int]]) -> Basis:
     for run in sorted({k for k, _, _ in places}):
         kicks = [kick for place in places if place[0] == run for kick in _kicks(fit, *place)]
         rows = slice(int(ends[run]), int(ends[run + 1]))
-        own.append((rows, evidence.orthonormal(extended_fit.flat(series, fit.flow.seen(np.stack(kicks, axis=-1)))[rows], INDEPENDENT)))
+        own.append(
+            (
+                rows,
+                evidence.orthonormal(
+                    extended_fit.flat(series, fit.flow.seen(np.stack(kicks, axis=-1)))[rows],
+                    INDEPENDENT,
+                ),
+            )
+        )
     return Basis(tuple(own), np.zeros((int(ends[-1]), 0)))
 
 
 def _kicks(fit: Fit, k: int, first: int, last: int) -> list[Array]:
-    """Motion (R, n, 4) after one radian of the table, and after a unit of amplitude, phase and quadrature, over the rows of a step."""
+    """Motion (R, n, 4) after one radian of the table, and after a unit of amplitude, phase and
+    quadrature, over the rows of a step."""
     series, flow, rows = fit.series, fit.flow, slice(first, last + 1)
     v, h = flow.middle[k, rows], series.step_s[k, rows, None]
     turned = np.stack([v[:, 1], -v[:, 0]], -1)

@@ -1,4 +1,5 @@
-"""Diagnosis, the rest: an open search over terms of the envelope equation and the read-out times functions of t, θ, a, T and Ω.
+"""Diagnosis, the rest: an open search over terms of the envelope equation and the read-out times
+functions of t, θ, a, T and Ω.
 
 What is left over is described by the best such terms (`open_terms`), blamed on nothing.
 """
@@ -23,11 +24,13 @@ from .thresholds import WORTH
 
 Array = np.ndarray
 CELLS, PEAKS = 48, 8
-"""Half cycles in the longest run up to which tones are looked for, and the peaks of the residual's spectrum at which they are."""
+"""Half cycles in the longest run up to which tones are looked for, and the peaks of the residual's
+spectrum at which they are."""
 SLOW = (0.5, 1.0)
 """Cycles too few for a peak, looked for always."""
 SHAPED, NEAR = 4, 0.6
-"""Terms whose shape is refined before the best is chosen, and the part of the best one's gain from which they are."""
+"""Terms whose shape is refined before the best is chosen, and the part of the best one's gain from
+which they are."""
 SMOOTH = 6
 FEW = 64
 """Columns of open terms, about, that are made at a time."""
@@ -43,7 +46,8 @@ class Term:
 
     @property
     def size(self) -> float:
-        """Greatest size of the change: of a vector whose parts follow a cosine and a sine, the greater half-axis of its ellipse."""
+        """Greatest size of the change: of a vector whose parts follow a cosine and a sine, the
+        greater half-axis of its ellipse."""
         parts = np.nan_to_num(self.score.estimate).reshape(self.covariate.parts, -1)
         return float(np.linalg.norm(parts, 2))
 
@@ -53,11 +57,15 @@ class Term:
 
 
 def terms(fit: Fit) -> list[Term]:
-    """Every term with its score beside the fit, best first; what coincides with the model is left out, what is equal but for rounding
-    stays in the order of the places.
+    """Every term with its score beside the fit, best first; what coincides with the model is left
+    out, what is equal but for rounding stays in the order of the places.
     """
     rows = len(fit.residual)
-    out = [term for term in judged(fit, list(_pairs(fit)), fit.residual, fit.basis) if term.score.visible]
+    out = [
+        term
+        for term in judged(fit, list(_pairs(fit)), fit.residual, fit.basis)
+        if term.score.visible
+    ]
     return sorted(out, key=lambda t: -round(t.worth(rows), 3))
 
 
@@ -65,12 +73,15 @@ def _pairs(fit: Fit) -> Iterator[tuple[Place, Covariate]]:
     """All terms looked through."""
     for covariate in covariates(fit.series, fit.flow.prediction.motion, peaks(fit)):
         for place in PLACES:
-            if (covariate.formula != "1" or place.readout) and (not covariate.places or place.name in covariate.places):
+            if (covariate.formula != "1" or place.readout) and (
+                not covariate.places or place.name in covariate.places
+            ):
                 yield place, covariate
 
 
 def peaks(fit: Fit) -> list[float]:
-    """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's components' residuals together."""
+    """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's
+    components' residuals together."""
     series = fit.series
     values = np.zeros((*series.weight.shape, 4))
     values[tuple(fit.rows.T)] = fit.residual
@@ -87,7 +98,9 @@ def peaks(fit: Fit) -> list[float]:
     return [*SLOW, *(float(cycles[k]) for k in sorted(inner, key=lambda k: -power[k])[:PEAKS])]
 
 
-def judged(fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis) -> list[Term]:
+def judged(
+    fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis
+) -> list[Term]:
     """Terms with their scores: (place, covariate)."""
     ledger, order = evidence.Ledger(residual, Q), list[int]()
     for numbers, columns, widths in columns_of(fit, pairs):
@@ -105,8 +118,11 @@ def _alone(fit: Fit, pair: tuple[Place, Covariate]) -> Array:
     return columns
 
 
-def columns_of(fit: Fit, pairs: Sequence[tuple[Place, Covariate]]) -> Iterator[tuple[list[int], Array, list[int]]]:
-    """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time; those of a place share its vectors."""
+def columns_of(
+    fit: Fit, pairs: Sequence[tuple[Place, Covariate]]
+) -> Iterator[tuple[list[int], Array, list[int]]]:
+    """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time;
+    those of a place share its vectors."""
     flow, series = fit.flow, fit.series
     motion, seen = flow.prediction.motion, flow.prediction.seen
     by_place: dict[str, list[int]] = {}
@@ -131,7 +147,9 @@ def columns_of(fit: Fit, pairs: Sequence[tuple[Place, Covariate]]) -> Iterator[t
                 wide = flow.prediction.judged(spread(vectors, g))
             else:
                 g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
-                wide = flow.seen(flow.carried_by(vectors, _vectors(place, flow.middle), g, g_middle))
+                wide = flow.seen(
+                    flow.carried_by(vectors, _vectors(place, flow.middle), g, g_middle)
+                )
             yield some, flat(series, wide), [part.shape[-1] * vectors.shape[-1] for part in parts]
 
 
@@ -148,14 +166,17 @@ def _few(numbers: list[int], columns: int) -> Iterator[list[int]]:
 
 
 def refined(fit: Fit, term: Term) -> Term:
-    """The term with what is free in its covariate's form (an instant, a decay, a frequency) to a fiftieth of the first grid."""
+    """The term with what is free in its covariate's form (an instant, a decay, a frequency) to a
+    fiftieth of the first grid."""
     shape = term.covariate.shape
     if shape is None:
         return term
     width = shape.width
     for _ in range(2):
         middle = _shape(term).value
-        trials = [(term.place, shape.make(fit.series, v)) for v in middle + width * np.linspace(-1, 1, 11)]
+        trials = [
+            (term.place, shape.make(fit.series, v)) for v in middle + width * np.linspace(-1, 1, 11)
+        ]
         best = max(judged(fit, trials, fit.residual, fit.basis), key=lambda t: t.score.gain)
         if best.score.gain > term.score.gain:
             term = best
@@ -169,7 +190,8 @@ def _shape(term: Term) -> Shape:
 
 
 def best_of(fit: Fit, ranked: Sequence[Term]) -> Term:
-    """The term worth most once the shapes of the nearest are refined; one of the motion where it serves as well as one of the read-out.
+    """The term worth most once the shapes of the nearest are refined; one of the motion where it
+    serves as well as one of the read-out.
 
     A fast error of the motion looks like one of the read-out.
     """
@@ -193,7 +215,8 @@ def best_of(fit: Fit, ranked: Sequence[Term]) -> Term:
 
 @dataclass(frozen=True)
 class Remainder:
-    """What the open search says: accepted terms in order, the fit with them, their number of coefficients."""
+    """What the open search says: accepted terms in order, the fit with them, their number of
+    coefficients."""
 
     terms: tuple[Term, ...]
     fit: Fit
@@ -207,7 +230,8 @@ class Remainder:
 
 
 def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Remainder:
-    """Forward selection of open terms with refit, stopped by corrected p and BIC; then each against all others beside the rest."""
+    """Forward selection of open terms with refit, stopped by corrected p and BIC; then each against
+    all others beside the rest."""
     rows = len(fit.residual)
     chosen: list[tuple[str, Term]] = []
     start, tried = fit.basis.shape[1], 0
@@ -227,15 +251,29 @@ def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Re
         fit = again
         chosen.append((name, best))
     fit, chosen = exchanged(fit, chosen, noise_factor)
-    return Remainder(tuple(fitted(fit, name, term) for name, term in chosen), fit, tried, fit.basis.shape[1] - start)
+    return Remainder(
+        tuple(fitted(fit, name, term) for name, term in chosen),
+        fit,
+        tried,
+        fit.basis.shape[1] - start,
+    )
 
 
 def with_term(fit: Fit, term: Term, name: str) -> Fit | None:
-    """The fit with the term, in the place of one of that name; None where the model finds no fit: its linear gain is none."""
+    """The fit with the term, in the place of one of that name; None where the model finds no fit:
+    its linear gain is none."""
     effect = effect_of(term.place, term.covariate, name)
-    values = {q.name: float(v) if np.isfinite(v) else 0.0 for q, v in zip(effect.parameters, term.score.estimate, strict=True)}
+    values = {
+        q.name: float(v) if np.isfinite(v) else 0.0
+        for q, v in zip(effect.parameters, term.score.estimate, strict=True)
+    }
     try:
-        return extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect, values), fit.freedom, near=fit.flow.near)
+        return extended_fit.fit(
+            fit.series,
+            extended_fit.with_effect(fit.point, effect, values),
+            fit.freedom,
+            near=fit.flow.near,
+        )
     except extended_fit.DivergedError:
         return None
 
@@ -248,8 +286,11 @@ def fitted(fit: Fit, name: str, term: Term) -> Term:
     return replace(term, score=replace(term.score, estimate=estimate, std=std))
 
 
-def exchanged(fit: Fit, chosen: list[tuple[str, Term]], noise_factor: float) -> tuple[Fit, list[tuple[str, Term]]]:
-    """Every term against all others beside the rest, and against none: the first was chosen before the others were there."""
+def exchanged(
+    fit: Fit, chosen: list[tuple[str, Term]], noise_factor: float
+) -> tuple[Fit, list[tuple[str, Term]]]:
+    """Every term against all others beside the rest, and against none: the first was chosen before
+    the others were there."""
     if len(chosen) < 2:
         return fit, chosen
     rows = len(fit.residual)
@@ -271,7 +312,8 @@ def exchanged(fit: Fit, chosen: list[tuple[str, Term]], noise_factor: float) -> 
 
 
 def smooth_columns(fit: Fit) -> list[tuple[slice, Array]]:
-    """Slow cosines in time of all four components of the wave, run by run: what a deterministic misfit would look like, (N_r, m) each."""
+    """Slow cosines in time of all four components of the wave, run by run: what a deterministic
+    misfit would look like, (N_r, m) each."""
     series = fit.series
     frame = np.swapaxes(real(directions(fit.flow.prediction.seen)), -1, -2)
     good = series.weight > 0
@@ -280,11 +322,14 @@ def smooth_columns(fit: Fit) -> list[tuple[slice, Array]]:
     slow = np.cos(np.pi * np.arange(1, SMOOTH + 1) * x[..., None])
     out = (slow[:, :, None, :, None] * frame[:, :, :, None, :]).reshape(*series.weight.shape, 4, -1)
     blocks = fit.basis.own
-    return [(rows, out[k][good[k]].reshape(-1, out.shape[-1])) for k, (rows, _) in enumerate(blocks)]
+    return [
+        (rows, out[k][good[k]].reshape(-1, out.shape[-1])) for k, (rows, _) in enumerate(blocks)
+    ]
 
 
 def adequacy(fit: Fit) -> tuple[float, float]:
-    """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing is left but white noise."""
+    """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing
+    is left but white noise."""
     from scipy.special import chdtrc
 
     power, rank = evidence.smooth_power(fit.residual, fit.basis, smooth_columns(fit))

@@ -1,4 +1,5 @@
-"""Diagnosis, the JSON: verdict, values, effects with rivals and next experiments, gain, upper limits, remainder."""
+"""Diagnosis, the JSON: verdict, values, effects with rivals and next experiments, gain, upper
+limits, remainder."""
 
 from __future__ import annotations
 
@@ -24,11 +25,13 @@ from .search import Found, Search, Variant
 Array = np.ndarray
 ONE_SIDED = 1.645
 FAINT = 0.02
-"""Independence beside the base model below which a cause is told from it only by what no model is exact enough for."""
+"""Independence beside the base model below which a cause is told from it only by what no model is
+exact enough for."""
 SAME = 0.999
 """Cosine from which two causes, or one and a part of the other, do the same in these runs."""
 NOTHING = 1e-5
-"""σ of all rows together that a difference step, a hundredth of the typical size, makes where it is more than rounding."""
+"""σ of all rows together that a difference step, a hundredth of the typical size, makes where it is
+more than rounding."""
 BASE = {
     "damping": "damping",
     "damping_cos": "damping split",
@@ -53,7 +56,8 @@ def report(
     candidates: Sequence[Variant],
     untouched: Fit,
 ) -> dict[str, Any]:
-    """Everything the contract names, and the steps that led there; `untouched`: the base fit before tones and steps were taken out."""
+    """Everything the contract names, and the steps that led there; `untouched`: the base fit before
+    tones and steps were taken out."""
     by_name = {v.effect.name: v for v in candidates}
     sized = Sized.of(search.final, remainder, noise_factor)
     return {
@@ -82,10 +86,12 @@ def _figures(fit: Fit) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Sized:
-    """The fit whose numbers are told, its variances times `factor`, and the fit beside the open terms where there are any.
+    """The fit whose numbers are told, its variances times `factor`, and the fit beside the open
+    terms where there are any.
 
-    What the catalogue does not hold pulls at every number: what it leaves over widens the noise, and by how much a number moves once it is
-    described as well as it can be counts as an error of its own.
+    What the catalogue does not hold pulls at every number: what it leaves over widens the noise,
+    and by how much a number moves once it is described as well as it can be counts as an error of
+    its own.
     """
 
     fit: Fit
@@ -95,15 +101,21 @@ class Sized:
     @classmethod
     def of(cls, final: Fit, remainder: Remainder | None, noise_factor: float) -> Sized:
         """From the final fit of the catalogue's causes and what is left over."""
-        return cls(final, final if remainder is None else remainder.fit, max(noise_factor, final.chi2 / final.dof, 1.0))
+        return cls(
+            final,
+            final if remainder is None else remainder.fit,
+            max(noise_factor, final.chi2 / final.dof, 1.0),
+        )
 
     def std(self, std: float, value: float, beside: float) -> float:
-        """Standard deviation of a number with σ `std` in the fit, which stands at `beside` with the open terms."""
+        """Standard deviation of a number with σ `std` in the fit, which stands at `beside` with the
+        open terms."""
         return float(np.hypot(np.sqrt(self.factor) * std, value - beside))
 
 
 def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
-    """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes them wrong."""
+    """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
+    them wrong."""
     fit, noise_factor = sized.fit, sized.factor
     numbers, slopes = physical(fit.point.p, fit.series.mode_number)
     others = physical(sized.beside.point.p, fit.series.mode_number)[0]
@@ -116,11 +128,22 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     frequency = float(np.mean(fit.frequency_hz))
     own = [fit.std_at(fit.layout.frequency(k)) for k in range(len(fit.series.names))]
     spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(own))
-    frequency_std = max(float(np.sqrt(np.sum(np.square(own))) / len(own)), spread) / (2 * np.pi) * np.sqrt(noise_factor)
+    frequency_std = (
+        max(float(np.sqrt(np.sum(np.square(own))) / len(own)), spread)
+        / (2 * np.pi)
+        * np.sqrt(noise_factor)
+    )
     given = resonator.parameters() if resonator is not None else {}
     out = []
-    for (name, units), value, std in zip(PARAMETERS, [frequency, *numbers], [frequency_std, *stds], strict=True):
-        row: dict[str, Any] = {"name": name, "value": float(value), "std": float(std), "units": units}
+    for (name, units), value, std in zip(
+        PARAMETERS, [frequency, *numbers], [frequency_std, *stds], strict=True
+    ):
+        row: dict[str, Any] = {
+            "name": name,
+            "value": float(value),
+            "std": float(std),
+            "units": units,
+        }
         if name in given:
             believed, believed_std, _ = given[name]
             difference = float(value) - believed
@@ -137,7 +160,9 @@ def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, 
     effect, fit = one.variant.effect, sized.fit
     active, beside = fit.values(effect.name), sized.beside.values(effect.name)
     score = _beside_the_others(one, fit, sized.factor)
-    sentences = [effect.next_experiment] + [by_name[r].effect.next_experiment for r in one.rivals if r in by_name]
+    sentences = [effect.next_experiment] + [
+        by_name[r].effect.next_experiment for r in one.rivals if r in by_name
+    ]
     return {
         "name": effect.name,
         "z": score[0],
@@ -146,14 +171,24 @@ def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, 
         "parameters": {
             p.name: {
                 "value": float(active[p.name]),
-                "std": sized.std(fit.parameter_std(effect.name, p.name), active[p.name], beside[p.name]),
+                "std": sized.std(
+                    fit.parameter_std(effect.name, p.name), active[p.name], beside[p.name]
+                ),
                 "units": p.units,
             }
             for p in effect.fitted()
         },
-        "held": {p.name: {"value": float(active[p.name]), "units": p.units} for p in effect.parameters if not p.fitted},
+        "held": {
+            p.name: {"value": float(active[p.name]), "units": p.units}
+            for p in effect.parameters
+            if not p.fitted
+        },
         "indistinguishable_from": list(one.rivals),
-        "next_experiment": "; ".join(dict.fromkeys(s for s in sentences if s)) if one.rivals else effect.next_experiment,
+        "next_experiment": (
+            "; ".join(dict.fromkeys(s for s in sentences if s))
+            if one.rivals
+            else effect.next_experiment
+        ),
         "independence": one.score.independence,
     }
 
@@ -168,8 +203,11 @@ def _beside_the_others(one: Found, fit: Fit, noise_factor: float) -> tuple[float
     return float(z * (sign or 1.0)), p
 
 
-def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant], candidates: Sequence[Variant]) -> list[dict[str, Any]]:
-    """Every candidate: score beside the base model, 95 % upper limit of its size beside what was found."""
+def _tested(
+    search: Search, noise_factor: float, by_name: dict[str, Variant], candidates: Sequence[Variant]
+) -> list[dict[str, Any]]:
+    """Every candidate: score beside the base model, 95 % upper limit of its size beside what was
+    found."""
     found = {one.variant.effect.name for one in search.found}
     last = {s.name: s for s in search.last}
     out = []
@@ -177,26 +215,37 @@ def _tested(search: Search, noise_factor: float, by_name: dict[str, Variant], ca
         later = last.get(score.name, score)
         limit, units = _limit(later, noise_factor, by_name[score.name])
         if by_name[score.name].secants and score.name not in found:
-            limit = _level_limit(search.final, noise_factor, [v for v in candidates if v.effect.name == score.name])
+            limit = _level_limit(
+                search.final, noise_factor, [v for v in candidates if v.effect.name == score.name]
+            )
         first = by_name[score.name].effect.fitted()[0]
         row = {
             "name": score.name,
-            "z": evidence.significance(score.gain / noise_factor, score.rank)[0] if score.visible else 0.0,
+            "z": (
+                evidence.significance(score.gain / noise_factor, score.rank)[0]
+                if score.visible
+                else 0.0
+            ),
             "upper_limit": None if score.name in found else limit,
             "units": units or first.units,
-            "std": [float(s * np.sqrt(noise_factor)) if np.isfinite(s) else None for s in later.std],
+            "std": [
+                float(s * np.sqrt(noise_factor)) if np.isfinite(s) else None for s in later.std
+            ],
             "independence": score.independence,
             "visible": score.visible,
         }
         if not score.visible:
             same = by_name[score.name].effect.same_as_base
-            row["why_not"] = f"these runs cannot show it: it is {same}" if same else "these runs cannot show it"
+            row["why_not"] = (
+                f"these runs cannot show it: it is {same}" if same else "these runs cannot show it"
+            )
         out.append(row)
     return out
 
 
 def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float | None, str]:
-    """Largest of the parameters' one-sided 95 % limits, in the unit of the parameter that has it."""
+    """Largest of the parameters' one-sided 95 % limits, in the unit of the parameter that has
+    it."""
     if not score.visible:
         return None, ""
     names = list(variant.steps)
@@ -211,22 +260,29 @@ def _limit(score: Score, noise_factor: float, variant: Variant) -> tuple[float |
 
 
 def _level_limit(fit: Fit, noise_factor: float, levels: Sequence[Variant]) -> float | None:
-    """Least of the values tried at which the data exclude what sets in there, in its full strength; None where they exclude none.
+    """Least of the values tried at which the data exclude what sets in there, in its full strength;
+    None where they exclude none.
 
-    What sets in above a level has no small size that grows in proportion: a score at one level says which part of it is there.
+    What sets in above a level has no small size that grows in proportion: a score at one level says
+    which part of it is there.
     """
     (name,) = levels[0].secants
     for variant in sorted(levels, key=lambda v: v.steps[name]):
         S = fit.sensitivities([variant.wanted])[0]
         score = evidence.score(variant.effect.name, fit.residual, S, fit.basis)
         k = list(variant.steps).index(name)
-        if score.visible and score.estimate[k] + ONE_SIDED * score.std[k] * np.sqrt(noise_factor) < variant.steps[name]:
+        if (
+            score.visible
+            and score.estimate[k] + ONE_SIDED * score.std[k] * np.sqrt(noise_factor)
+            < variant.steps[name]
+        ):
             return variant.values[name] + variant.steps[name]
     return None
 
 
 def _not_separable(search: Search, by_name: dict[str, Variant]) -> list[dict[str, Any]]:
-    """What the runs cannot tell apart beside what was found: causes from the model, causes from one another; the run that would."""
+    """What the runs cannot tell apart beside what was found: causes from the model, causes from one
+    another; the run that would."""
     out: list[dict[str, Any]] = []
     fit, found = search.final, {one.variant.effect.name for one in search.found}
     open_ones = [s for s in search.last if s.name not in found]
@@ -239,28 +295,54 @@ def _not_separable(search: Search, by_name: dict[str, Variant]) -> list[dict[str
         seen = np.linalg.norm(S, axis=0) * np.array(list(variant.steps.values())) > NOTHING
         base = variant.effect.same_as_base or _hidden_behind(fit, S[:, seen])
         if base and (score.name != "table_rate_error" or np.any(fit.series.rate_rad_s)):
-            out.append({"effects": [score.name], "base": base, "next_experiment": variant.effect.next_experiment})
+            out.append(
+                {
+                    "effects": [score.name],
+                    "base": base,
+                    "next_experiment": variant.effect.next_experiment,
+                }
+            )
             hidden[score.name] = evidence.orthonormal(S[:, seen], 1e-6)
     if np.any(fit.series.quadrature_drive):
         gain, std = _loop_gain(fit)
-        base = f"the logged command of the quadrature loop, which holds all it does; by the log its gain is {gain:.3g} ± {std:.1g} 1/s"
+        base = (
+            "the logged command of the quadrature loop, which holds all it does; by the log its"
+            f" gain is {gain:.3g} ± {std:.1g} 1/s"
+        )
         out += [
-            {"effects": [e.name], "base": base, "next_experiment": e.next_experiment} for e in EFFECTS if e.in_the_log == "quadrature_drive"
+            {"effects": [e.name], "base": base, "next_experiment": e.next_experiment}
+            for e in EFFECTS
+            if e.in_the_log == "quadrature_drive"
         ]
     visible = [s for s in open_ones if s.visible and s.name not in hidden]
-    pairs = [(a.name, b.name) for a, b in combinations(visible, 2) if a.rank == b.rank and evidence.alike(a, b) > SAME]
+    pairs = [
+        (a.name, b.name)
+        for a, b in combinations(visible, 2)
+        if a.rank == b.rank and evidence.alike(a, b) > SAME
+    ]
     pairs += [
-        (a, b) for a, b in combinations((n for n in hidden if not by_name[n].effect.same_as_base), 2) if _within(hidden[a], hidden[b])
+        (a, b)
+        for a, b in combinations((n for n in hidden if not by_name[n].effect.same_as_base), 2)
+        if _within(hidden[a], hidden[b])
     ]
     groups = [[one.variant.effect.name, *one.rivals] for one in search.found if one.rivals]
     for group in groups + _joined(pairs):
-        sentences = dict.fromkeys(by_name[name].effect.next_experiment for name in group if name in by_name)
-        out.append({"effects": group, "base": None, "next_experiment": "; ".join(s for s in sentences if s)})
+        sentences = dict.fromkeys(
+            by_name[name].effect.next_experiment for name in group if name in by_name
+        )
+        out.append(
+            {
+                "effects": group,
+                "base": None,
+                "next_experiment": "; ".join(s for s in sentences if s),
+            }
+        )
     return out
 
 
 def _within(a: Array, b: Array) -> bool:
-    """Whether the smaller of two spans (orthonormal columns) lies in the other: nothing it does is beyond the other."""
+    """Whether the smaller of two spans (orthonormal columns) lies in the other: nothing it does is
+    beyond the other."""
     overlap = np.linalg.svd(a.T @ b, compute_uv=False)
     return bool(len(overlap) and overlap[-1] > SAME)
 
@@ -270,23 +352,36 @@ def _joined(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:
     groups: list[list[str]] = []
     for pair in pairs:
         touched = [g for g in groups if set(g) & set(pair)]
-        groups = [g for g in groups if g not in touched] + [list(dict.fromkeys([*(n for g in touched for n in g), *pair]))]
+        groups = [g for g in groups if g not in touched] + [
+            list(dict.fromkeys([*(n for g in touched for n in g), *pair]))
+        ]
     return groups
 
 
 def _hidden_behind(fit: Fit, S: Array) -> str:
-    """What in the fit does what the effect of sensitivities S would, largest first; empty where the effect does nothing in these runs."""
+    """What in the fit does what the effect of sensitivities S would, largest first; empty where the
+    effect does nothing in these runs."""
     size = np.linalg.norm(S, axis=0)
     if not np.all(np.isfinite(size)) or not len(size):
         return ""
-    part = np.max(np.abs(fit.covariance @ fit.design.along(S / size)) * fit.design.sizes()[:, None], axis=1)
+    part = np.max(
+        np.abs(fit.covariance @ fit.design.along(S / size)) * fit.design.sizes()[:, None], axis=1
+    )
     shares: dict[str, float] = {}
     for kind, name, columns in fit.layout.groups():
-        word = {"coordinate": BASE.get(name, ""), "run": "the runs' own frequencies", "effect": name}[kind]
+        word = {
+            "coordinate": BASE.get(name, ""),
+            "run": "the runs' own frequencies",
+            "effect": name,
+        }[kind]
         share = part[columns][FREQUENCY:] if kind == "run" else part[columns]
         shares[word] = max(shares.get(word, 0.0), float(share.max(initial=0.0)))
     largest = max(shares.values(), default=0.0)
-    named = [word for word, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share > 0.3 * largest and share > 0.1]
+    named = [
+        word
+        for word, share in sorted(shares.items(), key=lambda pair: -pair[1])
+        if share > 0.3 * largest and share > 0.1
+    ]
     return ", ".join(named[:3])
 
 
@@ -295,7 +390,10 @@ def _loop_gain(fit: Fit) -> tuple[float, float]:
     from ...physics import ellipse
 
     good = (fit.series.weight > 0) & (fit.series.forced > 0)
-    quadrature, command = ellipse.wave(fit.series.envelope[good], 1)[1], fit.series.quadrature_drive[good]
+    quadrature, command = (
+        ellipse.wave(fit.series.envelope[good], 1)[1],
+        fit.series.quadrature_drive[good],
+    )
     power = float(quadrature @ quadrature)
     gain = -float(quadrature @ command) / power
     return gain, float(np.sqrt(np.mean((command + gain * quadrature) ** 2) / power))
@@ -303,7 +401,10 @@ def _loop_gain(fit: Fit) -> tuple[float, float]:
 
 def _correlations(search: Search) -> dict[str, Any]:
     visible = [s for s in search.first if s.visible]
-    return {"names": [s.name for s in visible], "matrix": np.round(evidence.correlations(visible), 4).tolist()}
+    return {
+        "names": [s.name for s in visible],
+        "matrix": np.round(evidence.correlations(visible), 4).tolist(),
+    }
 
 
 def describe(remainder: Remainder, fit: Fit) -> dict[str, Any]:
@@ -319,8 +420,10 @@ def describe(remainder: Remainder, fit: Fit) -> dict[str, Any]:
     rows = [_term(t) for t in remainder.terms]
     first = rows[0]
     return {
-        "description": f"{first['place']} that changes with {first['covariate']}"
-        + (f", then {len(rows) - 1} smaller term(s)" if len(rows) > 1 else ""),
+        "description": (
+            f"{first['place']} that changes with {first['covariate']}"
+            + (f", then {len(rows) - 1} smaller term(s)" if len(rows) > 1 else "")
+        ),
         "covariate": first["covariate"],
         "harmonic": first["harmonic"],
         "formula": first["formula"],
@@ -335,7 +438,9 @@ def _term(term: Term) -> dict[str, Any]:
         "place": place.name,
         "covariate": covariate.name,
         "harmonic": covariate.harmonic or None,
-        "formula": f"{place.symbol} → {place.symbol} + {size:.4g} {place.units} · ({covariate.formula})",
+        "formula": (
+            f"{place.symbol} → {place.symbol} + {size:.4g} {place.units} · ({covariate.formula})"
+        ),
         "size": size,
         "std": float(np.nanmax(np.where(np.isfinite(term.score.std), term.score.std, 0.0))),
         "units": place.units,

@@ -1,4 +1,5 @@
-"""Diagnosis, the extended model: one measured run as the tables of a simulation file: start, courses of rate and temperature, loops."""
+"""Diagnosis, the extended model: one measured run as the tables of a simulation file: start,
+courses of rate and temperature, loops."""
 
 from __future__ import annotations
 
@@ -19,17 +20,33 @@ from ..run_tables import loops, points, rate_course, sample_noise
 Array = np.ndarray
 BACKWARD = 16
 """Steps from the first row back to the run's start."""
-HELD = ("weight", "temperature_rate_degc_s", "branch", "main_drive", "quadrature_drive", "forced", "held_amplitude", "held_slope")
+HELD = (
+    "weight",
+    "temperature_rate_degc_s",
+    "branch",
+    "main_drive",
+    "quadrature_drive",
+    "forced",
+    "held_amplitude",
+    "held_slope",
+)
 """Columns that stay what they are at the first row."""
 
 
-def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate_hz: float, change: Array) -> dict[str, Any]:
+def run_table(
+    fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate_hz: float, change: Array
+) -> dict[str, Any]:
     """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
 
     change (5,): what is added to the start state.
     """
     series, k = fit.series, own[0]
-    a_A, a_B, angle, phase = (float(v) for v in ellipse.wave(_start(fit, k, wave) + imaginary(change[:FREQUENCY]), series.mode_number))
+    a_A, a_B, angle, phase = (
+        float(v)
+        for v in ellipse.wave(
+            _start(fit, k, wave) + imaginary(change[:FREQUENCY]), series.mode_number
+        )
+    )
     length = float(wave.time_s[-1] + wave.window_s / 2)
     run: dict[str, Any] = {
         "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},
@@ -38,22 +55,28 @@ def run_table(fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate
         "recording": {"duration_s": length},
     }
     if wave.mode == "forced":
-        run["control"] = {"mode": "forced"} | loops(_moving(fit, own, wave), max(float(fit.point.p[0]), 0.0))
+        run["control"] = {"mode": "forced"} | loops(
+            _moving(fit, own, wave), max(float(fit.point.p[0]), 0.0)
+        )
     return run
 
 
 def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
-    """The wave with the modelled motion's amplitudes: the simulated loops see those, without noise and the read-out's defects."""
+    """The wave with the modelled motion's amplitudes: the simulated loops see those, without noise
+    and the read-out's defects."""
     good = [fit.series.weight[k] > 0 for k in own]
     times = np.concatenate([fit.series.time_s[k][g] for k, g in zip(own, good, strict=True)])
     u = np.concatenate([fit.prediction.motion[k][g] for k, g in zip(own, good, strict=True)])
     a_A, a_B = ellipse.wave(u, fit.series.mode_number)[:2]
     t = np.asarray(wave.time_s, float)
-    return wave.replace(main_amplitude=np.interp(t, times, a_A), quadrature_amplitude=np.interp(t, times, a_B))
+    return wave.replace(
+        main_amplitude=np.interp(t, times, a_A), quadrature_amplitude=np.interp(t, times, a_B)
+    )
 
 
 def _start(fit: Fit, k: int, wave: Wave) -> Array:
-    """Envelopes (2,) at t = 0: the whole equation integrated back from the first row, drive and effects included."""
+    """Envelopes (2,) at t = 0: the whole equation integrated back from the first row, drive and
+    effects included."""
     series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
     if first <= 0:
         return fit.prediction.motion[k, 0]
@@ -65,8 +88,12 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
 
     rate = along(series.rate_rad_s)
     if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
-        rate = np.interp(times, np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known])
-    columns: dict[str, Any] = {name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD}
+        rate = np.interp(
+            times, np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known]
+        )
+    columns: dict[str, Any] = {
+        name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
+    }
     back = replace(
         series,
         time_s=times,
@@ -80,26 +107,43 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
         unsettled=None,
         **columns,
     )
-    point = Point(fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active)
+    point = Point(
+        fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
+    )
     return motion_of(back, point)[0, -1]
 
 
 def _environment(fit: Fit, own: Sequence[int], wave: Wave, length_s: float) -> dict[str, Any]:
-    """Rate and temperature, constant or along straight lines; the temperature is the resonator's where the thermometer lags."""
+    """Rate and temperature, constant or along straight lines; the temperature is the resonator's
+    where the thermometer lags."""
     series = fit.series
     out = rate_course(wave.time_s, wave.rate_rad_s)
     if series.has_temperature:
         good = [series.weight[k] > 0 for k in own]
         t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])
-        warm = np.concatenate([series.temperature_degc[k][g] for k, g in zip(own, good, strict=True)])
-        steep = np.concatenate([series.temperature_rate_degc_s[k][g] for k, g in zip(own, good, strict=True)])
-        lag = next((float(v["time_constant_s"]) for effect, v in fit.point.active if effect.name == "thermal_lag"), 0.0)
+        warm = np.concatenate(
+            [series.temperature_degc[k][g] for k, g in zip(own, good, strict=True)]
+        )
+        steep = np.concatenate(
+            [series.temperature_rate_degc_s[k][g] for k, g in zip(own, good, strict=True)]
+        )
+        lag = next(
+            (
+                float(v["time_constant_s"])
+                for effect, v in fit.point.active
+                if effect.name == "thermal_lag"
+            ),
+            0.0,
+        )
         warm = warm + lag * steep
         if np.ptp(warm) <= 1e-4:
             out["temperature_degc"] = float(warm.mean())
         else:
             ends = np.array([0.0, length_s])
             outside = warm[[0, -1]] + steep[[0, -1]] * (ends - t[[0, -1]])
-            times, values = points(np.concatenate([ends[:1], t, ends[1:]]), np.concatenate([outside[:1], warm, outside[1:]]))
+            times, values = points(
+                np.concatenate([ends[:1], t, ends[1:]]),
+                np.concatenate([outside[:1], warm, outside[1:]]),
+            )
             out["temperature"] = {"kind": "points", "time_s": times, "temperature_degc": values}
     return out

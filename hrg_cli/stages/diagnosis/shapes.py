@@ -1,8 +1,10 @@
-"""Diagnosis, the shapes a damping that changes with the amplitude may have, and a fit with the damping in one of them.
+"""Diagnosis, the shapes a damping that changes with the amplitude may have, and a fit with the
+damping in one of them.
 
-−d ln a/dt = ν + ν_n (a/a₀)^n. The catalogue has n = 2. Free: n is fitted. Passive: n is fitted and there is no linear part; what split of
-the damping is left is the nonlinear part's own. Supplied: ν > 0 beside a regulated supply that no log tells of, ν_n < 0, which gives a
-constant power (n = −2) or a constant push (n = −1).
+−d ln a/dt = ν + ν_n (a/a₀)^n. The catalogue has n = 2. Free: n is fitted. Passive: n is fitted and
+there is no linear part; what split of the damping is left is the nonlinear part's own. Supplied: ν
+> 0 beside a regulated supply that no log tells of, ν_n < 0, which gives a constant power (n = −2)
+or a constant push (n = −1).
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ SUPPLIED = (Shape("a supply of constant power", -2.0), Shape("a supply by a cons
 
 
 def in_shape(fit: Fit, shape: Shape) -> Fit | None:
-    """A fit with the catalogue's damping, fitted again with that damping in another shape; None where it finds no such fit."""
+    """A fit with the catalogue's damping, fitted again with that damping in another shape; None
+    where it finds no such fit."""
     amplitude = extended_fit.amplitude_of(fit.series)
     level, power = _stands(fit, amplitude)
     p, std = fit.point.p.copy(), fit.freedom.std.copy()
@@ -56,13 +59,19 @@ def in_shape(fit: Fit, shape: Shape) -> Fit | None:
         slope = level * power
         p[0], level, power = p[0] + level - slope / shape.power, slope / shape.power, shape.power
     effect = _at(amplitude, fitted=not shape.supplied)
-    point = extended_fit.with_effect(replace(fit.point, p=p), effect, {"level_1_s": level, "power": power})
+    point = extended_fit.with_effect(
+        replace(fit.point, p=p), effect, {"level_1_s": level, "power": power}
+    )
     try:
-        again = extended_fit.fit(fit.series, point, replace(fit.freedom, std=std, passive=shape.linear), most=STEPS)
+        again = extended_fit.fit(
+            fit.series, point, replace(fit.freedom, std=std, passive=shape.linear), most=STEPS
+        )
     except extended_fit.DivergedError:
         return None
     found = values(again)
-    if not np.all(np.isfinite(again.prediction.seen)) or (shape.supplied and found["level_1_s"] > 0):
+    if not np.all(np.isfinite(again.prediction.seen)) or (
+        shape.supplied and found["level_1_s"] > 0
+    ):
         return None
     return again if shape.supplied or LEAST < found["power"] < MOST else None
 
@@ -72,14 +81,20 @@ def in_the_catalogue(fit: Fit, shape: Shape, amplitude: float) -> Fit:
     now = values(fit)
     own = {"damping_1_s": now["level_1_s"] * amplitude ** -now["power"], "power": now["power"]}
     # the same optimum, looked at in coordinates in which steps would be poor
-    same = extended_fit.fit(fit.series, extended_fit.with_effect(fit.point, effect_of(shape), own), fit.freedom, most=0)
+    same = extended_fit.fit(
+        fit.series, extended_fit.with_effect(fit.point, effect_of(shape), own), fit.freedom, most=0
+    )
     return replace(same, converged=fit.converged)
 
 
 def effect_of(shape: Shape) -> Effect:
     """The catalogue's effect, with the power fitted where the shape leaves it open."""
     effect = nonlinear_damping.EFFECT
-    return effect if shape.supplied else replace(effect, parameters=tuple(replace(p, fitted=True) for p in effect.parameters))
+    return (
+        effect
+        if shape.supplied
+        else replace(effect, parameters=tuple(replace(p, fitted=True) for p in effect.parameters))
+    )
 
 
 def values(fit: Fit) -> dict[str, float]:
@@ -100,24 +115,35 @@ def level_of(fit: Fit, amplitude: float) -> tuple[float, float]:
     names = [name for name in slopes if name in fit.layout.parameters(NAME)]
     index = [fit.layout.parameter(NAME, name) for name in names]
     slope = np.array([slopes[name] for name in names])
-    return float(level), float(np.sqrt(max(slope @ fit.covariance[np.ix_(index, index)] @ slope, 0.0)))
+    return float(level), float(
+        np.sqrt(max(slope @ fit.covariance[np.ix_(index, index)] @ slope, 0.0))
+    )
 
 
 def _stands(fit: Fit, amplitude: float) -> tuple[float, float]:
     """(ν_n at the data's amplitude, n) as the damping stands, in whichever parameters."""
     now = values(fit)
     power = now.get("power", 2.0)
-    return (now["damping_1_s"] * amplitude**power if "damping_1_s" in now else now["level_1_s"]), power
+    return (
+        now["damping_1_s"] * amplitude**power if "damping_1_s" in now else now["level_1_s"]
+    ), power
 
 
 def _at(amplitude: float, fitted: bool) -> Effect:
-    """The catalogue's effect with its level at the data's amplitude, which the power hardly moves."""
+    """The catalogue's effect with its level at the data's amplitude, which the power hardly
+    moves."""
 
     def slow(p: Mapping[str, float], u: Array, state: SlowState) -> Array:
         power = p["power"] if not fitted else float(np.clip(p["power"], LEAST, MOST))
-        return nonlinear_damping.slow({"damping_1_s": p["level_1_s"] * amplitude**-power, "power": power}, u, state)
+        return nonlinear_damping.slow(
+            {"damping_1_s": p["level_1_s"] * amplitude**-power, "power": power}, u, state
+        )
 
     level = Parameter("level_1_s", "s-1", 1e-5, "damping at the data's amplitude")
     return Effect(
-        name=NAME, family="resonator", page="", parameters=(level, Parameter("power", "1", 1.0, "power", fitted=fitted)), slow=slow
+        name=NAME,
+        family="resonator",
+        page="",
+        parameters=(level, Parameter("power", "1", 1.0, "power", fitted=fitted)),
+        slow=slow,
     )

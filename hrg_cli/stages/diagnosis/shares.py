@@ -1,8 +1,11 @@
-"""Diagnosis, the shares: what each cause leaves in the runs where it is not taken in and everything else is fitted anew.
+"""Diagnosis, the shares: what each cause leaves in the runs where it is not taken in and everything
+else is fitted anew.
 
-With u the extended model's envelopes and u₋ those of the fit without one cause, the cause's share is the difference of their waves: of
-m·θ (its slope over a quarter of a run is a drift), of ln a_A and of the phase (its slope is a frequency). What the base model can take
-over of a cause is therefore no part of its share, and the share does not depend on the order in which the causes were found.
+With u the extended model's envelopes and u₋ those of the fit without one cause, the cause's share
+is the difference of their waves: of m·θ (its slope over a quarter of a run is a drift), of ln a_A
+and of the phase (its slope is a frequency). What the base model can take over of a cause is
+therefore no part of its share, and the share does not depend on the order in which the causes were
+found.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ from ...units import DEGREE_PER_HOUR
 
 Array = np.ndarray
 PIECES = 4
-"""Pieces of a run, over each of which a difference of the angle is taken as a drift (as in the held-out errors)."""
+"""Pieces of a run, over each of which a difference of the angle is taken as a drift (as in the
+held-out errors)."""
 ALL_SUBSETS = 3
 """Causes up to which every combination is fitted."""
 PPM = 1e6
@@ -43,22 +47,29 @@ class Difference:
 
 
 def difference(first: Array, second: Array) -> Difference:
-    """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2, NaN where the wave is nearly a circle.
+    """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2,
+    NaN where the wave is nearly a circle.
 
     Of a circle neither angle nor phase is defined: their noise grows as 1/(1 − r²), r = a_B/a_A.
     """
-    a, b = (ellipse.wave(rows[:, :2] + 1j * rows[:, 2:], 1) for rows in (np.asarray(first), np.asarray(second)))
+    a, b = (
+        ellipse.wave(rows[:, :2] + 1j * rows[:, 2:], 1)
+        for rows in (np.asarray(first), np.asarray(second))
+    )
     turns = np.round((a[2] - b[2]) / np.pi)
     phase = a[3] - b[3] + np.pi * turns
     with np.errstate(divide="ignore", invalid="ignore"):
         amplitude, quadrature = np.log(a[0] / b[0]), a[1] / a[0] - b[1] / b[0]
         flat = (np.abs(a[1]) < ROUND * a[0]) & (np.abs(b[1]) < ROUND * b[0])
     angle = np.where(flat, a[2] - b[2] - np.pi * turns, np.nan)
-    return Difference(angle, amplitude, quadrature, np.where(flat, np.angle(np.exp(1j * phase)), np.nan))
+    return Difference(
+        angle, amplitude, quadrature, np.where(flat, np.angle(np.exp(1j * phase)), np.nan)
+    )
 
 
 def figures(departure: Difference, run: Array, time_s: Array) -> dict[str, float | None]:
-    """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency in Hz; None where nothing shows it."""
+    """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency
+    in Hz; None where nothing shows it."""
     drifts: list[float] = []
     frequencies: list[float] = []
     for k in np.unique(run):
@@ -67,7 +78,9 @@ def figures(departure: Difference, run: Array, time_s: Array) -> dict[str, float
             t = time_s[piece] - time_s[piece].mean() if len(piece) > 2 else np.zeros(0)
             if t @ t > 0:
                 drifts.append(float(t @ np.unwrap(departure.angle[piece], period=np.pi) / (t @ t)))
-                frequencies.append(float(t @ np.unwrap(departure.phase[piece]) / (t @ t) / (2 * np.pi)))
+                frequencies.append(
+                    float(t @ np.unwrap(departure.phase[piece]) / (t @ t) / (2 * np.pi))
+                )
     return {
         "drift_deg_h": _rms(drifts, 1 / DEGREE_PER_HOUR),
         "angle_ppm": _rms(departure.angle, PPM),
@@ -84,7 +97,8 @@ def _rms(values: Array | list[float], factor: float) -> float | None:
 
 @dataclass(frozen=True)
 class Shares:
-    """Sets of causes left out, the rows of the model fitted without each set (k, 4, sets), and the figures of every single cause."""
+    """Sets of causes left out, the rows of the model fitted without each set (k, 4, sets), and the
+    figures of every single cause."""
 
     left_out: tuple[tuple[str, ...], ...]
     rows: Array
@@ -92,15 +106,21 @@ class Shares:
 
 
 def sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, … found."""
+    """Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, …
+    found."""
     if len(names) <= ALL_SUBSETS:
-        return [one for count in range(1, len(names)) for one in combinations(names, count)] if len(names) > 1 else []
+        return (
+            [one for count in range(1, len(names)) for one in combinations(names, count)]
+            if len(names) > 1
+            else []
+        )
     nested = [tuple(names[k:]) for k in range(len(names) - 1, 0, -1)]
     return list(dict.fromkeys([*((name,) for name in names), *nested]))
 
 
 def shares(base: Fit, fit: Fit) -> Shares:
-    """Leave out sets of the extended model's causes and fit the rest; rows with weight, in the order of the diagnosis's rows.
+    """Leave out sets of the extended model's causes and fit the rest; rows with weight, in the
+    order of the diagnosis's rows.
 
     base: the fit without any cause. A set without which the fit diverges is not told.
     """
@@ -116,13 +136,22 @@ def shares(base: Fit, fit: Fit) -> Shares:
         with contextlib.suppress(DivergedError):
             refitted = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
             rows[left_out] = real(refitted.prediction.seen[good])
-    found = {name: figures(difference(whole, rows[(name,)]), run, time_s) for name in names if (name,) in rows}
-    return Shares(tuple(rows), np.stack(list(rows.values()), axis=-1) if rows else np.zeros((len(whole), 4, 0)), found)
+    found = {
+        name: figures(difference(whole, rows[(name,)]), run, time_s)
+        for name in names
+        if (name,) in rows
+    }
+    return Shares(
+        tuple(rows),
+        np.stack(list(rows.values()), axis=-1) if rows else np.zeros((len(whole), 4, 0)),
+        found,
+    )
 
 
 def covariance_of(fit: Fit, std: Array) -> Array:
-    """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the causes: the fit's correlations, Σ = G C Gᵀ
-    with G the slopes of the parameters against the fitted coordinates, and the standard deviations (7,) that the report states."""
+    """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the
+    causes: the fit's correlations, Σ = G C Gᵀ with G the slopes of the parameters against the
+    fitted coordinates, and the standard deviations (7,) that the report states."""
     _, slopes = physical(fit.point.p, fit.series.mode_number)
     out = np.zeros((7, 7))
     out[0, 0] = 1.0

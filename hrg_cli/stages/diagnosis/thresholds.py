@@ -1,22 +1,29 @@
-"""Diagnosis, every constant of the decision, once, with what it buys. Figures that only set the pace of a search stand where it is made.
+"""Diagnosis, every constant of the decision, once, with what it buys. Figures that only set the
+pace of a search stand where it is made.
 
-The rule: a cause enters by chance with probability `SIGNIFICANT` at most and must be worth `WORTH`; the words "adequate" and "explained"
-are then a matter of the closing checks alone (`closing.py`), at the noise that the windows state.
+The rule: a cause enters by chance with probability `SIGNIFICANT` at most and must be worth `WORTH`;
+the words "adequate" and "explained" are then a matter of the closing checks alone (`closing.py`),
+at the noise that the windows state.
 """
 
 SIGNIFICANT = 1e-3
 """Chance of a false alarm a step of the selection, corrected for the number tried (Šidák)."""
 WORTH = 10.0
-"""ΔBIC an effect must earn, and by which it must beat a rival to be told from it: posterior odds of e⁵ = 148 at equal prior odds."""
+"""ΔBIC an effect must earn, and by which it must beat a rival to be told from it: posterior odds of
+e⁵ = 148 at equal prior odds."""
 CLEARLY = 16.0
-"""ΔBIC by which an open description must beat catalogued causes: odds of e⁸ = 3000, since the catalogue is the smaller claim."""
+"""ΔBIC by which an open description must beat catalogued causes: odds of e⁸ = 3000, since the
+catalogue is the smaller claim."""
 INADEQUATE = 1e-4
-"""Chance at which a clean model would be called inadequate by the residual's smooth part, and again by the open terms."""
+"""Chance at which a clean model would be called inadequate by the residual's smooth part, and again
+by the open terms."""
 GROSS = 10.0
-"""χ² a degree of freedom above which the model is so far from the data that scores mislead: more causes are refitted before one is
-chosen, and what the misfit could bend (the second order's scale) is held where physics has it."""
+"""χ² a degree of freedom above which the model is so far from the data that scores mislead: more
+causes are refitted before one is chosen, and what the misfit could bend (the second order's scale)
+is held where physics has it."""
 NEVER_LESS = 1.2
-"""Variance over that of white noise from which a slow residual counts as wandering noise rather than as the noise itself."""
+"""Variance over that of white noise from which a slow residual counts as wandering noise rather
+than as the noise itself."""
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
 SAME = 0.995
@@ -34,10 +41,13 @@ NOISE_LEVEL = 1.15
 BOUND_COST = 16.0
 """χ² that the bound of a passive resonator may cost before it is a finding: 4 σ."""
 RUN_PREDICTED = 1.5
-"""rms of a run's errors over σ when it is predicted by the others, beyond which the run is not of the same device."""
+"""rms of a run's errors over σ when it is predicted by the others, beyond which the run is not of
+the same device."""
 WRITTEN = 1.1
 """Misfit of the simulated extended model over that of the fit."""
 WRITTEN_FORCED = 1.5
-"""The same where runs are driven: a loop in the file acts on the simulated wave, while the fit has the log of what the loop did."""
+"""The same where runs are driven: a loop in the file acts on the simulated wave, while the fit has
+the log of what the loop did."""
 SCALE_FACTORS = (0.05, 3.0)
-"""Range of K, in parts of the nominal one, that the mode shape of a shell, a ring or a pendulum allows."""
+"""Range of K, in parts of the nominal one, that the mode shape of a shell, a ring or a pendulum
+allows."""

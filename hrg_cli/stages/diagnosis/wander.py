@@ -1,7 +1,9 @@
-"""Diagnosis, the wander: what the final residual looks like as noise, component by component. It is told, never used as an excuse.
+"""Diagnosis, the wander: what the final residual looks like as noise, component by component. It is
+told, never used as an excuse.
 
-The fit stays the least-squares one at the windows' own σ: weights made from a residual that a wrong model leaves would steer the next
-fit. The colour widens σ (`noise_factor`) and stands in the report.
+The fit stays the least-squares one at the windows' own σ: weights made from a residual that a wrong
+model leaves would steer the next fit. The colour widens σ (`noise_factor`) and stands in the
+report.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ HOUR = 3600.0
 
 
 def wander(fit: Fit) -> list[dict[str, Any]]:
-    """The wander of every component: standard deviation after an hour, correlation time of its rate, white level over the stated σ.
+    """The wander of every component: standard deviation after an hour, correlation time of its
+    rate, white level over the stated σ.
 
     Empty where the residual is white as far as its smooth part can tell.
     """

@@ -1,7 +1,9 @@
-"""Diagnosis, the written model: the TOML simulated as a user would, and held against the measurement and against the fit it comes from.
+"""Diagnosis, the written model: the TOML simulated as a user would, and held against the
+measurement and against the fit it comes from.
 
-Raw samples of the engine that is not the fitting model, demodulated like a recording, without noise: what is left over σ must be what
-the fit leaves, or the file is not the model that was fitted.
+Raw samples of the engine that is not the fitting model, demodulated like a recording, without
+noise: what is left over σ must be what the fit leaves, or the file is not the model that was
+fitted.
 """
 
 from __future__ import annotations
@@ -29,20 +31,24 @@ from ..simulation_file import runs_of
 
 Array = np.ndarray
 MOST_SAMPLES = 30_000_000
-"""Samples simulated at most, all runs together; longer runs are followed for their first part only."""
+"""Samples simulated at most, all runs together; longer runs are followed for their first part
+only."""
 NEAR = 1.02
 """Misfit over that of the fit up to which a file is left as it is."""
 PERIODS = 2.0
 """Periods a window of the simulated samples, short beside everything that moves."""
 NEXT_ROWS = 2.0
-"""Rows' lengths on either side of a jump in which measured rows hold a mean of both sides, simulated ones do not."""
+"""Rows' lengths on either side of a jump in which measured rows hold a mean of both sides,
+simulated ones do not."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """rms over σ of measured less simulated, of measured less fitted on the same rows, and the part of the runs that was simulated.
+    """rms over σ of measured less simulated, of measured less fitted on the same rows, and the part
+    of the runs that was simulated.
 
-    change (R, 5): of every run's start state and frequency offset that would bring the simulation nearest to the fit.
+    change (R, 5): of every run's start state and frequency offset that would bring the simulation
+    nearest to the fit.
     """
 
     rms_over_noise: float
@@ -57,12 +63,17 @@ class Written:
 
 
 def faithful(
-    written: Callable[[Array | None], str], fit: Fit, origin: Sequence[int], extra_effects: Sequence[Effect]
+    written: Callable[[Array | None], str],
+    fit: Fit,
+    origin: Sequence[int],
+    extra_effects: Sequence[Effect],
 ) -> tuple[str, Written | None]:
-    """The file and how it holds: where its simulation misses the fit, with starts and frequencies moved to where it misses least.
+    """The file and how it holds: where its simulation misses the fit, with starts and frequencies
+    moved to where it misses least.
 
-    written: the file's text with a change of the runs' starts and frequencies. A file says the engine's numbers, and the engine's loops
-    and drive differ from the logged rows in what a row averages away.
+    written: the file's text with a change of the runs' starts and frequencies. A file says the
+    engine's numbers, and the engine's loops and drive differ from the logged rows in what a row
+    averages away.
     """
     text = written(None)
     held = hold(text, fit, origin, extra_effects)
@@ -70,10 +81,16 @@ def faithful(
         return text, held
     other = written(held.change)
     again = hold(other, fit, origin, extra_effects)
-    return (text, held) if again is None or again.rms_over_noise > held.rms_over_noise else (other, again)
+    return (
+        (text, held)
+        if again is None or again.rms_over_noise > held.rms_over_noise
+        else (other, again)
+    )
 
 
-def hold(text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Effect]) -> Written | None:
+def hold(
+    text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Effect]
+) -> Written | None:
     """Simulate a written model and compare it at the fit's rows; None where it cannot be simulated.
 
     origin: the file's run of each piece.
@@ -88,7 +105,9 @@ def hold(text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Eff
     simulated = []
     for run in runs:
         short = run.recording.model_copy(update={"duration_s": run.recording.duration_s * share})
-        quiet = run.model_copy(update={"recording": short, "readout": run.readout.model_copy(update={"noise": 0.0})})
+        quiet = run.model_copy(
+            update={"recording": short, "readout": run.readout.model_copy(update={"noise": 0.0})}
+        )
         try:
             simulated.append(_envelopes(collect(simulate_run(quiet, extra_effects)), fit))
         except HrgError:
@@ -99,7 +118,12 @@ def hold(text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Eff
     change = np.zeros((len(series.names), OWN))
     for k in range(len(series.names)):
         t, slow, turn = simulated[order.index(origin[k])]
-        inside = (series.weight[k] > 0) & (series.time_s[k] >= t[0]) & (series.time_s[k] <= t[-1]) & ~_jumping(fit, k)
+        inside = (
+            (series.weight[k] > 0)
+            & (series.time_s[k] >= t[0])
+            & (series.time_s[k] <= t[-1])
+            & ~_jumping(fit, k)
+        )
         if not inside.any():
             continue
         at = series.time_s[k][inside]
@@ -108,19 +132,29 @@ def hold(text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Eff
         measured, said = series.envelope[k][inside], fit.prediction.seen[k][inside]
         missed[k, inside] = real(measured - u) * weight
         fitted[k, inside] = real(measured - said) * weight
-        own = fit.design.own[k][2].reshape(-1, 4, OWN)[inside[series.weight[k] > 0]].reshape(-1, OWN)
+        own = (
+            fit.design.own[k][2].reshape(-1, 4, OWN)[inside[series.weight[k] > 0]].reshape(-1, OWN)
+        )
         change[k] = evidence.solve(own, (real(said - u) * weight).ravel())[0]
-    # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit nor for the file
+    # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
+    # nor for the file
     figures = [float(np.sqrt(np.mean(flat(series, side) ** 2))) for side in (missed, fitted)]
     return Written(figures[0], figures[1], share, change) if fitted.any() else None
 
 
 def _envelopes(recording: Any, fit: Fit) -> tuple[Array, Array, float]:
-    """Times, envelopes against the fit's reference less their mean turn (n, 2), and that turn, of a simulated recording."""
+    """Times, envelopes against the fit's reference less their mean turn (n, 2), and that turn, of a
+    simulated recording."""
     wave = collect(estimate(collect(demodulate(recording, periods_per_window=PERIODS))))
     good = wave.good()
     t = np.asarray(wave.time_s, float)[good]
-    u = ellipse.envelopes(wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, wave.mode_number)[good]
+    u = ellipse.envelopes(
+        wave.main_amplitude,
+        wave.quadrature_amplitude,
+        wave.wave_angle_rad,
+        wave.phase_rad,
+        wave.mode_number,
+    )[good]
     phase = np.asarray(wave.phase_rad, float)[good]
     shift = 2 * np.pi * (float(wave.reference_frequency_hz) - fit.series.reference_frequency_hz)
     own = float((phase[-1] - phase[0]) / (t[-1] - t[0]))
@@ -128,13 +162,16 @@ def _envelopes(recording: Any, fit: Fit) -> tuple[Array, Array, float]:
 
 
 def _jumping(fit: Fit, k: int) -> Array:
-    """Rows of a run (n,) next to an instant at which the motion jumps, where windows see both sides."""
+    """Rows of a run (n,) next to an instant at which the motion jumps, where windows see both
+    sides."""
     t, state = fit.series.time_s[k], state_of(fit.series, fit.point)
     near = np.zeros(len(t), bool)
     for effect, values in fit.point.active:
         if effect.slow_jump is not None:
             instant, _ = effect.slow_jump(values, state)
-            near |= np.abs(t - instant) < NEXT_ROWS * float(np.median(np.diff(t[fit.series.weight[k] > 0])))
+            near |= np.abs(t - instant) < NEXT_ROWS * float(
+                np.median(np.diff(t[fit.series.weight[k] > 0]))
+            )
     return near
 
 

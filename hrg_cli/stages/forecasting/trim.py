@@ -1,8 +1,9 @@
 """The electric spring that takes a resonator's frequency split away, as numbers without voltages.
 
-A spring along α that softens by s [rad/s] changes the stiffness by −2ωs(I + R(2mα)): the frequency falls by s and the split vector
-δω·e^{2jmθ_ω} by s·e^{2jmα}. Along the stiffest axis, α = θ_ω with s = δω, it leaves none, whatever the wave angle, and needs no tuning
-(seed A, third remark after (16)). Two sets of electrodes, at 0 and at π/4m, share it as s cos 2mα and s sin 2mα.
+A spring along α that softens by s [rad/s] changes the stiffness by −2ωs(I + R(2mα)): the frequency
+falls by s and the split vector δω·e^{2jmθ_ω} by s·e^{2jmα}. Along the stiffest axis, α = θ_ω with s
+= δω, it leaves none, whatever the wave angle, and needs no tuning (seed A, third remark after
+(16)). Two sets of electrodes, at 0 and at π/4m, share it as s cos 2mα and s sin 2mα.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Trim:
-    """Spring's size and axis with deviations, what the two electrode pairs do, what is left, and D_max before and after."""
+    """Spring's size and axis with deviations, what the two electrode pairs do, what is left, and
+    D_max before and after."""
 
     size_rad_s: float
     size_rad_s_std: float
@@ -35,11 +37,18 @@ class Trim:
     drift_bound_after_rad_s: float
 
 
-def trim_of(mechanics: Mechanics, x: Array, covariance: Array, drive: str, gain_1_s: float, step_rad_s: float | None) -> tuple[Trim, Array]:
+def trim_of(
+    mechanics: Mechanics,
+    x: Array,
+    covariance: Array,
+    drive: str,
+    gain_1_s: float,
+    step_rad_s: float | None,
+) -> tuple[Trim, Array]:
     """The trim of a resonator given as vector x with covariance, and the vector of the trimmed one.
 
-    step_rad_s: smallest step of either electrode pair; what rounding and the covariance leave is `left_rad_s` with its deviation, and
-    D_max after the trim is of the root of their mean squares.
+    step_rad_s: smallest step of either electrode pair; what rounding and the covariance leave is
+    `left_rad_s` with its deviation, and D_max after the trim is of the root of their mean squares.
     """
     wanted = x[3:5]
     done = wanted if step_rad_s is None else np.round(wanted / step_rad_s) * step_rad_s

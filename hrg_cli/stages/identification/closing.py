@@ -1,4 +1,5 @@
-"""The one rule by which every way of identifying ends: its checks, what they mean, and the status they give."""
+"""The one rule by which every way of identifying ends: its checks, what they mean, and the status
+they give."""
 
 from __future__ import annotations
 
@@ -19,17 +20,22 @@ Array = np.ndarray
 SURE = 3.0
 """Standard deviations by which a figure must miss a physical bound to be called impossible."""
 AGREES = 4.0
-"""Largest distance of a method from the likelihood on the same rows, in the method's own standard deviations."""
+"""Largest distance of a method from the likelihood on the same rows, in the method's own standard
+deviations."""
 SETTLED = 0.1
 """Part of a standard deviation that averaging or differencing may leave."""
 UNSETTLED = 1.0
 """The same from which a method's own iteration is said not to have converged."""
 BLURRED_RAD = 1.0
-"""Motion of the wave within one window (turning and beat) from which the windows themselves blur it."""
+"""Motion of the wave within one window (turning and beat) from which the windows themselves blur
+it."""
 
 
-def close(verdict: Verdict, impossible: Iterable[Check] = (), doubtful: Iterable[Check] = ()) -> Verdict:
-    """The verdict with these checks: a failure of the first refuses it, of the second makes it suspect."""
+def close(
+    verdict: Verdict, impossible: Iterable[Check] = (), doubtful: Iterable[Check] = ()
+) -> Verdict:
+    """The verdict with these checks: a failure of the first refuses it, of the second makes it
+    suspect."""
     impossible, doubtful = list(impossible), list(doubtful)
     verdict.checks += [*impossible, *doubtful]
     verdict.refused += failures(impossible)
@@ -49,7 +55,8 @@ def physical(verdict: Verdict) -> tuple[list[Check], list[Check]]:
                 "damping_is_positive",
                 nu,
                 -SURE * error,
-                f"damping_rate_1_s = {nu:.3g} ± {error:.1g}: the wave grows, so these are not free run-downs; use runs with the drive off",
+                f"damping_rate_1_s = {nu:.3g} ± {error:.1g}: the wave grows, so these are not free"
+                " run-downs; use runs with the drive off",
             )
         )
         if "damping_split_1_s" in value:
@@ -59,7 +66,8 @@ def physical(verdict: Verdict) -> tuple[list[Check], list[Check]]:
                     "split_within_damping",
                     split - 2 * std["damping_split_1_s"],
                     abs(nu),
-                    f"damping_split_1_s = {split:.3g} is above damping_rate_1_s = {nu:.3g}: no passive resonator does that",
+                    f"damping_split_1_s = {split:.3g} is above damping_rate_1_s = {nu:.3g}: no"
+                    " passive resonator does that",
                 )
             )
     if std.get("scale_factor", 0.0) > 0 and "scale_factor" in value:
@@ -68,15 +76,16 @@ def physical(verdict: Verdict) -> tuple[list[Check], list[Check]]:
             holds(
                 "scale_factor_is_plausible",
                 -SURE * error <= factor <= 1 + SURE * error,
-                f"scale_factor = {factor:.4g} ± {error:.1g} is none of a shell, ring or pendulum (0 to 1): check the sign and the unit of "
-                "the rate log",
+                f"scale_factor = {factor:.4g} ± {error:.1g} is none of a shell, ring or pendulum (0"
+                " to 1): check the sign and the unit of the rate log",
             )
         )
     return refusing, doubting
 
 
 def blur(fit: Fit, runs: Sequence[EnvelopeRun]) -> Check:
-    """Motion of the wave within one window: a window blurs what moves in it, alike throughout a steady run, but the signal is lost."""
+    """Motion of the wave within one window: a window blurs what moves in it, alike throughout a
+    steady run, but the signal is lost."""
     moving = [rows.speed(r, np.append(0.0, fit.p[1:])) * r.window_s for r in runs]
     worst = int(np.argmax(moving))
     run, moved = runs[worst], moving[worst]
@@ -85,6 +94,7 @@ def blur(fit: Fit, runs: Sequence[EnvelopeRun]) -> Check:
         "motion_within_a_window",
         moved,
         BLURRED_RAD,
-        f"{run.run_id or 'the run'}: the wave moves by {moved:.2g} rad within one window of {run.window_s:.3g} s, so it is blurred and "
-        f"its turns may be lost; demodulate with windows of at most {shorter:.2g} s",
+        f"{run.run_id or 'the run'}: the wave moves by {moved:.2g} rad within one window of"
+        f" {run.window_s:.3g} s, so it is blurred and its turns may be lost; demodulate with"
+        f" windows of at most {shorter:.2g} s",
     )

@@ -1,5 +1,5 @@
-"""The ways identify can answer: likelihood, the regressions of seed A, monitoring in the working mode, an unknown rate; and their
-comparison.
+"""The ways identify can answer: likelihood, the regressions of seed A, monitoring in the working
+mode, an unknown rate; and their comparison.
 """
 
 from __future__ import annotations
@@ -53,19 +53,25 @@ ALL: tuple[RegressionMethod, ...] = get_args(RegressionMethod)
 
 
 def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
-    """All runs together by maximum likelihood, judged; two modes without axes where the record shows no more."""
+    """All runs together by maximum likelihood, judged; two modes without axes where the record
+    shows no more."""
     modes = one_channel(runs)
     if modes is not None:
         return modes
     try:
-        verdict = from_fit(base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks))
+        verdict = from_fit(
+            base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks)
+        )
     except HrgError:
         modes = free_modes(runs, np.inf)
         if modes is None:
             raise
         return modes
     if verdict.chi2_per_dof > POOR_FIT:
-        impossible = bool(verdict.refused) or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
+        impossible = (
+            bool(verdict.refused)
+            or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
+        )
         modes = free_modes(runs, verdict.chi2_per_dof, impossible)
         contradictions(verdict, runs, lambda rest: base_fit(rest, known, blocks))
     return verdict if modes is None else modes
@@ -73,8 +79,8 @@ def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Ver
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a regression starts from: the likelihood's rows as a first-order resonator shows them at its own mean frequency, the
-    likelihood's coordinates (7,) and what is free.
+    """What a regression starts from: the likelihood's rows as a first-order resonator shows them at
+    its own mean frequency, the likelihood's coordinates (7,) and what is free.
     """
 
     rows: list[EnvelopeRun]
@@ -83,27 +89,41 @@ class Prepared:
     space: Freedom
 
     def noiseless(self, p: Array) -> list[EnvelopeRun]:
-        """The rows as a resonator of coordinates p (7,) would show them, started as the runs did."""
+        """The rows as a resonator of coordinates p (7,) would show them, started as the runs
+        did."""
         data = batch(self.rows)
         p = np.append(p[:6], 0.0)
-        found = fit(data, only_second_order(p), np.zeros(1), data.envelope[:, 0], np.zeros((len(self.rows), 1)))
+        found = fit(
+            data,
+            only_second_order(p),
+            np.zeros(1),
+            data.envelope[:, 0],
+            np.zeros((len(self.rows), 1)),
+        )
         x = data.time_s / data.span_s[:, None]
         model = found.response.model * np.exp(-1j * found.response.state.phase * x)[..., None]
-        return [dataclasses.replace(r, envelope=model[i, : len(r)]) for i, r in enumerate(self.rows)]
+        return [
+            dataclasses.replace(r, envelope=model[i, : len(r)]) for i, r in enumerate(self.rows)
+        ]
 
 
 def only_second_order(p: Array) -> Freedom:
-    """All coordinates held at p, the second order at its own value: what is fitted are the runs' starts and phases."""
+    """All coordinates held at p, the second order at its own value: what is fitted are the runs'
+    starts and phases."""
     only = np.zeros((coordinates.COUNT, 1))
     only[6, 0] = 1.0
-    return Freedom(("second_order",), np.append(p[:6], 0.0), only, np.full(1, p[6]), np.full(1, 1e-9))
+    return Freedom(
+        ("second_order",), np.append(p[:6], 0.0), only, np.full(1, p[6]), np.full(1, 1e-9)
+    )
 
 
 def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
-    """The rows the likelihood was fitted to, averaged along its motion, without their phases' drift and second order.
+    """The rows the likelihood was fitted to, averaged along its motion, without their phases' drift
+    and second order.
 
-    Seed A's equations are of first order in |L|/ω. What the second order (rate times split or damping over ω) does to the envelopes is
-    taken off them by the likelihood's model, with the scale the likelihood found.
+    Seed A's equations are of first order in |L|/ω. What the second order (rate times split or
+    damping over ω) does to the envelopes is taken off them by the likelihood's model, with the
+    scale the likelihood found.
     """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
@@ -111,16 +131,25 @@ def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
     x = data.time_s / data.span_s[:, None]
     phase = sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1))
     none = np.zeros((len(data.runs), 1))
-    first, second = (respond(data, State(np.append(best.p[:6], order), state.start, none)).model for order in (0.0, best.p[6]))
+    first, second = (
+        respond(data, State(np.append(best.p[:6], order), state.start, none)).model
+        for order in (0.0, best.p[6])
+    )
     # the mean frequency's shift by the second order is the run's own and stays
     envelope = data.envelope * np.exp(-1j * phase)[..., None] - (second - first)
     offsets = state.offsets_rad_s(data.span_s) / (2 * np.pi)
     thin = [
-        dataclasses.replace(r, envelope=envelope[i, : len(r)], reference_frequency_hz=r.reference_frequency_hz + float(offsets[i]))
+        dataclasses.replace(
+            r,
+            envelope=envelope[i, : len(r)],
+            reference_frequency_hz=r.reference_frequency_hz + float(offsets[i]),
+        )
         for i, r in enumerate(data.runs)
     ]
     space = freedom(known, best.p, runs[0].mode_number, max(r.duration_s for r in runs))
-    p, _, covariance = propagator.identify(thin, space, np.append(best.p[:6], 0.0), np.zeros(len(thin)))
+    p, _, covariance = propagator.identify(
+        thin, space, np.append(best.p[:6], 0.0), np.zeros(len(thin))
+    )
     return Prepared(thin, p, covariance, space)
 
 
@@ -129,16 +158,23 @@ def regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) ->
     if method == "propagator":
         space = ready.space
         return Regression(
-            ready.p, space.directions @ ready.covariance @ space.directions.T, method_ranges.warnings(ready.rows, method, False)
+            ready.p,
+            space.directions @ ready.covariance @ space.directions.T,
+            method_ranges.warnings(ready.rows, method, False),
         )
     start = np.append(best.p[:6], 0.0)
     if method == "rotation-integrals":
         return rotation_integrals.solve(ready.rows, ready.noiseless, start)
-    return regressions.solve(ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start)
+    return regressions.solve(
+        ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start
+    )
 
 
-def by_regression(runs: Sequence[EnvelopeRun], known: Known, method: str, eliminate_rate: bool, blocks: int) -> Verdict:
-    """One of seed A's methods, judged by its own misfit, by its distance from the likelihood on the same rows, and by physics."""
+def by_regression(
+    runs: Sequence[EnvelopeRun], known: Known, method: str, eliminate_rate: bool, blocks: int
+) -> Verdict:
+    """One of seed A's methods, judged by its own misfit, by its distance from the likelihood on the
+    same rows, and by physics."""
     best = base_fit(runs, known, blocks)
     ready = prepared(runs, known, best)
     answer = regression(method, ready, best, eliminate_rate)
@@ -147,15 +183,22 @@ def by_regression(runs: Sequence[EnvelopeRun], known: Known, method: str, elimin
     return _verdict(answer, ready, judged(best, runs, known), known, method)
 
 
-def _verdict(answer: Regression, ready: Prepared, likelihood: Verdict, known: Known, method: str) -> Verdict:
+def _verdict(
+    answer: Regression, ready: Prepared, likelihood: Verdict, known: Known, method: str
+) -> Verdict:
     """A regression's verdict; the frequency is the likelihood's, which every method has to know."""
     mode = ready.rows[0].mode_number
     values, std, covariance = _physical(answer, mode, method, ready.rows, known)
-    values["frequency_hz"], std["frequency_hz"] = likelihood.values["frequency_hz"], likelihood.std["frequency_hz"]
+    values["frequency_hz"], std["frequency_hz"] = (
+        likelihood.values["frequency_hz"],
+        likelihood.std["frequency_hz"],
+    )
     covariance[0, 0] = std["frequency_hz"] ** 2
     rows = np.array([len(r) for r in ready.rows])
     own = len(answer.run_chi2) > 0
-    run_chi2 = answer.run_chi2 / np.maximum(1, answer.run_rows) if own else likelihood.run_chi2_per_dof
+    run_chi2 = (
+        answer.run_chi2 / np.maximum(1, answer.run_rows) if own else likelihood.run_chi2_per_dof
+    )
     chi2, dof = (
         (float(np.nansum(answer.run_chi2)), int(answer.run_rows.sum()))
         if own
@@ -181,7 +224,9 @@ def _verdict(answer: Regression, ready: Prepared, likelihood: Verdict, known: Kn
         verdict,
         [
             *checks.sound(
-                covariance, answer.unsettled < closing.UNSETTLED, f"{method}: taking off the differences' truncation did not settle"
+                covariance,
+                answer.unsettled < closing.UNSETTLED,
+                f"{method}: taking off the differences' truncation did not settle",
             ),
             *refusing,
         ],
@@ -189,33 +234,41 @@ def _verdict(answer: Regression, ready: Prepared, likelihood: Verdict, known: Kn
             checks.goodness(
                 chi2,
                 dof,
-                f"χ²/dof = {chi2 / max(1, dof):.3g}: {method} leaves more than the noise of its own rows; the errors are inflated",
+                f"χ²/dof = {chi2 / max(1, dof):.3g}: {method} leaves more than the noise of its own"
+                " rows; the errors are inflated",
             ),
             checks.at_most(
                 "row_truncation",
                 max(answer.unsettled, likelihood.fit.truncation),
                 closing.SETTLED,
-                f"the length of the rows still moves {method} by {max(answer.unsettled, likelihood.fit.truncation):.2g} σ",
+                f"the length of the rows still moves {method} by"
+                f" {max(answer.unsettled, likelihood.fit.truncation):.2g} σ",
             ),
             checks.at_most(
                 "distance_from_likelihood",
                 apart,
                 closing.AGREES,
-                f"{method} is {apart:.3g} of its own standard deviations away from what fits the same rows best; use likelihood",
+                f"{method} is {apart:.3g} of its own standard deviations away from what fits the"
+                " same rows best; use likelihood",
             ),
             *(c for c in likelihood.checks if c.name == "motion_within_a_window"),
             *doubting,
         ],
     )
     if not next(c for c in likelihood.checks if c.name == "chi2_per_dof").passed:
-        verdict.suspect.append(f"no linear resonator describes these runs within their noise (χ²/dof {likelihood.chi2_per_dof:.3g})")
+        verdict.suspect.append(
+            "no linear resonator describes these runs within their noise (χ²/dof"
+            f" {likelihood.chi2_per_dof:.3g})"
+        )
     return verdict
 
 
 def _apart(answer: Regression, best: Fit) -> float:
-    """Largest distance of a method's coordinates from the likelihood's, in the standard deviations of their difference.
+    """Largest distance of a method's coordinates from the likelihood's, in the standard deviations
+    of their difference.
 
-    The likelihood is efficient, so the variance of the difference is the difference of the variances, at most the method's own.
+    The likelihood is efficient, so the variance of the difference is the difference of the
+    variances, at most the method's own.
     """
     std = np.sqrt(np.maximum(0.0, np.diag(answer.covariance)[:6]))
     known = np.isfinite(answer.p[:6]) & (std > 0)
@@ -225,13 +278,18 @@ def _apart(answer: Regression, best: Fit) -> float:
 def _physical(
     answer: Regression, mode: int, method: str, thin: Sequence[EnvelopeRun], known: Known
 ) -> tuple[dict[str, float], dict[str, float], Array]:
-    """Parameters by name, standard deviations, covariance (7, 7) in ORDER; what the method does not give is left out."""
+    """Parameters by name, standard deviations, covariance (7, 7) in ORDER; what the method does not
+    give is left out."""
     numbers, slopes = coordinates.physical(np.nan_to_num(answer.p), mode)
     covariance = np.zeros((7, 7))
     own = np.nan_to_num(answer.covariance)
     covariance[1:, 1:] = slopes @ own @ slopes.T
-    held = np.diag(covariance)[1:] < 1e-20 * np.einsum("ij,jk,ik->i", np.abs(slopes), np.abs(own), np.abs(slopes))
-    covariance[1:, 1:][held] = covariance[1:, 1:][:, held] = 0.0  # what is held moves with nothing, not even by rounding
+    held = np.diag(covariance)[1:] < 1e-20 * np.einsum(
+        "ij,jk,ik->i", np.abs(slopes), np.abs(own), np.abs(slopes)
+    )
+    covariance[1:, 1:][held] = covariance[1:, 1:][:, held] = (
+        0.0  # what is held moves with nothing, not even by rounding
+    )
     inference.widen_axes(covariance[1:, 1:], own, np.nan_to_num(answer.p), mode)
     present = {"frequency_hz"}
     for row, name in enumerate(ORDER[1:]):
@@ -240,18 +298,24 @@ def _physical(
             present.add(name)
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in thin) == 0:
         present.discard("scale_factor")
-    if method in method_ranges.USES_AXES and any("frequency split is skipped" in w for w in answer.warnings):
+    if method in method_ranges.USES_AXES and any(
+        "frequency split is skipped" in w for w in answer.warnings
+    ):
         present -= {"frequency_split_rad_s", "stiffness_axis_rad"}
     values = {n: float(v) for n, v in zip(ORDER, [0.0, *numbers]) if n in present}
     std = dict(zip(ORDER, map(float, np.sqrt(np.maximum(0.0, np.diag(covariance))))))
     return values, std, covariance
 
 
-def compared(runs: Sequence[EnvelopeRun], known: Known, best: Verdict, eliminate_rate: bool) -> list[dict[str, Any]]:
-    """Every method on the same inputs: parameters, and the difference from the likelihood in units of the method's own error."""
+def compared(
+    runs: Sequence[EnvelopeRun], known: Known, best: Verdict, eliminate_rate: bool
+) -> list[dict[str, Any]]:
+    """Every method on the same inputs: parameters, and the difference from the likelihood in units
+    of the method's own error."""
     if best.fit is None:
         raise HrgError(
-            "the methods of seed A need both channels of a resonator, these runs show modes alone; give --method likelihood for them"
+            "the methods of seed A need both channels of a resonator, these runs show modes alone;"
+            " give --method likelihood for them"
         )
     ready = prepared(runs, known, best.fit)
     table = [_row("likelihood", best.values, best.std, best, [], "")]
@@ -262,11 +326,22 @@ def compared(runs: Sequence[EnvelopeRun], known: Known, best: Verdict, eliminate
             continue
         verdict = _verdict(answer, ready, best, known, method)
         verdict.values.pop("frequency_hz", None)
-        table.append(_row(method, verdict.values, verdict.std, best, [*verdict.refused, *verdict.suspect], ""))
+        table.append(
+            _row(
+                method, verdict.values, verdict.std, best, [*verdict.refused, *verdict.suspect], ""
+            )
+        )
     return table
 
 
-def _row(method: str, values: dict[str, float], std: dict[str, float], best: Verdict, warnings: list[str], refused: str) -> dict[str, Any]:
+def _row(
+    method: str,
+    values: dict[str, float],
+    std: dict[str, float],
+    best: Verdict,
+    warnings: list[str],
+    refused: str,
+) -> dict[str, Any]:
     cells = {}
     for name, value in values.items():
         difference = value - best.values.get(name, value)
@@ -278,9 +353,11 @@ def _row(method: str, values: dict[str, float], std: dict[str, float], best: Ver
 
 
 def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
-    """One unknown constant rate beside the resonator, added to the logged rates; refused where a damping split imitates it.
+    """One unknown constant rate beside the resonator, added to the logged rates; refused where a
+    damping split imitates it.
 
-    K is fitted where the logs hold different rates and none is given; else it is held, for K·Ω alone is seen.
+    K is fitted where the logs hold different rates and none is given; else it is held, for K·Ω
+    alone is seen.
     """
     mode = runs[0].mode_number
     told = known.scale_factor is not None
@@ -289,29 +366,45 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
     start = 0.0
     if max(float(np.ptp(r.turn_rad)) for r in runs) == 0:  # no log: K·Ω at unit rate is the start
         turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
-        factor = known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
-        start = float(base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[5]) / factor
+        factor = (
+            known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
+        )
+        start = (
+            float(base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[5])
+            / factor
+        )
     found = rate_offset.rate_offset(runs, known, blocks, start)
     noise = inference.inflation(found.fit)[0]
-    verdict = judged(found.fit, [envelope_runs.turned_by(r, found.value) for r in runs], known, noise * found.beside)
+    verdict = judged(
+        found.fit,
+        [envelope_runs.turned_by(r, found.value) for r in runs],
+        known,
+        noise * found.beside,
+    )
     std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
     factor = float(found.fit.p[5])
     seen = max(abs(found.value), abs(found.fit.p[0] / factor))
     unclear = not std < 0.3 * seen or (known.scale_factor is not None and one_rate(found.fit))
-    span = 2 * max(float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) for r in found.fit.response.batch.runs)
+    span = 2 * max(
+        float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))
+        for r in found.fit.response.batch.runs
+    )
     closing.close(
         verdict,
         [
             checks.holds(
-                "rate_offset_converged", found.converged, "the unknown rate did not settle; give the rate, or runs at several angles"
+                "rate_offset_converged",
+                found.converged,
+                "the unknown rate did not settle; give the rate, or runs at several angles",
             ),
             checks.holds(
                 "rate_is_distinct",
                 not unclear,
-                f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}, "
-                f"{found.distinct:.1g} of its information is its own): the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, "
-                "where a steady rate and a damping split turn it alike, and the residual's own structure decides "
-                "between them; give the rate, or runs at several angles",
+                "an unknown rate is ill-conditioned here (condition number"
+                f" {verdict.condition:.3g}, {found.distinct:.1g} of its information is its own):"
+                f" the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, where a steady rate"
+                " and a damping split turn it alike, and the residual's own structure decides"
+                " between them; give the rate, or runs at several angles",
             ),
         ],
     )
@@ -329,53 +422,88 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
 
 
 def _rates_differ(runs: Sequence[EnvelopeRun]) -> bool:
-    """Whether the runs' logged rates differ enough between or within them for K to be seen beside a common offset."""
+    """Whether the runs' logged rates differ enough between or within them for K to be seen beside a
+    common offset."""
     rate = np.concatenate([np.diff(r.turn_rad) / np.diff(r.time_s) for r in runs])
     low, high = np.quantile(rate, [0.01, 0.99])
     return bool(high - low > 0.1 * max(abs(low), abs(high)) > 0)
 
 
 def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
-    """Frequency and damping split of a driven gyro, with the sensitivity of the second and the mean-frequency trap in numbers."""
+    """Frequency and damping split of a driven gyro, with the sensitivity of the second and the
+    mean-frequency trap in numbers."""
     runs = [envelope_runs.from_wave(w, rate_rad_s) for w in waves]
     check(runs)
     p, offsets = propagator.rough(runs)
     p[0] = 0.0
-    thin = [envelope_runs.retuned(r, o) for r, o in zip(propagator.thinned(runs, p, offsets, 2000), offsets)]
+    thin = [
+        envelope_runs.retuned(r, o)
+        for r, o in zip(propagator.thinned(runs, p, offsets, 2000), offsets)
+    ]
     found = working_mode.monitor(thin)
     mode = runs[0].mode_number
-    vector = np.array([np.nan, found.value[3], found.value[4], found.value[1], found.value[2], np.nan, 0.0])
+    vector = np.array(
+        [np.nan, found.value[3], found.value[4], found.value[1], found.value[2], np.nan, 0.0]
+    )
     covariance = np.zeros((7, 7))
     order = [3, 4, 1, 2]
     covariance[1:5, 1:5] = found.covariance[np.ix_(order, order)]
-    values, std, full = _physical(Regression(vector, covariance), mode, "working-mode", thin, Known())
+    values, std, full = _physical(
+        Regression(vector, covariance), mode, "working-mode", thin, Known()
+    )
     frequency = np.array([r.reference_frequency_hz for r in thin])
     values["frequency_hz"] = float(frequency.mean())
     # the driven wave's frequency moves with its angle by the split itself
-    std["frequency_hz"] = float(np.hypot(frequency.std(), np.hypot(found.value[1], found.value[2]) / (2 * np.pi)))
+    std["frequency_hz"] = float(
+        np.hypot(frequency.std(), np.hypot(found.value[1], found.value[2]) / (2 * np.pi))
+    )
     full[0, 0] = std["frequency_hz"] ** 2
     crossings = working_mode.stiffness_axes(thin, mode, float(found.value[0]))
     period = np.pi / mode
-    offsets_of_axes = [float(np.mod(a - values["stiffness_axis_rad"] + period / 2, period) - period / 2) for a, _ in crossings]
+    offsets_of_axes = [
+        float(np.mod(a - values["stiffness_axis_rad"] + period / 2, period) - period / 2)
+        for a, _ in crossings
+    ]
     scatter = float(np.sqrt(np.mean(np.square(offsets_of_axes)))) if crossings else 0.0
     nan = np.full(len(runs), np.nan)
     verdict = Verdict(
-        values, std, list(ORDER), full, float("nan"), float("nan"), nan, nan, np.array([len(r) for r in thin]), mode_number=mode
+        values,
+        std,
+        list(ORDER),
+        full,
+        float("nan"),
+        float("nan"),
+        nan,
+        nan,
+        np.array([len(r) for r in thin]),
+        mode_number=mode,
     )
     verdict.details = {
-        "quadrature_damping_1_s": {"value": float(found.value[0]), "std": float(np.sqrt(found.covariance[0, 0]))},
+        "quadrature_damping_1_s": {
+            "value": float(found.value[0]),
+            "std": float(np.sqrt(found.covariance[0, 0])),
+        },
         "quadrature_rms": found.quadrature_rms,
         "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
         "stiffness_axes": [{"value": a, "std": max(s, scatter)} for a, s in crossings],
         "stiffness_axis_of_crossings": working_mode.combined_axis(crossings, mode),
     }
     verdict.flat = [
-        f"the damping split enters the phase with 2·a_B/a_A = {2 * found.quadrature_rms:.2g} only: "
-        f"1 mHz of unnoticed frequency drift reads as {found.trap_1_s_per_mhz:.2g} 1/s of damping split",
-        "the drive hides the mean decay: the quadrature's own damping is ν with a force drive and about 2ν with a ring electrode",
+        (
+            f"the damping split enters the phase with 2·a_B/a_A = {2 * found.quadrature_rms:.2g}"
+            f" only: 1 mHz of unnoticed frequency drift reads as {found.trap_1_s_per_mhz:.2g} 1/s"
+            " of damping split"
+        ),
+        (
+            "the drive hides the mean decay: the quadrature's own damping is ν with a force drive"
+            " and about 2ν with a ring electrode"
+        ),
     ]
     if std["damping_split_1_s"] > 0.3 * abs(found.value[0]):
-        verdict.suspect.append("damping_split_1_s is not determined in the working mode with so little quadrature; use a free run-down")
+        verdict.suspect.append(
+            "damping_split_1_s is not determined in the working mode with so little quadrature; use"
+            " a free run-down"
+        )
     return verdict
 
 
@@ -383,7 +511,10 @@ def profiles(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
     """Profile-likelihood intervals of the verdict's fit."""
     assert verdict.fit is not None
     return resampling.profile(
-        verdict.fit, runs[0].mode_number, {n: verdict.std[n] for n in verdict.values}, verdict.details["variance_factor"]
+        verdict.fit,
+        runs[0].mode_number,
+        {n: verdict.std[n] for n in verdict.values},
+        verdict.details["variance_factor"],
     )
 
 
@@ -396,7 +527,9 @@ def resampled(verdict: Verdict, draws: int, seed: int) -> None:
     centre = coordinates.physical(verdict.fit.p, mode)[0]
     period = np.pi / mode
     for axis in (2, 4):
-        table[:, axis] = centre[axis] + np.mod(table[:, axis] - centre[axis] + period / 2, period) - period / 2
+        table[:, axis] = (
+            centre[axis] + np.mod(table[:, axis] - centre[axis] + period / 2, period) - period / 2
+        )
     covariance = np.cov(table.T)
     verdict.covariance[1:, 1:] = covariance
     intervals = {}
@@ -407,4 +540,8 @@ def resampled(verdict: Verdict, draws: int, seed: int) -> None:
                 "68": [float(v) for v in np.quantile(table[:, row], [0.16, 0.84])],
                 "95": [float(v) for v in np.quantile(table[:, row], [0.025, 0.975])],
             }
-    verdict.details["bootstrap"] = {"draws": draws, "blocks_a_run": resampling.BLOCKS_A_RUN, "intervals": intervals}
+    verdict.details["bootstrap"] = {
+        "draws": draws,
+        "blocks_a_run": resampling.BLOCKS_A_RUN,
+        "intervals": intervals,
+    }

@@ -1,4 +1,5 @@
-"""Records that show modes but no axes: one channel, or two channels that are not an orthogonal pair; one mode or two, as the data say."""
+"""Records that show modes but no axes: one channel, or two channels that are not an orthogonal
+pair; one mode or two, as the data say."""
 
 from __future__ import annotations
 
@@ -22,12 +23,14 @@ ROWS = 2000
 BETTER = 3.0
 """Factor by which two free modes must beat the resonator's χ² before its axes are given up."""
 DEAD = 1e-6
-"""Part of the signal's energy below which a channel carries none, if it is not within its noise anyway."""
+"""Part of the signal's energy below which a channel carries none, if it is not within its noise
+anyway."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """One run's decay: its rows, the whole record they were cut from, the window's spacing, and the one or two modes found in them."""
+    """One run's decay: its rows, the whole record they were cut from, the window's spacing, and the
+    one or two modes found in them."""
 
     run: EnvelopeRun
     whole: EnvelopeRun
@@ -59,7 +62,8 @@ def _of(one: OneMode | None) -> OneMode:
 
 
 def thinned(run: EnvelopeRun) -> EnvelopeRun:
-    """At most 2000 rows by averages about the run's own mean frequency; a split turns little in one."""
+    """At most 2000 rows by averages about the run's own mean frequency; a split turns little in
+    one."""
     turn = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]))
     offset = float(np.angle(turn)) / float(np.median(np.diff(run.time_s)))
     none = np.zeros(1)
@@ -72,9 +76,11 @@ def thinned(run: EnvelopeRun) -> EnvelopeRun:
 
 
 def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
-    """The verdict of runs at rest that are one signal each, with one mode or two; None: they are ordinary runs.
+    """The verdict of runs at rest that are one signal each, with one mode or two; None: they are
+    ordinary runs.
 
-    Two live channels that are proportional show a line that does not turn: that is an ordinary run-down unless it holds two modes.
+    Two live channels that are proportional show a line that does not turn: that is an ordinary
+    run-down unless it holds two modes.
     """
     if max(float(np.ptp(r.turn_rad)) for r in runs) > 0:
         return None
@@ -85,19 +91,27 @@ def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
         if not one:
             return None
         power = np.sum(np.abs(thin.envelope / thin.std[:, None]) ** 2, axis=0)
-        dead &= bool(power.min() < max(DEAD * power.max(), 2 * len(thin) * (1 + 6 / np.sqrt(len(thin)))))
+        dead &= bool(
+            power.min() < max(DEAD * power.max(), 2 * len(thin) * (1 + 6 / np.sqrt(len(thin))))
+        )
         signals.append((run, thin, u))
     found = [_seen(run, thin, u) for run, thin, u in signals]
     if not dead and not all(s.two is not None for s in found):
         return None
-    return _verdict(found, "the channels carry one signal (one is dead or proportional): {what}, no axes")
+    return _verdict(
+        found, "the channels carry one signal (one is dead or proportional): {what}, no axes"
+    )
 
 
 def _seen(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
-    """The decay's rows and its modes: two where they are apart and leave less than one whose decay and frequency follow its amplitude."""
+    """The decay's rows and its modes: two where they are apart and leave less than one whose decay
+    and frequency follow its amplitude."""
     from_two = decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
     from_one = decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
-    both = [_fitted(thin, u, s, run) for s in dict.fromkeys(((from_one.start, from_one.stop), (from_two.start, from_two.stop)))]
+    both = [
+        _fitted(thin, u, s, run)
+        for s in dict.fromkeys(((from_one.start, from_one.stop), (from_two.start, from_two.stop)))
+    ]
     return min(both, key=lambda s: (s.chi2 / s.dof) * (len(thin) / len(s.run)) ** 2)
 
 
@@ -114,41 +128,54 @@ def _fitted(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: Envelope
 
 
 def _misfit_of_two(run: EnvelopeRun, u: Array, rows: slice) -> tuple[Array, Array]:
-    """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what two modes of some rows foretell."""
+    """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what two
+    modes of some rows foretell."""
     modes = two_modes.identify(run.rows(rows), u[rows], 2)
     with np.errstate(over="ignore", invalid="ignore"):
         model = np.exp(np.outer(run.time_s - run.time_s[rows][0], modes.exponent)) @ modes.amplitude
         power = np.nan_to_num(np.sum(np.abs(u - model) ** 2, axis=1), nan=np.inf)
-        size = np.maximum(np.sum(np.abs(u) ** 2, axis=1), np.sum(np.abs(modes.amplitude) ** 2) * 1e-12)
+        size = np.maximum(
+            np.sum(np.abs(u) ** 2, axis=1), np.sum(np.abs(modes.amplitude) ** 2) * 1e-12
+        )
         larger = np.maximum(size, np.nan_to_num(np.sum(np.abs(model) ** 2, axis=1), nan=0.0))
     return power / (2 * u.shape[1] * run.std**2), power / larger
 
 
-def free_modes(runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: bool = False) -> Verdict | None:
-    """The verdict of one run at rest that two unrelated modes describe far better than a resonator seen by an orthogonal pair.
+def free_modes(
+    runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: bool = False
+) -> Verdict | None:
+    """The verdict of one run at rest that two unrelated modes describe far better than a resonator
+    seen by an orthogonal pair.
 
-    `impossible`: the resonator found is none (a damping split above the damping), so two modes need only be as good.
+    `impossible`: the resonator found is none (a damping split above the damping), so two modes need
+    only be as good.
     """
     if len(runs) != 1 or float(np.ptp(runs[0].turn_rad)) > 0:
         return None
     run = thinned(runs[0])
     two, single = two_modes.identify(run, run.envelope, 2), two_modes.identify(run, run.envelope, 1)
-    if not two_modes.resolved(two, single) or not two.chi2_per_dof * (0.5 if impossible else BETTER) < chi2_per_dof:
+    if (
+        not two_modes.resolved(two, single)
+        or not two.chi2_per_dof * (0.5 if impossible else BETTER) < chi2_per_dof
+    ):
         return None
     than = (
-        "a resonator before an orthogonal pair of channels, which would need an impossible damping split"
+        "a resonator before an orthogonal pair of channels, which would need an impossible damping"
+        " split"
         if impossible
         else (f"a resonator before an orthogonal pair of channels (χ²/dof {chi2_per_dof:.3g})")
     )
     spacing = float(np.median(np.diff(runs[0].time_s)))
     return _verdict(
         [Seen(run, run, spacing, None, two)],
-        f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}: {{what}}, no axes",
+        f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}:"
+        " {what}, no axes",
     )
 
 
 def _row(seen: Seen) -> tuple[list[float], list[float]]:
-    """(mean frequency, mean decay, half the frequency difference, half the decay difference) of a run, with standard deviations."""
+    """(mean frequency, mean decay, half the frequency difference, half the decay difference) of a
+    run, with standard deviations."""
     reference = 2 * np.pi * seen.run.reference_frequency_hz
     wider = float(np.sqrt(checks.slow_part([seen.residual()])))
     if seen.two is not None:
@@ -162,15 +189,32 @@ def _row(seen: Seen) -> tuple[list[float], list[float]]:
         ], [half / (2 * np.pi), half, half, half]
     laws = _of(seen.one)
     omega, nu = laws.frequency.of("zero_amplitude_rad_s"), laws.decay.of("viscous_1_s")
-    return [(reference + omega[0]) / (2 * np.pi), nu[0]], [wider * omega[1] / (2 * np.pi), wider * nu[1]]
+    return [(reference + omega[0]) / (2 * np.pi), nu[0]], [
+        wider * omega[1] / (2 * np.pi),
+        wider * nu[1],
+    ]
 
 
 def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
-    """ν and δω (two modes), or ν and the laws of the amplitude (one): the runs' weighted mean, errors their own or their scatter."""
+    """ν and δω (two modes), or ν and the laws of the amplitude (one): the runs' weighted mean,
+    errors their own or their scatter."""
     pair = all(s.two is not None for s in found)
-    if not pair and any(s.two is not None for s in found):  # they disagree on what they are: one mode is what all of them show
+    if not pair and any(
+        s.two is not None for s in found
+    ):  # they disagree on what they are: one mode is what all of them show
         found = [
-            s if s.two is None else Seen(s.run, s.whole, s.spacing_s, one_mode.identify(s.run, s.run.envelope[:, 0]), None) for s in found
+            (
+                s
+                if s.two is None
+                else Seen(
+                    s.run,
+                    s.whole,
+                    s.spacing_s,
+                    one_mode.identify(s.run, s.run.envelope[:, 0]),
+                    None,
+                )
+            )
+            for s in found
         ]
     rows, stds = zip(*(_row(s) for s in found), strict=True)
     mean, std = _mean(np.array(rows), np.array(stds))
@@ -182,7 +226,11 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
     each = np.array([s.chi2 / s.dof for s in found])
     laws = "" if pair else _laws(found)
     reason = reason.format(
-        what="the split and both decays are given" if pair else f"one mode is seen{laws}; its frequency and decay are given"
+        what=(
+            "the split and both decays are given"
+            if pair
+            else f"one mode is seen{laws}; its frequency and decay are given"
+        )
     )
     verdict = Verdict(
         values=dict(zip(names, map(float, mean), strict=False)),
@@ -192,7 +240,9 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
         chi2_per_dof=chi2 / dof,
         condition=float("nan"),
         run_chi2_per_dof=each,
-        run_residual_rms=np.array([float(s.run.std.mean() * np.sqrt(c)) for s, c in zip(found, each, strict=True)]),
+        run_residual_rms=np.array(
+            [float(s.run.std.mean() * np.sqrt(c)) for s, c in zip(found, each, strict=True)]
+        ),
         run_rows=np.array([len(s.run) for s in found]),
         flat=[reason],
         suspect=[reason],
@@ -206,7 +256,12 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
         verdict.details["amplitude_dependence"] = _dependence(found)
     error = float(std[1] * np.sqrt(2)) if pair else float(std[1])
     verdict.details["modes"] = [
-        {"frequency_hz": float(f), "damping_rate_1_s": float(d), "std_1_s": error, "aliases_hz": _aliases(float(f), found)}
+        {
+            "frequency_hz": float(f),
+            "damping_rate_1_s": float(d),
+            "std_1_s": error,
+            "aliases_hz": _aliases(float(f), found),
+        }
         for f, d in shown
     ]
     verdict.flat.append(_alias_sentence(verdict.details["modes"], found))
@@ -221,7 +276,10 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
                 chi2,
                 dof,
                 [s.residual() for s in found],
-                sentence=f"χ²/dof = {chi2 / dof:.3g}: {model} more than the noise; the errors are inflated",
+                sentence=(
+                    f"χ²/dof = {chi2 / dof:.3g}: {model} more than the noise; the errors are"
+                    " inflated"
+                ),
                 coloured=f"what {model} is coloured; the errors are inflated by that",
             ),
             *doubting,
@@ -230,7 +288,8 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
 
 
 def _mean(table: Array, errors: Array) -> tuple[Array, Array]:
-    """Weighted mean over the runs (first axis), and its standard deviation by their errors or their scatter, whichever is larger."""
+    """Weighted mean over the runs (first axis), and its standard deviation by their errors or their
+    scatter, whichever is larger."""
     weight = np.maximum(errors, 1e-300) ** -2.0
     total = np.sum(weight, axis=0)
     mean, std = np.sum(weight * table, axis=0) / total, 1 / np.sqrt(total)
@@ -261,7 +320,10 @@ def _laws(found: Sequence[Seen]) -> str:
     out = []
     dependence = _dependence(found)
     if (k := dependence.get("frequency_per_amplitude2_rad_s")) is not None:
-        out.append(f"its frequency follows the amplitude (dω/da² = {k['value']:.4g} ± {k['std']:.1g} rad/s)")
+        out.append(
+            f"its frequency follows the amplitude (dω/da² = {k['value']:.4g} ± {k['std']:.1g}"
+            " rad/s)"
+        )
     if any(len(_of(s.one).decay.names) > 1 for s in found):
         out.append("its decay is not exponential")
     return f", {' and '.join(out)}" if out else ""
@@ -275,8 +337,13 @@ def _aliases(frequency_hz: float, found: Sequence[Seen]) -> list[float]:
 
 def _alias_sentence(modes: Sequence[dict[str, Any]], found: Sequence[Seen]) -> str:
     spacing = float(np.median([s.spacing_s for s in found]))
-    each = "; ".join(f"{m['frequency_hz']:.8g} Hz for {m['aliases_hz'][0]:.8g} or {m['aliases_hz'][1]:.8g} Hz" for m in modes)
-    return f"windows every {spacing:.3g} s cannot tell {each}: shorter windows move these aliases away"
+    each = "; ".join(
+        f"{m['frequency_hz']:.8g} Hz for {m['aliases_hz'][0]:.8g} or {m['aliases_hz'][1]:.8g} Hz"
+        for m in modes
+    )
+    return (
+        f"windows every {spacing:.3g} s cannot tell {each}: shorter windows move these aliases away"
+    )
 
 
 def _cut_sentence(seen: Seen) -> str:
@@ -288,6 +355,6 @@ def _cut_sentence(seen: Seen) -> str:
     if not parts:
         return ""
     return (
-        f"{seen.run.run_id or 'the run'}: {' and '.join(parts)} are no part of the decay and left out; "
-        f"it is fitted from {first:.4g} to {last:.4g} s"
+        f"{seen.run.run_id or 'the run'}: {' and '.join(parts)} are no part of the decay and left"
+        f" out; it is fitted from {first:.4g} to {last:.4g} s"
     )

@@ -1,4 +1,5 @@
-"""The likelihood's optimum judged: parameters with honest errors, what these runs cannot tell, and which runs disagree."""
+"""The likelihood's optimum judged: parameters with honest errors, what these runs cannot tell, and
+which runs disagree."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ Array = np.ndarray
 POOR_FIT = 1.5
 """χ² a degree of freedom above which the model does not hold within the noise."""
 CONTRADICTION = 30.0
-"""χ² a degree of freedom from which single runs are left out to see whether one contradicts the rest, and the fall that shows it."""
+"""χ² a degree of freedom from which single runs are left out to see whether one contradicts the
+rest, and the fall that shows it."""
 CANDIDATES = 3
 """Runs at most that are left out one at a time."""
 ORDER = tuple(name for name, _ in PARAMETERS)
@@ -63,23 +65,41 @@ class Verdict:
     checks: list[Check] = field(default_factory=list)
 
 
-def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]) -> Verdict:
-    """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted `again`."""
+def from_fit(
+    fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]
+) -> Verdict:
+    """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted
+    `again`."""
     notes: list[str] = []
     beside = None
     turning = max(float(np.ptp(r.turn_rad)) for r in runs)
     mode = runs[0].mode_number
-    if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor") or one_rate(fit)):
+    if known.scale_factor is None and (
+        turning == 0 or _flat_in(fit, "scale_factor") or one_rate(fit)
+    ):
         nominal = nominal_scale_factor(mode)
-        why = "no run was rotated" if turning == 0 else f"the runs turn the table by {turning:.2g} rad at most"
+        why = (
+            "no run was rotated"
+            if turning == 0
+            else f"the runs turn the table by {turning:.2g} rad at most"
+        )
         if turning and one_rate(fit):
-            why = "the runs have one rate and turn the wave through part of a period only, so a damping split imitates it"
-        notes.append(f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both signs of a larger rate")
+            why = (
+                "the runs have one rate and turn the wave through part of a period only, so a"
+                " damping split imitates it"
+            )
+        notes.append(
+            f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both"
+            " signs of a larger rate"
+        )
         known = dataclasses.replace(known, scale_factor=nominal)
         fit = again(known)
         if turning:
             beside = inference.considered(fit, SCALE_FACTOR, scale_factor_spread(mode))
-            notes[-1] += f"; what K within {nominal:g} ± {scale_factor_spread(mode):g} may do to the others is in their errors"
+            notes[-1] += (
+                f"; what K within {nominal:g} ± {scale_factor_spread(mode):g} may do to the others"
+                " is in their errors"
+            )
     verdict = judged(fit, runs, known, beside)
     if notes:
         del verdict.values["scale_factor"]  # nobody said it and no run shows it
@@ -88,17 +108,23 @@ def from_fit(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callabl
 
 
 def one_rate(fit: Fit) -> bool:
-    """Whether the runs' own systematic residual forbids telling K·Ω from a damping split: one rate, less than a period of 2mθ, χ² poor."""
+    """Whether the runs' own systematic residual forbids telling K·Ω from a damping split: one rate,
+    less than a period of 2mθ, χ² poor."""
     data = fit.response.batch
     rates = np.concatenate([r[s > 0] for r, s in zip(data.step_rate, data.step_s)])
     differ = float(np.ptp(rates)) > 0.1 * float(np.abs(rates).max())
-    spans = [float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) * 2 for r in data.runs]
+    spans = [
+        float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) * 2 for r in data.runs
+    ]
     factor, _ = inference.inflation(fit)
     return not differ and max(spans) < 2 * np.pi and factor > 2
 
 
-def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | None = None) -> Verdict:
-    """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what stands beside it."""
+def judged(
+    fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | None = None
+) -> Verdict:
+    """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what stands
+    beside it."""
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
     poor = fit.chi2 / fit.dof > POOR_FIT
@@ -114,7 +140,9 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | 
     weight /= weight.sum()
     mean = float(weight @ frequency)
     drift = float(np.sqrt(np.mean(runs_hz.drift_hz**2)))
-    full = _with_frequency(fit, covariance, inference.covariance_z(fit, factor) + between, runs_hz, weight, mode)
+    full = _with_frequency(
+        fit, covariance, inference.covariance_z(fit, factor) + between, runs_hz, weight, mode
+    )
     full[0, 0] += (scatter**2 if differ else 0.0) + drift**2 / 12
     order = list(ORDER)
     std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
@@ -122,7 +150,12 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | 
     condition, flat = inference.flat_directions(fit, factor)
     rows = np.array([len(r) for r in fit.response.batch.runs])
     run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
-    rms = np.array([float(np.sqrt(c / len(r) / 4) * r.std.mean()) for c, r in zip(fit.run_chi2, fit.response.batch.runs)])
+    rms = np.array(
+        [
+            float(np.sqrt(c / len(r) / 4) * r.std.mean())
+            for c, r in zip(fit.run_chi2, fit.response.batch.runs)
+        ]
+    )
     verdict = Verdict(
         named,
         std,
@@ -150,22 +183,29 @@ def judged(fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | 
         "variance_factor": factor,
         "colour": colour,
         "held": {k: v for k, v in dataclasses.asdict(known).items() if v is not None},
-        "cramer_rao_std": dict(zip(order[1:], map(float, np.sqrt(np.maximum(0.0, np.diag(bound)))))),
+        "cramer_rao_std": dict(
+            zip(order[1:], map(float, np.sqrt(np.maximum(0.0, np.diag(bound)))))
+        ),
     }
     _reasons(verdict, fit, runs, colour)
     return verdict
 
 
-def _with_frequency(fit: Fit, covariance: Array, z: Array, runs_hz: inference.Frequencies, weight: Array, mode: int) -> Array:
-    """Covariance (7, 7) with the mean frequency's before the others': f = b·z + its own noise, so that the whole is a covariance.
+def _with_frequency(
+    fit: Fit, covariance: Array, z: Array, runs_hz: inference.Frequencies, weight: Array, mode: int
+) -> Array:
+    """Covariance (7, 7) with the mean frequency's before the others': f = b·z + its own noise, so
+    that the whole is a covariance.
 
-    covariance (6, 6) of the others, z's covariance z (k, k); the axes that are lost in noise are wider there than the slope says, and are
-    so here.
+    covariance (6, 6) of the others, z's covariance z (k, k); the axes that are lost in noise are
+    wider there than the slope says, and are so here.
     """
     through = inference.parameters_by_z(fit, mode)
     by_z = weight @ runs_hz.by_z
     plain = np.sqrt(np.maximum(0.0, np.einsum("ij,jk,ik->i", through, z, through)))
-    wider = np.divide(np.sqrt(np.maximum(0.0, np.diag(covariance))), plain, out=np.ones(6), where=plain > 0)
+    wider = np.divide(
+        np.sqrt(np.maximum(0.0, np.diag(covariance))), plain, out=np.ones(6), where=plain > 0
+    )
     full = np.zeros((7, 7))
     full[1:, 1:] = covariance
     full[0, 0] = weight**2 @ runs_hz.own_variance + by_z @ z @ by_z
@@ -177,38 +217,58 @@ def _frequency_note(differ: bool, drift_hz: float) -> str:
     """What frequency_hz and its standard deviation are here."""
     parts = ["frequency_hz is the mean over the runs"]
     if differ:
-        parts.append("the runs differ by more than their errors: its standard deviation is their scatter")
+        parts.append(
+            "the runs differ by more than their errors: its standard deviation is their scatter"
+        )
     if drift_hz > 0:
-        parts.append(f"the frequency moves by {drift_hz:.2g} Hz within a run: its standard deviation holds that range (over √12)")
+        parts.append(
+            f"the frequency moves by {drift_hz:.2g} Hz within a run: its standard deviation holds"
+            " that range (over √12)"
+        )
     return "; ".join(parts)
 
 
 def _second_order_std(fit: Fit) -> float:
     """Standard deviation of the second-order scale, 0 where it is held."""
-    return float(np.sqrt(fit.covariance_z()[-1, -1])) if fit.freedom.names[-1] == "second_order" else 0.0
+    return (
+        float(np.sqrt(fit.covariance_z()[-1, -1]))
+        if fit.freedom.names[-1] == "second_order"
+        else 0.0
+    )
 
 
 def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
     """The closing checks, and sentences about flat directions and runs that disagree."""
     refusing, doubting = closing.physical(verdict)
     residual = fit.response.residual()
-    left = [np.concatenate([r[: len(run)].real, r[: len(run)].imag], axis=1) for r, run in zip(residual, fit.response.batch.runs)]
+    left = [
+        np.concatenate([r[: len(run)].real, r[: len(run)].imag], axis=1)
+        for r, run in zip(residual, fit.response.batch.runs)
+    ]
     statistics = checks.closing(
         fit.chi2,
         fit.dof,
         left,
-        sentence=f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise; the errors "
-        "are inflated, run diagnose to see why",
-        coloured=f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the same power; "
-        "the errors are inflated by that",
+        sentence=(
+            f"χ²/dof = {verdict.chi2_per_dof:.3g}: the linear resonator leaves more than the noise;"
+            " the errors are inflated, run diagnose to see why"
+        ),
+        coloured=(
+            f"the residuals are coloured: their slow part is {colour:.2g} times white noise of the"
+            " same power; the errors are inflated by that"
+        ),
     )
     truncated = checks.at_most(
         "row_truncation",
         fit.truncation,
         closing.SETTLED,
-        f"averaging finer or along the better motion still moves the answer by {fit.truncation:.2g} σ; give shorter or fewer runs",
+        f"averaging finer or along the better motion still moves the answer by {fit.truncation:.2g}"
+        " σ; give shorter or fewer runs",
     )
-    settled = f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or give fewer, cleaner runs"
+    settled = (
+        f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or"
+        " give fewer, cleaner runs"
+    )
     closing.close(
         verdict,
         [*checks.sound(verdict.covariance, fit.converged, settled), *refusing],
@@ -220,21 +280,26 @@ def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: fl
     typical = np.median(verdict.run_chi2_per_dof)
     if len(runs) == 2 and shifts.max() > 6:
         verdict.suspect.append(
-            f"the two runs disagree (pull {shifts.max():.2g}); two cannot tell which is wrong: check both rate logs, or add a third run"
+            f"the two runs disagree (pull {shifts.max():.2g}); two cannot tell which is wrong:"
+            " check both rate logs, or add a third run"
         )
         return
     for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof):
         if shift > 6 or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT):
             verdict.suspect.append(
-                f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull {shift:.2g}); leave it out and compare"
+                f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull"
+                f" {shift:.2g}); leave it out and compare"
             )
 
 
-def contradictions(verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callable[[Sequence[EnvelopeRun]], Fit]) -> None:
-    """Refuse a fit that one run spoils: each of the worst left out in turn, those named without which the rest agree.
+def contradictions(
+    verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callable[[Sequence[EnvelopeRun]], Fit]
+) -> None:
+    """Refuse a fit that one run spoils: each of the worst left out in turn, those named without
+    which the rest agree.
 
-    Two runs can only say that they contradict each other, and of three, two left over agree easily: then none is named, or all that
-    may be the wrong one.
+    Two runs can only say that they contradict each other, and of three, two left over agree easily:
+    then none is named, or all that may be the wrong one.
     """
     if len(runs) < 2 or verdict.chi2_per_dof < CONTRADICTION:
         return
@@ -245,22 +310,27 @@ def contradictions(verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callabl
         except HrgError:
             continue
         if fit.chi2 / fit.dof < verdict.chi2_per_dof / CONTRADICTION:
-            found.append(f"{runs[i].run_id or f'run {i + 1}'} (χ²/dof {fit.chi2 / fit.dof:.3g} without it)")
+            found.append(
+                f"{runs[i].run_id or f'run {i + 1}'} (χ²/dof {fit.chi2 / fit.dof:.3g} without it)"
+            )
     if not found:
         return
     bad = f"χ²/dof = {verdict.chi2_per_dof:.3g}: the"
     if len(runs) == 2:
         verdict.refused.append(
-            f"{bad} two runs contradict each other, though each alone is a resonator's; two cannot tell which is wrong: "
-            "check both rate logs, or add a third run"
+            f"{bad} two runs contradict each other, though each alone is a resonator's; two cannot"
+            " tell which is wrong: check both rate logs, or add a third run"
         )
     elif len(runs) == 3 and len(found) > 1:
         verdict.refused.append(
-            f"{bad} three runs contradict each other; without {' or '.join(found)} the other two agree, so it cannot be told which is "
-            "wrong: check the rate logs, or add a run"
+            f"{bad} three runs contradict each other; without {' or '.join(found)} the other two"
+            " agree, so it cannot be told which is wrong: check the rate logs, or add a run"
         )
     else:
-        verdict.refused.append(f"{bad} runs contradict each other; leave out {' or '.join(found)}, or correct its rate log")
+        verdict.refused.append(
+            f"{bad} runs contradict each other; leave out {' or '.join(found)}, or correct its"
+            " rate log"
+        )
 
 
 def _flat_in(fit: Fit, name: str) -> bool:
@@ -274,13 +344,17 @@ def _flat_in(fit: Fit, name: str) -> bool:
 
 
 def sentence(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
-    """A flat direction in words: what is mixed, how badly it is known, and the run that would fix it."""
+    """A flat direction in words: what is mixed, how badly it is known, and the run that would fix
+    it."""
     large = [int(i) for i in np.argsort(-np.abs(flat.direction)) if abs(flat.direction[i]) > 0.3]
     mixed = " and ".join(WORDS[fit.freedom.names[i]] for i in large)
     still = max(float(np.ptp(r.turn_rad)) for r in runs) == 0
     size = "not at all" if not flat.std < 10 else f"to {flat.std:.1g} of its natural size only"
     if len(runs) == 1 and still:
-        tail = "one run-down at rest fixes only the mean decay, net drift and net quadrature growth; add a run at another angle"
+        tail = (
+            "one run-down at rest fixes only the mean decay, net drift and net quadrature growth;"
+            " add a run at another angle"
+        )
     elif still:
         tail = "add a run-down from another angle, or one that rotates"
     else:

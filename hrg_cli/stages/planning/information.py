@@ -1,7 +1,9 @@
-"""Plan, the Fisher information: what each feasible run tells of the base model and of every cause, its own nuisances marginalised.
+"""Plan, the Fisher information: what each feasible run tells of the base model and of every cause,
+its own nuisances marginalised.
 
-The run is made without noise by the slow engine, its sensitivities are those of the diagnosis; with A = [base | causes] over σ and
-O the run's own columns (start state, frequency), M = Aᵀ(I − P_O)A. Informations of runs add.
+The run is made without noise by the slow engine, its sensitivities are those of the diagnosis; with
+A = [base | causes] over σ and O the run's own columns (start state, frequency), M = Aᵀ(I − P_O)A.
+Informations of runs add.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ ROWS, STEPS = 120, 1500
 class Layout:
     """Columns of the information: the seven coordinates, then each cause's fitted parameters.
 
-    `acting`: values of the causes that act while others are judged (a lagging thermometer shows only where something follows
-    temperature); those not in question themselves are as free as the base model.
+    `acting`: values of the causes that act while others are judged (a lagging thermometer shows
+    only where something follows temperature); those not in question themselves are as free as the
+    base model.
     """
 
     causes: tuple[Effect, ...]
@@ -56,8 +59,11 @@ class Layout:
         raise KeyError(name)
 
     def free(self, *questioned: str) -> list[int]:
-        """Columns marginalised beside the causes in question: the base model and whatever else acts."""
-        return list(range(COUNT)) + [k for name in self.acting if name not in questioned for k in self.columns(name)]
+        """Columns marginalised beside the causes in question: the base model and whatever else
+        acts."""
+        return list(range(COUNT)) + [
+            k for name in self.acting if name not in questioned for k in self.columns(name)
+        ]
 
     @property
     def size(self) -> int:
@@ -72,7 +78,16 @@ def wave_of(run: SimulationFile) -> Wave:
     start, electrical = simulate.start_of(run)
     world = simulate.environment_of(run)
     plant = partial(linear_plant, simulate.mechanics_of(run), simulate.courses_of(run))
-    blocks = slow_engine.run(world, plant, simulate.control_of(run), slow_engine.SlowTerms(), start, step, STEPS, electrical)
+    blocks = slow_engine.run(
+        world,
+        plant,
+        simulate.control_of(run),
+        slow_engine.SlowTerms(),
+        start,
+        step,
+        STEPS,
+        electrical,
+    )
     made = list(blocks)
     u = np.concatenate([block.envelopes(np.arange(block.samples.z.shape[1])) for block in made])
     command = np.concatenate([block.command for block in made], axis=1)
@@ -81,7 +96,10 @@ def wave_of(run: SimulationFile) -> Wave:
     angle, phase = ellipse.unwrap(angle, phase, run.device.mode_number)
     noise = float(np.hypot(run.readout.noise, _converter(run)))
     std = np.full(STEPS, noise * np.sqrt(2 / (table.sample_rate_hz * step)))
-    warm, rate = np.interp(t, world.time_s, world.logged_temperature_degc), np.interp(t, world.time_s, world.logged_rate_rad_s)
+    warm, rate = (
+        np.interp(t, world.time_s, world.logged_temperature_degc),
+        np.interp(t, world.time_s, world.logged_rate_rad_s),
+    )
     forced = run.control.mode == "forced"
     zero = np.zeros(STEPS)
     return Wave(
@@ -103,10 +121,14 @@ def _converter(run: SimulationFile) -> float:
 
 
 def information(
-    waves: Sequence[Wave], mechanics: Mechanics, layout: Layout, references: Mapping[str, Mapping[str, float]], measured: bool
+    waves: Sequence[Wave],
+    mechanics: Mechanics,
+    layout: Layout,
+    references: Mapping[str, Mapping[str, float]],
+    measured: bool,
 ) -> list[Array]:
-    """Each wave's information (size, size) at the truth `mechanics`; references: the temperature from which causes count
-    that do not bring their own.
+    """Each wave's information (size, size) at the truth `mechanics`; references: the temperature
+    from which causes count that do not bring their own.
 
     measured: the wave's own start and frequency are fitted first; those of a menu are exact.
     """
@@ -114,7 +136,10 @@ def information(
     for wave in waves:
         series, point, _ = prepare([wave], mechanics.scale_factor, ROWS)
         acting = [c for c in layout.causes if c.name in layout.acting]
-        active = tuple((c, c.values() | dict(references.get(c.name, {})) | dict(layout.acting[c.name])) for c in acting)
+        active = tuple(
+            (c, c.values() | dict(references.get(c.name, {})) | dict(layout.acting[c.name]))
+            for c in acting
+        )
         truth = Point(from_mechanics(mechanics), point.start, point.offset_rad_s, active)
         if measured:
             flow = extended_fit.fit(series, truth, Freedom(truth.p, np.zeros(COUNT))).flow
@@ -124,8 +149,14 @@ def information(
         own_columns = extended_fit.flat(series, own)
         columns = [extended_fit.flat(series, shared)]
         for cause in layout.causes:
-            values = cause.values() | dict(references.get(cause.name, {})) | dict(layout.acting.get(cause.name, {}))
-            columns.append(extended_fit.sensitivity(flow, cause, values, extended_fit.steps_of(cause, series)))
+            values = (
+                cause.values()
+                | dict(references.get(cause.name, {}))
+                | dict(layout.acting.get(cause.name, {}))
+            )
+            columns.append(
+                extended_fit.sensitivity(flow, cause, values, extended_fit.steps_of(cause, series))
+            )
         A = np.nan_to_num(np.concatenate(columns, axis=1))
         basis = evidence.orthonormal(own_columns[:, :OWN])
         A = A - basis @ (basis.T @ A)
@@ -134,7 +165,8 @@ def information(
 
 
 def left_over(M: Array, wanted: Sequence[int], free: Sequence[int]) -> Array:
-    """Information on the columns `wanted` after the columns `free` are marginalised (Schur complement)."""
+    """Information on the columns `wanted` after the columns `free` are marginalised (Schur
+    complement)."""
     wanted, free = list(wanted), list(free)
     inside = M[np.ix_(wanted, wanted)]
     if not free:
@@ -142,4 +174,7 @@ def left_over(M: Array, wanted: Sequence[int], free: Sequence[int]) -> Array:
     F = M[np.ix_(free, free)]
     scale = np.sqrt(np.where(np.diag(F) > 0, np.diag(F), 1.0))
     cross = M[np.ix_(free, wanted)] / scale[:, None]
-    return inside - cross.T @ np.linalg.pinv(F / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ cross
+    return (
+        inside
+        - cross.T @ np.linalg.pinv(F / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ cross
+    )

@@ -1,8 +1,9 @@
-"""Plan, the menu: feasible runs in the tables of a simulation file, without the device, which the resonator gives.
+"""Plan, the menu: feasible runs in the tables of a simulation file, without the device, which the
+resonator gives.
 
 [[run]] tables as in a simulation file; [grid] maps dotted keys to lists, of which every combination is a run, e.g.
-`"start.wave_angle_rad" = [0.0, 0.4]`. All other tables hold for every run. `readout.noise` and `recording.sample_rate_hz` set
-how well a run is measured, `recording.duration_s` how long it lasts.
+`"start.wave_angle_rad" = [0.0, 0.4]`. All other tables hold for every run. `readout.noise` and
+`recording.sample_rate_hz` set how well a run is measured, `recording.duration_s` how long it lasts.
 """
 
 from __future__ import annotations
@@ -21,14 +22,18 @@ MOST_RUNS = 400
 def candidates(
     menu: Mapping[str, Any], device: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, dict[str, Any]], dict[str, SimulationFile]]:
-    """The file's common tables with the device, the [[run]] table of every candidate, and each candidate whole and checked.
+    """The file's common tables with the device, the [[run]] table of every candidate, and each
+    candidate whole and checked.
 
-    HrgError: a [device] or [effects] in the menu, no run, a run that cannot be simulated, one without noise.
+    HrgError: a [device] or [effects] in the menu, no run, a run that cannot be simulated, one
+    without noise.
     """
     for name in ("device", "effects"):
         if name in menu:
             raise HrgError(f"the menu holds [{name}], which the resonator gives; leave it out")
-    common = {key: value for key, value in menu.items() if key not in ("run", "grid")} | {"device": dict(device)}
+    common = {key: value for key, value in menu.items() if key not in ("run", "grid")} | {
+        "device": dict(device)
+    }
     listed = menu.get("run", [])
     if not isinstance(listed, list):
         raise HrgError("run is not an array of tables in the menu; write each run under [[run]]")
@@ -36,18 +41,34 @@ def candidates(
     if not tables:
         raise HrgError("the menu holds no run; add [[run]] tables or a [grid]")
     if len(tables) > MOST_RUNS:
-        raise HrgError(f"the menu holds {len(tables)} runs, at most {MOST_RUNS} are weighed; shorten its grid")
+        raise HrgError(
+            f"the menu holds {len(tables)} runs, at most {MOST_RUNS} are weighed; shorten its grid"
+        )
     named = [{"run_id": f"run{number:03d}"} | table for number, table in enumerate(tables, 1)]
     checked = {run.run_id: run for run in runs_of({**common, "run": named}, "the menu")}
-    silent = next((run.run_id for run in checked.values() if run.readout.noise == 0 and run.readout.adc_bits == 0), None)
+    silent = next(
+        (
+            run.run_id
+            for run in checked.values()
+            if run.readout.noise == 0 and run.readout.adc_bits == 0
+        ),
+        None,
+    )
     if silent is not None:
-        raise HrgError(f"the menu's run {silent} is measured without noise; give [readout] noise, else nothing limits it")
+        raise HrgError(
+            f"the menu's run {silent} is measured without noise; give [readout] noise, else nothing"
+            " limits it"
+        )
     return common, {str(table["run_id"]): table for table in named}, checked
 
 
 def _grid(grid: Any) -> list[dict[str, Any]]:
-    if not isinstance(grid, Mapping) or not all(isinstance(values, list) and values for values in grid.values()):
-        raise HrgError('[grid] of the menu maps dotted keys to lists, e.g. "start.wave_angle_rad" = [0.0, 0.4]')
+    if not isinstance(grid, Mapping) or not all(
+        isinstance(values, list) and values for values in grid.values()
+    ):
+        raise HrgError(
+            '[grid] of the menu maps dotted keys to lists, e.g. "start.wave_angle_rad" = [0.0, 0.4]'
+        )
     if not grid:
         return []
     runs = []

@@ -1,4 +1,5 @@
-"""What the logs show on their own, without any misfit: units and signs that every run shares, kelvin among °C."""
+"""What the logs show on their own, without any misfit: units and signs that every run shares,
+kelvin among °C."""
 
 from __future__ import annotations
 
@@ -34,15 +35,23 @@ def usual_scale_factor(fit: Fit) -> bool:
     """Whether K is what a resonator of that mode has, or unknown."""
     if fit.layout.coordinate(SCALE_FACTOR) is None:
         return True
-    K, std, usual = fit.coordinate(SCALE_FACTOR), fit.coordinate_std(SCALE_FACTOR), nominal_scale_factor(fit.series.mode_number)
+    K, std, usual = (
+        fit.coordinate(SCALE_FACTOR),
+        fit.coordinate_std(SCALE_FACTOR),
+        nominal_scale_factor(fit.series.mode_number),
+    )
     return usual / RANGE - SURE * std < K < usual * RANGE + SURE * std
 
 
 def _rates(fit: Fit) -> list[Suspicion]:
-    """K far from what any resonator of that mode has, by the factor of a unit, or of the other sign."""
+    """K far from what any resonator of that mode has, by the factor of a unit, or of the other
+    sign."""
     if fit.layout.coordinate(SCALE_FACTOR) is None or fit.chi2 / fit.dof > GROSS:
         return []
-    K, std = fit.coordinate(SCALE_FACTOR), fit.coordinate_std(SCALE_FACTOR) * float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
+    K, std = (
+        fit.coordinate(SCALE_FACTOR),
+        fit.coordinate_std(SCALE_FACTOR) * float(np.sqrt(max(1.0, fit.chi2 / fit.dof))),
+    )
     usual = nominal_scale_factor(fit.series.mode_number)
     if not abs(K) > SURE * std:
         return []
@@ -52,7 +61,8 @@ def _rates(fit: Fit) -> list[Suspicion]:
                 Suspicion(
                     "all runs",
                     f"rate log in {unit}",
-                    f"the scale factor comes out as {K:.4g} ± {std:.2g}, {usual:g} is usual; {abs(K) * factor:.4g} with the log in {unit}",
+                    f"the scale factor comes out as {K:.4g} ± {std:.2g}, {usual:g} is usual;"
+                    f" {abs(K) * factor:.4g} with the log in {unit}",
                     f"import the rate logs with their unit, {unit}",
                 )
             ]
@@ -62,8 +72,10 @@ def _rates(fit: Fit) -> list[Suspicion]:
             Suspicion(
                 "all runs",
                 "rate log of wrong sign",
-                f"the scale factor comes out as {K:.4g} ± {std:.2g} over rates from {rates.min():.3g} to {rates.max():.3g} rad/s",
-                "turn the sign of the rate logs, or exchange the channels, where they are swapped in every run",
+                f"the scale factor comes out as {K:.4g} ± {std:.2g} over rates from"
+                f" {rates.min():.3g} to {rates.max():.3g} rad/s",
+                "turn the sign of the rate logs, or exchange the channels, where they are swapped"
+                " in every run",
             )
         ]
     return []
@@ -81,7 +93,11 @@ def _several_rates(fit: Fit) -> bool:
 
 def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
     """Kelvin beside °C, where the frequencies say that the runs were as warm."""
-    logged = {k: float(np.nanmean(np.asarray(w.temperature_degc, float))) for k, w in enumerate(waves) if _logs_temperature(w)}
+    logged = {
+        k: float(np.nanmean(np.asarray(w.temperature_degc, float)))
+        for k, w in enumerate(waves)
+        if _logs_temperature(w)
+    }
     others = {k: level for k, level in logged.items() if level <= KELVIN_DEGC}
     hz = float(np.median([frequency_of(waves[k]) for k in others])) if others else 0.0
     out = []
@@ -92,8 +108,18 @@ def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
         evidence = f"{level:.4g} is logged"
         if others:
             low, high = min(others.values()), max(others.values())
-            evidence += f", {low:.4g} to {high:.4g} °C in the other runs, and it oscillates as they do ({own:.6g} and {hz:.6g} Hz)"
-        out.append(Suspicion(waves[k].run_id, "thermometer in K", evidence, "import this run's temperature with its unit, K"))
+            evidence += (
+                f", {low:.4g} to {high:.4g} °C in the other runs, and it oscillates as they do"
+                f" ({own:.6g} and {hz:.6g} Hz)"
+            )
+        out.append(
+            Suspicion(
+                waves[k].run_id,
+                "thermometer in K",
+                evidence,
+                "import this run's temperature with its unit, K",
+            )
+        )
     return out
 
 

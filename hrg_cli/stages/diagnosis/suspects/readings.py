@@ -1,4 +1,5 @@
-"""Readings of one run: mistakes that could have made it what it is, each undone on its wave, with what of it was free to choose."""
+"""Readings of one run: mistakes that could have made it what it is, each undone on its wave, with
+what of it was free to choose."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ ROTATION = 3.0
 
 @dataclass(frozen=True)
 class Reading:
-    """One mistake undone: short name, the pieces in place of the run, parameters chosen for it, what was found, what to do."""
+    """One mistake undone: short name, the pieces in place of the run, parameters chosen for it,
+    what was found, what to do."""
 
     what: str
     pieces: tuple[Wave, ...]
@@ -41,17 +43,21 @@ class Reading:
 
 
 def held(waves: Sequence[Wave], others: Fit, free: Sequence[str] = ()) -> Fit:
-    """Runs beside one another, their starts and frequencies fitted, the coordinates those of the others but for the `free` ones."""
+    """Runs beside one another, their starts and frequencies fitted, the coordinates those of the
+    others but for the `free` ones."""
     series, point, _ = prepare(waves, None, others.series.time_s.shape[1])
     std = np.zeros(COUNT)
     std[[COORDINATES.index(name) for name in free]] = np.inf
     p = others.point.p.copy()
     series = replace(series, free_phase=others.series.free_phase)
-    return extended_fit.fit(series, replace(point, p=p, active=others.point.active), Freedom(p, std, passive=False))
+    return extended_fit.fit(
+        series, replace(point, p=p, active=others.point.active), Freedom(p, std, passive=False)
+    )
 
 
 def misfits(waves: Sequence[Wave], others: Fit) -> Array:
-    """χ² of every one of several ways a run may have been, each beside the others' coordinates; infinite where no fit is found."""
+    """χ² of every one of several ways a run may have been, each beside the others' coordinates;
+    infinite where no fit is found."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
         fit = held(waves, others)
         return np.bincount(fit.rows[:, 0], fit.residual**2, len(waves))
@@ -59,7 +65,8 @@ def misfits(waves: Sequence[Wave], others: Fit) -> Array:
 
 
 def _own(wave: Wave, others: Fit, coordinate: str) -> tuple[float, float] | None:
-    """A coordinate as this run alone shows it beside the others' values, and its σ; None where the fit finds no end."""
+    """A coordinate as this run alone shows it beside the others' values, and its σ; None where the
+    fit finds no end."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
         fit = held([wave], others, [coordinate])
         return fit.coordinate(coordinate), fit.coordinate_std(coordinate)
@@ -102,7 +109,8 @@ def of_the_time(wave: Wave, others: Fit) -> Iterator[Reading]:
         "sampling rate wrong",
         (change.timed(wave, factor),),
         1,
-        f"with all its times multiplied by {factor:.6g} (it oscillates at {own:.6g} Hz, the others at {hz:.6g} Hz)",
+        f"with all its times multiplied by {factor:.6g} (it oscillates at {own:.6g} Hz, the others"
+        f" at {hz:.6g} Hz)",
         f"correct the sampling rate of this run: divide it by {factor:.6g}",
     )
 
@@ -130,14 +138,16 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
             "rate log of wrong sign",
             (change.rated(wave, -1.0),),
             0,
-            f"{logged:.4g} rad/s is logged, its wave turns as at {-logged:.4g}: with the log's sign turned",
+            f"{logged:.4g} rad/s is logged, its wave turns as at {-logged:.4g}: with the log's sign"
+            " turned",
             "turn the sign of this run's rate log",
         )
         yield Reading(
             "rate log in °/s",
             (change.rated(wave, np.pi / 180),),
             0,
-            f"{logged:.4g} is logged, its wave turns as at {np.radians(logged):.4g} rad/s: with the log read as °/s",
+            f"{logged:.4g} is logged, its wave turns as at {np.radians(logged):.4g} rad/s: with the"
+            " log read as °/s",
             "import this run's rate log with its unit, °/s",
         )
         if factor is not None and np.isfinite(factor) and factor != 0:
@@ -145,7 +155,8 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
                 "rate log of wrong scale",
                 (change.rated(wave, factor),),
                 1,
-                f"{logged:.4g} rad/s is logged, its wave turns as at {factor * logged:.4g}: with the log multiplied by {factor:.4g}",
+                f"{logged:.4g} rad/s is logged, its wave turns as at {factor * logged:.4g}: with"
+                f" the log multiplied by {factor:.4g}",
                 f"multiply this run's rate log by {factor:.4g}, or find its unit",
             )
     if not _turns(wave) or _varies(wave):
@@ -157,7 +168,8 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
                 what,
                 (change.steady(wave, rate),),
                 1,
-                f"{logged:.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that constant rate",
+                f"{logged:.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that constant"
+                " rate",
                 "add the rate that was turned to this run's log, or leave the run out",
             )
     if _turns(wave) and _varies(wave):
@@ -169,7 +181,8 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
                 (change.earlier(wave, late),),
                 1,
                 f"with its rate log moved by {-late:+.4g} s",
-                f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both clocks together",
+                f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both"
+                " clocks together",
             )
 
 
@@ -182,12 +195,18 @@ def mean_rate(wave: Wave) -> float:
 def _shown_rate(wave: Wave, scale_factor: float) -> float:
     """Mean rate that the wave angle shows, −m·θ̇/K, from which the fit starts."""
     good = wave.good()
-    slope = float(np.polyfit(np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good], 1)[0])
+    slope = float(
+        np.polyfit(
+            np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good], 1
+        )[0]
+    )
     return -wave.mode_number * slope / scale_factor
 
 
 def _turns(wave: Wave) -> bool:
-    return wave.rate_rad_s is not None and bool(np.nanmax(np.abs(np.where(np.isfinite(wave.rate_rad_s), wave.rate_rad_s, 0.0))) > 0)
+    return wave.rate_rad_s is not None and bool(
+        np.nanmax(np.abs(np.where(np.isfinite(wave.rate_rad_s), wave.rate_rad_s, 0.0))) > 0
+    )
 
 
 def _varies(wave: Wave) -> bool:
@@ -203,7 +222,8 @@ def _lateness(wave: Wave, others: Fit) -> float | None:
 
 
 def least(made: Callable[[float], Wave], others: Fit, reach: float, finest: float) -> float | None:
-    """The number within ± `reach` with which a wave made by it misfits least: trials side by side, finer and finer, then a parabola."""
+    """The number within ± `reach` with which a wave made by it misfits least: trials side by side,
+    finer and finer, then a parabola."""
     best = 0.0
     while True:
         trials = best + reach * np.linspace(-1, 1, TRIALS)
@@ -223,7 +243,8 @@ def least(made: Callable[[float], Wave], others: Fit, reach: float, finest: floa
 
 
 def own_damping(wave: Wave, others: Fit) -> tuple[float, float] | None:
-    """The damping rate that this run alone shows beside the others' splits and scale factor, and its σ."""
+    """The damping rate that this run alone shows beside the others' splits and scale factor, and
+    its σ."""
     return _own(wave, others, DAMPING)
 
 
@@ -239,7 +260,11 @@ def of_the_damping(wave: Wave, others: Fit) -> Iterator[Reading]:
         (change.damped(wave, changed),),
         1,
         f"its damping is {seen[0]:.5g} 1/s, the others' {common:.5g}: with that alone its own",
-        "check the vacuum between the runs: gas damping; calibrate these runs apart" if changed > 0 else "calibrate this run apart",
+        (
+            "check the vacuum between the runs: gas damping; calibrate these runs apart"
+            if changed > 0
+            else "calibrate this run apart"
+        ),
     )
 
 
@@ -260,7 +285,8 @@ def of_a_knock(wave: Wave) -> Iterator[Reading]:
         "knock",
         tuple(piece for piece in pieces if np.count_nonzero(piece.good()) >= 8),
         KNOCK * len(found),
-        f"at {instants} amplitude, angle, quadrature and phase jump together and before and after it moves as the others do: cut there",
+        f"at {instants} amplitude, angle, quadrature and phase jump together and before and after"
+        " it moves as the others do: cut there",
         f"cut the run at {instants}, or simulate the knock as momentum_kick",
     )
 

@@ -1,4 +1,5 @@
-"""What the catalogue makes of the runs: whether it explains what a wrong run would: then no run is blamed."""
+"""What the catalogue makes of the runs: whether it explains what a wrong run would: then no run is
+blamed."""
 
 from __future__ import annotations
 
@@ -23,10 +24,15 @@ TRIED = 3
 
 
 def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float:
-    """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator has; it ends where that is `enough`."""
+    """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator
+    has; it ends where that is `enough`."""
     fit, least = base, base.chi2 / base.dof
     for _ in range(MOST):
-        strong = [pair for pair in scored(fit, candidates) if pair[0].visible and pair[0].gain > WORTHWHILE * fit.chi2]
+        strong = [
+            pair
+            for pair in scored(fit, candidates)
+            if pair[0].visible and pair[0].gain > WORTHWHILE * fit.chi2
+        ]
         fits = []
         for score, variant in strong[:TRIED]:
             with contextlib.suppress(extended_fit.DivergedError):
@@ -41,8 +47,11 @@ def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float
     return least
 
 
-def warmed(fitted: Callable[[Sequence[Wave]], Fit], candidates: Sequence[Variant], base: Fit) -> Callable[[Sequence[Wave]], Fit] | None:
-    """The fit with frequency and damping that follow the temperature; None where that does not lower χ² of the runs much."""
+def warmed(
+    fitted: Callable[[Sequence[Wave]], Fit], candidates: Sequence[Variant], base: Fit
+) -> Callable[[Sequence[Wave]], Fit] | None:
+    """The fit with frequency and damping that follow the temperature; None where that does not
+    lower χ² of the runs much."""
     thermal = [variant for variant in candidates if variant.effect.name in THERMAL]
     if not thermal or not base.series.has_temperature:
         return None

@@ -1,4 +1,5 @@
-"""The search for wrong runs: which run the others agree without, and which mistake, undone, lets it agree with them."""
+"""The search for wrong runs: which run the others agree without, and which mistake, undone, lets it
+agree with them."""
 
 from __future__ import annotations
 
@@ -31,11 +32,14 @@ REMOVED = 0.9
 STEP = 1.4
 """Times by which χ² must fall for one more run to be doubted."""
 PRICE = 20.0
-"""Δ(χ² + k ln N), at the noise that is left, by which a mistake with more freedom must beat one with less."""
+"""Δ(χ² + k ln N), at the noise that is left, by which a mistake with more freedom must beat one
+with less."""
 RIVAL = 3.0
-"""χ² a degree of freedom that causes of the catalogue may leave over that of the best mistake: then no run is blamed."""
+"""χ² a degree of freedom that causes of the catalogue may leave over that of the best mistake: then
+no run is blamed."""
 CLEAR = 3.0
-"""Times χ² a degree of freedom of the best runs without one, up to which leaving out another is as good."""
+"""Times χ² a degree of freedom of the best runs without one, up to which leaving out another is as
+good."""
 DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
 LEAK_ROUNDS = 3
@@ -72,11 +76,17 @@ class Case:
 
 
 def suspect_runs(
-    waves: Sequence[Wave], fitted: Fitted, base: Fit, candidates: Sequence[Variant] = (), *, gross: float = GROSS
+    waves: Sequence[Wave],
+    fitted: Fitted,
+    base: Fit,
+    candidates: Sequence[Variant] = (),
+    *,
+    gross: float = GROSS,
 ) -> list[Suspicion]:
     """The runs that are not what they say they are, none where physics explains the runs as well.
 
-    waves: as given, one a run; fitted: the base model's fit to waves; base: that of these; candidates: the catalogue beside `base`.
+    waves: as given, one a run; fitted: the base model's fit to waves; base: that of these;
+    candidates: the catalogue beside `base`.
     """
     if base.chi2 / base.dof < gross or (physics := catalogued(base, candidates, RIVAL)) < RIVAL:
         return wrong_logs(waves, base)
@@ -101,7 +111,8 @@ class Found:
 
 
 def _wrong_runs(waves: Sequence[Wave], fitted: Fitted, level: Fit, makers: Maker) -> Found | None:
-    """Fewer than half of the runs without which the others agree, and the mistake of each; None where there are none such."""
+    """Fewer than half of the runs without which the others agree, and the mistake of each; None
+    where there are none such."""
     before = level.chi2 / level.dof
     if before < GROSS:
         return None
@@ -113,16 +124,24 @@ def _wrong_runs(waves: Sequence[Wave], fitted: Fitted, level: Fit, makers: Maker
     chosen = []
     for number, run in enumerate(wrong):
         if number + 1 == len(wrong) == 1:
-            cases = [case for k, others in without for case in _cases(_omitting(waves, k), waves[k], k, others, fitted, makers)]
+            cases = [
+                case
+                for k, others in without
+                for case in _cases(_omitting(waves, k), waves[k], k, others, fitted, makers)
+            ]
         else:
             others = _fit(_flat(pieces), fitted)
-            cases = [] if others is None else _cases(pieces, waves[run], run, others, fitted, makers)
+            cases = (
+                [] if others is None else _cases(pieces, waves[run], run, others, fitted, makers)
+            )
         if not cases:
             return None
         noise = max(1.0, min(case.chi2 / case.dof for case in cases))
         ranked = sorted(cases, key=lambda case: case.price(noise) + PRICE * case.reading.parameters)
         last = ranked[0]
-        chosen.append((last, tuple(c for c in ranked[1:] if c.price(noise) < last.price(noise) + PRICE)))
+        chosen.append(
+            (last, tuple(c for c in ranked[1:] if c.price(noise) < last.price(noise) + PRICE))
+        )
         if last.apart is None:
             pieces[last.run] = last.reading.pieces
     if last is None or last.chi2 / last.dof - 1 > (1 - REMOVED) * (before - 1):
@@ -131,8 +150,11 @@ def _wrong_runs(waves: Sequence[Wave], fitted: Fitted, level: Fit, makers: Maker
     return Found(told, last.fit, last.chi2 / last.dof)
 
 
-def _culprits(waves: Sequence[Wave], fitted: Fitted, level: Fit) -> tuple[list[int], list[tuple[int, Fit]]]:
-    """Runs left out one after another until the others agree, and the fits without each run that is doubted as much as the first."""
+def _culprits(
+    waves: Sequence[Wave], fitted: Fitted, level: Fit
+) -> tuple[list[int], list[tuple[int, Fit]]]:
+    """Runs left out one after another until the others agree, and the fits without each run that is
+    doubted as much as the first."""
     if len(waves) == 1:
         return [0], [(0, level)]
     before, left_out = level.chi2 / level.dof, list[int]()
@@ -143,32 +165,51 @@ def _culprits(waves: Sequence[Wave], fitted: Fitted, level: Fit) -> tuple[list[i
             return [], []
         best = without[0][1].chi2 / without[0][1].dof
         if not left_out:
-            doubted = [pair for pair in without if pair[1].chi2 / pair[1].dof < CLEAR * max(1.0, best)][:DOUBTED]
+            doubted = [
+                pair for pair in without if pair[1].chi2 / pair[1].dof < CLEAR * max(1.0, best)
+            ][:DOUBTED]
         if best > level.chi2 / level.dof / STEP:
             return [], []
         left_out.append(without[0][0])
         level = without[0][1]
-        if best - 1 < (1 - REMOVED) * (before - 1) and (best < CLEAR or best - 1 < (1 - REMOVED) ** 2 * (before - 1)):
+        if best - 1 < (1 - REMOVED) * (before - 1) and (
+            best < CLEAR or best - 1 < (1 - REMOVED) ** 2 * (before - 1)
+        ):
             return left_out, doubted
     return [], []
 
 
-def _cases(pieces: Sequence[tuple[Wave, ...]], wave: Wave, run: int, others: Fit, fitted: Fitted, makers: Maker) -> list[Case]:
+def _cases(
+    pieces: Sequence[tuple[Wave, ...]],
+    wave: Wave,
+    run: int,
+    others: Fit,
+    fitted: Fitted,
+    makers: Maker,
+) -> list[Case]:
     """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
     alone = len(_flat(pieces)) == 0
     out = list(_read(pieces, run, of_a_knock(wave) if alone else makers(wave, others), fitted))
     apart = None if alone else _fit([wave], lambda own: held(own, others, COORDINATES[:-1]))
     if apart is not None:
         own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
-        figures = f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that its own"
+        figures = (
+            f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that"
+            " its own"
+        )
         what = "another gyro" if own else "unlike the others"
-        todo = "diagnose this run apart; look whose it is" if own else "look at its samples, or leave the run out"
+        todo = (
+            "diagnose this run apart; look whose it is"
+            if own
+            else "look at its samples, or leave the run out"
+        )
         out.append(Case(run, Reading(what, (wave,), 6, figures, todo), others, apart))
     return out
 
 
 def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
-    """Dampings that differ from run to run and nothing else: gas. The runs with more damping than those of the least are named."""
+    """Dampings that differ from run to run and nothing else: gas. The runs with more damping than
+    those of the least are named."""
     if len(waves) < 3 or any(wave.mode != "free" for wave in waves):
         return None
     fit, undone, less = base, list(waves), np.zeros(len(waves))
@@ -193,8 +234,9 @@ def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
         Suspicion(
             waves[k].run_id,
             "loss of pressure",
-            f"its damping is {fit.coordinate(DAMPING) + less[k]:.5g} 1/s, the least of the runs {common:.5g}: with a damping of its own in "
-            f"every run χ² a degree of freedom falls from {before:.3g} to {after:.3g}",
+            f"its damping is {fit.coordinate(DAMPING) + less[k]:.5g} 1/s, the least of the runs"
+            f" {common:.5g}: with a damping of its own in every run χ² a degree of freedom falls"
+            f" from {before:.3g} to {after:.3g}",
             "check the vacuum between the runs: gas damping; calibrate these runs apart",
         )
         for k in sorted(high)
@@ -202,15 +244,20 @@ def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
     return Found(told, fit, after)
 
 
-def _read(pieces: Sequence[tuple[Wave, ...]], run: int, made: Iterator[Reading], fitted: Fitted) -> Iterator[Case]:
+def _read(
+    pieces: Sequence[tuple[Wave, ...]], run: int, made: Iterator[Reading], fitted: Fitted
+) -> Iterator[Case]:
     for reading in made:
         fit = _fit([*_flat(pieces[:run]), *reading.pieces, *_flat(pieces[run + 1 :])], fitted)
         if fit is not None:
             yield Case(run, reading, fit)
 
 
-def _without_each(waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: Fit) -> list[tuple[int, Fit]]:
-    """The fits without each of the runs beside those left out already, that which leaves the others agreeing best first."""
+def _without_each(
+    waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: Fit
+) -> list[tuple[int, Fit]]:
+    """The fits without each of the runs beside those left out already, that which leaves the others
+    agreeing best first."""
     there = [k for k in range(len(waves)) if k not in left_out]
     missed = dict(zip(there, _misfits(level), strict=True))
     out = []
@@ -228,7 +275,9 @@ def _omitting(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
 def _misfits(fit: Fit) -> Array:
     """Mean squared residual of every run."""
     runs = len(fit.series.names)
-    return np.bincount(fit.rows[:, 0], fit.residual**2, runs) / np.maximum(np.bincount(fit.rows[:, 0], minlength=runs), 1)
+    return np.bincount(fit.rows[:, 0], fit.residual**2, runs) / np.maximum(
+        np.bincount(fit.rows[:, 0], minlength=runs), 1
+    )
 
 
 def _flat(pieces: Sequence[tuple[Wave, ...]]) -> list[Wave]:
@@ -245,15 +294,27 @@ def _fit(waves: Sequence[Wave], fitted: Fitted) -> Fit | None:
 
 def _figures(fit: Fit) -> str:
     damping, split = fit.coordinate(DAMPING), float(np.hypot(fit.point.p[3], fit.point.p[4]))
-    return f"{fit.frequency_hz.mean():.6g} Hz, damping {damping:.4g} 1/s, frequency split {split:.4g} rad/s"
+    return (
+        f"{fit.frequency_hz.mean():.6g} Hz, damping {damping:.4g} 1/s, frequency split {split:.4g}"
+        " rad/s"
+    )
 
 
 def _told(waves: Sequence[Wave], case: Case, beside: Sequence[Case], before: float) -> Suspicion:
     """The case in words; runs and mistakes that explain as much are named."""
-    evidence = f"{case.reading.found} χ² a degree of freedom falls from {before:.3g} to {case.chi2 / case.dof:.3g}"
-    alike = [f"{waves[c.run].run_id}: {c.reading.what}" for c in beside if (c.run, c.reading.what) != (case.run, case.reading.what)]
+    evidence = (
+        f"{case.reading.found} χ² a degree of freedom falls from {before:.3g} to"
+        f" {case.chi2 / case.dof:.3g}"
+    )
+    alike = [
+        f"{waves[c.run].run_id}: {c.reading.what}"
+        for c in beside
+        if (c.run, c.reading.what) != (case.run, case.reading.what)
+    ]
     if alike:
         evidence += f"; as well explained by {', '.join(dict.fromkeys(alike))}"
-    if any(c.run != case.run for c in beside) or (len(waves) == 2 and case.reading.parameters < KNOCK):
+    if any(c.run != case.run for c in beside) or (
+        len(waves) == 2 and case.reading.parameters < KNOCK
+    ):
         evidence += "; which of the runs is wrong these runs cannot tell"
     return Suspicion(waves[case.run].run_id, case.reading.what, evidence, case.reading.correction)

@@ -8,7 +8,8 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Suspicion:
-    """A run (or all: "all runs") that is wrong: in few words what, the figures that show it, and what to do."""
+    """A run (or all: "all runs") that is wrong: in few words what, the figures that show it, and
+    what to do."""
 
     run_id: str
     what: str

@@ -1,4 +1,5 @@
-"""Readings of one run's thermometer: another unit, stuck, missing, or in another place than in the other runs."""
+"""Readings of one run's thermometer: another unit, stuck, missing, or in another place than in the
+other runs."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ LONGEST_LAG = 0.5
 
 
 def of_the_thermometer(wave: Wave, others: Fit) -> Iterator[Reading]:
-    """A thermometer in another unit, stuck, missing or elsewhere; only where frequency or damping follow the temperature."""
+    """A thermometer in another unit, stuck, missing or elsewhere; only where frequency or damping
+    follow the temperature."""
     if _logs_temperature(wave):
         level = float(np.nanmean(np.asarray(wave.temperature_degc, float)))
         for name, turned in (("K", change.from_kelvin(wave)), ("°F", change.from_fahrenheit(wave))):
@@ -39,15 +41,26 @@ def of_the_thermometer(wave: Wave, others: Fit) -> Iterator[Reading]:
                 "thermometer in another place",
                 (change.leading(wave, lag),),
                 1,
-                f"with its temperature {abs(lag):.4g} s {'behind' if lag > 0 else 'before'} the resonator's",
-                "put the thermometer where it was in the other runs, or let the gyro's own frequency be the thermometer",
+                f"with its temperature {abs(lag):.4g} s {'behind' if lag > 0 else 'before'} the"
+                " resonator's",
+                "put the thermometer where it was in the other runs, or let the gyro's own"
+                " frequency be the thermometer",
             )
     seen = _shown_course(wave, others)
     if seen is not None:
-        stuck = _logs_temperature(wave) and float(np.ptp(np.asarray(wave.temperature_degc, float)[wave.good()])) == 0
+        stuck = (
+            _logs_temperature(wave)
+            and float(np.ptp(np.asarray(wave.temperature_degc, float)[wave.good()])) == 0
+        )
         shown = np.asarray(seen.temperature_degc, float)
         moved = float(shown[-1] - shown[0])
-        what = "thermometer missing" if not _logs_temperature(wave) else "thermometer stuck" if stuck else "thermometer wrong"
+        what = (
+            "thermometer missing"
+            if not _logs_temperature(wave)
+            else "thermometer stuck"
+            if stuck
+            else "thermometer wrong"
+        )
         yield Reading(
             what,
             (seen,),
@@ -68,13 +81,17 @@ def _lag(wave: Wave, others: Fit) -> float | None:
 
 
 def _shown_course(wave: Wave, others: Fit) -> Wave | None:
-    """The wave with the quadratic course of temperature that its phase shows beside the others' model, at the level of its damping."""
+    """The wave with the quadratic course of temperature that its phase shows beside the others'
+    model, at the level of its damping."""
     active = {effect.name: values for effect, values in others.point.active}
     slope = active.get("thermal_frequency", {}).get("relative_1_k", 0.0)
     loss = active.get("thermal_damping", {}).get("relative_1_k", 0.0)
     if slope == 0:
         return None
-    level, slopes = float(np.mean(others.series.temperature_degc[others.series.weight > 0])), np.zeros(2)
+    level, slopes = (
+        float(np.mean(others.series.temperature_degc[others.series.weight > 0])),
+        np.zeros(2),
+    )
     span = float(wave.time_s[-1] - wave.time_s[0])
     per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * span
     for _ in range(COURSE_ROUNDS):

@@ -1,4 +1,5 @@
-"""What a mistake on the bench did to one run, undone: every function takes a wave and gives it as it should have been."""
+"""What a mistake on the bench did to one run, undone: every function takes a wave and gives it as
+it should have been."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ def swapped(wave: Wave) -> Wave:
 
 
 def inverted(wave: Wave) -> Wave:
-    """One channel with the other sign: θ → −θ, a_B → −a_B (which of the two is a common turn by π, which nobody sees)."""
+    """One channel with the other sign: θ → −θ, a_B → −a_B (which of the two is a common turn by π,
+    which nobody sees)."""
     return _mirrored(wave, 0.0)
 
 
@@ -27,16 +29,28 @@ def turned(wave: Wave) -> Wave:
 
 
 def _mirrored(wave: Wave, about_rad: float) -> Wave:
-    quadrature = None if wave.drive_quadrature is None else -np.asarray(wave.drive_quadrature, float)
+    quadrature = (
+        None if wave.drive_quadrature is None else -np.asarray(wave.drive_quadrature, float)
+    )
     return wave.replace(
-        wave_angle_rad=about_rad - wave.wave_angle_rad, quadrature_amplitude=-wave.quadrature_amplitude, drive_quadrature=quadrature
+        wave_angle_rad=about_rad - wave.wave_angle_rad,
+        quadrature_amplitude=-wave.quadrature_amplitude,
+        drive_quadrature=quadrature,
     )
 
 
 def timed(wave: Wave, factor: float) -> Wave:
     """All times multiplied by a factor; every frequency divided by it."""
-    hz = None if wave.spectrum_frequency_hz is None else np.asarray(wave.spectrum_frequency_hz, float) / factor
-    lines = None if wave.spectrum_line_frequency_hz is None else np.asarray(wave.spectrum_line_frequency_hz, float) / factor
+    hz = (
+        None
+        if wave.spectrum_frequency_hz is None
+        else np.asarray(wave.spectrum_frequency_hz, float) / factor
+    )
+    lines = (
+        None
+        if wave.spectrum_line_frequency_hz is None
+        else np.asarray(wave.spectrum_line_frequency_hz, float) / factor
+    )
     return wave.replace(
         time_s=np.asarray(wave.time_s, float) * factor,
         window_s=wave.window_s * factor,
@@ -48,9 +62,16 @@ def timed(wave: Wave, factor: float) -> Wave:
 
 
 def damped(wave: Wave, less_1_s: float) -> Wave:
-    """The wave as it would have been with a damping rate smaller by `less_1_s`: everything times e^{Δν t}."""
+    """The wave as it would have been with a damping rate smaller by `less_1_s`: everything times
+    e^{Δν t}."""
     growth = np.exp(less_1_s * (np.asarray(wave.time_s, float) - float(wave.time_s[0])))
-    names = ("main_amplitude", "quadrature_amplitude", "main_amplitude_std", "quadrature_amplitude_std", "signal_std")
+    names = (
+        "main_amplitude",
+        "quadrature_amplitude",
+        "main_amplitude_std",
+        "quadrature_amplitude_std",
+        "signal_std",
+    )
     return replaced(wave, **{name: getattr(wave, name) * growth for name in names})
 
 
@@ -88,14 +109,18 @@ def _warmed(wave: Wave, change: object) -> Wave:
 
 
 def course(wave: Wave, start_degc: float, slopes: Array) -> Wave:
-    """A polynomial of the time in place of the temperature log: start + c₁x + c₂x² …, x from 0 to 1 over the run."""
+    """A polynomial of the time in place of the temperature log: start + c₁x + c₂x² …, x from 0 to 1
+    over the run."""
     time = np.asarray(wave.time_s, float)
     x = (time - time[0]) / (time[-1] - time[0])
-    return wave.replace(temperature_degc=start_degc + sum(c * x ** (k + 1) for k, c in enumerate(slopes)))
+    return wave.replace(
+        temperature_degc=start_degc + sum(c * x ** (k + 1) for k, c in enumerate(slopes))
+    )
 
 
 def leading(wave: Wave, lag_s: float) -> Wave:
-    """The temperature that a thermometer with a lag of first order has shown: T + τ dT/dt, the log smoothed before it is differentiated."""
+    """The temperature that a thermometer with a lag of first order has shown: T + τ dT/dt, the log
+    smoothed before it is differentiated."""
     time, warm = np.asarray(wave.time_s, float), np.asarray(wave.temperature_degc, float)
     x = (time - time.mean()) / np.ptp(time)
     fit = np.polynomial.polynomial.Polynomial.fit(x, warm, min(7, max(1, len(x) // 16)))
@@ -105,4 +130,6 @@ def leading(wave: Wave, lag_s: float) -> Wave:
 def cut(wave: Wave, before: int, after: int) -> tuple[Wave, Wave]:
     """The rows up to `before` and from `after` on, each a run of its own."""
     first, last = wave.rows(0, before + 1), wave.rows(after, len(wave))
-    return first.replace(run_id=f"{wave.run_id} before"), last.replace(run_id=f"{wave.run_id} after")
+    return first.replace(run_id=f"{wave.run_id} before"), last.replace(
+        run_id=f"{wave.run_id} after"
+    )
