@@ -1,16 +1,194 @@
-"""The command line: the commands of the chain, then those around it. Heavy imports happen inside
-commands."""
+"""The command line: the commands by name, each loaded when it is called."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator, MutableMapping
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+import typer.core
 
-from .commands import around, chain, updating
+COMMANDS = {
+    "import": (
+        "import_",
+        "A laboratory's log (CSV, WAV, FLAC, MATLAB, TDMS, Parquet, LabOne; - for standard input)"
+        " to a recording.",
+    ),
+    "simulate": (
+        "simulate",
+        "Simulate recordings of a gyro described in TOML; several [[run]] tables give"
+        " OUTPUT-RUN.h5 each.",
+    ),
+    "inject": (
+        "inject",
+        "An effect of the catalogue hidden in measured samples, to see whether a diagnosis finds it"
+        " there.",
+    ),
+    "demodulate": (
+        "demodulate",
+        "Samples to signals a window: least squares at the oscillation frequency, which is found"
+        " and followed.",
+    ),
+    "estimate": (
+        "estimate",
+        "Signals to the wave: main amplitude, quadrature, wave angle and phases with standard"
+        " deviations.",
+    ),
+    "identify": (
+        "identify",
+        "Resonator parameters from free run-downs: damping and frequency split, their axes, scale"
+        " factor.",
+    ),
+    "rate": (
+        "rate",
+        "The rate a free or driven run shows, with the identified resonator as reference model.",
+    ),
+    "calibrate": (
+        "calibrate",
+        "Drift D(T, angle) and scale-factor K(T, angle) tables from forced runs over temperature"
+        " and rate.",
+    ),
+    "compensate": ("compensate", "Rate and angle of a run after the tables."),
+    "diagnose": (
+        "diagnose",
+        "What the simulation gets wrong: the cause, its size, the extended model"
+        " (OUTPUT.extended.toml) and the gain.",
+    ),
+    "plan": (
+        "plan",
+        "The next experiment: the runs of a menu that separate open causes or shrink the worst"
+        " variances, as a simulation file.",
+    ),
+    "forecast": (
+        "forecast",
+        "The drift a resonator will show, alone: D over the angle, the wave's way over hours, the"
+        " error between external fixes.",
+    ),
+    "mismatch": (
+        "mismatch",
+        "The signals a control system acts on: error of the amplitude, quadrature, phase and angle,"
+        " with their noise and delay.",
+    ),
+    "update": (
+        "update",
+        "A calibration whose coefficients moved, brought up to date by a resonator found later;"
+        " what moved is told in σ.",
+    ),
+    "export": (
+        "export",
+        "Any hrg file for other programs, by the output's suffix: CSV, JSON (.gz), Parquet, XLSX,"
+        " MAT; a calibration as a C header.",
+    ),
+    "check": (
+        "check",
+        "Hold the figures of files against limits and an earlier result: exit status 0 within, 3"
+        " outside.",
+    ),
+    "diff": ("diff", "What moved between two results of one kind, in σ of both."),
+    "report": (
+        "report",
+        "One self-contained page (or the figures) about any set of hrg files: the answer first.",
+    ),
+    "info": ("info", "What a file holds: kind, validity, history, sources, figures."),
+    "verify": (
+        "verify",
+        "Whether files are as they were written: checksums of every dataset, the chain of sources,"
+        " a lot's notes; 3 when not.",
+    ),
+    "rehearse": (
+        "rehearse",
+        "Whether a result's errors hold: its programme again and again on a simulated twin, through"
+        " raw samples and the same stages.",
+    ),
+    "run": (
+        "run",
+        "The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer,"
+        " and a page to show.",
+    ),
+    "batch": (
+        "batch",
+        "The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where"
+        " it was interrupted.",
+    ),
+    "study": (
+        "study",
+        "Repeat one of the papers' experiments, or a study of this project's own methods: table and"
+        " figures into a folder.",
+    ),
+    "effects": (
+        "effects",
+        "The catalogue of effects: what a simulation can contain and a diagnosis can name.",
+    ),
+}
+"""Name -> module in `commands`, and the first sentence of its help, in the order of the help: so
+that the list of commands is shown without loading them."""
+
+
+class Loaded(MutableMapping[str, Any]):
+    """The commands of a table; one is loaded when it is asked for."""
+
+    def __init__(self, table: dict[str, tuple[str, str]]) -> None:
+        self._modules = {name: module for name, (module, _) in table.items()}
+        self._known: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._known:
+            self._known[name] = import_module(f"hrg_cli.commands.{self._modules[name]}").main
+        return self._known[name]
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        self._modules[name], self._known[name] = name, command
+
+    def __delitem__(self, name: str) -> None:
+        del self._modules[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._modules)
+
+    def __len__(self) -> int:
+        return len(self._modules)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._modules
+
+
+class Commands(typer.core.TyperGroup):
+    """The group whose commands are loaded when they are called; its help and its completion know
+    the table alone."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**{**attributes, "commands": None})
+        self.commands = Loaded(COMMANDS)
+
+    @contextmanager
+    def _by_summary(self) -> Iterator[None]:
+        """Commands that have a name and a summary, for lists of them."""
+        whole = self.commands
+        self.commands = {
+            name: typer.core.TyperCommand(name, short_help=summary, rich_markup_mode=None)
+            for name, (_, summary) in COMMANDS.items()
+        }
+        try:
+            yield
+        finally:
+            self.commands = whole
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The list of commands under the help."""
+        with self._by_summary():
+            super().format_commands(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """The commands and options that begin so."""
+        with self._by_summary():
+            return super().shell_complete(ctx, incomplete)
+
 
 app = typer.Typer(
     name="hrg",
+    cls=Commands,
     help=(
         "Calibration of solid-state wave (hemispherical resonator) gyroscopes: from recorded"
         " samples to correction tables."
@@ -24,10 +202,6 @@ app = typer.Typer(
         " compensate, report."
     ),
 )
-
-app.add_typer(chain.app)
-app.add_typer(updating.app)
-app.add_typer(around.app)
 
 
 def _version(wanted: bool) -> None:

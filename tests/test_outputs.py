@@ -239,13 +239,13 @@ def test_words_of_libraries_do_not_reach_standard_output(tmp_path):
     script = "\n".join(
         [
             "import sys, ctypes",
-            "from hrg_cli.commands import frame",
+            "from hrg_cli.commands import guard",
             "def body():",
             "    libc = ctypes.CDLL(None)",
             "    libc.puts(b' ** On entry to DLASCL parameter number 4 had an illegal value')",
             "    libc.fflush(None)",
             "    print('{}')",
-            "frame.guarded(body)",
+            "guard.guarded(body)",
             "print('after')",
         ]
     )

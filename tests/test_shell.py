@@ -182,7 +182,7 @@ def test_run_refuses_mixed_gyros(hrg, tmp_path):
 
 def test_run_tells_a_reason_once():
     from hrg_cli.chain import Step
-    from hrg_cli.commands.running import reasons_of
+    from hrg_cli.commands.run import reasons_of
 
     steps = [
         Step("estimate", (f"{k}.periods.h5",), f"{k}.wave.h5", "suspect", ("windows too long",))

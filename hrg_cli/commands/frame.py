@@ -1,28 +1,24 @@
-"""What every command has in common: its options, its error handling and its exit status."""
+"""What every command has in common: its options, its pipes and its closing word."""
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import functools
 import inspect
 import json
-import logging
-import os
 import re
 import sys
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, get_args
 
 import typer
+import typer.main
 
-from ..errors import DiskFullError, HrgError, InterruptedRunError, UsageError
-from ..reporting.text import first_paragraph, plain
-
-DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
+from ..errors import InterruptedRunError, UsageError
+from ..reporting.text import first_paragraph
+from .guard import DONE, REFUSED, guarded, unread_is_no_failure
 
 SAME_CONTENT = {".h5": (".h5", ".hdf5", ".he5", ".nc", ".nc4"), ".html": (".html", ".htm")}
 OTHER_CONTENT = (
@@ -34,6 +30,10 @@ PROMISING = frozenset((*SAME_CONTENT[".h5"], *SAME_CONTENT[".html"], *OTHER_CONT
 
 Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE...", show_default=False)]
 OneFile = Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)]
+EffectsFrom = Annotated[
+    Path | None,
+    typer.Option(help="Python file with effects of your own; it is executed.", show_default=False),
+]
 Rehearsals = Annotated[
     int | None,
     typer.Option(
@@ -252,6 +252,9 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
 }
 
 
+JOBS_OF_REHEARSAL = {
+    "jobs": "Processes that share the rehearsals of --rehearse; the rest is done by one."
+}
 NO_DRAWS = {"seed": "nothing is drawn at random"}
 ONE_PROCESS = {"jobs": "the work is done by one process"}
 _SETTINGS = ("config", "assignments", "show_config")
@@ -263,25 +266,26 @@ def no_settings(why: str) -> dict[str, str]:
 
 
 def command(
-    app: typer.Typer,
     name: str,
     example: str,
     *,
+    flags: Sequence[inspect.Parameter] = (),
     idle: Mapping[str, str] | None = None,
     says: Mapping[str, str] | None = None,
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a command: common options added, errors turned into one line and an exit status, an
-    example under its help.
+) -> Callable[[Callable[..., None]], Any]:
+    """Make a command of its body: common options added, errors turned into one line and an exit
+    status, an example under its help.
 
-    idle: common option -> why it changes nothing in this command, said in its help; says: common
-    option -> its help in this command.
+    flags: options made from a stage's signature (`options.flags_of`), which the body takes as
+    **flags; idle: common option -> why it changes nothing in this command, said in its help; says:
+    common option -> its help in this command.
     """
     helps = {
         **(says or {}),
         **{key: f"No effect here: {why}." for key, why in (idle or {}).items()},
     }
 
-    def register(function: Callable[..., None]) -> Callable[..., None]:
+    def register(function: Callable[..., None]) -> Any:
         own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
 
         @functools.wraps(function)
@@ -294,7 +298,8 @@ def command(
             )
 
         parameters = [
-            *own,
+            *(p for p in own if p.kind is not inspect.Parameter.VAR_KEYWORD),
+            *flags,
             *(
                 inspect.Parameter(
                     k,
@@ -310,11 +315,14 @@ def command(
         )
         run.__annotations__ = {p.name: p.annotation for p in parameters}
         del run.__wrapped__
+        alone = typer.Typer(
+            add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
+        )
         # given whole, it is wrapped in the list of commands; taken from the docstring, it would be
         # cut off there
-        return app.command(
-            name, epilog=f"Example: {example}", short_help=first_paragraph(function.__doc__)
-        )(run)
+        summary = first_paragraph(function.__doc__)
+        alone.command(name, epilog=f"Example: {example}", short_help=summary)(run)
+        return typer.main.get_command(alone)
 
     return register
 
@@ -353,109 +361,6 @@ def _with_help(annotation: Any, text: str | None) -> Any:
     return Annotated[kind, changed]
 
 
-@contextlib.contextmanager
-def unread_is_no_failure() -> Iterator[None]:
-    """A reader that left (`hrg info x | head -1`) is no error of the command: what is printed from
-    then on is dropped."""
-    try:
-        yield
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-@contextlib.contextmanager
-def own_standard_output() -> Iterator[None]:
-    """Standard output for this program alone: libraries below Python (LAPACK) that print there
-    would break --json.
-
-    Characters that the terminal's encoding lacks are shown as escapes.
-    """
-    stream = sys.stdout
-    try:
-        handle = stream.fileno()
-    except (OSError, ValueError, AttributeError):  # a test's or a notebook's
-        yield
-        return
-    stream.flush()
-    kept = os.dup(handle)
-    silent = os.open(os.devnull, os.O_WRONLY)
-    sys.stdout = open(  # noqa: SIM115
-        kept,
-        "w",
-        encoding=stream.encoding,
-        errors="backslashreplace",
-        buffering=1 if stream.isatty() else -1,
-    )
-    os.dup2(silent, handle)
-    os.close(silent)
-    try:
-        yield
-    finally:
-        own, sys.stdout = sys.stdout, stream
-        with contextlib.suppress(BrokenPipeError):
-            own.flush()
-        os.dup2(kept, handle)
-        with contextlib.suppress(BrokenPipeError):
-            own.close()
-
-
-@contextlib.contextmanager
-def libraries_silent(verbose: bool) -> Iterator[None]:
-    """Without the warnings and logs of libraries, which are for programmers: here results are
-    judged, in sentences."""
-    if verbose:
-        yield
-        return
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logging.disable(before)
-
-
-def guarded(body: Callable[[], None], verbose: bool = False) -> None:
-    """Run a command's body; every failure becomes one line on standard error and an exit status."""
-    try:
-        with libraries_silent(verbose), own_standard_output(), unread_is_no_failure():
-            body()
-    except UsageError as error:
-        leave(str(error), USAGE)
-    except DiskFullError as error:
-        print(f"hrg: {plain(error)}", file=sys.stderr, flush=True)
-        sys.stdout.flush()
-        os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
-    except InterruptedRunError as error:
-        leave(str(error), INTERRUPTED)
-    except HrgError as error:
-        leave(str(error), FAILED)
-    except KeyboardInterrupt:
-        leave("interrupted; no output was written", INTERRUPTED)
-    except MemoryError:
-        leave("not enough memory; use fewer or shorter inputs", FAILED)
-    except typer.Exit:
-        raise
-    except Exception as error:
-        if verbose:
-            import traceback
-
-            traceback.print_exc()
-        leave(
-            f"internal error: {type(error).__name__}: {str(error)[:200]}; run again with -v and"
-            " report it",
-            FAILED,
-        )
-
-
-def leave(text: str, status: int) -> None:
-    """One line on standard error, then the exit status."""
-    print(f"hrg: {plain(' '.join(text.split()))}", file=sys.stderr, flush=True)
-    raise typer.Exit(status) from None
-
-
 def command_line() -> str:
     """The command as it was typed, for `history`."""
     import shlex
@@ -469,57 +374,3 @@ def existing(paths: Sequence[Path], what: str) -> list[Path]:
     if not paths:
         raise UsageError(f"no input is named; name {what}")
     return list(paths)
-
-
-def numbers(text: str, flag: str) -> list[float]:
-    """Numbers joined by commas."""
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise UsageError(
-            f"{flag} {text!r}: numbers joined by commas were expected, for instance {flag}"
-            " -20,0,20,40,60"
-        ) from None
-
-
-def run_stage_on_files(
-    run: Common,
-    name: str,
-    inputs: list[Path],
-    *,
-    beside: Mapping[str, Path | list[Path] | None] | None = None,
-    rehearse: int | None = None,
-    **flags: Any,
-) -> None:
-    """The body of every command that is one stage on files; its result is rehearsed so many times
-    where that is asked for."""
-    from ..pipeline import STAGES, run_stage
-    from ..reporting import console, tables
-
-    stage = STAGES[name]
-    values = run.settings(stage.function(), **flags)
-    inputs = existing(inputs, f"a {stage.takes} file")
-    output = run.need_output(f"{stage.gives}.h5")
-    with console.progress_bar(name, run.quiet or run.json) as progress:
-        outcome = run_stage(
-            name,
-            inputs,
-            output,
-            values,
-            beside={key: path for key, path in (beside or {}).items() if path is not None},
-            force=run.force,
-            command_line=command_line(),
-            progress=progress,
-        )
-    if rehearse is None:
-        run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
-        return
-    from . import rehearsing
-
-    whole = rehearsing.and_rehearse(outcome, output, inputs, rehearse, run)
-
-    def show() -> None:
-        tables.show(whole.record, whole.json)
-        rehearsing.show(whole.json["rehearsal"])
-
-    run.finish(whole.json, show)

@@ -38,8 +38,6 @@ from .timing import Timing, timing_of
 UNKNOWN_PHASE = np.pi / np.sqrt(3)
 """Standard deviation of a phase of which nothing is known."""
 
-Named = Annotated[Column, Field(description="column by name or by 1-based number")]
-
 
 def import_envelope(
     path: Path | str,
@@ -47,14 +45,28 @@ def import_envelope(
     reference_frequency_hz: Annotated[
         float | None, Field(gt=0, description="frequency of the demodulator's reference")
     ] = None,
-    c_in_phase: Named = None,
-    c_quadrature: Named = None,
-    s_in_phase: Named = None,
-    s_quadrature: Named = None,
-    amplitude: Named = None,
-    phase: Named = None,
+    c_in_phase: Annotated[
+        Column, Field(description="column of C's in-phase signal, by its title or 1-based number")
+    ] = None,
+    c_quadrature: Annotated[
+        Column, Field(description="column of C's quadrature signal, by its title or 1-based number")
+    ] = None,
+    s_in_phase: Annotated[
+        Column, Field(description="column of S's in-phase signal, by its title or 1-based number")
+    ] = None,
+    s_quadrature: Annotated[
+        Column, Field(description="column of S's quadrature signal, by its title or 1-based number")
+    ] = None,
+    amplitude: Annotated[
+        Column,
+        Field(description="column of one channel's amplitude, by its title or 1-based number"),
+    ] = None,
+    phase: Annotated[
+        Column, Field(description="column of that channel's phase, by its title or 1-based number")
+    ] = None,
     phase_units: Annotated[
-        str | None, Field(description="deg, rad or turns; from the title where not given")
+        str | None,
+        Field(description="unit of the phase: deg, rad or turns; the title's where not given"),
     ] = None,
     decibel: Annotated[
         bool, Field(description="the amplitude is a level in dB, 20 dB a decade")
@@ -71,9 +83,15 @@ def import_envelope(
             ge=1, description="rows averaged to a window; by the rows' correlation where not given"
         ),
     ] = None,
-    time: Annotated[Column, Field(description='time column; "none" to ignore times')] = None,
-    temperature: Named = None,
-    rate: Named = None,
+    time: Annotated[
+        Column, Field(description='column of the times; "none" to ignore times')
+    ] = None,
+    temperature: Annotated[
+        Column, Field(description="column of the temperature, by its title or 1-based number")
+    ] = None,
+    rate: Annotated[
+        Column, Field(description="column of the rate, by its title or 1-based number")
+    ] = None,
     sample_rate_hz: Annotated[
         float | None, Field(gt=0, description="rows a second, where the log has no times")
     ] = None,
@@ -82,7 +100,10 @@ def import_envelope(
         Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even"),
     ] = 1e-3,
     time_units: Annotated[
-        str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")
+        str | None,
+        Field(
+            description="unit of the times: s, ms, us, ns, min or h; the title's, or s, where not given"
+        ),
     ] = None,
     clock_hz: Annotated[
         float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")
@@ -90,10 +111,15 @@ def import_envelope(
     units: Annotated[str | None, Field(description="unit of the signals")] = None,
     rate_units: Annotated[
         str | None,
-        Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given"),
+        Field(
+            description="unit of the rates: rad/s, deg/s, deg/h or rpm; the title's, or rad/s, where not given"
+        ),
     ] = None,
     temperature_units: Annotated[
-        str | None, Field(description="degC, K, degF; from the title or degC where not given")
+        str | None,
+        Field(
+            description="unit of the temperatures: degC, K or degF; the title's, or degC, where not given"
+        ),
     ] = None,
     constant_rate_rad_s: Annotated[
         float | None, Field(description="rate of the whole run, where the log has none")
@@ -105,9 +131,9 @@ def import_envelope(
     mode_number: Annotated[
         int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")
     ] = 2,
-    gyro_id: Annotated[str, Field(description="the gyro")] = "",
-    run_id: Annotated[str, Field(description="the run; the file's name where not given")] = "",
-    lot_id: Annotated[str, Field(description="the lot")] = "",
+    gyro_id: Annotated[str, Field(description="name of the gyro")] = "",
+    run_id: Annotated[str, Field(description="name of the run; the file's where not given")] = "",
+    lot_id: Annotated[str, Field(description="name of the lot")] = "",
     start_time: Annotated[
         str, Field(description="ISO 8601 time of the first row; from the log where it has one")
     ] = "",
@@ -117,11 +143,14 @@ def import_envelope(
     separator: Annotated[
         str | None,
         Field(
-            min_length=1, max_length=1, description="of a text log; a blank for any run of blanks"
+            min_length=1,
+            max_length=1,
+            description="what separates a text log's columns; a blank for any run of blanks",
         ),
     ] = None,
     decimal: Annotated[
-        Literal[".", ","] | None, Field(description="decimal sign of a text log")
+        Literal[".", ","] | None,
+        Field(description="decimal sign of a text log; found where not given"),
     ] = None,
     from_s: Annotated[
         float | None,

@@ -30,16 +30,17 @@ from .timing import Timing, timing_of
 
 Column = str | int | None
 States = tuple[tuple[int, int], ...] | None
-Names = Annotated[
-    Column,
-    Field(description="column by name or by 1-based number; found by its title where not given"),
-]
 
 
 def import_log(
     path: Path | str,
     *,
-    c: Names = None,
+    c: Annotated[
+        Column,
+        Field(
+            description="column of channel C, by its title or 1-based number; found by its title where not given"
+        ),
+    ] = None,
     s: Annotated[
         Column, Field(description='column of channel S; "none" for a log of one channel (S = 0)')
     ] = None,
@@ -53,14 +54,27 @@ def import_log(
             ),
         ),
     ] = None,
-    time: Annotated[Column, Field(description='time column; "none" to ignore times')] = None,
-    temperature: Names = None,
-    rate: Names = None,
-    drive_main: Names = None,
-    drive_quadrature: Names = None,
+    time: Annotated[
+        Column, Field(description='column of the times; "none" to ignore times')
+    ] = None,
+    temperature: Annotated[
+        Column, Field(description="column of the temperature; found by its title where not given")
+    ] = None,
+    rate: Annotated[
+        Column, Field(description="column of the rate; found by its title where not given")
+    ] = None,
+    drive_main: Annotated[
+        Column, Field(description="column of the main drive; found by its title where not given")
+    ] = None,
+    drive_quadrature: Annotated[
+        Column,
+        Field(description="column of the quadrature drive; found by its title where not given"),
+    ] = None,
     auxiliary_time: Annotated[
         Column,
-        Field(description="time column of slow columns that have fewer rows than the channels"),
+        Field(
+            description="column of the slow columns' own times, where they have fewer rows than the channels"
+        ),
     ] = None,
     sample_rate_hz: Annotated[
         float | None,
@@ -73,7 +87,10 @@ def import_log(
         Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even"),
     ] = 1e-3,
     time_units: Annotated[
-        str | None, Field(description="s, ms, us, ns, min, h; from the title or s where not given")
+        str | None,
+        Field(
+            description="unit of the times: s, ms, us, ns, min or h; the title's, or s, where not given"
+        ),
     ] = None,
     clock_hz: Annotated[
         float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")
@@ -87,10 +104,15 @@ def import_log(
     ] = 1.0,
     rate_units: Annotated[
         str | None,
-        Field(description="rad/s, deg/s, deg/h, rpm; from the title or rad/s where not given"),
+        Field(
+            description="unit of the rates: rad/s, deg/s, deg/h or rpm; the title's, or rad/s, where not given"
+        ),
     ] = None,
     temperature_units: Annotated[
-        str | None, Field(description="degC, K, degF; from the title or degC where not given")
+        str | None,
+        Field(
+            description="unit of the temperatures: degC, K or degF; the title's, or degC, where not given"
+        ),
     ] = None,
     rate_scale_factor: Annotated[float, Field(description="factor on the rate column")] = 1.0,
     constant_rate_rad_s: Annotated[
@@ -104,7 +126,10 @@ def import_log(
         int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")
     ] = 2,
     readout: Annotated[
-        Literal["direct", "carrier"], Field(description="what the channels hold")
+        Literal["direct", "carrier"],
+        Field(
+            description="what the channels hold: the motion itself (direct), or a carrier it modulates"
+        ),
     ] = "direct",
     carrier_hz: Annotated[
         float | None, Field(gt=0, description="carrier frequency of a carrier read-out")
@@ -112,9 +137,9 @@ def import_log(
     nominal_frequency_hz: Annotated[
         float | None, Field(gt=0, description="expected oscillation frequency")
     ] = None,
-    gyro_id: Annotated[str, Field(description="the gyro")] = "",
-    run_id: Annotated[str, Field(description="the run; the file's name where not given")] = "",
-    lot_id: Annotated[str, Field(description="the lot")] = "",
+    gyro_id: Annotated[str, Field(description="name of the gyro")] = "",
+    run_id: Annotated[str, Field(description="name of the run; the file's where not given")] = "",
+    lot_id: Annotated[str, Field(description="name of the lot")] = "",
     start_time: Annotated[
         str, Field(description="ISO 8601 time of the first sample; from the log where it has one")
     ] = "",
@@ -124,11 +149,14 @@ def import_log(
     separator: Annotated[
         str | None,
         Field(
-            min_length=1, max_length=1, description="of a text log; a blank for any run of blanks"
+            min_length=1,
+            max_length=1,
+            description="what separates a text log's columns; a blank for any run of blanks",
         ),
     ] = None,
     decimal: Annotated[
-        Literal[".", ","] | None, Field(description="decimal sign of a text log")
+        Literal[".", ","] | None,
+        Field(description="decimal sign of a text log; found where not given"),
     ] = None,
     from_s: Annotated[
         float | None,

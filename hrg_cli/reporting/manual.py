@@ -118,18 +118,12 @@ def _command(name: str, command: Any) -> Iterator[str]:
 
 def _common() -> Any:
     """A command that has nothing but the options of every command."""
-    import typer
-    import typer.main
-
     from ..commands.frame import command
-
-    bare = typer.Typer()
 
     def nothing(run: Any) -> None:
         """Nothing."""
 
-    command(bare, "bare", "")(nothing)
-    return typer.main.get_command(bare)
+    return command("bare", "")(nothing)
 
 
 def _option(command: Any, parameter: Any) -> Iterator[str]:

@@ -50,9 +50,9 @@ def calibrate(
         ],
         Field(
             description=(
-                "seed A's drift model: table, parametric (10), quadrature (11), phase (12),"
-                " combined (table and quadrature), "
-                "physical (resonator files); auto: of those that fit, the one that predicts data"
+                "drift model: table, parametric, quadrature or phase (of the paper, (10) to (12)),"
+                " combined (table and quadrature),"
+                " physical (resonator files); auto: of those that fit, the one that predicts data"
                 " left out best; all: table, the others compared"
             )
         ),

@@ -47,7 +47,7 @@ def estimate(
     *,
     solver: Annotated[
         Literal["closed-form", "gauss-newton", "levenberg-marquardt"],
-        Field(description="how the eight equations of seed B are solved"),
+        Field(description="how the equations of a window are solved"),
     ] = "closed-form",
     start: Annotated[
         Literal["previous", "closed-form", "fixed"],

@@ -67,7 +67,7 @@ def identify(
     eliminate_rate: Annotated[
         bool,
         Field(
-            description="seed A's elimination of the rate in fixed axes; halves the damping split"
+            description="fixed-axes with the published elimination of the rate, which halves the damping split"
         ),
     ] = False,
     window: Annotated[

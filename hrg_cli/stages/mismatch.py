@@ -40,7 +40,7 @@ def mismatch(
     *,
     main_amplitude: Annotated[
         float | None,
-        Field(gt=0, description="set amplitude A₀; the median of the run where not given"),
+        Field(gt=0, description="set amplitude; the run's median where not given"),
     ] = None,
     computing_s: Annotated[
         float, Field(ge=0, description="time from a window's end until its signals are there")

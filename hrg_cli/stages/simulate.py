@@ -61,7 +61,7 @@ def simulate(
     ] = "fast",
     run: Annotated[
         str | None,
-        Field(description="run_id of the run to simulate; needed where the file holds several"),
+        Field(description="simulate this run of the file alone, by its run_id"),
     ] = None,
     seed: Annotated[
         int, Field(ge=0, description="seed of the noise; each run has its own stream")

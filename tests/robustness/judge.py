@@ -44,13 +44,13 @@ WARM = (
     *(
         f"commands.{name}"
         for name in (
-            "answering",
-            "reporting",
-            "importing",
-            "simulating",
-            "batching",
-            "planning",
-            "diagnosing",
+            "info",
+            "report",
+            "import_",
+            "simulate",
+            "batch",
+            "plan",
+            "diagnose",
         )
     ),
 )

@@ -8,19 +8,18 @@ from typing import Annotated
 import typer
 
 from ..errors import UsageError
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, run_stage_on_files
-
-app = typer.Typer()
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
+from .one_stage import run_stage_on_files
 
 
 @command(
-    app,
     "update",
     "hrg update calibration.h5 --resonator resonator.h5 -o updated.h5",
     idle=NO_DRAWS | ONE_PROCESS,
 )
-def update(
+def main(
     run: Common,
+    /,
     calibration: OneFile = None,
     resonator: Annotated[
         Path | None,

@@ -1,5 +1,4 @@
-"""The bodies of `hrg check` and `hrg diff`: files held against limits and a baseline, two results
-against each other."""
+"""`hrg check`: files held against limits and a baseline."""
 
 from __future__ import annotations
 
@@ -7,22 +6,68 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import settings, store
-from ..comparing import Comparison, compare
+from ..comparing import compare
 from ..errors import HrgError, UsageError
 from ..limits import Row, check
 from ..records import Record
 from ..reporting import check_pages, console
 from ..reporting.answer import answer
-from ..reporting.quantities import quantity
-from ..reporting.text import number
-from .frame import Common, existing
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 USUAL_SIGMA = 5.0
 """Difference from a baseline, in σ, that passes where the command does not say another."""
+
+
+@command(
+    "check",
+    "hrg check results/*.h5 --limits configs/limits.toml --junit check.xml",
+    idle=NO_DRAWS | ONE_PROCESS | {"strict": "the limits say which status passes"},
+    says={
+        "output": "File to write the JSON report into.",
+        "config": "TOML file with more limits, over those of --limits.",
+        "assignments": (
+            'Change one limit, e.g. diagnosis.causes=0 or resonator.damping_split_1_s="5 deg/h";'
+            " may be repeated."
+        ),
+        "show_config": "Print the limits as TOML and leave.",
+    },
+)
+def main(
+    run: Common,
+    /,
+    files: Files = None,
+    limits: Annotated[
+        Path | None, typer.Option(help="TOML file with the limits.", show_default=False)
+    ] = None,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(
+            help="Earlier result, or folder of results by the same names, to compare with in σ.",
+            show_default=False,
+        ),
+    ] = None,
+    limit_sigma: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Difference from the baseline that passes, in σ.", show_default=True
+        ),
+    ] = USUAL_SIGMA,
+    junit: Annotated[
+        Path | None, typer.Option(help="File to write as JUnit XML.", show_default=False)
+    ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(help="File to write as a Markdown summary.", show_default=False)
+    ] = None,
+) -> None:
+    """Hold the figures of files against limits and an earlier result: exit status 0 within, 3
+    outside."""
+    run.finish(*check_files(files or [], run, limits, baseline, limit_sigma, junit, markdown))
 
 
 @dataclass(frozen=True)
@@ -45,7 +90,7 @@ def check_files(
     run: Common,
     limits: Path | None,
     baseline: Path | None,
-    limit_sigma: float | None,
+    limit_sigma: float,
     junit: Path | None,
     markdown: Path | None,
 ) -> Shown:
@@ -66,7 +111,7 @@ def check_files(
             path,
             wanted,
             baseline,
-            USUAL_SIGMA if limit_sigma is None else limit_sigma,
+            limit_sigma,
             len(paths) > 1,
         )
         for path in paths
@@ -164,53 +209,3 @@ def _moved(path: Path, record: Record, baseline: Path, limit_sigma: float) -> li
     if not other.exists():
         return [f"{other.name} is not in the baseline {baseline}"]
     return compare(store.read_any(other), record).beyond(limit_sigma)
-
-
-def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: float | None) -> Shown:
-    """Hold two results against each other; refused (exit 3) only where --limit-sigma is given and
-    exceeded."""
-    started = time.monotonic()
-    paths = existing([p for p in (old, new) if p is not None], "two results, OLD and NEW")
-    if len(paths) != 2:
-        raise UsageError("one result is named; name two, OLD and NEW")
-    found = compare(store.read_any(paths[0]), store.read_any(paths[1]))
-    beyond = found.beyond(limit_sigma) if limit_sigma is not None else []
-    report = {
-        "kind": "diff",
-        "status": "refused" if beyond else "valid",
-        "status_reasons": beyond,
-        "elapsed_s": round(time.monotonic() - started, 3),
-        "largest_sigma": found.largest_sigma,
-        "differences": [vars(d) for d in found.differences],
-        "only_old": list(found.only_old),
-        "only_new": list(found.only_new),
-        "words": [{"name": n, "old": a, "new": b} for n, a, b in found.words],
-    }
-    return run.kept(report), lambda: _show(found)
-
-
-SHOWN = 30
-"""Figures that a person is shown; the JSON holds all."""
-
-
-def _show(found: Comparison) -> None:
-    for name, old, new in found.words:
-        print(f"{name}: {old} → {new}")
-    known = [d for d in found.differences if d.sigma is not None]
-    rows = [
-        (
-            d.name,
-            quantity(d.name, d.old, d.old_std, d.units),
-            quantity(d.name, d.new, d.new_std, d.units),
-            number(d.sigma, 3),
-        )
-        for d in known[:SHOWN]
-    ]
-    if rows:
-        console.print_table("", ("figure", "old", "new", "moved by, σ"), rows)
-    if not known:
-        print("no figure has a standard deviation in both")
-    for place, names in (("old", found.only_old), ("new", found.only_new)):
-        causes = sorted({n.split(".")[1] for n in names if n.startswith("effects.")})
-        for cause in causes:
-            print(f"cause {cause.replace('_', ' ')}: in the {place} result alone")

@@ -1,4 +1,4 @@
-"""The body of `hrg study NAME`: run a study, write its figures as JSON (and CSV) and its pictures
+"""`hrg study NAME`: run a study, write its figures as JSON (and CSV) and its pictures
 as PNG into a folder."""
 
 from __future__ import annotations
@@ -9,14 +9,17 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import pipeline, settings, store
 from ..errors import UsageError
 from ..records import Recording
 from ..reporting import console
 from ..store import atomic_path, check_output
-from .frame import Common
+from .frame import Common, command
+from .options import numbers, words
 
 STUDIES = {
     "gauss-newton": "gauss_newton",
@@ -27,6 +30,66 @@ STUDIES = {
 }
 """Name on the command line -> module in `studies`: its function NAME_study gives plain figures,
 `figure` a picture of them."""
+
+
+def _study_names(incomplete: str) -> list[str]:
+    """Names of studies, for the shell's completion."""
+    return [name for name in STUDIES if name.startswith(incomplete)]
+
+
+@command(
+    "study",
+    "hrg study gauss-newton -o study/",
+    idle={"strict": "a study has no validity of its own"},
+    says={
+        "jobs": (
+            "Processes that share the draws of the diagnosis and the recovery study; the others use"
+            " one."
+        )
+    },
+)
+def main(
+    run: Common,
+    /,
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME",
+            help=f"{', '.join(STUDIES)}.",
+            autocompletion=_study_names,
+        ),
+    ] = None,
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="RECORDING...", help="Of recovery: one gyro's recordings.", show_default=False
+        ),
+    ] = None,
+    effects: Annotated[
+        str | None,
+        typer.Option(
+            help="Effects to hide, joined by commas (default: all).",
+            show_default=False,
+            parser=words,
+            metavar="NAME,...",
+        ),
+    ] = None,
+    sizes: Annotated[
+        str | None,
+        typer.Option(
+            help="Their sizes in σ, joined by commas.",
+            show_default=False,
+            parser=numbers,
+            metavar="NUMBER,...",
+        ),
+    ] = None,
+) -> None:
+    """Repeat one of the papers' experiments, or a study of this project's own methods: table and
+    figures into a folder.
+
+    recovery hides every effect in RECORDINGs of yours and tells what a diagnosis finds of it.
+    """
+    run.finish(*run_study(name, run, recordings or [], effects=effects, sizes=sizes))
 
 
 OF_RECORDINGS = ("recovery",)

@@ -1,4 +1,4 @@
-"""The body of `hrg mismatch`: the signals a control system acts on, from a wave file to CSV or
+"""`hrg mismatch`: the signals a control system acts on, from a wave file to CSV or
 JSON."""
 
 from __future__ import annotations
@@ -18,7 +18,20 @@ from ..errors import UsageError
 from ..records import Wave
 from ..reporting import console
 from ..stages.mismatch import mismatch
-from .frame import Common, existing
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
+from .options import flags_of
+
+
+@command(
+    "mismatch",
+    "hrg mismatch wave.h5 --main-amplitude 1.0 -o mismatch.csv",
+    flags=flags_of(mismatch, "main_amplitude", "computing_s"),
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(run: Common, /, wave: OneFile = None, **flags: Any) -> None:
+    """The signals a control system acts on: error of the amplitude, quadrature, phase and angle,
+    with their noise and delay."""
+    run.finish(*mismatch_file(wave, run, flags))
 
 
 def mismatch_file(

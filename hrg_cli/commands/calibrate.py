@@ -1,12 +1,14 @@
-"""The body of `hrg calibrate` on a foreign table of dwells: output against rate and temperature,
-for any rate gyro."""
+"""`hrg calibrate`: forced runs to tables; or a foreign table of dwells, output against rate and
+temperature, for any rate gyro."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import pipeline, store
 from ..errors import UsageError
@@ -14,9 +16,81 @@ from ..formats import read_table
 from ..formats.quantities import rate_factor, split_name, temperature_scale
 from ..pipeline import Outcome
 from ..records import Calibration
-from ..stages.calibrate import summary
+from ..reporting import tables
+from ..stages.calibrate import calibrate, summary
 from ..stages.rate_table import rate_table
-from .frame import Common, command_line, existing
+from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command, command_line, existing
+from .one_stage import run_stage_on_files
+from .options import flags_of
+
+OF_WAVES = (
+    *("model", "harmonics", "axis", "interpolation", "nodes", "scale_factor_harmonics"),
+    *("rate_rad_s", "earth_rate_rad_s", "ladder", "stable_only"),
+)
+OF_TABLE = {"output": "output_column", "rate": "rate_column", "temperature": "temperature_column"}
+"""Settings of a table of dwells -> their options."""
+
+
+@command(
+    "calibrate",
+    "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder",
+    flags=[
+        *flags_of(calibrate, *OF_WAVES),
+        *flags_of(rate_table, prefix="Of a table of dwells (CSV …): ", **OF_TABLE),
+    ],
+    says=JOBS_OF_REHEARSAL,
+)
+def main(
+    run: Common,
+    /,
+    waves: Files = None,
+    resonator: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Resonator file of --model physical; repeated, one a temperature (or frequency).",
+            show_default=False,
+        ),
+    ] = None,
+    rehearse: Rehearsals = None,
+    **flags: Any,
+) -> None:
+    """Drift D(T, angle) and scale-factor K(T, angle) tables from forced runs over temperature and
+    rate.
+
+    FILE: wave files; or one foreign table of dwells of any rate gyro, with --output-column,
+    --rate-column and --temperature-column.
+    """
+    of_table = {setting: flags.pop(option) for setting, option in OF_TABLE.items()}
+    if not is_table(waves or [], of_table):
+        run_stage_on_files(
+            run,
+            "calibrate",
+            waves or [],
+            beside={"resonator": resonator or None},
+            rehearse=rehearse,
+            **flags,
+        )
+        return
+    _refuse_options_of_waves(flags, resonator, rehearse)
+    wanted = {**of_table, "interpolation": flags["interpolation"]}
+    outcome = calibrate_table(waves or [], run, wanted)
+    run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+
+
+def _refuse_options_of_waves(
+    flags: Mapping[str, Any], resonator: list[Path] | None, rehearse: int | None
+) -> None:
+    """UsageError where an option was given that a table of dwells knows nothing of."""
+    strange = [
+        name for name, value in flags.items() if value is not None and name != "interpolation"
+    ]
+    if strange or resonator:
+        raise UsageError(
+            f"--{(strange or ['resonator'])[0].replace('_', '-')} is for wave files; a table of"
+            " dwells has no wave angle"
+        )
+    if rehearse is not None:
+        raise UsageError("--rehearse is for wave files; a table of dwells has no runs to rehearse")
 
 
 def calibrate_table(files: list[Path], run: Common, flags: Mapping[str, Any]) -> Outcome:

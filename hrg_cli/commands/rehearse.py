@@ -1,4 +1,4 @@
-"""The body of `hrg rehearse`: a result's inputs found again, its programme rehearsed, the verdict
+"""`hrg rehearse`: a result's inputs found again, its programme rehearsed, the verdict
 written into its file."""
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ import time
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import __version__, pipeline, settings, store
 from ..errors import HrgError, UsageError
@@ -19,7 +21,38 @@ from ..records import Calibration, Diagnosis, Periods, Record, Recording, Resona
 from ..reporting import console
 from ..stages.rehearse import Rehearsal, Rehearsed, Work, once, rehearse, with_verdict
 from ..stages.twin import Measured
-from .frame import Common, command_line, existing
+from .frame import Common, Files, command, command_line, existing
+from .options import flags_of
+
+
+@command(
+    "rehearse",
+    "hrg rehearse resonator.h5 --times 30 --jobs 2 -o rehearsal.svg",
+    flags=flags_of(rehearse, "times"),
+    says={
+        "output": "File for the report (.json), its picture (.svg) or both (.html).",
+        "jobs": "Processes that share the rehearsals.",
+    },
+)
+def main(
+    run: Common,
+    /,
+    files: Files = None,
+    keep_file: Annotated[
+        bool, typer.Option("--keep-file", help="Tell the verdict without writing it into FILE.")
+    ] = False,
+    **flags: Any,
+) -> None:
+    """Whether a result's errors hold: its programme again and again on a simulated twin, through
+    raw samples and the same stages.
+
+    FILE: a resonator or calibration file, whose waves are found in its folder by their SHA-256 or
+    named beside it. The verdict is written into the file's status.
+    """
+    with console.progress_bar("rehearse", run.quiet or run.json) as progress:
+        report, show = rehearse_files(files or [], run, flags, keep_file, progress)
+    run.finish(report, show)
+
 
 RESULTS = (Resonator, Calibration, Diagnosis)
 SUFFIXES = (".json", ".svg", ".html")

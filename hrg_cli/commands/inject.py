@@ -1,16 +1,71 @@
-"""The body of `hrg inject`: which `--set` belongs to which effect, the stage on files."""
+"""`hrg inject`: which `--set` belongs to which effect, the stage on files."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import pipeline, settings
 from ..effects import EFFECTS, Effect, find, load_effects
 from ..errors import UsageError
+from ..reporting import console
 from ..stages.inject import inject
-from .frame import Common, command_line, existing
+from .effects import effect_names
+from .frame import (
+    NO_DRAWS,
+    ONE_PROCESS,
+    Common,
+    EffectsFrom,
+    OneFile,
+    command,
+    command_line,
+    existing,
+)
+
+
+@command(
+    "inject",
+    "hrg inject recording.h5 --effect gain_mismatch --set gain=0.01 -o injected.h5",
+    idle=NO_DRAWS | ONE_PROCESS,
+    says={
+        "assignments": (
+            "A parameter of the effect, PARAMETER=VALUE (EFFECT.PARAMETER=VALUE of several), or a"
+            " setting; may be repeated."
+        )
+    },
+)
+def main(
+    run: Common,
+    /,
+    recording: OneFile = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Effect to hide; may be repeated.",
+            show_default=False,
+            autocompletion=effect_names,
+        ),
+    ] = None,
+    resonator: Annotated[
+        Path | None,
+        typer.Option(
+            help=(
+                "The identified resonator, for effects of the motion; fitted to this run by"
+                " default."
+            ),
+            show_default=False,
+        ),
+    ] = None,
+    effects_from: EffectsFrom = None,
+) -> None:
+    """An effect of the catalogue hidden in measured samples, to see whether a diagnosis finds it
+    there."""
+    with console.progress_bar("inject", run.quiet or run.json) as progress:
+        outcome = inject_file(recording, run, effect or [], resonator, effects_from, progress)
+    run.finish(outcome.json)
 
 
 def inject_file(

@@ -1,19 +1,48 @@
-"""The body of `hrg simulate`: one recording file a run of a simulation file."""
+"""`hrg simulate`: one recording file a run of a simulation file."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..records import Recording
+from ..reporting import console
 from ..stages.simulate import run_ids, simulate, summary
 from ..stages.simulation_file import runs_of
-from .frame import Common, command_line
+from .frame import Common, EffectsFrom, command, command_line, existing
+from .options import flags_of
+
+
+@command(
+    "simulate",
+    "hrg simulate configs/free_run_downs.toml -o run.h5",
+    flags=flags_of(simulate, "model", "run"),
+)
+def main(
+    run: Common,
+    /,
+    config_file: Annotated[
+        Path | None, typer.Argument(metavar="CONFIG.toml", show_default=False)
+    ] = None,
+    effects_from: EffectsFrom = None,
+    **flags: Any,
+) -> None:
+    """Simulate recordings of a gyro described in TOML; several [[run]] tables give OUTPUT-RUN.h5
+    each."""
+    started = time.monotonic()
+    file = existing([config_file] if config_file else [], "a simulation file (TOML)")[0]
+    with console.progress_bar("simulate", run.quiet or run.json) as progress:
+        report = simulate_files(file, run, flags, effects_from, progress)
+    run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3)})
+
 
 STAGE_SETTINGS = ("model", "run", "block_samples", "seed")
 
@@ -21,9 +50,7 @@ STAGE_SETTINGS = ("model", "run", "block_samples", "seed")
 def simulate_files(
     file: Path,
     run: Common,
-    *,
-    model: str | None,
-    only_run: str | None,
+    flags: Mapping[str, Any],
     effects_from: Path | None,
     progress: pipeline.Progress,
 ) -> dict[str, Any]:
@@ -37,9 +64,7 @@ def simulate_files(
     for text in run.assignments:
         if text not in for_stage:
             settings.assign(config, *settings.parse_assignment(text))
-    values = settings.resolve(
-        simulate, run.config, for_stage, {"model": model, "run": only_run, "seed": run.seed}
-    )
+    values = settings.resolve(simulate, run.config, for_stage, {**flags, "seed": run.seed})
     if run.show_config:
         run.leave_with_settings(
             {"simulate": values, "runs": {each.run_id: each for each in runs_of(config)}}

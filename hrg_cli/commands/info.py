@@ -1,4 +1,4 @@
-"""The bodies of the commands that only answer: `hrg effects`, `hrg info`."""
+"""`hrg info`: what a file holds."""
 
 from __future__ import annotations
 
@@ -10,40 +10,27 @@ from typing import Any
 from .. import store
 from ..reporting import answer_text, console, tables
 from ..reporting.answer import answer
-from .frame import Common, existing
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing, no_settings
 
 RESULTS = ("diagnosis", "resonator", "calibration")
 """Kinds that have an answer; of the others the figures are told."""
-Shown = tuple[dict[str, Any], Callable[[], None]]
-"""A command's JSON, and what shows it to a person."""
 
 
-def effects_page(name: str | None, run: Common) -> Shown:
-    """The catalogue of effects, or one effect's page."""
-    from ..effects import EFFECTS, page
-
-    started = time.monotonic()
-    report: dict[str, Any] = {"kind": "effects", "status": "valid", "status_reasons": []}
-    if name is not None:
-        text = page(name)
-        report |= {"name": name, "page": text}
-    else:
-        listed = [
-            {
-                "name": e.name,
-                "family": e.family,
-                "parameters": [p.name for p in e.parameters],
-                "title": e.page.splitlines()[0],
-            }
-            for e in EFFECTS
-        ]
-        text = "\n".join(f"{e['name']:30}{e['family']:12}{e['title']}" for e in listed)
-        report |= {"effects": listed}
-    report["elapsed_s"] = round(time.monotonic() - started, 3)
-    return run.kept(report), lambda: print(text)
+@command(
+    "info",
+    "hrg info wave.h5 --json",
+    idle=NO_DRAWS
+    | ONE_PROCESS
+    | no_settings("a file is told as it is")
+    | {"strict": "the status is told, not judged"},
+    says={"output": "File to write the JSON report into."},
+)
+def main(run: Common, /, file: OneFile = None) -> None:
+    """What a file holds: kind, validity, history, sources, figures."""
+    run.finish(*info_file(file, run), judged=False)
 
 
-def info_file(file: Path | None, run: Common) -> Shown:
+def info_file(file: Path | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
     """What a file holds. Its status is told, not judged: the command ends with 0 whatever it is."""
     started = time.monotonic()
     path = existing([file] if file else [], "an hrg file")[0]

@@ -1,9 +1,11 @@
-"""The body of `hrg batch`: a lot's file in, a folder with every gyro's results out."""
+"""`hrg batch`: a lot's file in, a folder with every gyro's results out."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import settings
 from ..errors import HrgError
@@ -11,7 +13,33 @@ from ..lots.batch import executor_for, run_lot
 from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
 from ..reporting import console
-from .frame import Common, existing
+from .frame import Common, OneFile, command, existing
+
+
+@command(
+    "batch",
+    "hrg batch lot.toml -o lot/ --jobs 4",
+    says={
+        "output": "Folder of the lot; the same folder resumes it.",
+        "config": "TOML file whose table [batch] is put over the lot's file.",
+        "show_config": "Print the resolved lot as TOML and leave.",
+        "seed": "Seed of every stage that draws.",
+    },
+)
+def main(
+    run: Common,
+    /,
+    lot: OneFile = None,
+    dask: Annotated[
+        bool, typer.Option("--dask", help="Dask workers started here, --jobs of them.")
+    ] = False,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)
+    ] = None,
+) -> None:
+    """The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where it
+    was interrupted."""
+    run.finish(batch_file(lot, run, dask, scheduler))
 
 
 def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None) -> dict[str, Any]:

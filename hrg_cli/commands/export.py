@@ -1,4 +1,4 @@
-"""The body of `hrg export`: a calibration's tables as CSV, JSON or C header, and every kind of file
+"""`hrg export`: a calibration's tables as CSV, JSON or C header, and every kind of file
 in the formats of other programs."""
 
 from __future__ import annotations
@@ -12,7 +12,21 @@ from ..errors import UsageError
 from ..exporting import export
 from ..exporting_records import FORMATS, export_record, format_of
 from ..records import Calibration
-from .frame import Common, existing
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
+from .options import flags_of
+
+
+@command(
+    "export",
+    "hrg export calibration.h5 -o table.h --fixed-point-bits 16",
+    flags=flags_of(export, "fixed_point_bits", "precision"),
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(run: Common, /, file: OneFile = None, **flags: Any) -> None:
+    """Any hrg file for other programs, by the output's suffix: CSV, JSON (.gz), Parquet, XLSX, MAT;
+    a calibration as a C header."""
+    run.finish(export_file(file, run, **flags))
+
 
 OF_TABLES = (".csv", ".json", ".h")
 """Formats that a calibration has a form of its own for: what is needed to apply it."""

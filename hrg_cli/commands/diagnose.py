@@ -1,13 +1,14 @@
-"""The body of `hrg diagnose`: the model that the user believes, effects of the user's own, the
+"""`hrg diagnose`: the model that the user believes, effects of the user's own, the
 extended model beside the output."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from .. import pipeline, settings, store
 from ..effects import load_effects
@@ -16,11 +17,48 @@ from ..extended import beside as beside_it
 from ..extended import write_extended
 from ..physics.resonator import PARAMETERS
 from ..records import Diagnosis, Resonator, Wave
+from ..reporting import console, tables
 from ..reporting.answer import answer
 from ..stages.diagnose import diagnose
 from ..stages.simulate import courses_of, mechanics_of
 from ..stages.simulation_file import runs_of
-from .frame import Common, command_line, existing
+from .frame import (
+    NO_DRAWS,
+    ONE_PROCESS,
+    Common,
+    EffectsFrom,
+    Files,
+    command,
+    command_line,
+    existing,
+)
+from .options import flags_of
+
+
+@command(
+    "diagnose",
+    "hrg diagnose wave-*.h5 -o diagnosis.h5 --model resonator.h5",
+    flags=flags_of(diagnose, "scale_factor", "free_phase"),
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(
+    run: Common,
+    /,
+    waves: Files = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="What you believe: a resonator file or a simulation's TOML.", show_default=False
+        ),
+    ] = None,
+    effects_from: EffectsFrom = None,
+    **flags: Any,
+) -> None:
+    """What the simulation gets wrong: the cause, its size, the extended model
+    (OUTPUT.extended.toml) and the gain."""
+    with console.progress_bar("diagnose", run.quiet or run.json) as progress:
+        outcome = diagnose_files(waves or [], run, model, effects_from, flags, progress)
+    run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 
 def diagnose_files(

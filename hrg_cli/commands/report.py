@@ -1,4 +1,4 @@
-"""The body of `hrg report`: one page about files, or its figures as pictures in a folder."""
+"""`hrg report`: one page about files, or its figures as pictures in a folder."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import typer
 from pydantic import Field
 
 from .. import pipeline, settings, store
 from ..limits import check
 from ..reporting.page import build_report, status_of, write_figures
-from .frame import Common, existing
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
+from .options import flags_of
 
 
 def report(
@@ -42,6 +44,26 @@ def report(
     with store.atomic_path(output, force) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return [output]
+
+
+@command(
+    "report",
+    "hrg report run.h5 wave.h5 resonator.h5 -o report.html",
+    flags=flags_of(report, "format", "truth", "full"),
+    idle=NO_DRAWS | ONE_PROCESS | {"strict": "the page of a suspect result is a valid page"},
+)
+def main(
+    run: Common,
+    /,
+    files: Files = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with limits to show the results against.", show_default=False),
+    ] = None,
+    **flags: Any,
+) -> None:
+    """One self-contained page (or the figures) about any set of hrg files: the answer first."""
+    run.finish(report_files(files or [], run, limits, **flags))
 
 
 def report_files(

@@ -1,4 +1,4 @@
-"""The body of `hrg run`: the chain on one gyro's recordings into a folder, the answer, and a page
+"""`hrg run`: the chain on one gyro's recordings into a folder, the answer, and a page
 about it."""
 
 from __future__ import annotations
@@ -8,7 +8,9 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import settings, store
 from ..chain import Step
@@ -18,7 +20,48 @@ from ..limits import Row, check
 from ..pipeline import STAGES
 from ..reporting import answer_text, console
 from ..reporting.answer import Answer, answer
-from .frame import Common, command_line, existing
+from ..stages.demodulate import demodulate
+from .frame import Common, Files, command, command_line, existing
+from .options import flags_of
+
+
+@command(
+    "run",
+    "hrg run recordings/ -o results/ --jobs 2",
+    flags=flags_of(demodulate, "from_s", "to_s"),
+    says={
+        "output": "Folder of the results; the same folder resumes.",
+        "config": "TOML file with a table a stage.",
+        "assignments": (
+            "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated."
+        ),
+        "seed": "Seed of every stage that draws.",
+        "jobs": "Processes that share the recordings.",
+    },
+)
+def main(
+    run: Common,
+    /,
+    recordings: Files = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with limits the results must hold.", show_default=False),
+    ] = None,
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="Draw the figures of every run and file on the page, too."),
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")
+    ] = False,
+    **part: Any,
+) -> None:
+    """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and
+    a page to show."""
+    if run.show_config:
+        tables_of(run, part)
+    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part))
+
 
 MARK = "run.json"
 Shown = tuple[dict[str, Any], Callable[[], None]]

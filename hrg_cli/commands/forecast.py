@@ -1,4 +1,4 @@
-"""The body of `hrg forecast`: a resonator in, the drift to be expected out, as a table (screen,
+"""`hrg forecast`: a resonator in, the drift to be expected out, as a table (screen,
 CSV, JSON) or a figure (SVG, PNG)."""
 
 from __future__ import annotations
@@ -19,7 +19,30 @@ from ..records import Resonator
 from ..reporting import console
 from ..stages.forecast import Forecast, forecast, summary
 from ..units import DEGREE
-from .frame import Common, existing
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
+from .options import flags_of
+
+FLAGS = (
+    *("drive", "wave_angle_rad", "rate_rad_s", "duration_s", "quadrature_gain_1_s"),
+    *("scale_factor", "trim", "trim_step_rad_s"),
+)
+
+
+@command(
+    "forecast",
+    "hrg forecast resonator.h5 --drive parametric -o forecast.svg",
+    flags=flags_of(forecast, *FLAGS),
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(run: Common, /, resonator: OneFile = None, **flags: Any) -> None:
+    """The drift a resonator will show, alone: D over the angle, the wave's way over hours, the
+    error between external fixes.
+
+    Written as a table over time (.csv), all of it (.json) or one figure (.svg, .png), by the
+    output's suffix.
+    """
+    run.finish(*forecast_file(resonator, run, flags))
+
 
 Show = Callable[[], None]
 SUFFIXES = (".csv", ".json", ".svg", ".png")

@@ -1,4 +1,4 @@
-"""The body of `hrg import`: a foreign log (or standard input) to a recording file."""
+"""`hrg import`: a foreign log (or standard input) to a recording file."""
 
 from __future__ import annotations
 
@@ -10,14 +10,66 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import pipeline, settings, store
 from ..errors import UsageError
 from ..formats import import_envelope, import_log, second_file
 from ..records import Record, Recording
 from ..reporting.console import print_table
-from .frame import Common, command_line, existing
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, command_line, existing
+from .options import flags_of
+
+FLAGS = (
+    *("c", "s", "s_file", "time", "temperature", "rate", "sample_rate_hz", "mode", "mode_number"),
+    *("readout", "carrier_hz", "nominal_frequency_hz", "units", "time_units", "clock_hz"),
+    *("auxiliary_time", "rate_units", "temperature_units", "separator", "decimal"),
+    *("constant_rate_rad_s", "constant_temperature_degc", "gyro_id", "run_id", "lot_id"),
+    *("format", "from_s", "to_s"),
+)
+OF_ENVELOPES = (
+    *("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature", "amplitude", "phase"),
+    *("phase_units", "decibel", "reference_frequency_hz", "rows_per_window"),
+)
+
+
+@command(
+    "import",
+    "hrg import log.csv -o recording.h5 --c 2 --s 3 --time 1 --mode free",
+    flags=[
+        *flags_of(import_log, *FLAGS),
+        *flags_of(import_envelope, *OF_ENVELOPES, prefix="Envelope: "),
+    ],
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(
+    run: Common,
+    /,
+    log: OneFile = None,
+    envelope: Annotated[
+        bool,
+        typer.Option(
+            "--envelope",
+            help=(
+                "The log holds demodulated signals (lock-in, FPGA, spectrum analyser): write"
+                " periods."
+            ),
+        ),
+    ] = False,
+    **flags: Any,
+) -> None:
+    """A laboratory's log (CSV, WAV, FLAC, MATLAB, TDMS, Parquet, LabOne; - for standard input) to a
+    recording.
+
+    With --envelope, a log of demodulated signals (I and Q of one or two channels, amplitude and
+    phase, or amplitude alone) to periods.
+
+    --show-config prints the mapping as TOML; kept as a file it serves a whole lot through --config.
+    """
+    report = import_file(log, run, flags, envelope)
+    run.finish(report, lambda: show(report))
 
 
 def import_file(

@@ -1,0 +1,22 @@
+"""`hrg demodulate`: a recording's samples to signals a window."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..stages.demodulate import demodulate
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
+from .one_stage import run_stage_on_files
+from .options import flags_of
+
+
+@command(
+    "demodulate",
+    "hrg demodulate run.h5 -o periods.h5 --periods-per-window 50",
+    flags=flags_of(demodulate, "periods_per_window", "nominal_frequency_hz", "from_s", "to_s"),
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(run: Common, /, recording: OneFile = None, **flags: Any) -> None:
+    """Samples to signals a window: least squares at the oscillation frequency, which is found and
+    followed."""
+    run_stage_on_files(run, "demodulate", [recording] if recording else [], **flags)

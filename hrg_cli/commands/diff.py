@@ -1,0 +1,97 @@
+"""`hrg diff`: two results against each other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import store
+from ..comparing import Comparison, compare
+from ..errors import UsageError
+from ..reporting import console
+from ..reporting.quantities import quantity
+from ..reporting.text import number
+from .frame import NO_DRAWS, ONE_PROCESS, Common, command, existing, no_settings
+
+Shown = tuple[dict[str, Any], Callable[[], None]]
+
+
+@command(
+    "diff",
+    "hrg diff old/resonator.h5 new/resonator.h5 --limit-sigma 5",
+    idle=NO_DRAWS
+    | ONE_PROCESS
+    | no_settings("there is nothing to set")
+    | {"strict": "--limit-sigma says what passes"},
+    says={"output": "File to write the JSON report into."},
+)
+def main(
+    run: Common,
+    /,
+    old: Annotated[Path | None, typer.Argument(metavar="OLD", show_default=False)] = None,
+    new: Annotated[Path | None, typer.Argument(metavar="NEW", show_default=False)] = None,
+    limit_sigma: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="End with status 3 where a figure moved by more, in σ.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """What moved between two results of one kind, in σ of both."""
+    run.finish(*diff_files(old, new, run, limit_sigma))
+
+
+def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: float | None) -> Shown:
+    """Hold two results against each other; refused (exit 3) only where --limit-sigma is given and
+    exceeded."""
+    started = time.monotonic()
+    paths = existing([p for p in (old, new) if p is not None], "two results, OLD and NEW")
+    if len(paths) != 2:
+        raise UsageError("one result is named; name two, OLD and NEW")
+    found = compare(store.read_any(paths[0]), store.read_any(paths[1]))
+    beyond = found.beyond(limit_sigma) if limit_sigma is not None else []
+    report = {
+        "kind": "diff",
+        "status": "refused" if beyond else "valid",
+        "status_reasons": beyond,
+        "elapsed_s": round(time.monotonic() - started, 3),
+        "largest_sigma": found.largest_sigma,
+        "differences": [vars(d) for d in found.differences],
+        "only_old": list(found.only_old),
+        "only_new": list(found.only_new),
+        "words": [{"name": n, "old": a, "new": b} for n, a, b in found.words],
+    }
+    return run.kept(report), lambda: _show(found)
+
+
+SHOWN = 30
+"""Figures that a person is shown; the JSON holds all."""
+
+
+def _show(found: Comparison) -> None:
+    for name, old, new in found.words:
+        print(f"{name}: {old} → {new}")
+    known = [d for d in found.differences if d.sigma is not None]
+    rows = [
+        (
+            d.name,
+            quantity(d.name, d.old, d.old_std, d.units),
+            quantity(d.name, d.new, d.new_std, d.units),
+            number(d.sigma, 3),
+        )
+        for d in known[:SHOWN]
+    ]
+    if rows:
+        console.print_table("", ("figure", "old", "new", "moved by, σ"), rows)
+    if not known:
+        print("no figure has a standard deviation in both")
+    for place, names in (("old", found.only_old), ("new", found.only_new)):
+        causes = sorted({n.split(".")[1] for n in names if n.startswith("effects.")})
+        for cause in causes:
+            print(f"cause {cause.replace('_', ' ')}: in the {place} result alone")

@@ -1,0 +1,121 @@
+"""What stands between a command's body and the shell: every failure becomes one line and an exit
+status, standard output is the command's alone."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+
+import typer
+
+from ..errors import DiskFullError, HrgError, InterruptedRunError, UsageError
+from ..reporting.text import plain
+
+DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+@contextlib.contextmanager
+def unread_is_no_failure() -> Iterator[None]:
+    """A reader that left (`hrg info x | head -1`) is no error of the command: what is printed from
+    then on is dropped."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextlib.contextmanager
+def own_standard_output() -> Iterator[None]:
+    """Standard output for this program alone: libraries below Python (LAPACK) that print there
+    would break --json.
+
+    Characters that the terminal's encoding lacks are shown as escapes.
+    """
+    stream = sys.stdout
+    try:
+        handle = stream.fileno()
+    except (OSError, ValueError, AttributeError):  # a test's or a notebook's
+        yield
+        return
+    stream.flush()
+    kept = os.dup(handle)
+    silent = os.open(os.devnull, os.O_WRONLY)
+    sys.stdout = open(  # noqa: SIM115
+        kept,
+        "w",
+        encoding=stream.encoding,
+        errors="backslashreplace",
+        buffering=1 if stream.isatty() else -1,
+    )
+    os.dup2(silent, handle)
+    os.close(silent)
+    try:
+        yield
+    finally:
+        own, sys.stdout = sys.stdout, stream
+        with contextlib.suppress(BrokenPipeError):
+            own.flush()
+        os.dup2(kept, handle)
+        with contextlib.suppress(BrokenPipeError):
+            own.close()
+
+
+@contextlib.contextmanager
+def libraries_silent(verbose: bool) -> Iterator[None]:
+    """Without the warnings and logs of libraries, which are for programmers: here results are
+    judged, in sentences."""
+    if verbose:
+        yield
+        return
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
+
+
+def guarded(body: Callable[[], None], verbose: bool = False) -> None:
+    """Run a command's body; every failure becomes one line on standard error and an exit status."""
+    try:
+        with libraries_silent(verbose), own_standard_output(), unread_is_no_failure():
+            body()
+    except UsageError as error:
+        leave(str(error), USAGE)
+    except DiskFullError as error:
+        print(f"hrg: {plain(error)}", file=sys.stderr, flush=True)
+        sys.stdout.flush()
+        os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
+    except InterruptedRunError as error:
+        leave(str(error), INTERRUPTED)
+    except HrgError as error:
+        leave(str(error), FAILED)
+    except KeyboardInterrupt:
+        leave("interrupted; no output was written", INTERRUPTED)
+    except MemoryError:
+        leave("not enough memory; use fewer or shorter inputs", FAILED)
+    except typer.Exit:
+        raise
+    except Exception as error:
+        if verbose:
+            import traceback
+
+            traceback.print_exc()
+        leave(
+            f"internal error: {type(error).__name__}: {str(error)[:200]}; run again with -v and"
+            " report it",
+            FAILED,
+        )
+
+
+def leave(text: str, status: int) -> None:
+    """One line on standard error, then the exit status."""
+    print(f"hrg: {plain(' '.join(text.split()))}", file=sys.stderr, flush=True)
+    raise typer.Exit(status) from None

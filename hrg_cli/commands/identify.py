@@ -1,0 +1,28 @@
+"""`hrg identify`: free run-downs to the resonator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..stages.identify import identify
+from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command
+from .one_stage import run_stage_on_files
+from .options import flags_of
+
+FLAGS = (
+    *("method", "rate_rad_s", "fit_rate", "scale_factor", "damping_axis_rad"),
+    *("stiffness_axis_rad", "most_different", "bootstrap", "window", "profile", "eliminate_rate"),
+    *("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg"),
+)
+
+
+@command(
+    "identify",
+    "hrg identify wave-*.h5 -o resonator.h5 --method all",
+    flags=flags_of(identify, *FLAGS),
+    says=JOBS_OF_REHEARSAL,
+)
+def main(run: Common, /, waves: Files = None, rehearse: Rehearsals = None, **flags: Any) -> None:
+    """Resonator parameters from free run-downs: damping and frequency split, their axes, scale
+    factor."""
+    run_stage_on_files(run, "identify", waves or [], rehearse=rehearse, **flags)

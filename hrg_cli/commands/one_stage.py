@@ -1,0 +1,51 @@
+"""The body of every command that is one stage on files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..pipeline import STAGES, run_stage
+from ..reporting import console, tables
+from .frame import Common, command_line, existing
+from .rehearse import and_rehearse
+from .rehearse import show as show_rehearsal
+
+
+def run_stage_on_files(
+    run: Common,
+    name: str,
+    inputs: list[Path],
+    *,
+    beside: Mapping[str, Path | list[Path] | None] | None = None,
+    rehearse: int | None = None,
+    **flags: Any,
+) -> None:
+    """The body of every command that is one stage on files; its result is rehearsed so many times
+    where that is asked for."""
+    stage = STAGES[name]
+    values = run.settings(stage.function(), **flags)
+    inputs = existing(inputs, f"a {stage.takes} file")
+    output = run.need_output(f"{stage.gives}.h5")
+    with console.progress_bar(name, run.quiet or run.json) as progress:
+        outcome = run_stage(
+            name,
+            inputs,
+            output,
+            values,
+            beside={key: path for key, path in (beside or {}).items() if path is not None},
+            force=run.force,
+            command_line=command_line(),
+            progress=progress,
+        )
+    if rehearse is None:
+        run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+        return
+    whole = and_rehearse(outcome, output, inputs, rehearse, run)
+
+    def show() -> None:
+        tables.show(whole.record, whole.json)
+        show_rehearsal(whole.json["rehearsal"])
+
+    run.finish(whole.json, show)

@@ -1,0 +1,87 @@
+"""`hrg plan`: what is known and a menu in, the next runs as a simulation file out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import pipeline, settings, store
+from ..errors import HrgError, UsageError
+from ..records import Diagnosis, Resonator, Wave
+from ..reporting import console
+from ..stages.plan import plan, summary
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
+from .options import flags_of
+
+
+@command(
+    "plan",
+    "hrg plan resonator.h5 --menu configs/menu.toml -o next.toml --runs 3",
+    flags=flags_of(plan, "runs", "criterion", "causes"),
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(
+    run: Common,
+    /,
+    files: Files = None,
+    menu: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with the runs that are feasible.", show_default=False),
+    ] = None,
+    **flags: Any,
+) -> None:
+    """The next experiment: the runs of a menu that separate open causes or shrink the worst
+    variances, as a simulation file.
+
+    FILE: a resonator or diagnosis file, then the wave files measured already.
+    """
+    report = plan_files(files or [], menu, run, flags)
+    run.finish(report, lambda: show(report))
+
+
+def show(report: Mapping[str, Any]) -> None:
+    """The chosen runs, and what they are expected to bring."""
+    console.print_table("", ("run", "why"), [(r["run_id"], r["reason"]) for r in report["runs"]])
+    rows = [
+        (" / ".join(row["causes"]), row["before_sigma"], row["after_sigma"])
+        for row in report["separations"]
+    ]
+    rows += [(name, std, report["after"][name]) for name, std in report["before"].items()]
+    console.print_table(
+        "", ("separation in σ, or standard deviation", "before", "expected after"), rows
+    )
+    for sentence in report["impossible"]:
+        console.say(sentence)
+
+
+def plan_files(
+    files: Sequence[Path], menu: Path | None, run: Common, flags: dict[str, Any]
+) -> dict[str, Any]:
+    """Plan the next runs; writes them as a simulation file; the command's JSON."""
+    started = time.monotonic()
+    values = run.settings(plan, **flags)
+    first, *waves = existing(
+        files, "a resonator or diagnosis file, then the waves measured already"
+    )
+    if menu is None:
+        raise UsageError("no menu is named; add --menu configs/menu.toml")
+    known = store.read_any(first)
+    if not isinstance(known, Resonator | Diagnosis):
+        raise HrgError(
+            f"{first}: is a {known.kind} file; make a resonator with `hrg identify` or a diagnosis"
+            " with `hrg diagnose`"
+        )
+    made = plan(
+        known, settings.load_toml(menu), [store.read(path, Wave) for path in waves], **values
+    )
+    if run.output is not None:
+        with store.atomic_path(run.output, run.force) as temporary:
+            temporary.write_text(settings.to_toml(made.file), encoding="utf-8")
+    return {
+        **pipeline.common_keys("plan", made.status, made.status_reasons, run.output, started),
+        **summary(made),
+    }

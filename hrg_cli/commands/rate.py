@@ -1,0 +1,42 @@
+"""`hrg rate`: the rate that a run shows, the resonator as reference model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import UsageError
+from ..stages.rate import rate
+from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
+from .one_stage import run_stage_on_files
+from .options import flags_of
+
+FLAGS = (
+    *("nodes", "earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg"),
+    *("main_phase_error_rad", "quadrature_phase_error_rad"),
+)
+
+
+@command(
+    "rate",
+    "hrg rate wave.h5 --resonator resonator.h5 -o rate.h5",
+    flags=flags_of(rate, *FLAGS),
+    idle=NO_DRAWS | ONE_PROCESS,
+)
+def main(
+    run: Common,
+    /,
+    wave: OneFile = None,
+    resonator: Annotated[
+        Path | None, typer.Option(help="The identified resonator, held.", show_default=False)
+    ] = None,
+    **flags: Any,
+) -> None:
+    """The rate a free or driven run shows, with the identified resonator as reference model."""
+    if resonator is None and not run.show_config:
+        raise UsageError("no resonator is named; add --resonator resonator.h5")
+    run_stage_on_files(
+        run, "rate", [wave] if wave else [], beside={"resonator": resonator}, **flags
+    )

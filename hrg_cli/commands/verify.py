@@ -1,0 +1,43 @@
+"""`hrg verify`: files and folders held against what was written."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..reporting import console
+from ..verification import report, verify
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing, no_settings
+
+
+@command(
+    "verify",
+    "hrg verify lot/",
+    idle=NO_DRAWS | ONE_PROCESS | no_settings("files are held against what was written"),
+    says={
+        "output": "File to write the JSON report into.",
+        "strict": "Files that keep no checksums (a laboratory's), too, end with status 3.",
+    },
+)
+def main(run: Common, /, files: Files = None) -> None:
+    """Whether files are as they were written: checksums of every dataset, the chain of sources, a
+    lot's notes; 3 when not.
+
+    FILE: hrg files or folders; sources that lie in the same folder are followed.
+    """
+    run.finish(*verify_files(files or [], run))
+
+
+def verify_files(files: Sequence[Path], run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
+    """Verify; the command's JSON and its table."""
+    started = time.monotonic()
+    verdicts = verify(existing(files, "hrg files or their folder"))
+    told = {**report(verdicts), "elapsed_s": round(time.monotonic() - started, 3)}
+
+    def show() -> None:
+        rows = [(v.name, v.kind, v.result, "; ".join([*v.findings, *v.notes])) for v in verdicts]
+        console.print_table("", ("file", "kind", "result", "what"), rows)
+
+    return run.kept(told), show
