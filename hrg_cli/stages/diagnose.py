@@ -26,6 +26,7 @@ from ..fitting.causes.extended_fit import Fit
 from ..fitting.causes.wave_frame import real
 from ..physics import ellipse
 from ..records import Diagnosis, Resonator, Wave
+from .diagnosis.beside_misfit import standing
 from .diagnosis.between import between_runs
 from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import strangers
@@ -128,6 +129,7 @@ def diagnose(
     if form is not None:
         remainder = rest(search.final, noise_factor)
     search, remainder = proven(search, remainder, noise_factor, candidates)
+    search, remainder = standing(search, remainder, noise_factor, candidates)
 
     shown, lines = causes(
         waves,

@@ -3,9 +3,9 @@ frequency, the effects' parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -41,6 +41,8 @@ __all__ = [
 
 Array = np.ndarray
 MOST_STEPS = 15
+DAMPED = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""Lengths of the damping rows, over those of the columns, where a whole step leads nowhere."""
 DAMPING = ("damping", "damping_cos", "damping_sin")
 """Coordinates whose cone ν ≥ |νδμ| a passive resonator stays in."""
 
@@ -347,6 +349,9 @@ def fit(
         pull = prior_residual(freedom, prediction.point, series)
         return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(pull**2))
 
+    def after(point: Point, near: Near, step: Array) -> Prediction:
+        return predict(series, moved(point, layout, step, freedom.passive), near)
+
     with np.errstate(over="ignore", invalid="ignore"):
         prediction = predict(series, point, near)
         value = cost(prediction)
@@ -364,6 +369,11 @@ def fit(
             design = design_of(flow, layout)
             residual = flat(series, prediction.residual())
             factored = evidence.factored(design)
+            if not np.all(np.isfinite(factored.triangle)):
+                raise DivergedError(
+                    f"{', '.join(series.names)}: the model's motion ends where the fit has led;"
+                    " leave out the run that differs most"
+                )
             rows, right = (
                 prior_rows(freedom, layout, series),
                 prior_residual(freedom, prediction.point, series),
@@ -381,13 +391,20 @@ def fit(
             expected = float(np.sum(design.times(step) ** 2))
             size = 1.0
             while True:
-                trial = predict(
-                    series, moved(prediction.point, layout, size * step, freedom.passive), flow.near
-                )
+                trial = after(prediction.point, flow.near, size * step)
                 now = cost(trial)
                 if now <= value + settled * value or size < 1e-2:
                     break
                 size /= 2
+            if not now <= value + settled * value:
+                trial, now = damped(
+                    factored,
+                    (residual, rows, right),
+                    partial(after, prediction.point, flow.near),
+                    cost,
+                    value,
+                )
+                size = 0.0
             if not now <= value:
                 # a step that neither lowers nor raises χ² by more than matters has nowhere to go
                 converged = now <= value + settled * value
@@ -407,6 +424,32 @@ def fit(
         index,
         factored,
     )
+
+
+def damped(
+    factored: Factored,
+    problem: tuple[Array, Array, Array],
+    moved_by: Callable[[Array], Prediction],
+    cost: Callable[[Prediction], float],
+    value: float,
+) -> tuple[Prediction, float]:
+    """The first lower point along Levenberg's and Marquardt's path, where no part of the whole step
+    leads down; the last one tried where there is none.
+
+    problem: (residual, prior rows, prior residual) of the step; value: the cost to be lowered.
+    """
+    residual, rows, right = problem
+    sizes = np.diag(np.sqrt(np.sum(factored.triangle**2, axis=0) + np.sum(rows**2, axis=0)))
+    still = np.zeros(len(sizes))
+    for damping in DAMPED:
+        step, _ = factored.solve(
+            residual, np.vstack([rows, damping * sizes]), np.concatenate([right, still])
+        )
+        trial = moved_by(step)
+        now = cost(trial)
+        if now < value:
+            break
+    return trial, now
 
 
 def _fall(design: Design, residual: Array, step: Array) -> float:

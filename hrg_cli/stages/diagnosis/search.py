@@ -285,12 +285,12 @@ def best_step(
         for pair in ranked
         if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)
     ][:SHORTLIST]
-    trials = _refitted(fit, close)
+    trials = refitted(fit, close)
     if gross(fit) and not (trials and not gross(trials[0][1])):
         # so far from the data a score says little of the refit: more are refitted before one is
         # chosen
         close = [pair for pair in ranked if pair[0].visible][:GROSS_SHORTLIST]
-        trials = _refitted(fit, close)
+        trials = refitted(fit, close)
     gain = (bic(fit) - trials[0][0]) / noise_factor if trials else -np.inf
     if not gain >= WORTH:
         rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
@@ -316,7 +316,7 @@ Trial = tuple[float, Fit, Score, Variant]
 """A candidate refitted: its criterion, its fit, its score before, and how it stands."""
 
 
-def _refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+def refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     """The candidates refitted, best first; what did not settle or came out larger than thinkable is
     none.
 
@@ -381,14 +381,26 @@ def second_order_freed(fit: Fit, ranked: Sequence[tuple[Score, Variant]]) -> Fit
     return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
 
 
-def leaving_out(fit: Fit, name: str) -> Fit | None:
+def leaving_out(fit: Fit, name: str, base: Fit | None = None) -> Fit | None:
     """The fit again without an effect; None where no motion is left: the model cannot do without
-    it."""
+    it.
+
+    base: a fit without effects, from whose place the others are fitted too where the effect has led
+    so far that there is no way back.
+    """
+    reduced: Fit | None = None
+    point = extended_fit.without(fit.point, name)
     with contextlib.suppress(extended_fit.DivergedError):
-        return extended_fit.fit(
-            fit.series, extended_fit.without(fit.point, name), fit.freedom, near=fit.flow.near
+        reduced = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+    if base is None or (reduced is not None and reduced.converged):
+        return reduced
+    with contextlib.suppress(extended_fit.DivergedError):
+        again = extended_fit.fit(
+            fit.series, replace(base.point, active=point.active), fit.freedom, near=base.flow.near
         )
-    return None
+        if reduced is None or again.chi2 < reduced.chi2:
+            return again
+    return reduced
 
 
 def exchanged(

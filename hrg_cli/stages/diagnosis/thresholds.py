@@ -24,6 +24,11 @@ is held where physics has it."""
 NEVER_LESS = 1.2
 """Variance over that of white noise from which a slow residual counts as wandering noise rather
 than as the noise itself."""
+BESIDE_MISFIT = 1e-2
+"""Chance, for all causes tried, that a misfit which nothing explains would lend a cause what it takes
+of it away."""
+MOST_RIVALS = 2
+"""Other causes that explain a misfit as well, beyond which a cause is not named: a group of three."""
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
 SAME = 0.995

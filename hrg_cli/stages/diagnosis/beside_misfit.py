@@ -1,0 +1,201 @@
+"""Diagnosis, a cause beside a misfit: whether what it takes away stands out of what no cause
+explains.
+
+Where the final model leaves more than the stated noise, every further cause of the catalogue takes
+something of the rest away, and at the stated noise each of them is "significant". What is left is
+then the yardstick: the power λ_b of the residual in bands of half cycles a run, and how many
+independent numbers it consists of, n_b = 3(Σc²)²/Σc⁴ of its coefficients c (Satterthwaite 1946):
+one where all of it is a single slow shape. A cause of rank q that takes Δχ² away along d, the
+difference of the residuals without and with it, has
+    F = (Δχ²/q)/Σ w_b λ_b,   w_b = |d_b|²/|d|²,   with q and n degrees of freedom, 1/n = Σ w_b²/n_b.
+n_b is that of the residual *without* the cause, less q: of a rest of three shapes any cause of
+three parameters takes all. In bands where nothing is left over the noise is the stated one, λ = 1
+and n = ∞, and F is the usual Δχ².
+
+A cause that stands out may still be one of many that take the same away: beside a misfit a rival is
+whatever comes within the odds of `WORTH` at the power λ that is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...fitting.causes import evidence
+from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.wave_frame import directions, real
+from .remainder import Remainder
+from .search import Found, Search, Variant, bic, leaving_out, refitted, scored
+from .thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
+from .verdict import rest
+
+Array = np.ndarray
+FIRST_BAND = 4
+"""Half cycles a run in the lowest band; each further band ends at twice the one before."""
+LEAST = 0.1
+"""Independent numbers of a rest that a cause of as many parameters takes whole: so few that nothing
+can be said."""
+TRIED = 10
+"""Other causes refitted to see whether they take as much away."""
+
+
+def standing(
+    search: Search, remainder: Remainder | None, noise_factor: float, candidates: Sequence[Variant]
+) -> tuple[Search, Remainder | None]:
+    """The search without the causes that do not stand out of what is left over, or whose place too
+    many others could take.
+
+    The weakest goes first, and the rest is looked at again. Where nothing is left over the search
+    stays as it is.
+    """
+    while remainder is not None and search.found:
+        judged = sorted(
+            (
+                _judged(one, without, search.final)
+                for one in search.found
+                if (without := leaving_out(search.final, one.variant.effect.name, search.base))
+            ),
+            key=lambda j: -j.chance,
+        )
+        search, given_up = _told(search, judged, candidates)
+        if given_up is None:
+            break
+        remainder = rest(given_up, noise_factor)
+    return search, remainder
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A cause, the fit without it, the mean power of the misfit along what it takes away (1: none),
+    and the chance, for all causes tried, that the misfit lends it that much."""
+
+    cause: Found
+    without: Fit
+    power: float
+    chance: float
+
+
+def _judged(one: Found, without: Fit, final: Fit) -> Judged:
+    rank = max(1, one.score.rank)
+    taken = Taken.away(final, without, rank)
+    return Judged(one, without, taken.beside, evidence.corrected(taken.chance(rank), one.tried))
+
+
+def _told(
+    search: Search, judged: Sequence[Judged], candidates: Sequence[Variant]
+) -> tuple[Search, Fit | None]:
+    """The search after the first cause that does not stand is given up, with the fit without it; or
+    with the rivals of all that do, and None."""
+    for one in judged:
+        others = _rivals(search.final, one, candidates)
+        if one.chance > BESIDE_MISFIT or len(others) > MOST_RIVALS:
+            left = tuple(f for f in search.found if f.variant is not one.cause.variant)
+            last = tuple(score for score, _ in scored(one.without, candidates))
+            return replace(search, final=one.without, found=left, last=last), one.without
+        named = replace(one.cause, rivals=tuple(dict.fromkeys([*one.cause.rivals, *others])))
+        search = replace(
+            search,
+            found=tuple(named if f.variant is one.cause.variant else f for f in search.found),
+        )
+    return search, None
+
+
+def _rivals(final: Fit, one: Judged, candidates: Sequence[Variant]) -> list[str]:
+    """Other causes that take as much of the misfit away as this one, to the odds of `WORTH`."""
+    if one.power <= 1.0:
+        return []
+    name, limit = one.cause.variant.effect.name, bic(final) + WORTH * one.power
+    close = [
+        pair for pair in scored(one.without, candidates) if pair[0].visible and pair[0].name != name
+    ]
+    trials = refitted(one.without, close[:TRIED])
+    return [variant.effect.name for level, _, _, variant in trials if level < limit]
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a cause of some parameters takes of a misfit away.
+
+    lost: Δχ²; share (B,): in which bands; power (B,): of what is left there, for each of the
+    `numbers` (B,) that it consists of (1 and inf where it is the stated noise).
+    """
+
+    lost: float
+    share: Array
+    power: Array
+    numbers: Array
+
+    @classmethod
+    def away(cls, final: Fit, without: Fit, rank: int) -> Taken:
+        """By a cause that is in the final fit and not in the other one, of the same rows."""
+        from scipy.special import chdtrc
+
+        difference = Spectrum.of(without.residual - final.residual, final).squares
+        share = np.array([squares.sum() for squares in difference])
+        left = Spectrum.of(final.residual, final).squares
+        before = Spectrum.of(without.residual, final).squares
+        power, numbers = np.ones(len(left)), np.full(len(left), np.inf)
+        for b, (squares, first) in enumerate(zip(left, before, strict=True)):
+            if len(squares) and chdtrc(len(squares), squares.sum()) < INADEQUATE:
+                numbers[b] = max(min(_independent(squares), _independent(first) - rank), LEAST)
+                power[b] = max(float(squares.sum()) / numbers[b], 1.0)
+        return cls(without.chi2 - final.chi2, share / max(share.sum(), 1e-300), power, numbers)
+
+    @property
+    def beside(self) -> float:
+        """Mean power of what is left along what was taken; 1: the stated noise."""
+        return float(self.share @ self.power)
+
+    def chance(self, rank: int) -> float:
+        """Probability that so many parameters take as much away by chance: that of Δχ² where
+        nothing is left over."""
+        from scipy.special import chdtrc, fdtrc
+
+        if self.lost <= 0:
+            return 1.0
+        unsure = float(np.sum(self.share**2 / self.numbers))
+        if unsure == 0:
+            return float(chdtrc(rank, self.lost / self.beside))
+        return float(fdtrc(rank, 1 / unsure, self.lost / rank / self.beside))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Coefficients (N,) of a residual over orthonormal cosines in time, of every run and of the
+    wave's four components, and the band (N,) of each."""
+
+    coefficients: Array
+    band: Array
+
+    @classmethod
+    def of(cls, residual: Array, fit: Fit) -> Spectrum:
+        """Of values (N,) over σ that stand on the rows of a fit, along whose wave the components
+        lie."""
+        from scipy.fft import dct
+
+        good = fit.series.weight > 0
+        values = np.zeros((*good.shape, 4))
+        values[tuple(fit.rows.T)] = residual
+        own = np.einsum("rnki,rni->rnk", real(directions(fit.prediction.seen)), values)
+        coefficients, band = [], []
+        for components, kept in zip(own, good, strict=True):
+            count = int(kept.sum())
+            if count == 0:
+                continue
+            coefficients.append(dct(components[kept], axis=0, norm="ortho").ravel())
+            octave = np.floor(np.log2(np.maximum(np.arange(count), 1) / FIRST_BAND)) + 1
+            band.append(np.repeat(np.maximum(octave, 0).astype(int), 4))
+        return cls(np.concatenate(coefficients), np.concatenate(band))
+
+    @property
+    def squares(self) -> list[Array]:
+        """Squared coefficients, band by band."""
+        return [self.coefficients[self.band == b] ** 2 for b in range(int(self.band.max()) + 1)]
+
+
+def _independent(squares: Array) -> float:
+    """How many independent numbers of equal size squared coefficients amount to."""
+    whole = float(squares.sum())
+    return 3 * whole**2 / float(np.sum(squares**2)) if whole > 0 else np.inf
