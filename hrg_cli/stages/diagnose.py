@@ -51,6 +51,7 @@ from .diagnosis.search import (
 )
 from .diagnosis.shares import Shares, switched_off
 from .diagnosis.suspects import Suspicion, suspect_runs
+from .diagnosis.thresholds import WORTH
 from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wander
@@ -110,6 +111,8 @@ def diagnose(
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):
             untouched, own = fitted(waves), list(range(len(waves)))
+            if not _needs_cuts(base, untouched):
+                steps, pieces, origin, base = [], list(waves), own, untouched
     if suspicions := suspect_runs(waves, fitted, untouched, variants(searched, untouched)):
         return _refused(waves, untouched, searched, suspicions, resonator)
     if contradiction := strangers(base):
@@ -242,6 +245,14 @@ def _refused(
         },
     }
     return _record(search, waves, "unexplained", report, "").judged(sentences, "refused")
+
+
+def _needs_cuts(cut: Fit, whole: Fit) -> bool:
+    """Whether runs cut where samples seem lost are fitted better than whole ones, by more than the
+    pieces' own starts and frequencies cost."""
+    rows = len(cut.residual)
+    more = cut.basis.shape[1] - whole.basis.shape[1]
+    return whole.chi2 * rows / len(whole.residual) - cut.chi2 > WORTH + more * np.log(rows)
 
 
 def started(fit: Fit) -> Fit:

@@ -95,8 +95,17 @@ def held_out(
 ) -> Gain:
     """Held-out errors of two fits of the same runs; `origin_…`: the recorded run of each of their
     pieces."""
-    kind, first, old = _errors(before, origin_before)
-    kind, second, new = (kind, first, old) if after is before else _errors(after, origin_after)
+    there = [
+        set(origin) if origin is not None else set(range(len(fit.series.names)))
+        for fit, origin in ((before, origin_before), (after, origin_after))
+    ]
+    # a run that one of them lacks (cut into pieces too short to keep) cannot be a fold of both
+    fewest = FEWEST_RUNS if there[0] == there[1] else len(there[0] | there[1]) + 1
+    kind, first, old = _errors(before, origin_before, fewest)
+    if after is before:
+        second, new = first, old
+    else:
+        _, second, new = _errors(after, origin_after, fewest)
     names = [name for name in old if name in new]
     quantities = {
         name: {
@@ -111,11 +120,11 @@ def held_out(
 
 
 def _errors(
-    fit: Fit, origin: Sequence[int] | None
+    fit: Fit, origin: Sequence[int] | None, fewest_runs: int
 ) -> tuple[str, Array, dict[str, tuple[float, float]]]:
     """(How it is held out, mean squared error over σ of every fold, what that is as drift, angle
     and amplitude)."""
-    kind, folds = folds_of(fit, origin)
+    kind, folds = folds_of(fit, origin, fewest_runs)
     left = predicted(fit, kind, folds)
     return (
         kind,

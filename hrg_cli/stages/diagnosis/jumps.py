@@ -28,6 +28,8 @@ have."""
 SPOILT = 1e-3
 """Part of a jump to which the motion on either side of it is known: its neighbours were fitted with
 a slope across it."""
+SKEWED = 3.0
+"""Condition of the two directions of motion beyond which they are not told apart."""
 ALIKE = 8.0
 """σ that what is left beside a common turn may have."""
 
@@ -138,28 +140,18 @@ def _between(
     here = (unit > 0).astype(float)
     design = np.column_stack([np.ones(len(x)), unit, unit**2, here, here * unit])
     inverse = np.linalg.pinv(design)
-    before, after, slope, spread = (
-        np.zeros(2, complex),
-        np.zeros(2, complex),
-        np.zeros(2, complex),
-        [],
-    )
-    for part in (0, 1):
-        steps = np.concatenate([np.diff(time[side]) for side in (left, right)])
-        turns = np.concatenate(
-            [np.angle(z[side[1:], part] * np.conj(z[side[:-1], part])) for side in (left, right)]
-        )
-        turning = float(np.median(turns / steps))
-        still = z[near, part] * np.exp(-1j * turning * x)
-        solution = inverse @ still
-        before[part], after[part] = solution[0], solution[0] + solution[3]
-        slope[part] = 1j * turning * solution[0] + solution[1] / np.ptp(x)
-        spread.append(
-            float(np.sum(np.abs(still - design @ solution) ** 2))
-            / (2 * max(1, len(x) - design.shape[1]))
-        )
+    modes, turning = _own_modes(time, z, left, right)
+    back = np.linalg.inv(modes)
+    carried = np.exp(np.outer(x, turning))
+    still = (z[near] @ back.T) / carried
+    solution = inverse @ still
+    before, after = modes @ solution[0], modes @ (solution[0] + solution[3])
+    slope = modes @ (turning * solution[0] + solution[1] / np.ptp(x))
+    left_over = (carried * (still - design @ solution)) @ modes.T
+    spread = np.sum(np.abs(left_over) ** 2, axis=0) / (2 * max(1, len(x) - design.shape[1]))
     std = float(
-        np.sqrt(max(max(spread), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3])
+        np.sqrt(max(spread.max(), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3])
+        * np.linalg.cond(modes)
     )
     if not float(np.abs(after - before).max()) > JUMP_SIGMA * std:
         return None
@@ -188,6 +180,25 @@ def _between(
         shift_std_s=doubt / speed if speed > 0 else np.inf,
         rate_rad_s=rate,
     )
+
+
+def _own_modes(time: Array, z: Array, left: Array, right: Array) -> tuple[Array, Array]:
+    """Directions (2, 2, columns) whose course is one complex exponential each, and the exponents
+    (2,) [1/s], from steps of equal length on either side: z_{k+1} = M z_k.
+
+    A resonator at a constant rate has two such directions whatever its splits; where they cannot be
+    told apart the circular ones stand, each with its median rate.
+    """
+    step = float(np.median(np.diff(time[left])))
+    pairs = np.concatenate([np.column_stack([side[:-1], side[1:]]) for side in (left, right)])
+    even = np.abs(np.diff(time[pairs], axis=1)[:, 0] - step) < 1e-3 * step
+    first, second = z[pairs[even, 0]], z[pairs[even, 1]]
+    if np.count_nonzero(even) > 2 * NEIGHBOURS:
+        values, modes = np.linalg.eig(np.linalg.lstsq(first, second, rcond=None)[0].T)
+        if np.linalg.cond(modes) < SKEWED and np.all(np.abs(np.abs(values) - 1) < 0.5):
+            return modes, np.log(values) / step
+    turns = np.angle(z[pairs[:, 1]] * np.conj(z[pairs[:, 0]]))
+    return np.eye(2, dtype=complex), 1j * np.median(turns / np.diff(time[pairs], axis=1), axis=0)
 
 
 def _running_median(values: Array) -> Array:

@@ -68,9 +68,10 @@ def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
 
 def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wave], list[int]]:
     """The waves cut at every step, each piece a run of its own, and the wave each comes from;
-    pieces too short are left out."""
+    pieces too short are left out, but for the longest of a run."""
     pieces, origin = [], []
     for number, wave in enumerate(waves):
+        own: list[Wave] = []
         cuts = sorted(
             (max(0, s.before + 1 - TOUCHED), min(len(wave), s.after + TOUCHED))
             for s in steps
@@ -82,10 +83,13 @@ def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wa
             if cuts:
                 # the window over the step has spoilt the noise estimate of those it was pooled with
                 piece = piece.replace(signal_std=np.minimum(piece.signal_std, _rough(piece)))
-            if not cuts or int(np.count_nonzero(piece.good())) >= FEWEST_ROWS:
-                pieces.append(piece)
-                origin.append(number)
+            own.append(piece)
             begin = start
+        rows = [int(np.count_nonzero(piece.good())) for piece in own]
+        enough = min(FEWEST_ROWS, max(rows))
+        kept = [piece for piece, count in zip(own, rows, strict=True) if count >= enough]
+        pieces += kept
+        origin += [number] * len(kept)
     return pieces, origin
 
 
@@ -183,7 +187,12 @@ def _even_step(wave: Wave) -> float | None:
         and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max())
         < 1e-6
     )
-    return 1 / rate if rate and regular else None
+    if not rate or not regular:
+        return None
+    # windows are a whole number of samples apart; the end of the spectrum is half the sampling rate
+    # but for the half cell that a spectrum of an odd number of samples ends below it
+    apart = float(np.median(steps))
+    return apart / max(1, round(apart * rate))
 
 
 def _whole(
