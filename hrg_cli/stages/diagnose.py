@@ -22,6 +22,7 @@ from ..effects.effect import Effect
 from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.causes import extended_fit
+from ..fitting.causes.extended import Point
 from ..fitting.causes.extended_fit import Fit
 from ..fitting.causes.wave_frame import real
 from ..physics import ellipse
@@ -30,7 +31,7 @@ from .diagnosis.beside_misfit import standing
 from .diagnosis.between import between_runs
 from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import strangers
-from .diagnosis.data import freedom_of, prepare
+from .diagnosis.data import averaged_well, freedom_of, prepare
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import better
 from .diagnosis.gain import held_out
@@ -92,10 +93,16 @@ def diagnose(
     searched = [e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"]
 
     def fitted(pieces: Sequence[Wave], coarser: int = 1) -> Fit:
-        series, point, _ = prepare(pieces, scale_factor, blocks, coarser)
-        series = replace(series, free_phase=free_phase)
-        freedom = freedom_of(series, point, scale_factor)
-        return settled(started(extended_fit.fit(series, point, freedom)))
+        def along(motion: Point | None) -> tuple[Fit, Point]:
+            series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
+            series = replace(series, free_phase=free_phase)
+            freedom = freedom_of(series, point, scale_factor)
+            return started(extended_fit.fit(series, point, freedom)), point
+
+        first, guessed = along(None)
+        if not gross(first) and not averaged_well(first.series, guessed, first.point):
+            first, _ = along(first.point)
+        return settled(first)
 
     steps = phase_steps(waves)
     pieces, origin = split_at(waves, steps)

@@ -230,13 +230,23 @@ def identify(
                 p, offsets, covariance = kept  # the last step made it worse
                 break
             kept, misfit = (p, offsets, covariance), here
-            if np.linalg.norm(next_p[:6] - p[:6]) * lag > LARGEST_STEP:
+            moved = _over_a_lag(next_p - p, data)
+            if moved > LARGEST_STEP:
                 break
-            moved = np.linalg.norm(next_p[:6] - p[:6]) * lag
             p, offsets, covariance = next_p, next_offsets, next_covariance
             if moved < SETTLED:
                 break
     return p, offsets, covariance
+
+
+def _over_a_lag(change: Array, data: Pairs) -> float:
+    """By how much a change of the coordinates turns or shrinks the wave over a lag, rad: K is a
+    number of its own and counts by what the table turns."""
+    return float(
+        np.hypot(
+            np.linalg.norm(change[:5]) * np.max(data.dt), change[5] * np.max(np.abs(data.turn))
+        )
+    )
 
 
 def thinned(

@@ -35,15 +35,22 @@ SHAPES = 0.1
 """Part of the nominal scale factor by which the mode shapes of shells differ."""
 DIFFERENT_RATES = 0.1
 """Part of the greatest rate by which rates must differ to count as different."""
+WELL = 0.1
+"""σ by which the average of a row's windows may miss the row's middle."""
 QUIET = 1e-3
 """Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
 
 def prepare(
-    waves: Sequence[Wave], scale_factor: float | None, blocks: int, coarser: int = 1
+    waves: Sequence[Wave],
+    scale_factor: float | None,
+    blocks: int,
+    coarser: int = 1,
+    along: Point | None = None,
 ) -> tuple[Series, Point, list[EnvelopeRun]]:
     """Runs side by side and where to start, the rows `coarser` times as long as they would be.
 
+    along: where a first fit stands, to average along its motion; without it along that of a guess.
     HrgError: no run, mixed mode numbers, runs without enough good windows.
     """
     if not waves:
@@ -56,7 +63,13 @@ def prepare(
         )
     runs = [envelope_runs.from_wave(w) for w in waves]
     free = [r for r, w in zip(runs, waves, strict=True) if w.mode != "forced"]
-    p, offsets = guess(runs, free, waves, scale_factor)
+    reference = float(np.median([r.reference_frequency_hz for r in runs]))
+    shift = 2 * np.pi * (np.array([r.reference_frequency_hz for r in runs]) - reference)
+    p, offsets = (
+        guess(runs, free, waves, scale_factor)
+        if along is None
+        else (along.p, along.offset_rad_s - shift)
+    )
     fastest = np.array(
         [
             abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]) + abs(p[5]) * _fastest_turn(r)
@@ -74,12 +87,18 @@ def prepare(
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
     series = side_by_side([bridged(r) for r in thin], waves)
-    shift = (
-        2
-        * np.pi
-        * (np.array([r.reference_frequency_hz for r in runs]) - series.reference_frequency_hz)
-    )
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
+
+
+def averaged_well(series: Series, averaged_along: Point, fitted: Point) -> bool:
+    """Whether rows that were averaged along one motion miss their middles by less than a tenth of
+    σ, had they followed another: (Δ·h)²/24 of the wave, Δ the difference of the two, h a row."""
+    change = fitted.p - averaged_along.p
+    row = np.diff(series.time_s, axis=1)
+    turn = np.abs(np.diff(series.table_angle_rad, axis=1))
+    moved = np.linalg.norm(change[:5]) * row + abs(change[5]) * turn
+    size = np.sqrt(np.sum(np.abs(series.envelope) ** 2, axis=-1)) * series.weight
+    return bool(np.max(moved**2 / 24 * size[:, :-1], initial=0.0) < WELL)
 
 
 def _undamped(p: Array) -> Array:
