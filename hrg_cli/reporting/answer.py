@@ -217,6 +217,7 @@ def _parameters(
         rows = [
             (str(v.get("name")), v.get("value"), v.get("std"), str(v.get("units", "")))
             for v in entries(report, "values")
+            if not v.get("assumed")
         ]
         of = "extended model" if entries(report, "effects") else "model"
     elif isinstance(resonator, Resonator):

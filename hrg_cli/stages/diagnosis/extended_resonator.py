@@ -42,6 +42,14 @@ def extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
         method="extended model",
         mode_number=int(report.get("mode_number", 2)),
         gyro_id=diagnosis.gyro_id,
+        flat_directions=json.dumps(
+            [
+                f"{v['name']}: these runs do not show it; {v['value']:.3g} is assumed"
+                for v in report["values"]
+                if v.get("assumed")
+            ],
+            ensure_ascii=False,
+        ),
         chi2_per_dof=float((report.get("after") or {}).get("chi2_per_dof", np.nan)),
         details=json.dumps(
             {

@@ -15,7 +15,7 @@ from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.layout import FREQUENCY
-from ...fitting.envelopes.coordinates import physical
+from ...fitting.envelopes.coordinates import COORDINATES, physical
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .gain import Gain, figures
@@ -42,6 +42,9 @@ BASE = {
     "second_order": "second order of the model",
 }
 """The fitted coordinates in words."""
+TOLD = 0.7
+"""Part of its prior's σ that a number keeps where the data tell nothing of it: they hold no more
+than the prior does."""
 WRONG = 4.0
 """σ from which a base value counts as wrong."""
 
@@ -144,6 +147,8 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
             "std": float(std),
             "units": units,
         }
+        if name == "scale_factor" and _is_assumed(fit):
+            row |= {"std": max(abs(float(value)), float(std)), "assumed": True}
         if name in given:
             believed, believed_std, _ = given[name]
             difference = float(value) - believed
@@ -154,6 +159,14 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
             row["wrong"] = abs(row["sigma"]) > WRONG
         out.append(row)
     return out
+
+
+def _is_assumed(fit: Fit) -> bool:
+    """Whether the scale factor is what mode shapes of shells make it rather than what these runs
+    show: no run turns, or all alike and by little."""
+    freedom, column = fit.freedom.loose or fit.freedom, fit.layout.coordinate("scale_factor")
+    prior = float(freedom.std[COORDINATES.index("scale_factor")])
+    return prior > 0 and (column is None or fit.std_at(column) > TOLD * prior)
 
 
 def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, Any]:
