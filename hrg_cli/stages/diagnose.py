@@ -156,7 +156,7 @@ def diagnose(
         origin,
         extra_effects,
     )
-    closing = closing_checks(search, remainder, form, level or 1.0, written, shown)
+    closing = closing_checks(search, remainder, form, level or 1.0, written, shown, frequencies)
     ahead = (
         forecast(search, candidates, noise_factor, most_effects, waves[0].units)
         if search.found

@@ -7,7 +7,8 @@ one that fails takes the word away.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from .remainder import Remainder
 from .search import Search, is_small
 from .thresholds import (
     BOUND_COST,
+    FREQUENCIES,
     NOISE_LEVEL,
     OWN_SIGMA,
     RUN_PREDICTED,
@@ -52,11 +54,13 @@ def closing_checks(
     level: float,
     written: Written | None,
     waveform: Sequence[dict[str, object]],
+    frequencies: Mapping[str, Any],
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
-    level: noise over the stated one that the last fit was weighted with; waveform: entries of the
-    causes that the samples show before any dynamics.
+    frequencies: what is said of the runs' own (`between`); level: noise over the stated one that
+    the last fit was weighted with; waveform: entries of the causes that the samples show before any
+    dynamics.
     """
     final = search.final
     return [
@@ -83,6 +87,7 @@ def closing_checks(
         *_whiteness(final),
         *_runs(final),
         *_causes(search, waveform),
+        *_frequencies(frequencies),
         *_physics(final),
         checks.holds(
             "converged",
@@ -183,6 +188,15 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
             f"{entry['name']}_is_measured",
             known,
             f"{entry['name']} has a figure without a standard deviation",
+        )
+
+
+def _frequencies(said: Mapping[str, Any]) -> Iterator[Check]:
+    """Every run keeps a frequency of its own, which takes up whatever changes from run to run: they
+    must agree, or follow a cause."""
+    if said.get("sigma") is not None:
+        yield checks.at_most(
+            "run_frequencies", float(said["sigma"]), FREQUENCIES, str(said["sentence"])
         )
 
 

@@ -19,6 +19,7 @@ from ...fitting.envelopes.coordinates import COORDINATES, physical
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .gain import Gain, figures
+from .held_shapes import one_sigma_off
 from .remainder import Remainder, Term
 from .search import Found, Search, Variant
 
@@ -100,20 +101,25 @@ class Sized:
     fit: Fit
     beside: Fit
     factor: float
+    off: Sequence[Fit] = ()
+    """Refits with a held shape moved by one σ (`held_shapes`)."""
 
     @classmethod
     def of(cls, final: Fit, remainder: Remainder | None, noise_factor: float) -> Sized:
         """From the final fit of the catalogue's causes and what is left over."""
-        return cls(
-            final,
-            final if remainder is None else remainder.fit,
-            max(noise_factor, final.chi2 / final.dof, 1.0),
-        )
+        factor = max(noise_factor, final.chi2 / final.dof, 1.0)
+        beside = final if remainder is None else remainder.fit
+        return cls(final, beside, factor, one_sigma_off(final, factor))
 
-    def std(self, std: float, value: float, beside: float) -> float:
-        """Standard deviation of a number with σ `std` in the fit, which stands at `beside` with the
-        open terms."""
-        return float(np.hypot(np.sqrt(self.factor) * std, value - beside))
+    def std(self, std: float, value: float, others: Sequence[float]) -> float:
+        """Standard deviation of a number with σ `std` in the fit, which stands at `others` in each
+        of the other fits."""
+        return float(np.sqrt(self.factor * std**2 + sum((value - v) ** 2 for v in others)))
+
+    @property
+    def others(self) -> list[Fit]:
+        """Fits in which a number stands elsewhere by what counts as an error of its own."""
+        return [self.beside, *self.off]
 
 
 def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
@@ -121,13 +127,13 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     them wrong."""
     fit, noise_factor = sized.fit, sized.factor
     numbers, slopes = physical(fit.point.p, fit.series.mode_number)
-    others = physical(sized.beside.point.p, fit.series.mode_number)[0]
     covariance = fit.coordinate_covariance()
     stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * noise_factor)
-    moved = numbers - others
     period = np.pi / fit.series.mode_number
-    moved[[2, 4]] = (moved[[2, 4]] + period / 2) % period - period / 2
-    stds = np.hypot(stds, moved)
+    for other in sized.others:
+        moved = numbers - physical(other.point.p, fit.series.mode_number)[0]
+        moved[[2, 4]] = (moved[[2, 4]] + period / 2) % period - period / 2
+        stds = np.hypot(stds, moved)
     frequency = float(np.mean(fit.frequency_hz))
     own = [fit.std_at(fit.layout.frequency(k)) for k in range(len(fit.series.names))]
     spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(own))
@@ -171,7 +177,7 @@ def _is_assumed(fit: Fit) -> bool:
 
 def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, Any]:
     effect, fit = one.variant.effect, sized.fit
-    active, beside = fit.values(effect.name), sized.beside.values(effect.name)
+    active = fit.values(effect.name)
     score = _beside_the_others(one, fit, sized.factor)
     sentences = [effect.next_experiment] + [
         by_name[r].effect.next_experiment for r in one.rivals if r in by_name
@@ -185,7 +191,9 @@ def _effect(one: Found, sized: Sized, by_name: dict[str, Variant]) -> dict[str, 
             p.name: {
                 "value": float(active[p.name]),
                 "std": sized.std(
-                    fit.parameter_std(effect.name, p.name), active[p.name], beside[p.name]
+                    fit.parameter_std(effect.name, p.name),
+                    active[p.name],
+                    [other.values(effect.name)[p.name] for other in sized.others],
                 ),
                 "units": p.units,
             }

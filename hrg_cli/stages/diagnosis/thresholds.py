@@ -45,6 +45,8 @@ NOISE_LEVEL = 1.15
 """Noise over the stated one that the windows' own estimate may miss."""
 BOUND_COST = 16.0
 """χ² that the bound of a passive resonator may cost before it is a finding: 4 σ."""
+FREQUENCIES = 4.9
+"""σ by which the runs' own frequencies may differ where nothing known makes them: chance 1e-6."""
 RUN_PREDICTED = 1.5
 """rms of a run's errors over σ when it is predicted by the others, beyond which the run is not of
 the same device."""
