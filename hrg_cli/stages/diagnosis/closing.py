@@ -28,6 +28,7 @@ from .thresholds import (
     NOISE_LEVEL,
     OWN_SIGMA,
     RUN_PREDICTED,
+    SAME_FREQUENCY,
     SCALE_FACTORS,
     WRITTEN,
     WRITTEN_FORCED,
@@ -194,10 +195,15 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
 def _frequencies(said: Mapping[str, Any]) -> Iterator[Check]:
     """Every run keeps a frequency of its own, which takes up whatever changes from run to run: they
     must agree, or follow a cause."""
-    if said.get("sigma") is not None:
-        yield checks.at_most(
-            "run_frequencies", float(said["sigma"]), FREQUENCIES, str(said["sentence"])
-        )
+    if said.get("sigma") is None:
+        return
+    exact = float(said["scatter_hz"]) < SAME_FREQUENCY * float(np.mean(said["hz"]))
+    yield checks.at_most(
+        "run_frequencies",
+        0.0 if exact else float(said["sigma"]),
+        FREQUENCIES,
+        str(said["sentence"]),
+    )
 
 
 def _physics(fit: Fit) -> Iterator[Check]:

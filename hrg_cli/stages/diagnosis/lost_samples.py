@@ -18,6 +18,8 @@ from .offered import entry
 FEWEST_ROWS = 40
 WHOLE = 2e-3
 """Distance from a whole number of samples that a loss may have, beside its σ."""
+COUNTED = 1e-3
+"""Distance from a whole number that the samples between two windows may have."""
 KNOWN_STEP = 0.15
 """σ of a loss in samples up to which it can be asked to be whole."""
 SHIFTED = 5.0
@@ -187,12 +189,16 @@ def _even_step(wave: Wave) -> float | None:
         and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max())
         < 1e-6
     )
-    if not rate or not regular:
+    if not rate or not regular or wave.spectrum_frequency_hz is None:
         return None
-    # windows are a whole number of samples apart; the end of the spectrum is half the sampling rate
-    # but for the half cell that a spectrum of an odd number of samples ends below it
+    # windows are a whole number of samples apart, where the samples are even; a spectrum of an odd
+    # number of samples ends half a cell below half the sampling rate
+    odd = 2 * len(wave.spectrum_frequency_hz) - 1
     apart = float(np.median(steps))
-    return apart / max(1, round(apart * rate))
+    for samples in (apart * rate, apart * rate * odd / (odd - 1)):
+        if abs(samples - round(samples)) < COUNTED and round(samples) > 0:
+            return apart / round(samples)
+    return None
 
 
 def _whole(
