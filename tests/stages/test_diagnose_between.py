@@ -56,7 +56,7 @@ def test_a_wander_that_nothing_follows_is_said_and_blamed_on_nothing():
             "frequency_hz": table["device"]["frequency_hz"] + 0.02 * random.standard_normal()
         }
     _, out = verdict(table)
-    assert out["verdict"] == "adequate" and out["effects"] == []
+    assert out["verdict"] == "unexplained" and out["effects"] == []
     assert out["frequencies"]["sigma"] > 100 and 0.005 < out["frequencies"]["scatter_hz"] < 0.06
     assert "nothing in the catalogue follows it" in out["frequencies"]["sentence"]
 

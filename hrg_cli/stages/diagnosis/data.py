@@ -66,7 +66,7 @@ def prepare(
     reference = float(np.median([r.reference_frequency_hz for r in runs]))
     shift = 2 * np.pi * (np.array([r.reference_frequency_hz for r in runs]) - reference)
     p, offsets = (
-        guess(runs, free, waves, scale_factor)
+        guess(runs, free, waves, _held_scale_factor(waves, runs, scale_factor))
         if along is None
         else (along.p, along.offset_rad_s - shift)
     )
@@ -344,12 +344,30 @@ def shows_scale_factor(series: Series, nominal: float) -> bool:
     """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole
     period of its splits."""
     good = series.weight > 0
-    rates = series.rate_rad_s[good]
-    if np.ptp(rates) > DIFFERENT_RATES * np.abs(rates).max(initial=0.0):
-        return True
     turned = [
-        np.ptp(angle[rows])
+        float(np.ptp(angle[rows]))
         for angle, rows in zip(series.table_angle_rad, good, strict=True)
         if rows.any()
     ]
+    return _tell(series.rate_rad_s[good], turned, nominal)
+
+
+def _tell(rates: Array, turned: Sequence[float], nominal: float) -> bool:
+    """Whether logged rates, and the table's turn in every run, tell K."""
+    if np.ptp(rates) > DIFFERENT_RATES * np.abs(rates).max(initial=0.0):
+        return True
     return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)
+
+
+def _held_scale_factor(
+    waves: Sequence[Wave], runs: Sequence[EnvelopeRun], scale_factor: float | None
+) -> float | None:
+    """The scale factor to be held from the guess on: the user's, or, where no run tells it, the
+    nominal one; None where it is free."""
+    if scale_factor is not None:
+        return scale_factor
+    logs = [np.asarray(w.rate_rad_s, float) for w in waves if _has(w.rate_rad_s)]
+    rates = np.concatenate([log[np.isfinite(log)] for log in logs] or [np.zeros(1)])
+    nominal = nominal_scale_factor(waves[0].mode_number)
+    turned = [float(np.ptp(run.turn_rad)) for run in runs]
+    return None if _tell(rates, turned, nominal) else nominal
