@@ -112,3 +112,14 @@ def test_a_rate_of_the_wrong_sign_is_suspect():
     found = [w.replace(rate_rad_s=-w.rate_rad_s) for w in waves(programme(8, runs=4))]
     diagnosis = diagnose(found)
     assert diagnosis.status == "refused" and "rate log of wrong sign" in diagnosis.status_reasons[0]
+
+
+def test_a_scale_factor_that_no_run_shows_is_assumed_and_not_measured():
+    table = programme(6, runs=4)
+    table["device"]["scale_factor"] = 0.3
+    for run in table["run"]:
+        run["environment"]["rate_rad_s"] = 0.0
+    _, out = verdict(table)
+    told = next(v for v in out["values"] if v["name"] == "scale_factor")
+    assert out["verdict"] == "adequate"
+    assert told["assumed"] and abs(told["value"] - 0.3) < told["std"]

@@ -1,0 +1,41 @@
+"""Jumps of one run: lost samples in a wave that turns fast beside its windows, and no jump where
+there is none."""
+
+import numpy as np
+import pytest
+from synthetic_waves import as_wave, envelope
+
+from hrg_cli.physics.resonator import Mechanics
+from hrg_cli.stages.diagnosis.jumps import jumps
+
+WINDOWS, WINDOW_S, NOISE = 160, 6e-3, 1e-5
+FAST = Mechanics(523.0, 0.9, 0.25, 0.35, 21.0, 0.9, 0.55)
+"""A split and rates that turn the wave by some tenths of a radian a window."""
+
+
+def turning(seed, rate, lost_s=0.0):
+    """A run at a constant rate, `lost_s` missing from its middle on: the wave goes on as if the
+    time had passed."""
+    random = np.random.default_rng(seed)
+    t = WINDOW_S * (np.arange(WINDOWS) + 0.5)
+    after = t > t[WINDOWS // 2] - WINDOW_S / 2
+    u = envelope(FAST, 0.3, rate, t + lost_s * after, ratio=0.2)
+    u[after] *= np.exp(2j * np.pi * FAST.frequency_hz * lost_s)
+    return as_wave(u, t, NOISE, FAST, random, rate=np.full(WINDOWS, rate))
+
+
+@pytest.mark.parametrize("rate", [0.0, 9.0, -24.0])
+def test_a_wave_that_turns_fast_has_no_jump(rate):
+    assert [jumps(turning(seed, rate)) for seed in range(4)] == [[]] * 4
+
+
+@pytest.mark.parametrize("rate", [0.0, 9.0, -24.0])
+@pytest.mark.parametrize("lost_s", [1.9e-4, 4.7e-4])
+def test_what_is_lost_turns_both_channels_alike_by_its_time(rate, lost_s):
+    wave = turning(5, rate, lost_s)
+    (jump,) = jumps(wave)
+    expected = (2 * np.pi * FAST.frequency_hz + jump.rate_rad_s) * lost_s
+    assert jump.alike and not jump.knock
+    assert abs(np.angle(np.exp(1j * (jump.turn_rad - expected)))) < 5 * jump.turn_std_rad
+    assert jump.turn_std_rad < 1e-3
+    assert abs(jump.time_s - wave.time_s[WINDOWS // 2]) < 2.5 * WINDOW_S
