@@ -11,7 +11,7 @@ from typing import Any
 from .errors import UsageError
 from .units import DEGREE, DEGREE_PER_HOUR
 
-_QUANTITIES: dict[str, dict[str, float]] = {
+QUANTITIES: dict[str, dict[str, float]] = {
     "a rate": {
         "rad/s": 1.0, "mrad/s": 1e-3, "deg/s": DEGREE, "°/s": DEGREE, "deg/h": DEGREE_PER_HOUR, "deg/hr": DEGREE_PER_HOUR,
         "°/h": DEGREE_PER_HOUR, "rpm": 2 * math.pi / 60,
@@ -23,7 +23,7 @@ _QUANTITIES: dict[str, dict[str, float]] = {
     "a temperature": {"degC": 1.0, "°C": 1.0},
     "a ratio": {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6, "ppb": 1e-9},
 }  # fmt: skip
-_SUFFIXES = (
+SUFFIXES = (
     ("_rad_s", "a rate"),
     ("_1_s", "a decay rate"),
     ("_deg_h", "a rate in °/h"),
@@ -54,7 +54,7 @@ def quantity_of(name: str) -> str:
     ("drift_rms_rad_s.held_out")."""
     for part in reversed(name.split(".")):
         stem = part.removesuffix("_std")
-        for suffix, quantity in _SUFFIXES:
+        for suffix, quantity in SUFFIXES:
             if stem.endswith(suffix):
                 return quantity
     return "a ratio"
@@ -90,10 +90,10 @@ def _factor(name: str, unit: str) -> float:
         within, scale = "a rate", 1 / DEGREE_PER_HOUR
     elif quantity == "a ratio in ppm":
         within, scale = "a ratio", 1e6
-    known = _QUANTITIES[within]
+    known = QUANTITIES[within]
     if unit in known:
         return known[unit] * scale
-    every = {spelling for table in _QUANTITIES.values() for spelling in table if spelling}
+    every = {spelling for table in QUANTITIES.values() for spelling in table if spelling}
     what = f"{unit} is no unit of {within}" if unit in every else f"{unit} is no unit"
     raise UsageError(
         f"limit {name}: {what};"

@@ -25,7 +25,7 @@ def model_of(stage: Callable[..., Any]) -> Any:
 
     hints = typing.get_type_hints(stage, include_extras=True)
     fields: dict[str, Any] = {
-        name: (hints[name], parameter.default)
+        name: (hints[name], ... if parameter.default is parameter.empty else parameter.default)
         for name, parameter in inspect.signature(stage).parameters.items()
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY
     }

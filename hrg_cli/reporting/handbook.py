@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from ..records import KINDS
+from . import handbook_settings
 from .text import first_paragraph
 
 
@@ -100,6 +101,10 @@ def thresholds() -> str:
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands": commands,
+    "settings of the commands": handbook_settings.command_settings,
+    "simulation file": handbook_settings.simulation_file,
+    "lot file": handbook_settings.lot_file,
+    "limits file": handbook_settings.limits_file,
     "file format": file_format,
     "effects": effects,
     "thresholds": thresholds,
