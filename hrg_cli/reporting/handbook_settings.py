@@ -154,7 +154,9 @@ def value_of(entry: Mapping[str, Any]) -> str:
         return ", ".join(f'"{word}"' for word in entry.get("enum", [entry.get("const")]))
     if entry.get("type") == "array":
         low, high = entry.get("minItems"), entry.get("maxItems")
-        count, rest = (f"{low} ", "") if low and low == high else ("", ", one or more" if low else "")
+        count, rest = (
+            (f"{low} ", "") if low and low == high else ("", ", one or more" if low else "")
+        )
         return f"list of {count}{_plural(value_of(entry['items']))}{rest}"
     if entry.get("type") == "object":
         inner = entry.get("additionalProperties")
