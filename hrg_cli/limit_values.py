@@ -102,7 +102,7 @@ def _factor(name: str, unit: str) -> float:
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """ "did you mean …?" where one of the known words is close, else nothing."""
+    """The question "did you mean …?" where a known word is close, else nothing."""
     names = [k for k in known if k]
     close = difflib.get_close_matches(word, names, 1, 0.72) or difflib.get_close_matches(
         word.split(".")[-1], names, 1, 0.85

@@ -128,7 +128,7 @@ def _keys(table: Mapping[str, Any], defs: Mapping[str, Any]) -> str:
     rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
     needed = table.get("required", [])
     for name, entry in table["properties"].items():
-        if name == "kind" and "const" in entry or list(_models(entry, defs, "")):
+        if (name == "kind" and "const" in entry) or list(_models(entry, defs, "")):
             continue
         meaning = first_paragraph(entry.get("description"))
         cells = (f"`{name}`", value_of(entry), _default(entry, name in needed), meaning)

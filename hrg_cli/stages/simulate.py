@@ -356,6 +356,7 @@ def start_of(settings: SimulationFile) -> tuple[Array, float]:
 
 
 def mechanics_of(settings: SimulationFile) -> Mechanics:
+    """The resonator of [device] at the reference temperature."""
     d = settings.device
     return Mechanics(
         d.frequency_hz, d.rate_1_s, d.split_1_s, d.damping_axis_rad, d.frequency_split, d.stiffness_axis_rad, d.scale_factor, d.mode_number
@@ -363,6 +364,7 @@ def mechanics_of(settings: SimulationFile) -> Mechanics:
 
 
 def courses_of(settings: SimulationFile) -> ThermalCourses:
+    """The courses of the resonator's parameters over temperature, [device.temperature]."""
     t = settings.device.temperature
 
     def course(given: Course) -> tuple[float, ...]:
@@ -379,6 +381,7 @@ def courses_of(settings: SimulationFile) -> ThermalCourses:
 
 
 def control_of(settings: SimulationFile) -> Control:
+    """The loops of [control]."""
     c = settings.control
     if c.mode == "free":
         return Control()
