@@ -66,8 +66,31 @@ def unit_of(name: str) -> str:
 
 
 def limit_value(name: str, value: Any) -> float:
-    """The limit in the figure's own unit. UsageError: no number, not finite, a unit of something
-    else."""
+    """A limit in its figure's own unit.
+
+    Parameters
+    ----------
+    name
+        The figure, whose end tells what it is.
+    value
+        A number in that unit, or a text with a unit.
+
+    Returns
+    -------
+    float
+        The limit, SI but for names that end in another unit.
+
+    Raises
+    ------
+    UsageError
+        No number, not finite, a unit of something else.
+
+    Examples
+    --------
+    >>> from hrg_cli.limit_values import limit_value
+    >>> round(limit_value("damping_split_1_s", "360 1/h"), 9)
+    0.1
+    """
     if isinstance(value, int | float) and not isinstance(value, bool):
         number, unit = float(value), ""
     else:

@@ -104,13 +104,52 @@ def calibrate(
     """Drift and scale-factor tables from forced whole-angle runs, by generalised least squares on
     increments of the wave angle.
 
-    m(θ̄_{i+1} − θ̄_i) = ∫w[−K(T,θ)Ω + D(T,θ)]dt (seed A after (7), PHYSICS §0), D and K Fourier
-    series in 2mθ with coefficients at nodes. All runs are fitted jointly; each run's white angle
-    noise and angle random walk are estimated from its own residuals. A programme that cannot give
-    the tables yields a record of status "refused" whose reasons name the missing run.
+    m(θ̄_{i+1} − θ̄_i) = ∫w[−K(T,θ)Ω + D(T,θ)]dt (seed A after (7), PHYSICS §0), D and K Fourier series
+    in 2mθ with coefficients at nodes. All runs are fitted jointly; each run's white angle noise and
+    angle random walk are estimated from its own residuals. A programme that cannot give the tables
+    yields a record of status "refused" whose reasons name the missing run.
 
-    HrgError: no runs, different gyros or mode numbers, no rate, times that go back, `physical`
-    without a resonator.
+    Parameters
+    ----------
+    waves
+        Forced runs of one gyro, each (n,) rows with the logged rate [rad/s] and temperature [°C].
+    resonator
+        Identified resonators, one a node, for `model="physical"`.
+
+    Returns
+    -------
+    Calibration
+        D [rad/s] and K (nodes, angles), their harmonics (nodes, 1 + 2k) and covariance.
+
+    Raises
+    ------
+    HrgError
+        No runs, different gyros or mode numbers, no rate, times that go back, `physical` without a
+        resonator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Wave, calibrate
+    >>> t, ones = np.arange(0.0, 60.0, 0.05), np.ones(1200)
+    >>> waves = []
+    >>> for k, rate in enumerate((-0.6, -0.3, 0.3, 0.6)):
+    ...     noise = 1e-5 * np.random.default_rng(k).standard_normal(1200)
+    ...     waves.append(
+    ...         Wave(
+    ...             time_s=t, flags=np.zeros(1200, "u1"), main_amplitude=ones,
+    ...             quadrature_amplitude=0 * t, wave_angle_rad=0.1 - 0.55 * rate * t / 2 + noise,
+    ...             phase_rad=0 * t, carrier_phase_rad=0 * t, main_amplitude_std=1e-5 * ones,
+    ...             quadrature_amplitude_std=1e-5 * ones, wave_angle_rad_std=1e-5 * ones,
+    ...             phase_rad_std=1e-5 * ones, carrier_phase_rad_std=0 * t, residual_rms=0 * t,
+    ...             signal_std=1e-5 * ones, iterations=np.zeros(1200, "i4"), frequency_hz=1e3 * ones,
+    ...             reference_frequency_hz=1e3, window_s=0.05, mode="forced", rate_rad_s=rate * ones,
+    ...             temperature_degc=20.0 * ones, gyro_id="A", run_id=str(k),
+    ...         )
+    ...     )
+    >>> tables = calibrate(waves, harmonics=1, scale_factor_harmonics=0, model="table")
+    >>> bool(abs(tables.scale_factor_harmonics[0, 0] - 0.55) < 1e-4)
+    True
     """
     waves = list(waves)
     given = [resonator] if isinstance(resonator, Resonator) else list(resonator or [])

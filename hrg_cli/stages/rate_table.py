@@ -87,12 +87,36 @@ def rate_table(
     ] = 6.0,
     gyro_id: Annotated[str, Field(description="the gyro")] = "",
 ) -> Calibration:
-    """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used,
-    spikes rejected and counted.
+    """K(T) and D(T) of any rate gyro from a table of dwells.
 
-    table: columns by name (a DataFrame serves). Held-out: every fifth of 25 stretches of rows.
-    Standard deviations are inflated by the correlation of neighbouring rows. HrgError: a missing
-    column, too few finite rows, one rate only.
+    output/nominal = K(T)Ω − D(T) + Σ c_p Ω^p at nodes of temperature, the powers chosen on data not
+    used (every fifth of 25 stretches of rows), spikes rejected and counted. Standard deviations are
+    inflated by the correlation of neighbouring rows.
+
+    Parameters
+    ----------
+    table
+        Columns (n,) by name (a DataFrame serves): output in any unit, rate [rad/s], temperature [°C].
+
+    Returns
+    -------
+    Calibration
+        D [rad/s] and K (nodes, 1).
+
+    Raises
+    ------
+    HrgError
+        A missing column, too few finite rows, one rate only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rate_table import rate_table
+    >>> rate = np.tile([-1.0, 0.0, 1.0], 40)
+    >>> output = 2.0 * rate + 0.01 + 1e-4 * np.random.default_rng(0).standard_normal(120)
+    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> bool(abs(tables.scale_factor[0, 0] - 1) < 1e-3), bool(abs(tables.drift_rad_s[0, 0] + 0.005) < 1e-3)
+    (True, True)
     """
     y, omega, degc = _rows(
         table,

@@ -53,8 +53,35 @@ def open_record(path: Path | str, kind: type[AnyRecord]) -> Iterator[AnyRecord]:
 
 
 def read(path: Path | str, kind: type[AnyRecord]) -> AnyRecord:
-    """The record of `path`, whole, in memory. HrgError: not that kind, damaged, a missing or
-    ill-shaped dataset, a wrong unit."""
+    """The record of a file, whole, in memory.
+
+    Parameters
+    ----------
+    path
+        An hrg file (HDF5).
+    kind
+        The record it must hold, e.g. `Wave`.
+
+    Returns
+    -------
+    Record
+        Of that kind, every column checked against its declaration.
+
+    Raises
+    ------
+    HrgError
+        Not that kind, damaged, a missing or ill-shaped dataset, a wrong unit.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> _ = store.write(path, Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free"))
+    >>> store.read(path, Recording).s.tolist()
+    [1.0, 1.0, 1.0]
+    """
     with _opened(Path(path)) as file:
         return _record(file, Path(path), kind)
 

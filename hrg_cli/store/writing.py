@@ -56,12 +56,43 @@ def write(
     force: bool = False,
     finish: Any = None,
 ) -> AnyRecord:
-    """Write a record, or a stream of records block by block, to `path`; return the last record (a
-    stream's: its last block).
+    """Write a record, or a stream of records block by block, whole or not at all.
 
-    finish: called with the last record before closing; returns it with provenance and status
-    complete. HrgError: the folder is missing or not writable, the output exists (unless `force`),
-    the disk is full; then no output exists.
+    Parameters
+    ----------
+    path
+        The file to make.
+    stream
+        A record, or blocks of one kind.
+    force
+        Replace an existing file.
+    finish
+        Called with the last record before closing; returns it with provenance and status complete.
+
+    Returns
+    -------
+    Record
+        The last record (a stream's: its last block).
+
+    Raises
+    ------
+    HrgError
+        The folder is missing or not writable, the output exists (unless `force`), the disk is full;
+        then no output exists.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> record = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> store.write(path, record).status
+    'valid'
+    >>> store.write(path, record)
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: ...
     """
     with atomic_path(path, force) as temporary:
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
