@@ -11,7 +11,7 @@ from typing import Any
 from .errors import UsageError
 from .units import DEGREE, DEGREE_PER_HOUR
 
-_QUANTITIES: dict[str, dict[str, float]] = {
+QUANTITIES: dict[str, dict[str, float]] = {
     "a rate": {
         "rad/s": 1.0, "mrad/s": 1e-3, "deg/s": DEGREE, "°/s": DEGREE, "deg/h": DEGREE_PER_HOUR, "deg/hr": DEGREE_PER_HOUR,
         "°/h": DEGREE_PER_HOUR, "rpm": 2 * math.pi / 60,
@@ -23,7 +23,7 @@ _QUANTITIES: dict[str, dict[str, float]] = {
     "a temperature": {"degC": 1.0, "°C": 1.0},
     "a ratio": {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6, "ppb": 1e-9},
 }  # fmt: skip
-_SUFFIXES = (
+SUFFIXES = (
     ("_rad_s", "a rate"),
     ("_1_s", "a decay rate"),
     ("_deg_h", "a rate in °/h"),
@@ -54,7 +54,7 @@ def quantity_of(name: str) -> str:
     ("drift_rms_rad_s.held_out")."""
     for part in reversed(name.split(".")):
         stem = part.removesuffix("_std")
-        for suffix, quantity in _SUFFIXES:
+        for suffix, quantity in SUFFIXES:
             if stem.endswith(suffix):
                 return quantity
     return "a ratio"
@@ -66,8 +66,31 @@ def unit_of(name: str) -> str:
 
 
 def limit_value(name: str, value: Any) -> float:
-    """The limit in the figure's own unit. UsageError: no number, not finite, a unit of something
-    else."""
+    """A limit in its figure's own unit.
+
+    Parameters
+    ----------
+    name
+        The figure, whose end tells what it is.
+    value
+        A number in that unit, or a text with a unit.
+
+    Returns
+    -------
+    float
+        The limit, SI but for names that end in another unit.
+
+    Raises
+    ------
+    UsageError
+        No number, not finite, a unit of something else.
+
+    Examples
+    --------
+    >>> from hrg_cli.limit_values import limit_value
+    >>> round(limit_value("damping_split_1_s", "360 1/h"), 9)
+    0.1
+    """
     if isinstance(value, int | float) and not isinstance(value, bool):
         number, unit = float(value), ""
     else:
@@ -90,10 +113,10 @@ def _factor(name: str, unit: str) -> float:
         within, scale = "a rate", 1 / DEGREE_PER_HOUR
     elif quantity == "a ratio in ppm":
         within, scale = "a ratio", 1e6
-    known = _QUANTITIES[within]
+    known = QUANTITIES[within]
     if unit in known:
         return known[unit] * scale
-    every = {spelling for table in _QUANTITIES.values() for spelling in table if spelling}
+    every = {spelling for table in QUANTITIES.values() for spelling in table if spelling}
     what = f"{unit} is no unit of {within}" if unit in every else f"{unit} is no unit"
     raise UsageError(
         f"limit {name}: {what};"
@@ -102,7 +125,7 @@ def _factor(name: str, unit: str) -> float:
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """ "did you mean …?" where one of the known words is close, else nothing."""
+    """The question "did you mean …?" where a known word is close, else nothing."""
     names = [k for k in known if k]
     close = difflib.get_close_matches(word, names, 1, 0.72) or difflib.get_close_matches(
         word.split(".")[-1], names, 1, 0.85

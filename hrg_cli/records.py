@@ -225,7 +225,31 @@ class Record(Shown):
 
 
 def collect(stream: R | Iterable[R]) -> R:
-    """One record in memory from a stream."""
+    """One record in memory from a stream of blocks.
+
+    Parameters
+    ----------
+    stream
+        Records of one kind whose rows follow each other, or one record.
+
+    Returns
+    -------
+    Record
+        The blocks' rows joined; everything else is the last block's.
+
+    Raises
+    ------
+    HrgError
+        The stream is empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect
+    >>> block = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> len(collect([block, block]))
+    6
+    """
     if isinstance(stream, Record):
         return stream
     parts = list(stream)

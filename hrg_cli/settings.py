@@ -25,7 +25,7 @@ def model_of(stage: Callable[..., Any]) -> Any:
 
     hints = typing.get_type_hints(stage, include_extras=True)
     fields: dict[str, Any] = {
-        name: (hints[name], parameter.default)
+        name: (hints[name], ... if parameter.default is parameter.empty else parameter.default)
         for name, parameter in inspect.signature(stage).parameters.items()
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY
     }
@@ -105,7 +105,31 @@ def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """`key=value` of --set; the value is TOML, or text where it is not."""
+    """`key=value` of --set; the value is TOML, or text where it is not.
+
+    Parameters
+    ----------
+    text
+        As it was typed.
+
+    Returns
+    -------
+    tuple
+        The dotted key, and the value.
+
+    Raises
+    ------
+    UsageError
+        There is no key, or the value is nested too deeply.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import parse_assignment
+    >>> parse_assignment("estimate.tolerance=1e-8")
+    ('estimate.tolerance', 1e-08)
+    >>> parse_assignment("model=table")
+    ('model', 'table')
+    """
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise UsageError(f"--set {text}: key=value was expected, e.g. --set periods_per_window=4")

@@ -133,6 +133,24 @@ def test_citations_of_physics_resolve():
                 assert found, f"{path.relative_to(ROOT)} cites {label}"
 
 
+def test_validation_names_tests_that_exist():
+    page = (ROOT / "docs" / "explanation" / "validation.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", page)
+    assert len(named) > 20
+    for file, test in named:
+        text = (ROOT / file).read_text(encoding="utf-8")
+        assert f"def {test}(" in text, f"{file} has no {test}"
+
+
+def test_every_key_of_every_toml_file_has_a_meaning():
+    empty = [
+        line
+        for line in (ROOT / "docs" / "reference" / "toml.md").read_text().splitlines()
+        if line.startswith("| `") and line.rstrip().endswith("|  |")
+    ]
+    assert not empty
+
+
 def test_library_example_runs(tmp_path, monkeypatch):
     """Four short forced runs on a turning table; the tables of the README's five lines hold the K
     that was put in."""

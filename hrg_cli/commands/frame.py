@@ -147,26 +147,32 @@ class Common:
         from ..reporting import console
 
         with unread_is_no_failure():
-            if self.piped and self.output is not None:
-                from .pipes import handed_on
-
-                print(*handed_on(self.output), sep="\n")
-            elif self.json:
-                console.print_json(report)
-            elif not self.quiet:
-                if show is not None:
-                    show()
-                if report.get("output"):
-                    console.say(f"{report['output']}: {report['kind']}, {report['status']}")
+            self._print(report, show)
         if self.verbose and not self.quiet and report.get("elapsed_s") is not None:
             console.message(f"{report['kind']}: {report['elapsed_s']:g} s")
         if not judged:
             return
-        for reason in report.get("status_reasons", []):
-            if not self.json and not (self.quiet and report["status"] == "valid"):
+        if not self.json and not (self.quiet and report["status"] == "valid"):
+            for reason in report.get("status_reasons", []):
                 console.message(f"{report['status']}: {reason}")
         if report.get("status") == "refused" or (self.strict and report.get("status") == "suspect"):
             raise typer.Exit(REFUSED)
+
+    def _print(self, report: Mapping[str, Any], show: Callable[[], None] | None) -> None:
+        """What goes to standard output: names of files into a pipe, the JSON, or words."""
+        from ..reporting import console
+
+        if self.piped and self.output is not None:
+            from .pipes import handed_on
+
+            print(*handed_on(self.output), sep="\n")
+        elif self.json:
+            console.print_json(report)
+        elif not self.quiet:
+            if show is not None:
+                show()
+            if report.get("output"):
+                console.say(f"{report['output']}: {report['kind']}, {report['status']}")
 
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {

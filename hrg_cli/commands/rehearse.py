@@ -96,7 +96,7 @@ def rehearse_files(
     }
     if run.output is not None:
         with store.atomic_path(run.output, run.force) as temporary:
-            _write(report, told, run.output.suffix, temporary)
+            _write(report, run.output.suffix, temporary)
     if not keep_file:
         console.message(f"{results[0]}: the verdict ({told.status}) was written into its status")
     return report, lambda: show(told.table())
@@ -260,7 +260,7 @@ def _percent(part: float) -> str:
     return f"{100 * part:.0f} %"
 
 
-def _write(report: Mapping[str, Any], told: Rehearsal, suffix: str, path: Path) -> None:
+def _write(report: Mapping[str, Any], suffix: str, path: Path) -> None:
     """The report as JSON, its picture, or a page of both."""
     if suffix == ".json":
         path.write_text(

@@ -17,7 +17,7 @@ _DATE_TIME = re.compile(
 
 
 def clock_kind(text: str) -> str:
-    """ "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for anything else."""
+    """Kind of a time: "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for others."""
     if _CLOCK.match(text):
         return "clock"
     return "date" if _DATE_TIME.match(text) else ""

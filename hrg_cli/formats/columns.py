@@ -139,62 +139,66 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
         for role, wanted in asked.items()
         if isinstance(wanted, str) and wanted.strip().lower() == "none"
     }
-    single = "s" in left_out
     taken: dict[str, int | None] = {role: None for role in ALIASES}
     for role, wanted in asked.items():
         if wanted is not None and role not in left_out:
             taken[role] = _named(log, path, role, wanted)
-    numbers = [i for i, channel in enumerate(log.channels) if channel.kind == "number"]
     free = [
         i
         for i in range(len(log.channels))
         if i not in taken.values() and log.channels[i].kind != "text"
     ]
-    for role, titles in ALIASES.items():
+    for role in ALIASES:
         if taken[role] is None and role not in left_out:
-            told = [i for i in free if log.channels[i].role == role]
-            fitting = told or [i for i in free if role == "time" or i in numbers]
-            taken[role] = (
-                told[0]
-                if told
-                else next(
-                    (
-                        i
-                        for title in titles
-                        for i in fitting
-                        if log.channels[i].name.lower() == title
-                    ),
-                    None,
-                )
-            )
+            taken[role] = _told(log, role, free)
             free = [i for i in free if i != taken[role]]
     if taken["time"] is None and log.sample_rate_hz is None and "time" not in left_out:
         taken["time"] = _unnamed_time(log, free)
         free = [i for i in free if i != taken["time"]]
     if "time" in left_out:
         free = [i for i in free if not (log.channels[i].rising and _tells_time(log.channels[i]))]
-    needed = ["c"] if single else ["c", "s"]
-    missing = [role for role in needed if taken[role] is None]
-    free = [i for i in free if i in numbers]
-    if missing and len(free) == len(missing):
-        for role, index in zip(missing, free):
-            taken[role] = index
-        missing = []
-    if missing:
-        if len([i for i in numbers if i != taken["time"]]) == 1 and not single:
-            raise HrgError(
-                f"{path}: has one channel only ({listing(log)}), two (C and S) were expected; name"
-                ' the other one\'s file with s_file, or give s = "none" to import it with S = 0:'
-                " then its frequency and damping can be found, its wave angle cannot"
-            )
-        asked_for = " and which ".join(m.upper() for m in missing)
-        raise HrgError(
-            f"{path}: which column is channel {asked_for}? Its columns are {listing(log)}; name"
-            " them with c and s"
-        )
+    _fill_channels(log, path, taken, free, single="s" in left_out)
     if taken["c"] == taken["s"]:
         raise HrgError(f"{path}: c and s are both column {listing(log)}; name two different ones")
     return Roles(**taken)  # type: ignore[arg-type]
+
+
+def _told(log: Log, role: str, free: list[int]) -> int | None:
+    """The free column that the log itself or its title gives a role; None where there is none."""
+    told = [i for i in free if log.channels[i].role == role]
+    if told:
+        return told[0]
+    fitting = [i for i in free if role == "time" or log.channels[i].kind == "number"]
+    by_title = (
+        i for title in ALIASES[role] for i in fitting if log.channels[i].name.lower() == title
+    )
+    return next(by_title, None)
+
+
+def _fill_channels(
+    log: Log, path: str, taken: dict[str, int | None], free: list[int], single: bool
+) -> None:
+    """Give the channels that no title told the columns that are left. HrgError: as many are not
+    left."""
+    numbers = [i for i, channel in enumerate(log.channels) if channel.kind == "number"]
+    missing = [role for role in (["c"] if single else ["c", "s"]) if taken[role] is None]
+    left = [i for i in free if i in numbers]
+    if len(left) == len(missing):
+        taken.update(zip(missing, left))
+        return
+    if not missing:
+        return
+    if len([i for i in numbers if i != taken["time"]]) == 1 and not single:
+        raise HrgError(
+            f"{path}: has one channel only ({listing(log)}), two (C and S) were expected; name"
+            ' the other one\'s file with s_file, or give s = "none" to import it with S = 0:'
+            " then its frequency and damping can be found, its wave angle cannot"
+        )
+    asked_for = " and which ".join(m.upper() for m in missing)
+    raise HrgError(
+        f"{path}: which column is channel {asked_for}? Its columns are {listing(log)}; name"
+        " them with c and s"
+    )
 
 
 def _named(log: Log, path: str, role: str, wanted: str | int) -> int:

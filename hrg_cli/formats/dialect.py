@@ -77,7 +77,7 @@ def is_text(head: bytes) -> bool:
 
 
 def cell_kind(cell: str, decimal: str) -> str:
-    """ "number", "clock", "date", "" (empty) or "text"."""
+    """Kind of a cell: "number", "clock", "date", "" (empty) or "text"."""
     if not cell:
         return ""
     text = cell

@@ -66,63 +66,9 @@ class EnvelopeSignal:
             if wanted is not None
         }
         if not columns:
-            names = {
-                c.name.lower(): i
-                for i, c in reversed(list(enumerate(log.channels)))
-                if c.kind == "number"
-            }
-            told = {
-                role: next((names[t] for t in titles if t in names), None)
-                for role, titles in ALIASES.items()
-            }
-            groups = (
-                ("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature"),
-                ("c_in_phase", "c_quadrature"),
-                ("amplitude", "phase"),
-            )
-            for group in (*groups, ("amplitude",)):
-                if all(told[role] is not None for role in group):
-                    columns = {role: index for role in group if (index := told[role]) is not None}
-                    break
-        if "amplitude" in columns and len(set(columns) - {"amplitude", "phase"}):
-            raise HrgError(
-                f"{path}: amplitude and in-phase columns are both named; give I and Q, or amplitude"
-                " and phase"
-            )
-        pairs = (
-            ("c_in_phase", "c_quadrature"),
-            ("s_in_phase", "s_quadrature"),
-            ("phase", "amplitude"),
-        )
-        for one, other in pairs:
-            half = next(
-                (
-                    (a, b)
-                    for a, b in ((one, other), (other, one))
-                    if a in columns and b not in columns
-                ),
-                None,
-            )
-            if half is not None and half != ("amplitude", "phase"):
-                raise HrgError(
-                    f"{path}: {half[0]} is named without {half[1]}; name both (its columns are"
-                    f" {listing(log)})"
-                )
-        if "s_in_phase" in columns and "c_in_phase" not in columns:
-            raise HrgError(
-                f"{path}: channel S is named without channel C; name a single pick-off's columns as"
-                " c_in_phase and c_quadrature"
-            )
-        if not columns:
-            raise HrgError(
-                f"{path}: which columns hold the envelope? Its columns are {listing(log)}; name"
-                " c_in_phase and c_quadrature (and those of s), or amplitude and phase"
-            )
-        if len(set(columns.values())) < len(columns):
-            raise HrgError(
-                f"{path}: one column is named twice for the envelope; its columns are"
-                f" {listing(log)}"
-            )
+            columns = _told_by_titles(log)
+        _need_whole_pairs(columns, log, path)
+        _need_unit(columns, log, path, decibel)
         factor = 1.0
         if "phase" in columns:
             unit = phase_units or log.channels[columns["phase"]].units
@@ -132,17 +78,6 @@ class EnvelopeSignal:
                     " give phase_units: deg or rad"
                 )
             factor = phase_factor(unit)
-        level = next(
-            (log.channels[i].units for i in columns.values() if is_level(log.channels[i].units)),
-            None,
-        )
-        if level is not None and not decibel:
-            raise HrgError(
-                f"{path}: a column of the envelope is in {level}; add decibel, or export it in its"
-                " own unit"
-            )
-        if decibel and "amplitude" not in columns:
-            raise HrgError(f"{path}: decibel is for an amplitude; I and Q are no levels")
         return cls(
             columns,
             decibel,
@@ -218,3 +153,77 @@ class EnvelopeSignal:
                 )
             ]
         return []
+
+
+def _told_by_titles(log: Log) -> dict[str, int]:
+    """Role -> column of the first group of roles whose titles are all there."""
+    names = {
+        c.name.lower(): i for i, c in reversed(list(enumerate(log.channels))) if c.kind == "number"
+    }
+    told = {
+        role: next((names[t] for t in titles if t in names), None)
+        for role, titles in ALIASES.items()
+    }
+    groups = (
+        ("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature"),
+        ("c_in_phase", "c_quadrature"),
+        ("amplitude", "phase"),
+        ("amplitude",),
+    )
+    for group in groups:
+        found = {role: index for role in group if (index := told[role]) is not None}
+        if len(found) == len(group):
+            return found
+    return {}
+
+
+NEEDS = {
+    "c_in_phase": "c_quadrature",
+    "c_quadrature": "c_in_phase",
+    "s_in_phase": "s_quadrature",
+    "s_quadrature": "s_in_phase",
+    "phase": "amplitude",
+}
+"""Role -> the other half of its pair; an amplitude alone is enough."""
+
+
+def _need_whole_pairs(columns: dict[str, int], log: Log, path: Path) -> None:
+    """HrgError: no columns, one of them twice, or half a pair."""
+    if "amplitude" in columns and len(set(columns) - {"amplitude", "phase"}):
+        raise HrgError(
+            f"{path}: amplitude and in-phase columns are both named; give I and Q, or amplitude"
+            " and phase"
+        )
+    half = next((role for role in NEEDS if role in columns and NEEDS[role] not in columns), None)
+    if half is not None:
+        raise HrgError(
+            f"{path}: {half} is named without {NEEDS[half]}; name both (its columns are"
+            f" {listing(log)})"
+        )
+    if "s_in_phase" in columns and "c_in_phase" not in columns:
+        raise HrgError(
+            f"{path}: channel S is named without channel C; name a single pick-off's columns as"
+            " c_in_phase and c_quadrature"
+        )
+    if not columns:
+        raise HrgError(
+            f"{path}: which columns hold the envelope? Its columns are {listing(log)}; name"
+            " c_in_phase and c_quadrature (and those of s), or amplitude and phase"
+        )
+    if len(set(columns.values())) < len(columns):
+        raise HrgError(
+            f"{path}: one column is named twice for the envelope; its columns are {listing(log)}"
+        )
+
+
+def _need_unit(columns: dict[str, int], log: Log, path: Path, decibel: bool) -> None:
+    """HrgError: levels that were not said to be levels, or I and Q that were."""
+    units = (log.channels[i].units for i in columns.values())
+    level = next((unit for unit in units if is_level(unit)), None)
+    if level is not None and not decibel:
+        raise HrgError(
+            f"{path}: a column of the envelope is in {level}; add decibel, or export it in its"
+            " own unit"
+        )
+    if decibel and "amplitude" not in columns:
+        raise HrgError(f"{path}: decibel is for an amplitude; I and Q are no levels")

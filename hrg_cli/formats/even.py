@@ -47,7 +47,7 @@ class TimeJudge:
             self.step = float(times[-1] - times[0]) / max(1, len(times) - 1) or 1.0
         wrong = np.flatnonzero(steps <= 0)
         if len(wrong):
-            self._complain(int(wrong[0]), float(steps[wrong[0]]), times, len(wrong))
+            self._complain(int(wrong[0]), float(steps[wrong[0]]), len(wrong))
         self.largest_step = max(
             self.largest_step, float(steps[1 if self.rows == 0 else 0 :].max(initial=0.0))
         )
@@ -69,7 +69,7 @@ class TimeJudge:
     def _row(self, index: int) -> str:
         return str(self.where(self.rows + int(index)))  # type: ignore[operator]
 
-    def _complain(self, row: int, step: float, times: np.ndarray, count: int) -> None:
+    def _complain(self, row: int, step: float, count: int) -> None:
         if step == 0:
             raise HrgError(
                 f"{self.path}: {self._row(row)} repeats the time of the row before ({count} such"

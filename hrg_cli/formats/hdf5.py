@@ -71,7 +71,7 @@ def open_hdf5(path: Path) -> Log:
                 channels.append(channel)
                 places.append(place)
         clock, rate, start = (
-            _clock_base(file, nodes, scalars),
+            _clock_base(nodes, scalars),
             rate_of(scalars),
             _text(file.attrs.get("start_time", "")),
         )
@@ -203,7 +203,7 @@ def _read(path: Path, places: Sequence[_Place]) -> Blocks:
             ]
 
 
-def _clock_base(file: Any, nodes: list[tuple[str, Any]], scalars: dict[str, float]) -> float | None:
+def _clock_base(nodes: list[tuple[str, Any]], scalars: dict[str, float]) -> float | None:
     """Ticks a second of LabOne's time stamps, from the attributes or the clockbase node; None where
     not written."""
     for name, value in scalars.items():

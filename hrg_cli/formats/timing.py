@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import HrgError
 from .columns import Roles, listing
 from .even import TimeJudge
-from .log import Log
+from .log import Channel, Log
 from .quantities import time_factor
 from .readers import guarded
 
@@ -45,17 +45,7 @@ def timing_of(
             )
         return Timing(float(rate), 1.0)
     channel = log.channels[roles.time]
-    if channel.kind == "clock":
-        factor = 1.0
-    elif clock_hz or (log.clock_hz and time_units is None):
-        factor = 1.0 / (clock_hz or log.clock_hz or 1.0)
-    elif channel.units.lower() in ("ticks", "tick"):
-        raise HrgError(
-            f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks"
-            " a second; 60e6 for an MFLI)"
-        )
-    else:
-        factor = time_factor(time_units or channel.units or "s")
+    factor = _seconds_per_unit(log, channel, path, time_units, clock_hz)
     if given is not None:
         return _given(log, roles, path, factor, given)
     single_precision = False
@@ -70,18 +60,33 @@ def timing_of(
         raise HrgError(
             f"{path}: holds one sample only; a sampling rate cannot be found: give sample_rate_hz"
         )
-    step, departure = judge.even_step()
     rounding = log.quantum(roles.time) * (1.0 if channel.kind == "clock" else factor)
     if single_precision:
-        rounding = max(
-            rounding, float(np.spacing(np.float32(max(abs(judge.first), abs(judge.last)))))
-        )
+        largest = max(abs(judge.first), abs(judge.last))
+        rounding = max(rounding, float(np.spacing(np.float32(largest))))
+    step, departure = judge.even_step()
     allowed = max(
         tolerance * step, min(rounding, 0.5 * step) * 0.51, 4 * np.spacing(abs(judge.last))
     )
     if departure <= allowed:
         return Timing(float(_nice(1 / step, step, judge.rows, rounding)), factor, judge.first)
     return Timing(None, factor, judge.first)
+
+
+def _seconds_per_unit(
+    log: Log, channel: Channel, path: Path, time_units: str | None, clock_hz: float | None
+) -> float:
+    """Seconds in a unit of the time column. HrgError: it counts ticks of an unknown clock."""
+    if channel.kind == "clock":
+        return 1.0
+    if clock_hz or (log.clock_hz and time_units is None):
+        return 1.0 / (clock_hz or log.clock_hz or 1.0)
+    if channel.units.lower() in ("ticks", "tick"):
+        raise HrgError(
+            f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks"
+            " a second; 60e6 for an MFLI)"
+        )
+    return time_factor(time_units or channel.units or "s")
 
 
 def _nice(rate: float, step: float, rows: int, rounding: float) -> float:

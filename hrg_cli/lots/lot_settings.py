@@ -16,7 +16,13 @@ from ..pipeline import STAGES
 
 PER_RECORDING = ("demodulate", "estimate")
 PER_GYRO = ("identify", "calibrate", "diagnose")
-_STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
+_STRICT = ConfigDict(
+    extra="forbid",
+    frozen=True,
+    allow_inf_nan=False,
+    populate_by_name=True,
+    use_attribute_docstrings=True,
+)
 Table = dict[str, Any]
 
 
@@ -25,8 +31,11 @@ class RunSettings(BaseModel):
 
     model_config = _STRICT
     import_: Annotated[Table, Field(alias="import")] = {}
+    """Settings of import."""
     demodulate: Table = {}
+    """Settings of demodulate."""
     estimate: Table = {}
+    """Settings of estimate."""
 
 
 class GyroSettings(BaseModel):
@@ -34,7 +43,9 @@ class GyroSettings(BaseModel):
 
     model_config = _STRICT
     gyro_id: Annotated[str, Field(min_length=1)]
+    """The gyro."""
     recordings: Annotated[list[str], Field(min_length=1)]
+    """Names or patterns of its recordings, relative to this file."""
 
 
 class LotSettings(BaseModel):
@@ -43,21 +54,33 @@ class LotSettings(BaseModel):
 
     model_config = _STRICT
     lot_id: str = ""
+    """The lot."""
     created: Annotated[str, Field(pattern=r"^(\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}Z)?$")] = ""
     """The time written into every file; empty: the true one."""
     recordings: list[str] = []
+    """Names or patterns of recordings, relative to this file; one text or a list."""
     gyro: list[GyroSettings] = []
+    """Gyros named here rather than by their recordings."""
     stages: list[Literal["identify", "calibrate", "diagnose"]] = ["identify", "calibrate"]
+    """Stages after estimate."""
     outlier_z: Annotated[float, Field(gt=0)] = 3.5
+    """Robust z from which a gyro's figure stands out of the lot."""
     limits: dict[str, Table] = {}
     """What `hrg check` would be given, by kind of file."""
     import_: Annotated[Table, Field(alias="import")] = {}
+    """Settings of import."""
     demodulate: Table = {}
+    """Settings of demodulate."""
     estimate: Table = {}
+    """Settings of estimate."""
     identify: Table = {}
+    """Settings of identify."""
     calibrate: Table = {}
+    """Settings of calibrate."""
     diagnose: Table = {}
+    """Settings of diagnose."""
     runs: dict[str, RunSettings] = {}
+    """Settings of the recordings whose file name fits a pattern."""
 
     @field_validator("recordings", mode="before")
     @classmethod

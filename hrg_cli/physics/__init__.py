@@ -1,0 +1,1 @@
+"""Equations of the resonator, its read-out, drive and bench; knows NumPy alone."""

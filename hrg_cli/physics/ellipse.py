@@ -16,7 +16,31 @@ def envelopes(
     phase_rad: Array,
     mode_number: int = 2,
 ) -> Array:
-    """Complex envelopes (..., 2) of the channels C and S for a wave given by (a_A, a_B, θ, φ)."""
+    """Complex envelopes of the channels C and S for a wave.
+
+    C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ) (PHYSICS §0).
+
+    Parameters
+    ----------
+    main_amplitude, quadrature_amplitude
+        a_A and the signed a_B, (...,) in the signals' unit.
+    wave_angle_rad, phase_rad
+        θ and φ, (...,) rad.
+    mode_number
+        m.
+
+    Returns
+    -------
+    ndarray
+        (..., 2), complex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.ellipse import envelopes
+    >>> np.round(envelopes(1.0, 0.0, np.pi / 4, 0.0), 6).tolist()
+    [0j, (1+0j)]
+    """
     cos, sin = (
         np.cos(mode_number * np.asarray(wave_angle_rad)),
         np.sin(mode_number * np.asarray(wave_angle_rad)),
@@ -36,10 +60,29 @@ def stokes(u: Array) -> Array:
 
 
 def wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
-    """(a_A, a_B, θ, φ) of envelopes (..., 2): a_A ≥ |a_B|, θ in (−π/2m, π/2m], φ in (−π, π].
+    """(a_A, a_B, θ, φ) of envelopes: a_A ≥ |a_B|, θ in (−π/2m, π/2m], φ in (−π, π].
 
-    a_A = √((S0+q)/2), a_B = S3/2a_A, θ = arg(S1+jS2)/2m with q = √(S1²+S2²); φ = arg(e_Aᵀu), where
-    e_Aᵀu = a_A e^{jφ}.
+    a_A = √((S0+q)/2), a_B = S3/2a_A, θ = arg(S1+jS2)/2m with the Stokes parameters S and
+    q = √(S1²+S2²); φ = arg(e_Aᵀu), where e_Aᵀu = a_A e^{jφ}.
+
+    Parameters
+    ----------
+    u
+        Envelopes (..., 2), complex.
+    mode_number
+        m.
+
+    Returns
+    -------
+    tuple of ndarray
+        a_A and a_B in the signals' unit, θ and φ in rad, each (...,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.ellipse import envelopes, wave
+    >>> [round(float(x), 9) for x in wave(envelopes(1.0, 0.1, 0.3, 0.5))]
+    [1.0, 0.1, 0.3, 0.5]
     """
     s0, s1, s2, s3 = np.moveaxis(stokes(u), -1, 0)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)

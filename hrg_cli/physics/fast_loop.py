@@ -17,7 +17,7 @@ from .plant import Acceleration
 Array = np.ndarray
 
 
-def _no_extra(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+def _no_extra(_t: float, _x: float, _y: float, _vx: float, _vy: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 

@@ -116,7 +116,7 @@ class ThermalCourses:
     scale_factor: tuple[float, ...] = ()
 
     def factor(self, course: tuple[float, ...], temperature_degc: Array) -> Array:
-        """1 + c₁ΔT + c₂ΔT² + …"""
+        """1 + c₁ΔT + c₂ΔT² + … of a course."""
         change = np.asarray(temperature_degc, float) - self.reference_degc
         return 1 + sum((c * change ** (k + 1) for k, c in enumerate(course)), np.zeros_like(change))
 

@@ -145,20 +145,7 @@ def run(
         times = (first + np.arange(n)) * step_s
         cell, part = np.divmod(np.arange(n), stride)
         x = (part / stride)[:, None]
-        values = _hermite(path, slope * h, cell, x)
-        for k, instant, jump in jumps:
-            # the cubic is drawn to where the cell would have ended; what jumps within it goes on
-            # from there
-            end = path.copy()
-            end[k + 1] -= exponential(nodes[k], t[k + 1] - instant) @ jump
-            bent = slope.copy()
-            bent[k + 1] = nodes[k + 1] @ end[k + 1] + slope[k + 1] - nodes[k + 1] @ path[k + 1]
-            own = cell == k
-            values[own] = _hermite(end, bent * h, cell[own], x[own])
-            late = own & (times >= instant)
-            values[late] += np.einsum(
-                "nij,j->ni", exponential(nodes[k], times[late] - instant), jump
-            )
+        values = _between(path, slope, nodes, h, t, times, (cell, x), jumps)
         drives = force[cell] * (1 - x) + force[cell + 1] * x
         commands = command[cell] * (1 - x) + command[cell + 1] * x
         state = replace(
@@ -176,6 +163,42 @@ def run(
             times, q.real, -q.imag, (drives * turn).T, state.temperature_degc, state.rate_rad_s
         )
         yield Block(samples, commands.T, values.__getitem__)
+
+
+def _between(
+    path: Array,
+    slope: Array,
+    nodes: Array,
+    h: float,
+    t: Array,
+    times: Array,
+    places: tuple[Array, Array],
+    jumps: list[tuple[int, float, Array]],
+) -> Array:
+    """The envelopes (n, 2) at times between the nodes t: cubics, broken at the jumps (cell, instant,
+    size); places: cell and part of it, (n,) and (n, 1), of each time."""
+    cell, x = places
+    values = _hermite(path, slope * h, cell, x)
+    for k, instant, jump in jumps:
+        end, bent = _unjumped(
+            path, slope, nodes, k, exponential(nodes[k], t[k + 1] - instant) @ jump
+        )
+        own = cell == k
+        values[own] = _hermite(end, bent * h, cell[own], x[own])
+        late = own & (times >= instant)
+        values[late] += np.einsum("nij,j->ni", exponential(nodes[k], times[late] - instant), jump)
+    return values
+
+
+def _unjumped(
+    path: Array, slope: Array, nodes: Array, k: int, gained: Array
+) -> tuple[Array, Array]:
+    """Path and slope (steps + 1, 2) to where cell k would have ended without its jump, which
+    `gained` (2,) by then: the cubic is drawn to there, and what jumps goes on from it."""
+    end, bent = path.copy(), slope.copy()
+    end[k + 1] -= gained
+    bent[k + 1] = nodes[k + 1] @ end[k + 1] + slope[k + 1] - nodes[k + 1] @ path[k + 1]
+    return end, bent
 
 
 @dataclass

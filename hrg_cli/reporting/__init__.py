@@ -1,0 +1,1 @@
+"""What people see: the terminal, pages, figures, tables, and the generated documentation."""

@@ -95,8 +95,25 @@ def answer(
 ) -> Answer | None:
     """The answer of one gyro's results; None where none of the records is a result.
 
-    rows: figures held against limits; names: kind -> name of its file, for the commands. The last
-    record of a kind speaks for it.
+    Parameters
+    ----------
+    records
+        Results of one gyro; the last record of a kind speaks for it.
+    rows
+        Figures held against limits (`limits.check`).
+    names
+        Kind -> name of its file, for the commands.
+
+    Returns
+    -------
+    Answer or None
+        Health of the gyro, validity of the fit, causes, parameters, what to do next.
+
+    Examples
+    --------
+    >>> from hrg_cli import answer
+    >>> answer([]) is None
+    True
     """
     of_kind = {record.kind: record for record in records}
     diagnosis, resonator, calibration = (

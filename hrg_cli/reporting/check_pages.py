@@ -18,13 +18,20 @@ class Judged(Protocol):
     """A file held against limits and a baseline."""
 
     @property
-    def path(self) -> Path: ...
+    def path(self) -> Path:
+        """The file."""
+
     @property
-    def record(self) -> Record: ...
+    def record(self) -> Record:
+        """What it holds."""
+
     @property
-    def rows(self) -> list[Row]: ...
+    def rows(self) -> list[Row]:
+        """Its figures against limits."""
+
     @property
-    def moved(self) -> list[str] | None: ...
+    def moved(self) -> list[str] | None:
+        """What is too far from the baseline; None: not compared."""
 
 
 def missed(one: Judged) -> list[str]:

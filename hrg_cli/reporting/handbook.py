@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from ..records import KINDS
+from . import handbook_json, handbook_settings
 from .text import first_paragraph
 
 
@@ -100,6 +101,13 @@ def thresholds() -> str:
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands": commands,
+    "settings of the commands": handbook_settings.command_settings,
+    "simulation file": handbook_settings.simulation_file,
+    "lot file": handbook_settings.lot_file,
+    "limits file": handbook_settings.limits_file,
+    "common keys": handbook_json.common_keys,
+    "JSON of the commands": handbook_json.commands,
+    "tables of the JSON": handbook_json.tables,
     "file format": file_format,
     "effects": effects,
     "thresholds": thresholds,
@@ -125,7 +133,15 @@ def pages(places: Iterable[Path]) -> list[Path]:
     ]
 
 
+WHOLE: dict[str, Callable[[], str]] = {"json.schema.json": handbook_json.schemas}
+"""Files of a folder `reference` that are generated whole."""
+
+
 if __name__ == "__main__":
+    for place in map(Path, sys.argv[1:]):
+        for name, make in WHOLE.items():
+            if (place / "reference").is_dir():
+                (place / "reference" / name).write_text(make(), encoding="utf-8")
     for page in pages(map(Path, sys.argv[1:])):
         text = page.read_text(encoding="utf-8")
         if renewed(text) != text:

@@ -4,7 +4,7 @@ over temperature and rate, jointly."""
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -13,21 +13,19 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import failures
-from ..fitting.tables.increments import path_of
-from ..fitting.tables.joint import Fitted, Layout, Model, chi_square, fit
+from ..fitting.tables.increments import Path, path_of
+from ..fitting.tables.joint import Fitted, Layout, fit
 from ..records import Calibration, Resonator, Wave
-from .calibration.checks import interpolation_doubt, noisy_angles, stray_harmonics
-from .calibration.choice import Wanted, again, answers, best, compared, possible, told
+from .calibration.checks import noisy_angles, stray_harmonics
+from .calibration.choice import Wanted, answers, best, compared, possible, told
+from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.factors import build
-from .calibration.figures import cells, figure_rows, predictions
-from .calibration.folds import choose_folds, choose_limits, choose_smoothness
-from .calibration.guards import noise_told
-from .calibration.ladder import Settings, climb, first_stages
+from .calibration.folds import choose_folds, choose_limits
+from .calibration.ladder import Settings, climb
 from .calibration.programme import choose_nodes, examine
-from .calibration.record import record_of
 from .calibration.resonators import Coefficients, over
-from .calibration.stability import repeats, thermal_memory, unstable, without_unstable
-from .calibration.variants import FACTORS, measured_details, variant
+from .calibration.stability import unstable
+from .calibration.variants import FACTORS
 from .figures_of_merit import trade_figures
 from .one_gyro import of_one_gyro
 from .rate_table import is_rate_table
@@ -36,8 +34,6 @@ from .rate_table import summary as table_summary
 Array = np.ndarray
 LARGEST_LIMIT = 4
 """Highest harmonic of 2mθ that cross-validation tries."""
-LEAST_REPEATED = 2
-"""Harmonics of 2mθ whose repeat between programmes is looked at, at least."""
 
 
 def calibrate(
@@ -108,206 +104,173 @@ def calibrate(
     """Drift and scale-factor tables from forced whole-angle runs, by generalised least squares on
     increments of the wave angle.
 
-    m(θ̄_{i+1} − θ̄_i) = ∫w[−K(T,θ)Ω + D(T,θ)]dt (seed A after (7), PHYSICS §0), D and K Fourier
-    series in 2mθ with coefficients at nodes. All runs are fitted jointly; each run's white angle
-    noise and angle random walk are estimated from its own residuals. A programme that cannot give
-    the tables yields a record of status "refused" whose reasons name the missing run.
+    m(θ̄_{i+1} − θ̄_i) = ∫w[−K(T,θ)Ω + D(T,θ)]dt (seed A after (7), PHYSICS §0), D and K Fourier series
+    in 2mθ with coefficients at nodes. All runs are fitted jointly; each run's white angle noise and
+    angle random walk are estimated from its own residuals. A programme that cannot give the tables
+    yields a record of status "refused" whose reasons name the missing run.
 
-    HrgError: no runs, different gyros or mode numbers, no rate, times that go back, `physical`
-    without a resonator.
+    Parameters
+    ----------
+    waves
+        Forced runs of one gyro, each (n,) rows with the logged rate [rad/s] and temperature [°C].
+    resonator
+        Identified resonators, one a node, for `model="physical"`.
+
+    Returns
+    -------
+    Calibration
+        D [rad/s] and K (nodes, angles), their harmonics (nodes, 1 + 2k) and covariance.
+
+    Raises
+    ------
+    HrgError
+        No runs, different gyros or mode numbers, no rate, times that go back, `physical` without a
+        resonator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Wave, calibrate
+    >>> t, ones = np.arange(0.0, 60.0, 0.05), np.ones(1200)
+    >>> waves = []
+    >>> for k, rate in enumerate((-0.6, -0.3, 0.3, 0.6)):
+    ...     noise = 1e-5 * np.random.default_rng(k).standard_normal(1200)
+    ...     waves.append(
+    ...         Wave(
+    ...             time_s=t, flags=np.zeros(1200, "u1"), main_amplitude=ones,
+    ...             quadrature_amplitude=0 * t, wave_angle_rad=0.1 - 0.55 * rate * t / 2 + noise,
+    ...             phase_rad=0 * t, carrier_phase_rad=0 * t, main_amplitude_std=1e-5 * ones,
+    ...             quadrature_amplitude_std=1e-5 * ones, wave_angle_rad_std=1e-5 * ones,
+    ...             phase_rad_std=1e-5 * ones, carrier_phase_rad_std=0 * t, residual_rms=0 * t,
+    ...             signal_std=1e-5 * ones, iterations=np.zeros(1200, "i4"), frequency_hz=1e3 * ones,
+    ...             reference_frequency_hz=1e3, window_s=0.05, mode="forced", rate_rad_s=rate * ones,
+    ...             temperature_degc=20.0 * ones, gyro_id="A", run_id=str(k),
+    ...         )
+    ...     )
+    >>> tables = calibrate(waves, harmonics=1, scale_factor_harmonics=0, model="table")
+    >>> bool(abs(tables.scale_factor_harmonics[0, 0] - 0.55) < 1e-4)
+    True
     """
     waves = list(waves)
-    resonators = (
-        []
-        if resonator is None
-        else [resonator]
-        if isinstance(resonator, Resonator)
-        else list(resonator)
-    )
-    _same_gyro(waves, resonators)
-    if model == "physical" and not resonators:
+    given = [resonator] if isinstance(resonator, Resonator) else list(resonator or [])
+    _same_gyro(waves, given)
+    if model == "physical" and not given:
         raise HrgError(
             "model physical takes its coefficients from a resonator file; run `hrg identify` on"
             " free runs and give it with --resonator"
         )
-    # one harmonic more than asked for, so that what is left out is looked at (monotone weights of
-    # an absent one are those of its noise)
-    beyond, least = (0, 1) if interpolation == "monotone" else (1, LEAST_REPEATED)
-    drift_most, scale_most = (
-        LARGEST_LIMIT if asked is None else max(asked + beyond, least)
-        for asked in (harmonics, scale_factor_harmonics)
-    )
-    given = rates_rad_s or {}
+    limits = _looked_at(harmonics, scale_factor_harmonics, interpolation)
+    rates = rates_rad_s or {}
     paths = [
         path_of(
             w,
-            harmonics=max(drift_most, scale_most),
-            rate_rad_s=given.get(w.run_id, rate_rad_s if w.rate_rad_s is None else None),
+            harmonics=max(limits),
+            rate_rad_s=rates.get(w.run_id, rate_rad_s if w.rate_rad_s is None else None),
             earth_rate_rad_s=earth_rate_rad_s,
         )
         for w in waves
     ]
-    forced, free = [p for p in paths if p.forced], [p for p in paths if not p.forced]
-    remarks: list[str] = []
-    if not forced:
-        forced, free = free, []
-        remarks.append(
-            "no run is forced: the tables are those of free runs, without the drive's own errors"
-        )
+    forced, free, remarks = _of_the_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     needed = 1 if harmonics is None else harmonics
     findings = examine(forced, table_nodes, axis, needed)
     refusals = [f.sentence for f in findings if f.refuses]
     remarks += words + [f.sentence for f in findings if not f.refuses]
 
-    factors, widths = build(forced, table_nodes, axis, interpolation, FACTORS)
-    if model == "phase" and "phase" not in factors:
-        raise HrgError(
-            "model phase needs frequency_hz and a quadrature in every run, one is missing or not"
-            " finite; estimate the runs again"
-        )
-    layout = Layout(
-        table_nodes,
-        axis,
-        waves[0].mode_number,
-        drift_most,
-        scale_most,
-        interpolation,
-        factors,
-        widths,
-    )
     # every table, measured part and suspected cause is free: what is left is the noise at which
     # each variant is judged
+    factors, widths = build(forced, table_nodes, axis, interpolation, FACTORS)
+    mode_number = waves[0].mode_number
+    layout = Layout(table_nodes, axis, mode_number, *limits, interpolation, factors, widths)
     fitted = fit(forced, layout)
     folds, held_out_by = choose_folds(fitted, needed)
     coefficients, why_not = _of_resonators(
-        resonators, model, axis, table_nodes, low, high, interpolation
+        given, model, axis, table_nodes, low, high, interpolation
     )
-    names, not_tried = possible(layout, coefficients, why_not)
+    possible_names, not_tried = possible(layout, coefficients, why_not)
+    names = _to_try(model, possible_names, not_tried, bool(refusals), factors)
     wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
-    if model == "auto" and refusals:
-        names = ["table"]
-    elif model not in ("auto", "all"):
-        if model in not_tried:
-            raise HrgError(f"model {model} cannot be tried: {not_tried[model]}")
-        names = [model]
     tried = answers(fitted, folds, names, wanted, coefficients)
-    answer = best(tried) if model == "auto" else tried[0]
-    drift_limit, scale_limit = answer.limits
-    stability = repeats(
-        fitted,
-        answer.tried.solution.coefficients,
-        max(drift_limit, LEAST_REPEATED),
-        max(scale_limit, LEAST_REPEATED),
-        programmes,
-    )
-    dropped: list[str] = []
-    penalty, smoothness = None, None
-    if stable_only and stability is not None and answer.name == "table":
-        matrix, dropped = without_unstable(layout, drift_limit, scale_limit, stability)
-        answer = again(fitted, folds, answer, Model("table", matrix))
-    elif stable_only and stability is None:
-        remarks.append(
-            "stable_only needs repeated programmes (several days or switch-ons, or warming and"
-            " cooling); nothing was dropped"
-        )
-    elif stable_only and answer.name != "table":
-        remarks.append(
-            f"stable_only drops harmonics of model table, {answer.name} is written: nothing was"
-            " dropped; give --model table"
-        )
-    if interpolation == "smooth" and not answer.tried.foreign and not dropped:
-        plain = variant(answer.name, layout, *answer.limits)
-        penalty, smoothness = choose_smoothness(fitted, plain)
-        answer = again(fitted, folds, answer, plain, penalty)
-    solution, chosen = answer.tried.solution, answer.tried.model
-    A, b, square, rows = fitted.pieces.sum()
-    chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
-    # a fit may find more noise than it was judged at, never less than there is; coefficients from
-    # elsewhere keep their own errors
-    inflation = 1.0 if answer.tried.foreign else max(chi2, 1.0)
-    scale_factor = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
-
-    whole, held = predictions(fitted, first_stages(layout, drift_limit, scale_limit)[:2], folds)
-    whole = np.concatenate([whole, solution.coefficients[:, None]], axis=1)
-    held = np.concatenate(
-        [held, np.stack([s.coefficients for s in answer.tried.held], axis=1)[:, None]], axis=1
-    )
-    names_of_stages = [m.name for m in first_stages(layout, drift_limit, scale_limit)]
-    steps = figure_rows(
-        names_of_stages, *cells(fitted, whole, held, folds), scale_factor, bootstrap, seed
-    )
-    strays = stray_harmonics(fitted, fitted.solution)
+    chosen = Chosen.of(fitted, folds, best(tried) if model == "auto" else tried[0], programmes)
+    if stable_only:
+        chosen = chosen.stable_alone()
+        remarks += chosen.not_dropped
+    if interpolation == "smooth":
+        chosen = chosen.smoothed()
+    answer, strays = chosen.answer, stray_harmonics(fitted, fitted.solution)
     if not refusals:
-        remarks += noisy_angles(fitted, drift_limit)
+        remarks += noisy_angles(fitted, answer.limits[0])
         remarks += [s["sentence"] for s in strays if s["significant"]]
-        remarks += unstable(stability, dropped)
-        if answer.tried.foreign:
-            refusals += answer.failed
-        else:
-            remarks += answer.failed
-    details: dict[str, Any] = {
-        "scale_factor": scale_factor,
-        "figures": {
-            kind: {
-                "before": steps[0][kind],
-                "after": steps[-1][kind + "_used"],
-                "held_out": steps[-1][kind],
-            }
-            for kind in ("drift", "scale")
-        },
+        remarks += unstable(chosen.stability, chosen.dropped)
+        (refusals if answer.tried.foreign else remarks).extend(answer.failed)
+    details = chosen.details(bootstrap, seed) | {
         "held_out_by": held_out_by,
-        "harmonics": drift_limit,
-        "scale_factor_harmonics": scale_limit,
-        "ladder": steps,
         "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
-        "smoothness": smoothness,
-        "chi2_per_dof": chi2,
-        "checks": [check.table() for check in answer.checks],
         "choice": told(fitted, tried, answer, not_tried) if model in ("auto", "all") else None,
-        "noise": noise_told(fitted),
         "stray_harmonics": strays,
-        "stability": stability,
-        "dropped": dropped,
-        "thermal_memory": (
-            thermal_memory(fitted, chosen, solution.coefficients) if chosen.start is None else None
-        ),
-        "interpolation_std": interpolation_doubt(fitted, solution, inflation, *answer.stored),
-        "measured": measured_details(
-            chosen.name,
-            layout,
-            solution.coefficients,
-            solution.covariance * inflation,
-            fitted.paths,
-        ),
         "resonator": None if coefficients is None else coefficients.table(),
-        "jumps_of_half_a_turn": fitted.jumps,
-        "runs": [
-            {
-                "run_id": p.run_id,
-                "rows": p.rows,
-                "blocks": len(p) + 1,
-                "white_rad": float(np.sqrt(n.white)),
-                "walk_rad2_s": n.walk,
-            }
-            for p, n in zip(fitted.paths, fitted.noises)
-        ],
     }
     if len(tried) > 1:
-        details["variants"] = compared(fitted, folds, tried, scale_factor, bootstrap, seed)
+        details["variants"] = compared(fitted, folds, tried, chosen.scale_factor, bootstrap, seed)
     if ladder:
-        settings = Settings(drift_limit, scale_limit, scale_factor, bootstrap, seed)
+        settings = Settings(*answer.limits, chosen.scale_factor, bootstrap, seed)
         details["ladder"], details["final_analysis"] = climb(
-            _with_loops(fitted), free, folds, settings, penalty
+            _with_loops(fitted), free, folds, settings, chosen.penalty
         )
-    record = record_of(
-        waves, fitted, solution, inflation, answer.stored, (low, high), chosen.name, details
-    )
+    record = chosen.record(waves, (low, high), details)
     if not refusals:
         record = record.replace(
             details=json.dumps(details | {"trade": trade_figures(record, fitted.paths)})
         )
     return record.judged(refusals, "refused").judged(remarks, "suspect")
+
+
+def _looked_at(
+    harmonics: int | None, scale_factor_harmonics: int | None, interpolation: str
+) -> tuple[int, int]:
+    """Harmonics of 2mθ fitted for the drift and for K: one more than asked for, so that what is
+    left out is looked at (monotone weights of an absent one are those of its noise)."""
+    beyond, least = (0, 1) if interpolation == "monotone" else (1, LEAST_REPEATED)
+    drift, scale = (
+        LARGEST_LIMIT if asked is None else max(asked + beyond, least)
+        for asked in (harmonics, scale_factor_harmonics)
+    )
+    return drift, scale
+
+
+def _of_the_drive(paths: Sequence[Path]) -> tuple[list[Path], list[Path], list[str]]:
+    """Forced runs, free runs, and what to say: where no run is forced, the free ones take their
+    place."""
+    forced, free = [p for p in paths if p.forced], [p for p in paths if not p.forced]
+    if forced:
+        return forced, free, []
+    return (
+        free,
+        [],
+        ["no run is forced: the tables are those of free runs, without the drive's own errors"],
+    )
+
+
+def _to_try(
+    model: str,
+    names: Sequence[str],
+    not_tried: Mapping[str, str],
+    refused: bool,
+    factors: Mapping[str, Any],
+) -> list[str]:
+    """The models that are tried. HrgError: the one that was named cannot be."""
+    if model == "phase" and "phase" not in factors:
+        raise HrgError(
+            "model phase needs frequency_hz and a quadrature in every run, one is missing or not"
+            " finite; estimate the runs again"
+        )
+    if model == "auto" and refused:
+        return ["table"]
+    if model in ("auto", "all"):
+        return list(names)
+    if model in not_tried:
+        raise HrgError(f"model {model} cannot be tried: {not_tried[model]}")
+    return [model]
 
 
 def _with_loops(fitted: Fitted) -> Fitted:

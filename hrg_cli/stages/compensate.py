@@ -46,12 +46,28 @@ def compensate(
         ),
     ] = 0.0,
 ) -> Iterator[Compensated]:
-    """Rate estimate of each increment and its integral, in a stream of blocks: Ω_i = (∫w D dt − m
-    Δθ_i) / ∫w K dt.
+    """Rate of each increment and its integral with a calibration's tables.
 
-    Where the rate was logged, the residuals with a constant scale factor alone and with the tables
-    are kept beside it. HrgError: another gyro or mode number, refused tables, a temperature outside
-    the tables, a run that was compensated before, a rate log of the wrong sign.
+    Ω_i = (∫w D dt − mΔθ_i)/∫w K dt, from m·dθ/dt = −KΩ + D (seed A after (7)). Where the rate was
+    logged, the residuals with a constant scale factor alone and with the tables are kept beside it.
+
+    Parameters
+    ----------
+    wave
+        A run of the gyro, (n,) rows; it may be open on disk.
+    calibration
+        The tables to apply.
+
+    Returns
+    -------
+    Iterator[Compensated]
+        Blocks of increments: time [s], rate [rad/s], angle [rad].
+
+    Raises
+    ------
+    HrgError
+        Another gyro or mode number, refused tables, a temperature outside the tables, a run that was
+        compensated before, a rate log of the wrong sign.
     """
     _guard(wave, calibration)
     return _stream(wave, calibration, windows_per_increment, earth_rate_rad_s)

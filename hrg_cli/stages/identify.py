@@ -104,8 +104,37 @@ def identify(
 ) -> Resonator:
     """Resonator parameters from free runs; every run keeps its own start and frequency.
 
-    HrgError: no usable run, mixed mode numbers or gyros, a run driven throughout (but for
-    `working-mode`).
+    The likelihood of u' = L u, L = −ν − νδμ R(2mθ_μ) + jδω R(2mθ_ω) + KΩ J (PHYSICS §0), on the
+    envelopes of all runs at their stated noise; the other methods are those of seed A.
+
+    Parameters
+    ----------
+    waves
+        Run-downs of one gyro, each (n,) rows with angles in rad and times in s.
+
+    Returns
+    -------
+    Resonator
+        Frequency [Hz], ν and νδμ [1/s], δω [rad/s], axes [rad], K, their covariance, the checks.
+
+    Raises
+    ------
+    HrgError
+        No usable run, mixed mode numbers or gyros, a run driven throughout (but for `working-mode`).
+
+    Examples
+    --------
+    >>> from hrg_cli import collect, demodulate, estimate, identify, simulate
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "readout": {"noise": 1e-4},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 3.0},
+    ... }
+    >>> recording = collect(simulate(config, model="slow"))
+    >>> wave = collect(estimate(collect(demodulate(recording, periods_per_window=20))))
+    >>> value, std, units = identify([wave]).parameters()["damping_rate_1_s"]
+    >>> units, abs(value - 3.14159265 * 1000 / 20_000) < 5 * std
+    ('s-1', True)
     """
     waves = list(waves)
     if not waves:

@@ -46,7 +46,26 @@ def mismatch(
         float, Field(ge=0, description="time from a window's end until its signals are there")
     ] = 0.0,
 ) -> Mismatch:
-    """Mismatch signals of the good windows. HrgError: there is none."""
+    """Mismatch signals of the good windows: what control loops act on.
+
+    A₀ − a_A, a_B, φ and θ of each window (seed B's computing component), known half a window and the
+    computing time late.
+
+    Parameters
+    ----------
+    wave
+        A run, (n,) rows.
+
+    Returns
+    -------
+    Mismatch
+        A column (n,) a signal with its standard deviation, the delay [s], the noise densities.
+
+    Raises
+    ------
+    HrgError
+        There is no good window.
+    """
     good = np.asarray(wave.good())
     if not good.any():
         raise HrgError(

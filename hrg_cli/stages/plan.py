@@ -87,10 +87,29 @@ def plan(
         list[str], Field(description="causes to separate, beside those the diagnosis left open")
     ] = [],  # noqa: B006
 ) -> Plan:
-    """Choose runs of the menu by their Fisher information.
+    """Choose runs of a menu by their Fisher information.
 
-    known: the resonator, or a diagnosis with its open groups; made: waves measured already.
-    HrgError: an unknown cause, a wrong menu, nothing to separate.
+    Each run of the menu adds JᵀJ/σ² to the information of the open causes and the resonator; the runs
+    that separate the closest pair, or shrink the worst variance, are taken one after another.
+
+    Parameters
+    ----------
+    known
+        The resonator, or a diagnosis with its open groups.
+    menu
+        The feasible runs, as tables of a simulation file.
+    made
+        Waves measured already.
+
+    Returns
+    -------
+    Plan
+        The chosen runs with reasons, standard deviations before and after, and the simulation file.
+
+    Raises
+    ------
+    HrgError
+        An unknown cause, a wrong menu, nothing to separate.
     """
     mechanics = mechanics_of(known)
     sizes, groups = _open(known, causes)

@@ -34,6 +34,8 @@ ROWS_A_NODE = 5
 LARGEST_CONDITION = 1e6
 ON_GRID = 0.02
 """Part of a step by which rounded values may miss its multiples."""
+SPIKES_SUSPECT = 0.05
+"""Part of the rows that are spikes from which the table is suspect."""
 ROUNDING = 1e-12
 """Relative scatter that is rounding, not noise."""
 
@@ -85,30 +87,42 @@ def rate_table(
     ] = 6.0,
     gyro_id: Annotated[str, Field(description="the gyro")] = "",
 ) -> Calibration:
-    """K(T) and D(T) at nodes of temperature with the powers of the rate chosen on data not used,
-    spikes rejected and counted.
+    """K(T) and D(T) of any rate gyro from a table of dwells.
 
-    table: columns by name (a DataFrame serves). Held-out: every fifth of 25 stretches of rows.
-    Standard deviations are inflated by the correlation of neighbouring rows. HrgError: a missing
-    column, too few finite rows, one rate only.
+    output/nominal = K(T)Ω − D(T) + Σ c_p Ω^p at nodes of temperature, the powers chosen on data not
+    used (every fifth of 25 stretches of rows), spikes rejected and counted. Standard deviations are
+    inflated by the correlation of neighbouring rows.
+
+    Parameters
+    ----------
+    table
+        Columns (n,) by name (a DataFrame serves): output in any unit, rate [rad/s], temperature [°C].
+
+    Returns
+    -------
+    Calibration
+        D [rad/s] and K (nodes, 1).
+
+    Raises
+    ------
+    HrgError
+        A missing column, too few finite rows, one rate only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rate_table import rate_table
+    >>> rate = np.tile([-1.0, 0.0, 1.0], 40)
+    >>> output = 2.0 * rate + 0.01 + 1e-4 * np.random.default_rng(0).standard_normal(120)
+    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> bool(abs(tables.scale_factor[0, 0] - 1) < 1e-3), bool(abs(tables.drift_rad_s[0, 0] + 0.005) < 1e-3)
+    (True, True)
     """
-    y = _column(table, output)
-    omega = np.zeros(len(y)) if rate is None else _column(table, rate)
-    degc = np.zeros(len(y))
-    if temperature is not None:
-        word = _column(table, temperature)
-        if temperature_bits is not None:
-            word = np.where(
-                word >= 2.0 ** (temperature_bits - 1), word - 2.0**temperature_bits, word
-            )
-        degc = word * temperature_scale + temperature_offset_degc
-    good = np.isfinite(y) & np.isfinite(omega) & np.isfinite(degc)
-    if good.sum() < 10:
-        raise HrgError(
-            f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected;"
-            " check the columns' names and units"
-        )
-    y, omega, degc = y[good], omega[good], degc[good]
+    y, omega, degc = _rows(
+        table,
+        (output, rate, temperature),
+        (temperature_bits, temperature_scale, temperature_offset_degc),
+    )
     turning = bool(np.ptp(omega) > 0)
     if rate is not None and not turning:
         raise HrgError(
@@ -123,24 +137,23 @@ def rate_table(
         else np.zeros(1)
     )
     step = least_count(y)
-    keep = np.ones(len(y), bool)
-    too_many = 0
-    for _ in range(20):
+
+    def curve(keep: Array) -> tuple[list[int], dict[str, float], Array, Array]:
         powers, scores = _choose_powers(
             y[keep], omega[keep], degc[keep], nodes, interpolation, turning, largest_power
         )
         X = _design(omega, degc, nodes, interpolation, turning, powers)
-        fits = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+        return powers, scores, X, np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+
+    keep, too_many = np.ones(len(y), bool), 0
+    for _ in range(20):
+        powers, scores, X, fits = curve(keep)
         now = ~_spikes(X, y - X @ fits, keep, spike_sigma, step)
         if (now == keep).all():
             break
         if (~now).sum() > LARGEST_SHARE * len(y):
             too_many, keep = int((~now).sum()), np.ones(len(y), bool)
-            powers, scores = _choose_powers(
-                y, omega, degc, nodes, interpolation, turning, largest_power
-            )
-            X = _design(omega, degc, nodes, interpolation, turning, powers)
-            fits = np.linalg.lstsq(X, y, rcond=None)[0]
+            powers, scores, X, fits = curve(keep)
             break
         keep = now
     covariance = _covariance(X[keep], y[keep] - X[keep] @ fits, step)
@@ -181,7 +194,7 @@ def rate_table(
         correction="rate = (output/nominal_scale + D - sum c_p rate^p) / K",
         details=json.dumps(details),
     )
-    remarks, doubts = [], []
+    doubts = []
     if not np.isfinite(covariance).all():
         doubts.append(
             "the rows lie on the fitted curve to the last digit: what they scatter by cannot be"
@@ -194,6 +207,12 @@ def rate_table(
             " many are no spikes, and none was left out; the table's curve is not the gyro's: give"
             " a smaller node_spacing_degc, or more rows"
         )
+    return _remarked(record, keep, spike_sigma, turning).judged(doubts)
+
+
+def _remarked(record: Calibration, keep: Array, spike_sigma: float, turning: bool) -> Calibration:
+    """The record with what was left out and what it lacks; many spikes make it suspect."""
+    remarks = []
     if (~keep).any():
         remarks.append(
             f"{int((~keep).sum())} of {len(keep)} rows are spikes (beyond {spike_sigma:g} robust"
@@ -204,12 +223,9 @@ def rate_table(
             "the gyro did not turn: the table holds its bias only, the scale factor is the"
             " nominal one"
         )
-    record = (
-        record.judged(remarks)
-        if (~keep).mean() > 0.05
-        else record.replace(status_reasons=tuple(remarks))
-    )
-    return record.judged(doubts)
+    if (~keep).mean() > SPIKES_SUSPECT:
+        return record.judged(remarks)
+    return record.replace(status_reasons=tuple(remarks))
 
 
 def rate_of(record: Calibration, output: Array, temperature_degc: Array | float = 0.0) -> Array:
@@ -269,6 +285,35 @@ def summary(record: Calibration) -> dict[str, Any]:
 def is_rate_table(record: Calibration) -> bool:
     """Whether a calibration was made from a table of dwells."""
     return "nominal_scale" in json.loads(record.details)
+
+
+def _rows(
+    table: Mapping[str, Any],
+    names: tuple[str, str | None, str | None],
+    word: tuple[int | None, float, float],
+) -> tuple[Array, Array, Array]:
+    """Output, rate in rad/s and temperature in °C (n,) of the rows in which all are finite.
+
+    names: their columns, None: not there; word: bits of the temperature's two's complement or None,
+    its scale and its offset. HrgError: fewer than ten rows.
+    """
+    output, rate, temperature = names
+    y = _column(table, output)
+    omega = np.zeros(len(y)) if rate is None else _column(table, rate)
+    degc = np.zeros(len(y))
+    if temperature is not None:
+        bits, scale, offset = word
+        read = _column(table, temperature)
+        if bits is not None:
+            read = np.where(read >= 2.0 ** (bits - 1), read - 2.0**bits, read)
+        degc = read * scale + offset
+    good = np.isfinite(y) & np.isfinite(omega) & np.isfinite(degc)
+    if good.sum() < 10:
+        raise HrgError(
+            f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected;"
+            " check the columns' names and units"
+        )
+    return y[good], omega[good], degc[good]
 
 
 def _column(table: Mapping[str, Any], name: str) -> Array:

@@ -70,11 +70,40 @@ def simulate(
         int, Field(ge=1, description="samples a block of the stream; they do not depend on it")
     ] = 1_000_000,
 ) -> Iterator[Recording]:
-    """One run of a simulation file as a stream of recording blocks; memory does not grow with the
-    run's length.
+    """One run of a simulation file as a stream of recording blocks.
 
-    config: the file's tables; extra_effects: `Effect` objects beside the catalogue's. HrgError: a
-    wrong file, an unknown run.
+    The fast model integrates z'' + 2(N − KΩJ)z' + Wz = drive (PHYSICS §0) with exact propagators
+    between the samples; the slow model integrates the envelopes. Memory does not grow with the run's
+    length.
+
+    Parameters
+    ----------
+    config
+        The file's tables, e.g. from `settings.load_toml`; all frequencies in Hz, times in s, angles in
+        rad.
+    extra_effects
+        `Effect` objects beside the catalogue's.
+
+    Returns
+    -------
+    Iterator[Recording]
+        Blocks of samples (n,) of both channels, with the truth; `collect` joins them.
+
+    Raises
+    ------
+    HrgError
+        A wrong file, an unknown run.
+
+    Examples
+    --------
+    >>> from hrg_cli import collect, simulate
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 0.5},
+    ... }
+    >>> recording = collect(simulate(config, model="slow"))
+    >>> len(recording), recording.sample_rate_hz
+    (4000, 8000.0)
     """
     runs = {settings.run_id: settings for settings in runs_of(config)}
     if run is None and len(runs) > 1:
@@ -356,6 +385,7 @@ def start_of(settings: SimulationFile) -> tuple[Array, float]:
 
 
 def mechanics_of(settings: SimulationFile) -> Mechanics:
+    """The resonator of [device] at the reference temperature."""
     d = settings.device
     return Mechanics(
         d.frequency_hz, d.rate_1_s, d.split_1_s, d.damping_axis_rad, d.frequency_split, d.stiffness_axis_rad, d.scale_factor, d.mode_number
@@ -363,6 +393,7 @@ def mechanics_of(settings: SimulationFile) -> Mechanics:
 
 
 def courses_of(settings: SimulationFile) -> ThermalCourses:
+    """The courses of the resonator's parameters over temperature, [device.temperature]."""
     t = settings.device.temperature
 
     def course(given: Course) -> tuple[float, ...]:
@@ -379,6 +410,7 @@ def courses_of(settings: SimulationFile) -> ThermalCourses:
 
 
 def control_of(settings: SimulationFile) -> Control:
+    """The loops of [control]."""
     c = settings.control
     if c.mode == "free":
         return Control()

@@ -26,7 +26,13 @@ Course = float | list[float]
 class Table(BaseModel):
     """A table of the file: strict types, no unknown key, no NaN."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
 
 
 def _given(table: BaseModel, names: tuple[str, ...]) -> list[str]:
@@ -51,28 +57,46 @@ class DeviceTemperature(Table):
     """[device.temperature]: coefficients about the reference temperature."""
 
     reference_degc: float = 20.0
+    """Temperature at which [device] holds."""
     frequency_per_degc: Course = 0.0
+    """Relative change of the frequency a °C, or a °C, °C² …."""
     damping_rate_per_degc: Course = 0.0
+    """The same of the damping rate."""
     damping_split_per_degc: Course = 0.0
+    """The same of the damping split."""
     frequency_split_per_degc: Course = 0.0
+    """The same of the frequency split."""
     scale_factor_per_degc: Course = 0.0
+    """The same of K."""
 
 
 class Device(Table):
     """[device]: the resonator. One of quality_factor, time_constant_s, damping_rate_1_s; a split's size in either of its units."""
 
     frequency_hz: Positive
+    """Oscillation frequency."""
     quality_factor: Positive | None = None
+    """Q = πfτ."""
     time_constant_s: Positive | None = None
+    """Amplitude's time constant τ."""
     damping_rate_1_s: NotNegative | None = None
+    """ν = 1/τ."""
     damping_split: Annotated[float, Field(ge=-1, le=1)] | None = None
+    """δμ, relative to ν."""
     damping_split_1_s: float | None = None
+    """ν·δμ."""
     damping_axis_rad: float = 0.0
+    """θ_μ, axis of the largest damping."""
     frequency_split_rad_s: float | None = None
+    """δω = (ω_p − ω_q)/2."""
     frequency_split_hz: float | None = None
+    """Δf = δω/π."""
     stiffness_axis_rad: float = 0.0
+    """θ_ω, axis of the highest frequency."""
     scale_factor: float = 0.55
+    """K of m·dθ/dt = −K·Ω."""
     mode_number: Annotated[int, Field(ge=1, le=64)] = 2
+    """m: 2 for a shell, 1 for a pendulum."""
     temperature: DeviceTemperature = DeviceTemperature()
 
     @model_validator(mode="after")
@@ -121,9 +145,13 @@ class Start(Table):
     """[start]: the wave at t = 0."""
 
     amplitude: Positive = 1.0
+    """Main amplitude a_A."""
     quadrature: float = 0.0
+    """Quadrature amplitude a_B, signed."""
     wave_angle_rad: float = 0.0
+    """Wave angle θ."""
     phase_rad: float = 0.0
+    """Phase φ."""
 
     @model_validator(mode="after")
     def _order(self) -> Self:
@@ -139,18 +167,31 @@ class ReadoutTable(Table):
     """[readout]: electrodes, carrier, noise and converter."""
 
     kind: Literal["direct", "carrier"] = "direct"
+    """Pick-off by the displacement itself, or on a carrier."""
     carrier_hz: Positive | None = None
+    """Carrier frequency; needed with a carrier alone."""
     carrier_phase_rad: float = 0.0
+    """Carrier phase ψ."""
     model: Literal["linear", "full"] = "linear"
+    """Displacement as it is, or the electrodes' whole law."""
     gap: Positive | None = None
+    """The electrodes' gap in the amplitude's unit; needed with the full model alone."""
     law: Literal["alternating", "constant-voltage", "printed"] = "alternating"
+    """The electrodes' law."""
     electrode_gaps: Annotated[list[Positive], Field(min_length=8, max_length=8)] = [1.0] * 8
+    """Gap of each electrode, relative."""
     electrode_gains: Annotated[list[Positive], Field(min_length=8, max_length=8)] = [1.0] * 8
+    """Gain of each electrode, relative."""
     noise: NotNegative = 0.0
+    """Standard deviation of a sample."""
     adc_bits: Annotated[int, Field(ge=0, le=31)] = 0
+    """Bits of the converter; 0: none."""
     full_scale: Positive | None = None
+    """Value at which the converter saturates; 1.5 times the largest amplitude where not given, 3 times with a carrier."""
     clock_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
+    """Relative error of the sampling clock."""
     units: str = "1"
+    """Unit of the samples."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -185,16 +226,27 @@ class ControlTable(Table):
     """[control]: a free run-down, or the loops of a forced whole-angle run."""
 
     mode: Literal["free", "forced"] = "free"
+    """Run-down, or a driven whole-angle run."""
     amplitude: Positive | None = None
+    """Set amplitude; the start's where not given."""
     amplitude_gain_1_s: NotNegative = 5.0
+    """Proportional gain of the amplitude loop."""
     amplitude_integral_1_s2: NotNegative | None = None
+    """Its integral gain; a quarter of the gain's square where not given."""
     quadrature_loop: Literal["off", "finite", "spring"] = "off"
+    """How the quadrature is held: not, by force, or by an electric spring."""
     quadrature_gain_1_s: NotNegative | None = None
+    """Proportional gain of the quadrature loop; 5 where not given."""
     quadrature_integral_1_s2: NotNegative = 0.0
+    """Its integral gain."""
     drive: Literal["force", "parametric"] = "force"
+    """Force on electrodes, or one ring electrode (parametric)."""
     main_phase_error_rad: float = 0.0
+    """Phase error of the main force."""
     quadrature_phase_error_rad: float = 0.0
+    """Phase error of the quadrature force."""
     off_s: list[list[NotNegative]] = []
+    """Intervals [start, stop] in which the drive is off."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -224,13 +276,21 @@ class ElectronicsTable(Table):
     """
 
     periods_per_update: Annotated[int, Field(ge=1, le=100_000)] = 16
+    """Oscillation periods a demodulation window."""
     delay_periods: NotNegative = 0.0
+    """Delay from a window's end to the drive, in periods."""
     filter_hz: Positive | None = None
+    """Corner of the low-pass on the demodulated envelopes; none where not given."""
     phase_loop_hz: Positive = 1.0
+    """Natural frequency of the phase-locked loop, damping 1/√2."""
     drive_bits: Annotated[int, Field(ge=0, le=31)] = 0
+    """Bits of the drive's converter; 0: none."""
     drive_full_scale: Positive | None = None
+    """Force, amplitude a second, at which the drive's converter saturates."""
     drive_periods: Annotated[int, Field(ge=0, le=100_000)] = 0
+    """Periods of driving after each window of reading; 0: both at once."""
     spring_signal: Literal["quadrature", "phase_product"] = "quadrature"
+    """What the electric spring's loop acts on: a_B/a_A, or a_A a_B over the set amplitude's square."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -249,11 +309,17 @@ class NoiseTable(Table):
     """
 
     temperature_k: Positive | None = None
+    """Temperature of the Brownian force."""
     effective_mass_kg: Positive | None = None
+    """Modal mass."""
     metres_per_unit: Positive = 1.0
+    """Metres a unit of amplitude."""
     readout_corner_hz: NotNegative = 0.0
+    """Corner of the 1/f read-out noise about the resonance."""
     drive_density: NotNegative = 0.0
+    """Drive noise, amplitude/s/√Hz, one-sided."""
     drive_corner_hz: NotNegative = 0.0
+    """Corner of its 1/f part."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -270,7 +336,9 @@ class SpringTable(Table):
     """[spring]: a constant electric spring that softens along an axis: δω·e^{2jmθ_ω} less size·e^{2jm·axis}, f less size/2π."""
 
     size_rad_s: float
+    """Size of the spring."""
     axis_rad: float
+    """Axis that it softens."""
 
 
 class Ramp(Table):
@@ -278,9 +346,13 @@ class Ramp(Table):
 
     kind: Literal["ramp"]
     start_degc: float
+    """First temperature."""
     stop_degc: float
+    """Last temperature."""
     begin_s: NotNegative = 0.0
+    """Time at which it begins."""
     end_s: Positive | None = None
+    """Time at which it ends; the run's end where not given."""
 
 
 class Soak(Table):
@@ -288,8 +360,11 @@ class Soak(Table):
 
     kind: Literal["soak"]
     levels_degc: Annotated[list[float], Field(min_length=1)]
+    """The levels."""
     dwell_s: Positive
+    """Time at each."""
     transition_s: Positive
+    """Time between two."""
 
 
 class Cycle(Table):
@@ -297,9 +372,13 @@ class Cycle(Table):
 
     kind: Literal["cycle"]
     low_degc: float
+    """Lowest temperature."""
     high_degc: float
+    """Highest temperature."""
     period_s: Positive
+    """Time of a cycle."""
     shape: Literal["sine", "triangle"] = "triangle"
+    """Form of a cycle."""
 
 
 def _same_and_rising(time_s: list[float], values: list[float], name: str) -> None:
@@ -317,7 +396,9 @@ class TemperaturePoints(Table):
 
     kind: Literal["points"]
     time_s: Annotated[list[float], Field(min_length=1)]
+    """Times of the points, rising."""
     temperature_degc: list[float]
+    """Their temperatures."""
 
     @model_validator(mode="after")
     def _matched(self) -> Self:
@@ -331,7 +412,9 @@ class RatePoints(Table):
 
     kind: Literal["points"]
     time_s: Annotated[list[float], Field(min_length=1)]
+    """Times of the points, rising."""
     rate_rad_s: list[float]
+    """Their rates."""
 
     @model_validator(mode="after")
     def _matched(self) -> Self:
@@ -344,8 +427,11 @@ class Steps(Table):
 
     kind: Literal["steps"]
     levels_rad_s: Annotated[list[float], Field(min_length=1)]
+    """The levels."""
     dwell_s: Positive
+    """Time at each."""
     transition_s: Positive = 0.02
+    """Time between two."""
 
 
 class Sine(Table):
@@ -353,8 +439,11 @@ class Sine(Table):
 
     kind: Literal["sine"]
     amplitude_rad_s: float
+    """Amplitude of the rate."""
     frequency_hz: Positive
+    """Its frequency."""
     phase_rad: float = 0.0
+    """Its phase."""
 
 
 class Sweep(Table):
@@ -362,21 +451,30 @@ class Sweep(Table):
 
     kind: Literal["sweep"]
     maximum_rad_s: float
+    """Largest rate."""
     period_s: Positive | None = None
+    """Time of a sweep; the run's length where not given."""
 
 
 class EnvironmentTable(Table):
     """[environment]: a constant, or a programme that takes its place (temperature) or is added to it (rate)."""
 
     temperature_degc: float = 20.0
+    """Constant temperature."""
     temperature: (
         Annotated[Ramp | Soak | Cycle | TemperaturePoints, Field(discriminator="kind")] | None
     ) = None
+    """Programme in place of the constant temperature."""
     rate_rad_s: float = 0.0
+    """Constant rate about the sensitive axis."""
     rate: Annotated[Steps | Sine | Sweep | RatePoints, Field(discriminator="kind")] | None = None
+    """Programme added to the constant rate."""
     earth_latitude_rad: Annotated[float, Field(ge=-math.pi / 2, le=math.pi / 2)] | None = None
+    """Latitude: the vertical axis sees the Earth's rate times its sine."""
     earth_rate_rad_s: float | None = None
+    """The Earth's rate about the sensitive axis, given outright."""
     earth_logged: bool = True
+    """Whether the logged rate holds the Earth's."""
 
     @model_validator(mode="after")
     def _one_earth(self) -> Self:
@@ -388,11 +486,17 @@ class RecordingTable(Table):
     """[recording]: length, rates, names and the numbers' type."""
 
     sample_rate_hz: Positive
+    """Samples a second."""
     duration_s: Positive
+    """Length of the run."""
     log_rate_hz: Positive = 100.0
+    """Rows a second of the auxiliary log."""
     samples: Literal["float64", "float32"] = "float64"
+    """Type of the numbers in the file."""
     gyro_id: str = "SIM"
+    """The gyro."""
     lot_id: str = ""
+    """The lot."""
 
 
 class SimulationFile(Table):
@@ -408,7 +512,9 @@ class SimulationFile(Table):
     environment: EnvironmentTable = EnvironmentTable()
     recording: RecordingTable
     effects: dict[str, dict[str, float | str | bool]] = {}
+    """Effects by name with their parameters (the table of effects)."""
     run_id: Annotated[str, Field(pattern=r"^[^/\\\s]+$")] = "run"
+    """Name of the run."""
 
     @model_validator(mode="after")
     def _fast_enough(self) -> Self:

@@ -172,6 +172,7 @@ def _glob_escape(name: str) -> str:
 
 
 def write_error(error: OSError, path: Path) -> HrgError:
+    """The sentence of a write that the system refused."""
     if error.errno == errno.ENOSPC or "No space left" in str(error):
         return DiskFullError(f"{path}: the disk is full; free space or choose another --output")
     if error.errno in (errno.EFBIG, errno.EDQUOT) or "File too large" in str(error):

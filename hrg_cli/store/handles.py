@@ -63,41 +63,48 @@ class Handle:
 def _open(path: Path) -> h5py.File:
     """The file for reading; every way that opening fails is a sentence."""
     try:
-        if not path.exists():
-            raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
-        if path.is_dir():
-            raise HrgError(f"{path}: is a folder; name a file in it")
-        if not path.is_file():
-            raise HrgError(f"{path}: is a device, pipe or socket; name a file")
-        if not os.access(path, os.R_OK):
-            raise HrgError(f"{path}: no right to read it; ask for read access")
-        if path.stat().st_size == 0:
-            raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
+        _need_readable(path)
         check_heaps(path)
     except (OSError, ValueError) as error:
         raise read_error(error, path) from error
     try:
         return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
-    except BlockingIOError as error:
-        raise HrgError(
-            f"{path}: is being written by another program; wait until it is closed"
-        ) from error
     except (OSError, RuntimeError, KeyError, ValueError) as error:
-        if "truncated" in str(error):
-            raise HrgError(
-                f"{path}: is truncated ({path.stat().st_size} bytes are there); copy or record it"
-                " again"
-            ) from error
-        if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
-            raise read_error(error, path) from error
-        if not h5py.is_hdf5(path):
-            raise HrgError(
-                f"{path}: is not an HDF5 file; for a log in another format run `hrg import"
-                f" {path.name}` first"
-            ) from error
-        raise HrgError(
-            f"{path}: cannot be opened as HDF5 ({first_line(error)}); copy or record it again"
-        ) from error
+        raise _open_error(error, path) from error
+
+
+def _need_readable(path: Path) -> None:
+    """HrgError: there is no file of this name, or none that can be read."""
+    if not path.exists():
+        raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
+    if path.is_dir():
+        raise HrgError(f"{path}: is a folder; name a file in it")
+    if not path.is_file():
+        raise HrgError(f"{path}: is a device, pipe or socket; name a file")
+    if not os.access(path, os.R_OK):
+        raise HrgError(f"{path}: no right to read it; ask for read access")
+    if path.stat().st_size == 0:
+        raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
+
+
+def _open_error(error: Exception, path: Path) -> HrgError:
+    """The sentence for a file that HDF5 does not open."""
+    if isinstance(error, BlockingIOError):
+        return HrgError(f"{path}: is being written by another program; wait until it is closed")
+    if "truncated" in str(error):
+        return HrgError(
+            f"{path}: is truncated ({path.stat().st_size} bytes are there); copy or record it again"
+        )
+    if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
+        return read_error(error, path)
+    if not h5py.is_hdf5(path):
+        return HrgError(
+            f"{path}: is not an HDF5 file; for a log in another format run `hrg import"
+            f" {path.name}` first"
+        )
+    return HrgError(
+        f"{path}: cannot be opened as HDF5 ({first_line(error)}); copy or record it again"
+    )
 
 
 def read_error(error: Exception, path: Path, what: str = "") -> HrgError:

@@ -14,10 +14,12 @@ BY_NAME = {cls.kind: cls for cls in KINDS}
 
 
 def place_of(kind: type[Record], field_name: str, spec: Column) -> str:
+    """Where a column of a kind stands in the file, e.g. /wave/time_s."""
     return f"{spec.group or '/' + kind.kind}/{spec.name or field_name}"
 
 
 def default_of(field_name: str, spec: Column) -> Any:
+    """The value of an optional column that a file does not have."""
     for cls in KINDS:
         for f in dataclasses.fields(cls):
             if f.metadata.get("column") is spec:

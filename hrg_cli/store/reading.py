@@ -53,8 +53,35 @@ def open_record(path: Path | str, kind: type[AnyRecord]) -> Iterator[AnyRecord]:
 
 
 def read(path: Path | str, kind: type[AnyRecord]) -> AnyRecord:
-    """The record of `path`, whole, in memory. HrgError: not that kind, damaged, a missing or
-    ill-shaped dataset, a wrong unit."""
+    """The record of a file, whole, in memory.
+
+    Parameters
+    ----------
+    path
+        An hrg file (HDF5).
+    kind
+        The record it must hold, e.g. `Wave`.
+
+    Returns
+    -------
+    Record
+        Of that kind, every column checked against its declaration.
+
+    Raises
+    ------
+    HrgError
+        Not that kind, damaged, a missing or ill-shaped dataset, a wrong unit.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> _ = store.write(path, Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free"))
+    >>> store.read(path, Recording).s.tolist()
+    [1.0, 1.0, 1.0]
+    """
     with _opened(Path(path)) as file:
         return _record(file, Path(path), kind)
 
@@ -140,7 +167,7 @@ def _record(
     for field_name, spec in kind.columns().items():
         place = place_of(kind, field_name, spec)
         if spec.dims is None:
-            values[field_name] = _read_attribute(file, path, place, field_name, spec, values)
+            values[field_name] = _read_attribute(file, path, place, field_name, spec)
             continue
         dataset = file.get(place)
         if dataset is None:
@@ -178,9 +205,7 @@ def _excused(opened: Handle | h5py.File, kind: type[Record], key: Any) -> np.nda
     return excused if iterations is None else excused | (np.asarray(iterations[key]) < 0)
 
 
-def _read_attribute(
-    file: h5py.File, path: Path, place: str, field_name: str, spec: Column, values: dict[str, Any]
-) -> Any:
+def _read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spec: Column) -> Any:
     group, _, name = place.rpartition("/")
     holder = file.get(group)
     if holder is None or name not in holder.attrs:
@@ -221,6 +246,28 @@ def _read_dataset(
     lazy: Handle | None,
     excused: Callable[[Any], np.ndarray] | None,
 ) -> Any:
+    _need_declared(dataset, path, place, spec)
+    _need_lengths(dataset, path, place, spec, sizes)
+    _need_stored(dataset, path, place)
+    if lazy is not None:
+        return CheckedColumn(lazy, dataset, place, spec, excused)
+    _need_room(dataset, path, place)
+    if spec.dtype == "str":
+        _need_short_texts(dataset, path, place)
+        return np.array([_text(v) for v in dataset[()].ravel()], dtype=object).reshape(
+            dataset.shape
+        )
+    found = dataset[()]
+    problem = values_problem(
+        found, spec, 0, None if excused is None else lambda: excused(slice(None))
+    )
+    if problem is not None:
+        raise HrgError(f"{path}: dataset {place} {problem}; make the file again or record it again")
+    return found if spec.dtype == "raw" else np.asarray(found, dtype=spec.dtype)
+
+
+def _need_declared(dataset: Any, path: Path, place: str, spec: Column) -> None:
+    """HrgError: the dataset has not the dimensions, type or unit of its declaration."""
     assert spec.dims is not None
     if not isinstance(dataset, h5py.Dataset):
         raise HrgError(f"{path}: {place} is a group, a dataset was expected")
@@ -242,7 +289,14 @@ def _read_dataset(
             f"{path}: dataset {place} has units {_text(units)!r}, {spec.units!r} was expected;"
             " convert it and write the file again"
         )
-    for dim, size in zip(spec.dims, dataset.shape):
+
+
+def _need_lengths(
+    dataset: h5py.Dataset, path: Path, place: str, spec: Column, sizes: dict[str, tuple[int, str]]
+) -> None:
+    """HrgError: a dimension is as long in no other dataset, or of an impossible length; `sizes`
+    learns the others."""
+    for dim, size in zip(spec.dims or (), dataset.shape):
         known, where = sizes.setdefault(dim.removesuffix("_2"), (size, place))
         if known != size:
             raise HrgError(
@@ -252,22 +306,6 @@ def _read_dataset(
         problem = size_problem(dim, size)
         if problem is not None:
             raise HrgError(f"{path}: dataset {place} {problem}; make the file again")
-    _need_stored(dataset, path, place)
-    if lazy is not None:
-        return CheckedColumn(lazy, dataset, place, spec, excused)
-    _need_room(dataset, path, place)
-    if spec.dtype == "str":
-        _need_short_texts(dataset, path, place)
-        return np.array([_text(v) for v in dataset[()].ravel()], dtype=object).reshape(
-            dataset.shape
-        )
-    found = dataset[()]
-    problem = values_problem(
-        found, spec, 0, None if excused is None else lambda: excused(slice(None))
-    )
-    if problem is not None:
-        raise HrgError(f"{path}: dataset {place} {problem}; make the file again or record it again")
-    return found if spec.dtype == "raw" else np.asarray(found, dtype=spec.dtype)
 
 
 def _need_room(dataset: h5py.Dataset, path: Path, place: str) -> None:

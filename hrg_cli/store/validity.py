@@ -62,7 +62,7 @@ def values_problem(
             )
     known = np.isfinite(values) if values.dtype.kind == "f" else None
     if known is not None and not known.all():
-        problem = _not_finite(values, known, valid, first_row, excused)
+        problem = _not_finite(values, valid, first_row, excused)
         if problem is not None:
             return problem
     with np.errstate(invalid="ignore"):
@@ -89,7 +89,7 @@ def values_problem(
 
 
 def _not_finite(
-    values: Array, known: Array, valid: Valid, first_row: int, excused: Callable[[], Array] | None
+    values: Array, valid: Valid, first_row: int, excused: Callable[[], Array] | None
 ) -> str | None:
     if not valid.infinite:
         place = _first(np.isinf(values))

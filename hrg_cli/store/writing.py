@@ -56,12 +56,43 @@ def write(
     force: bool = False,
     finish: Any = None,
 ) -> AnyRecord:
-    """Write a record, or a stream of records block by block, to `path`; return the last record (a
-    stream's: its last block).
+    """Write a record, or a stream of records block by block, whole or not at all.
 
-    finish: called with the last record before closing; returns it with provenance and status
-    complete. HrgError: the folder is missing or not writable, the output exists (unless `force`),
-    the disk is full; then no output exists.
+    Parameters
+    ----------
+    path
+        The file to make.
+    stream
+        A record, or blocks of one kind.
+    force
+        Replace an existing file.
+    finish
+        Called with the last record before closing; returns it with provenance and status complete.
+
+    Returns
+    -------
+    Record
+        The last record (a stream's: its last block).
+
+    Raises
+    ------
+    HrgError
+        The folder is missing or not writable, the output exists (unless `force`), the disk is full;
+        then no output exists.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> record = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> store.write(path, record).status
+    'valid'
+    >>> store.write(path, record)
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: ...
     """
     with atomic_path(path, force) as temporary:
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
@@ -218,7 +249,7 @@ def _finish(file: h5py.File, record: Record) -> None:
             if group not in file and value == default_of(field_name, spec):
                 continue
             holder = file[group] if group in file else file.create_group(group)
-            holder.attrs[name] = _attribute_text(file, value) if isinstance(value, str) else value
+            holder.attrs[name] = _attribute_text(value) if isinstance(value, str) else value
         elif spec.dims[0] not in GROWING and place in file:
             if file[place].shape == np.shape(value) and spec.dtype != "str":
                 file[place][...] = value
@@ -234,16 +265,16 @@ def _finish(file: h5py.File, record: Record) -> None:
     file.attrs["kind"] = record.kind
     file.attrs["generated_by"] = provenance.generated_by or f"hrg {__version__}"
     file.attrs["created"] = provenance.created or created_now()
-    file.attrs["history"] = _attribute_text(file, "\n".join(provenance.history))
-    file.attrs["settings"] = _attribute_text(file, provenance.settings)
+    file.attrs["history"] = _attribute_text("\n".join(provenance.history))
+    file.attrs["settings"] = _attribute_text(provenance.settings)
     file.attrs["sources"] = json.dumps([dataclasses.asdict(s) for s in provenance.sources])
     file.attrs["status"] = record.status
     file.attrs["status_reasons"] = _attribute_text(
-        file, json.dumps(list(record.status_reasons), ensure_ascii=False)
+        json.dumps(list(record.status_reasons), ensure_ascii=False)
     )
 
 
-def _attribute_text(file: h5py.File, text: str) -> Any:
+def _attribute_text(text: str) -> Any:
     """An attribute holds 64 kB at the most in the old format; longer texts are cut with a word that
     says so."""
     limit = 60_000

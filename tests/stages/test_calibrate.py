@@ -8,8 +8,8 @@ from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import joint
-from hrg_cli.stages import calibrate as stage
 from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibration import chosen
 from hrg_cli.stages.calibration.table import standard_deviations, values
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "bootstrap": 0}
@@ -88,7 +88,7 @@ def test_without_noise_the_tables_are_the_truth():
 def test_held_out_drift_is_near_what_the_true_coefficients_leave(monkeypatch):
     """The truth's own residual, in the same cells, is the yardstick."""
     caught = {}
-    original = stage.cells
+    original = chosen.cells
 
     def spy(fitted, whole, held, folds):
         layout = fitted.layout
@@ -103,7 +103,7 @@ def test_held_out_drift_is_near_what_the_true_coefficients_leave(monkeypatch):
         )[1]
         return original(fitted, whole, held, folds)
 
-    monkeypatch.setattr(stage, "cells", spy)
+    monkeypatch.setattr(chosen, "cells", spy)
     ratios = []
     for seed in range(4):
         truth = Truth(seed)

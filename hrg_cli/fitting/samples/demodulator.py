@@ -255,6 +255,14 @@ class Demodulator:
             "flags": np.zeros(rows, "u1")
         }
 
+    def _widen_clipped(self, out: Rows, rows: slice, k: int, columns: slice) -> None:
+        """Standard deviations of channel k's clipped windows without the colour's discount: a
+        clipped top bends the signal itself, not its harmonics alone."""
+        if self._colour is None or not self._colour[k].min() < 1:
+            return
+        clipped = out["flags"][rows] & FLAG_CLIPPED != 0
+        out["signals_std"][rows, columns][clipped] /= np.sqrt(self._colour[k].min())
+
     def fill(
         self, fits: Fits, times: Array, local_hz: float, keep: slice, out: Rows, rows: slice
     ) -> None:
@@ -335,11 +343,5 @@ class Demodulator:
                     np.sqrt(np.broadcast_to(sample2[:, 0] * p[:, 0], len(u[k])))[judged],
                 )
             np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])
-            if self._colour is not None and self._colour[k].min() < 1:
-                clipped = (
-                    out["flags"][rows] & FLAG_CLIPPED != 0
-                )  # a clipped top bends the signal itself, not its harmonics alone
-                out["signals_std"][rows, first : first + 2 * tones][clipped] /= np.sqrt(
-                    self._colour[k].min()
-                )
+            self._widen_clipped(out, rows, k, slice(first, first + 2 * tones))
         out["time_s"][rows] = times[keep]

@@ -8,12 +8,33 @@ from ...records import Array
 
 
 def allan_deviation(rate: Array, interval_s: float, points: int = 40) -> tuple[Array, Array, Array]:
-    """Overlapping Allan deviation: σ²(nτ₀) = ⟨(θ_{k+2n} − 2θ_{k+n} + θ_k)²⟩ / 2(nτ₀)², θ the
-    integral of the rate (IEEE Std 952, annex C).
+    """Overlapping Allan deviation of a rate.
 
-    rate (n,) in any unit, interval_s the spacing; averaging times spread evenly in logarithm up to
-    a third of the record. Returns averaging times [s], deviations in the rate's unit, and their
-    relative standard errors 1/√(2(N/n − 1)). Fewer than 9 values: empty.
+    σ²(nτ₀) = ⟨(θ_{k+2n} − 2θ_{k+n} + θ_k)²⟩/2(nτ₀)², θ the integral of the rate (IEEE Std 952,
+    annex C).
+
+    Parameters
+    ----------
+    rate
+        (n,) in any unit.
+    interval_s
+        Their spacing.
+    points
+        Averaging times at most, spread evenly in logarithm up to a third of the record.
+
+    Returns
+    -------
+    tuple of ndarray
+        Averaging times [s], deviations in the rate's unit, their relative standard errors
+        1/√(2(N/n − 1)); empty for fewer than 9 values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.allan import allan_deviation
+    >>> time_s, deviation, _ = allan_deviation(np.random.default_rng(0).standard_normal(10_000), 1.0)
+    >>> float(time_s[0]), bool(abs(deviation[0] - 1) < 0.05)
+    (1.0, True)
     """
     count = len(rate)
     if count < 9:

@@ -78,10 +78,10 @@ def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
     covariance = np.diag((2 * variance * relative) ** 2)
     weights = _filters(time, interval_s, len(rate))
     for _ in range(ROUNDS):
-        root = _root(covariance, variance)
+        root = _root(covariance)
         squares = nnls(root @ design, root @ variance)[0] * unit
         covariance = _covariance(squares, weights, interval_s)
-    root = _root(covariance, variance)
+    root = _root(covariance)
     white, target = root @ design, root @ variance
     found: dict[str, Coefficient] = {}
     kept = list(range(len(NAMES)))
@@ -126,7 +126,7 @@ def _coefficient(square: float, std: float) -> Coefficient:
     return Coefficient(0.0, high / ONE_SIDED_95, 0.0, high)
 
 
-def _root(covariance: Array, variance: Array) -> Array:
+def _root(covariance: Array) -> Array:
     """W with WᵀW = covariance⁻¹; directions known better than 1e-6 of the variances are taken as so
     known."""
     scale = np.sqrt(np.diag(covariance))

@@ -328,6 +328,8 @@ class Coarse:
     width_s: float
 
     def bands(self, q: float) -> Array:
+        """Covariance (2, n) of neighbouring increments for a random walk of density q: diagonal and
+        first off-diagonal."""
         bands = np.zeros((2, len(self.interval_s)))
         bands[0] = 2 * self.white + q * (self.interval_s - self.width_s / 3)
         bands[1, :-1] = -self.white + q * self.width_s / 6

@@ -225,10 +225,7 @@ def _with_free_runs(
     solution = solve(A, b, final)
     models = [
         final,
-        *(
-            Model(name, _without(final.matrix, joint.layout, columns, kind))
-            for name, (columns, kind) in groups.items()
-        ),
+        *(Model(name, _without(final.matrix, columns)) for name, (columns, _) in groups.items()),
     ]
     whole, held = predictions(joint, models, folds)
     used, unseen = (of_runs(c, len(forced.paths)) for c in cells(joint, whole, held, folds))
@@ -356,7 +353,7 @@ def _along_nodes(all_nodes: Array, common: Array) -> Array:
     return np.asarray(u[:, s > 1e-9])
 
 
-def _without(matrix: Array, layout: Layout, columns: Array, kind: str) -> Array:
+def _without(matrix: Array, columns: Array) -> Array:
     """The model's space with a group of directions taken out."""
     rest = matrix - columns @ np.linalg.pinv(columns) @ matrix
     u, s, _ = np.linalg.svd(rest, full_matrices=False)

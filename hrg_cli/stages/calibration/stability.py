@@ -184,7 +184,7 @@ def _scatter(offsets: Array, covariances: Sequence[Array]) -> dict[str, float]:
 
 
 def harmonic_name(layout: Layout, kind: str, k: int) -> str:
-    """ "drift 8θ", "scale factor constant"."""
+    """Name of a harmonic: "drift 8θ", "scale factor constant"."""
     return (
         f"{'drift' if kind == 'drift' else 'scale factor'}"
         f" {f'{2 * layout.mode_number * k}θ' if k else 'constant'}"

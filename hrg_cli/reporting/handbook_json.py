@@ -1,0 +1,96 @@
+"""The documentation of what commands print with --json, and its JSON schema, made from the models
+of `json_shapes`."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any, Union
+
+from pydantic import TypeAdapter
+
+from .json_shapes import SHAPES, Common
+from .text import first_paragraph
+
+WORDS = {
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+    "boolean": "true or false",
+    "null": "null",
+}
+
+
+def schema(command: str) -> dict[str, Any]:
+    """The JSON schema of a command's object."""
+    shapes = SHAPES[command]
+    whole: Any = shapes[0] if len(shapes) == 1 else Union[shapes]  # noqa: UP007
+    return TypeAdapter(whole).json_schema(by_alias=True)
+
+
+def schemas() -> str:
+    """The schemas of all commands as one JSON text: command -> schema."""
+    every = {command: schema(command) for command in SHAPES}
+    return json.dumps(every, indent=1, ensure_ascii=False) + "\n"
+
+
+def common_keys() -> str:
+    """The keys that every command's object has."""
+    return _keys(Common.model_json_schema(), set())
+
+
+def commands() -> str:
+    """Every command's own keys, its tables linked."""
+    parts = []
+    for command, shapes in SHAPES.items():
+        parts.append(f"### hrg {command}")
+        for shape in shapes:
+            about = re.sub(rf"`hrg {command}`[.:]?\s*", "", first_paragraph(shape.__doc__), count=1)
+            if about:
+                parts.append(f"{about[:1].upper()}{about[1:]}")
+            own = shape.model_json_schema(by_alias=True)
+            parts.append(_keys(own, set(Common.model_fields)))
+    return "\n\n".join(parts)
+
+
+def tables() -> str:
+    """Every table that the commands' objects hold, once."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for shapes in SHAPES.values():
+        for shape in shapes:
+            found |= shape.model_json_schema(by_alias=True).get("$defs", {})
+    return "\n\n".join(
+        f"### {name}\n\n{first_paragraph(found[name].get('description'))}\n\n"
+        + _keys(found[name], set())
+        for name in sorted(found)
+    )
+
+
+def _keys(table: Mapping[str, Any], without: set[str]) -> str:
+    rows = ["| key | value | meaning |", "|---|---|---|"]
+    for name, entry in table["properties"].items():
+        if name in without:
+            continue
+        absent = "" if name in table.get("required", []) else " (may be absent)"
+        meaning = first_paragraph(entry.get("description"))
+        cells = (f"`{name}`{absent}", kind_of(entry), meaning)
+        rows.append("| " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
+    return "\n".join(rows) if len(rows) > 2 else "The common keys alone."
+
+
+def kind_of(entry: Mapping[str, Any]) -> str:
+    """What a key holds, its tables linked."""
+    if "$ref" in entry:
+        name = entry["$ref"].rpartition("/")[2]
+        return f"[{name}](#{name.lower()})"
+    if "anyOf" in entry:
+        return " or ".join(kind_of(one) for one in entry["anyOf"])
+    if "enum" in entry or "const" in entry:
+        return ", ".join(f'"{word}"' for word in entry.get("enum", [entry.get("const")]))
+    if entry.get("type") == "array":
+        return f"list of: {kind_of(entry['items'])}" if entry.get("items") else "list"
+    if entry.get("type") == "object":
+        inner = entry.get("additionalProperties")
+        return f"by name: {kind_of(inner)}" if isinstance(inner, Mapping) and inner else "table"
+    return WORDS.get(entry.get("type", ""), "any value")

@@ -1,0 +1,209 @@
+"""The tables of TOML keys in the documentation, made from the models that check the files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from typing import Any
+
+from ..settings import model_of
+from .text import first_paragraph
+
+FUNCTIONS = {
+    "import": [("import", "formats", "import_log"), ("envelope", "formats", "import_envelope")],
+    "simulate": [("simulate", "stages.simulate", "simulate")],
+    "calibrate": [
+        ("calibrate", "stages.calibrate", "calibrate"),
+        ("calibrate", "stages.rate_table", "rate_table"),
+    ],
+    "plan": [("plan", "stages.plan", "plan")],
+    "forecast": [("forecast", "stages.forecast", "forecast")],
+    "mismatch": [("mismatch", "stages.mismatch", "mismatch")],
+    "export": [("export", "exporting", "export")],
+    "report": [("report", "commands.report", "report")],
+    "rehearse": [("rehearse", "stages.rehearse", "rehearse")],
+    "study": [
+        (f"{name}_study", f"studies.{name}", f"{name}_study")
+        for name in ("gauss_newton", "redundancy", "identification", "diagnosis", "recovery")
+    ],
+}
+"""Command -> its tables: (name in the TOML, module, function whose signature is the model)."""
+ALTERNATIVES = {
+    "import_envelope": "with `--envelope`",
+    "rate_table": "of a table of dwells of any rate gyro",
+}
+"""When a second function of a command takes the settings."""
+
+
+def tables_of_command(name: str) -> list[tuple[str, Callable[..., Any]]]:
+    """(Table, function) of every table of settings that a command reads; none: it has no
+    settings."""
+    from ..pipeline import STAGES
+
+    if name in FUNCTIONS:
+        return [
+            (table, getattr(import_module(f"hrg_cli.{module}"), function))
+            for table, module, function in FUNCTIONS[name]
+        ]
+    return [(name, STAGES[name].function())] if name in STAGES else []
+
+
+def command_settings() -> str:
+    """Every key of every command's table."""
+    from ..cli import COMMANDS
+
+    parts = []
+    for command in COMMANDS:
+        for table, function in tables_of_command(command):
+            schema = model_of(function).model_json_schema()
+            if not schema["properties"]:
+                continue
+            when = ALTERNATIVES.get(function.__name__)
+            parts.append(
+                f"### `hrg {command}`: `[{table}]`{f' {when}' if when else ''}\n\n"
+                + _keys(schema, schema.get("$defs", {}))
+            )
+    return "\n\n".join(parts)
+
+
+def simulation_file() -> str:
+    """Every table and key of a simulation file."""
+    from ..stages.simulation_file import SimulationFile
+
+    return _tables(SimulationFile)
+
+
+def lot_file() -> str:
+    """Every table and key of a lot's file."""
+    from ..lots.lot_settings import LotSettings
+
+    return _tables(LotSettings)
+
+
+def _tables(model: Any) -> str:
+    """A file's model: the keys at its top, then each table by its dotted name."""
+    schema = model.model_json_schema(by_alias=True)
+    defs = schema["$defs"]
+    tables = list(_nested(schema, defs, ""))
+    top = {
+        name: entry
+        for name, entry in schema["properties"].items()
+        if name.split(".")[0] not in {place.split(".")[0].strip("[]") for place, _ in tables}
+    }
+    parts = [_keys({**schema, "properties": top}, defs)] if top else []
+    for place, table in tables:
+        text = first_paragraph(table.get("description")).replace(f"{place}: ", "", 1)
+        parts.append(f"### `{place}`\n\n{text[:1].upper()}{text[1:]}\n\n{_keys(table, defs)}")
+    return "\n\n".join(parts)
+
+
+def _nested(
+    table: Mapping[str, Any], defs: Mapping[str, Any], prefix: str
+) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """(Place, schema) of the tables below a table: `[device.temperature]`, `[[gyro]]`,
+    `[runs.NAME]`."""
+    for name, entry in table["properties"].items():
+        for place, below in _models(entry, defs, f"{prefix}{name}"):
+            kind = below["properties"].get("kind", {}).get("const")
+            choice = f' with kind = "{kind}"' if kind else ""
+            yield (f"[[{place}]]" if entry.get("type") == "array" else f"[{place}]") + choice, below
+            yield from _nested(below, defs, f"{place}.")
+
+
+def _models(
+    entry: Mapping[str, Any], defs: Mapping[str, Any], place: str
+) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """The models that a key's value may be, with the place where they stand."""
+    if "$ref" in entry:
+        yield place, defs[entry["$ref"].rpartition("/")[2]]
+    for one in [*entry.get("anyOf", []), *entry.get("oneOf", [])]:
+        yield from _models(one, defs, place)
+    if entry.get("type") == "array":
+        yield from _models(entry["items"], defs, place)
+    if isinstance(entry.get("additionalProperties"), Mapping):
+        yield from _models(entry["additionalProperties"], defs, f"{place}.NAME")
+
+
+def _keys(table: Mapping[str, Any], defs: Mapping[str, Any]) -> str:
+    rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
+    needed = table.get("required", [])
+    for name, entry in table["properties"].items():
+        if (name == "kind" and "const" in entry) or list(_models(entry, defs, "")):
+            continue
+        meaning = first_paragraph(entry.get("description"))
+        cells = (f"`{name}`", value_of(entry), _default(entry, name in needed), meaning)
+        rows.append("| " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
+    return "\n".join(rows) if len(rows) > 2 else "Tables alone."
+
+
+WORDS = {
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+    "boolean": "true or false",
+    "object": "table",
+}
+
+
+def value_of(entry: Mapping[str, Any]) -> str:
+    """What a key takes, from its JSON schema: type, choices, bounds."""
+    if "anyOf" in entry:
+        kinds = [value_of(one) for one in entry["anyOf"] if one.get("type") != "null"]
+        return " or ".join(dict.fromkeys(kinds))
+    if "enum" in entry or "const" in entry:
+        return ", ".join(f'"{word}"' for word in entry.get("enum", [entry.get("const")]))
+    if entry.get("type") == "array":
+        low, high = entry.get("minItems"), entry.get("maxItems")
+        count, rest = (
+            (f"{low} ", "") if low and low == high else ("", ", one or more" if low else "")
+        )
+        return f"list of {count}{_plural(value_of(entry['items']))}{rest}"
+    if entry.get("type") == "object":
+        inner = entry.get("additionalProperties")
+        below = "" if not isinstance(inner, Mapping) else value_of(inner).partition(" or ")[0]
+        return f"table of {_plural(below)}" if below else "table"
+    return WORDS.get(entry.get("type", ""), "any value") + _bounds(entry)
+
+
+def _plural(words: str) -> str:
+    first, comma, rest = words.partition(",")
+    if first.startswith(('"', "true", "list of", "table of")):
+        return first.replace("list of", "lists of").replace("table of", "tables of") + comma + rest
+    return f"{first}s{comma}{rest}"
+
+
+def _bounds(entry: Mapping[str, Any]) -> str:
+    signs = {
+        "exclusiveMinimum": ">",
+        "minimum": "≥",
+        "exclusiveMaximum": "<",
+        "maximum": "≤",
+    }
+    found = [f"{sign} {entry[key]:.6g}" for key, sign in signs.items() if key in entry]
+    return f", {' and '.join(found)}" if found else ""
+
+
+def _default(entry: Mapping[str, Any], needed: bool) -> str:
+    value = entry.get("default")
+    if needed or "default" not in entry:
+        return "needed" if needed else ""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float | int):
+        return f"{value:.9g}"
+    return f"`{value!r}`".replace("'", '"')
+
+
+def limits_file() -> str:
+    """What may limit a figure: its quantities, told by the end of its name, with their units."""
+    from ..limit_values import QUANTITIES, SUFFIXES, UNITS
+
+    rows = ["| a figure's name ends in | it is | in | and may be written in |", "|---|---|---|---|"]
+    for suffix, quantity in [*SUFFIXES, ("anything else", "a ratio")]:
+        base = quantity.partition(" in ")[0]
+        spellings = ", ".join(f"`{unit}`" for unit in QUANTITIES[base] if unit)
+        name = suffix if " " in suffix else f"`{suffix}`"
+        rows.append(f"| {name} | {base} | {UNITS[quantity] or '1'} | {spellings} |")
+    return "\n".join(rows)

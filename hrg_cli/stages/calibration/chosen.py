@@ -1,0 +1,178 @@
+"""The variant that is written: what of it repeats between programmes, what it leaves, and what the
+record keeps of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...fitting.tables.joint import Fitted, Model, chi_square
+from ...records import Calibration, Wave
+from .checks import interpolation_doubt
+from .choice import Answer, again
+from .figures import cells, figure_rows, predictions
+from .folds import choose_smoothness
+from .guards import noise_told
+from .ladder import first_stages
+from .record import record_of
+from .stability import repeats, thermal_memory, without_unstable
+from .variants import measured_details, variant
+
+Array = np.ndarray
+LEAST_REPEATED = 2
+"""Harmonics of 2mθ whose repeat between programmes is looked at, at least."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The answer that is written, with the runs it was fitted to and the folds it is judged on."""
+
+    fitted: Fitted
+    folds: Array
+    answer: Answer
+    stability: dict[str, Any] | None
+    """Whether each harmonic repeats between programmes; None without two programmes."""
+    dropped: tuple[str, ...] = ()
+    """Harmonics left out because they do not repeat."""
+    not_dropped: tuple[str, ...] = ()
+    """Why none was left out, where that was asked for."""
+    penalty: Array | None = None
+    smoothness: float | None = None
+
+    @classmethod
+    def of(
+        cls, fitted: Fitted, folds: Array, answer: Answer, programmes: Mapping[str, str] | None
+    ) -> Chosen:
+        """The answer, its harmonics compared between programmes (by run_id where they are
+        named)."""
+        drift, scale = (max(limit, LEAST_REPEATED) for limit in answer.limits)
+        coefficients = answer.tried.solution.coefficients
+        return cls(fitted, folds, answer, repeats(fitted, coefficients, drift, scale, programmes))
+
+    def stable_alone(self) -> Chosen:
+        """The same without the harmonics that do not repeat."""
+        if self.stability is None:
+            why = (
+                "stable_only needs repeated programmes (several days or switch-ons, or warming and"
+                " cooling); nothing was dropped"
+            )
+            return replace(self, not_dropped=(why,))
+        if self.answer.name != "table":
+            why = (
+                f"stable_only drops harmonics of model table, {self.answer.name} is written:"
+                " nothing was dropped; give --model table"
+            )
+            return replace(self, not_dropped=(why,))
+        matrix, dropped = without_unstable(self.fitted.layout, *self.answer.limits, self.stability)
+        answer = again(self.fitted, self.folds, self.answer, Model("table", matrix))
+        return replace(self, answer=answer, dropped=tuple(dropped))
+
+    def smoothed(self) -> Chosen:
+        """The same with a penalty on curvature between the nodes; as it is where it comes from
+        elsewhere or harmonics were dropped."""
+        if self.answer.tried.foreign or self.dropped:
+            return self
+        plain = variant(self.answer.name, self.fitted.layout, *self.answer.limits)
+        penalty, smoothness = choose_smoothness(self.fitted, plain)
+        answer = again(self.fitted, self.folds, self.answer, plain, penalty)
+        return replace(self, answer=answer, penalty=penalty, smoothness=smoothness)
+
+    @property
+    def scale_factor(self) -> float:
+        """Mean K over nodes."""
+        coefficients = self.answer.tried.solution.coefficients
+        return float(np.mean(self.fitted.layout.tables(coefficients)[1][:, 0]))
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """χ² per degree of freedom at the noise found."""
+        solution = self.answer.tried.solution
+        A, b, square, rows = self.fitted.pieces.sum()
+        chi2 = chi_square(A, b, square, solution.coefficients)
+        return float(chi2 / max(rows - solution.degrees, 1.0))
+
+    @property
+    def inflation(self) -> float:
+        """Factor on the variances: a fit may find more noise than it was judged at, never less than
+        there is; coefficients from elsewhere keep their own errors."""
+        return 1.0 if self.answer.tried.foreign else max(self.chi2_per_dof, 1.0)
+
+    def steps(self, draws: int, seed: int) -> list[dict[str, Any]]:
+        """Figures of the first stages and of the answer, on data used and left out."""
+        stages = first_stages(self.fitted.layout, *self.answer.limits)
+        tried = self.answer.tried
+        whole, held = predictions(self.fitted, stages[:2], self.folds)
+        whole = np.concatenate([whole, tried.solution.coefficients[:, None]], axis=1)
+        own = np.stack([s.coefficients for s in tried.held], axis=1)[:, None]
+        used, unseen = cells(self.fitted, whole, np.concatenate([held, own], axis=1), self.folds)
+        names = [stage.name for stage in stages]
+        return figure_rows(names, used, unseen, self.scale_factor, draws, seed)
+
+    def details(self, draws: int, seed: int) -> dict[str, Any]:
+        """What the record keeps of the answer itself."""
+        fitted, answer, steps = self.fitted, self.answer, self.steps(draws, seed)
+        solution, model = answer.tried.solution, answer.tried.model
+        inflation = self.inflation
+        return {
+            "scale_factor": self.scale_factor,
+            "figures": {
+                kind: {
+                    "before": steps[0][kind],
+                    "after": steps[-1][kind + "_used"],
+                    "held_out": steps[-1][kind],
+                }
+                for kind in ("drift", "scale")
+            },
+            "harmonics": answer.limits[0],
+            "scale_factor_harmonics": answer.limits[1],
+            "ladder": steps,
+            "smoothness": self.smoothness,
+            "chi2_per_dof": self.chi2_per_dof,
+            "checks": [check.table() for check in answer.checks],
+            "noise": noise_told(fitted),
+            "stability": self.stability,
+            "dropped": list(self.dropped),
+            "thermal_memory": (
+                thermal_memory(fitted, model, solution.coefficients)
+                if model.start is None
+                else None
+            ),
+            "interpolation_std": interpolation_doubt(fitted, solution, inflation, *answer.stored),
+            "measured": measured_details(
+                model.name,
+                fitted.layout,
+                solution.coefficients,
+                solution.covariance * inflation,
+                fitted.paths,
+            ),
+            "jumps_of_half_a_turn": fitted.jumps,
+            "runs": [
+                {
+                    "run_id": p.run_id,
+                    "rows": p.rows,
+                    "blocks": len(p) + 1,
+                    "white_rad": float(np.sqrt(n.white)),
+                    "walk_rad2_s": n.walk,
+                }
+                for p, n in zip(fitted.paths, fitted.noises)
+            ],
+        }
+
+    def record(
+        self, waves: Sequence[Wave], valid: tuple[float, float], details: dict[str, Any]
+    ) -> Calibration:
+        """The tables as a record, valid between two values of the nodes' quantity."""
+        tried = self.answer.tried
+        return record_of(
+            waves,
+            self.fitted,
+            tried.solution,
+            self.inflation,
+            self.answer.stored,
+            valid,
+            tried.model.name,
+            details,
+        )
