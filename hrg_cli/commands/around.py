@@ -242,7 +242,7 @@ def rehearse(
             "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated."
         ),
         "seed": "Seed of every stage that draws.",
-        "jobs": "Processes that share the recordings.",
+        "jobs": "Processes that share the recordings, and the rehearsals of --rehearse.",
     },
 )
 def run_(
@@ -267,6 +267,15 @@ def run_(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")
     ] = False,
+    rehearse: Annotated[
+        int | None,
+        typer.Option(
+            "--rehearse",
+            min=2,
+            help="Rehearse resonator and calibration so many times on a simulated twin.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and
     a page to show."""
@@ -274,8 +283,8 @@ def run_(
 
     part = {"from_s": from_s, "to_s": to_s}
     if run.show_config:
-        tables_of(run, part)
-    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part))
+        tables_of(run, part, rehearse)
+    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part, rehearse))
 
 
 @command(

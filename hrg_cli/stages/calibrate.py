@@ -205,7 +205,7 @@ def calibrate(
     penalty, smoothness = None, None
     if stable_only and stability is not None and answer.name == "table":
         matrix, dropped = without_unstable(layout, drift_limit, scale_limit, stability)
-        answer = again(fitted, folds, answer, Model("table", matrix))
+        answer = again(fitted, folds, answer, Model("table", matrix), wanted)
     elif stable_only and stability is None:
         remarks.append(
             "stable_only needs repeated programmes (several days or switch-ons, or warming and"
@@ -219,7 +219,7 @@ def calibrate(
     if interpolation == "smooth" and not answer.tried.foreign and not dropped:
         plain = variant(answer.name, layout, *answer.limits)
         penalty, smoothness = choose_smoothness(fitted, plain)
-        answer = again(fitted, folds, answer, plain, penalty)
+        answer = again(fitted, folds, answer, plain, wanted, penalty)
     solution, chosen = answer.tried.solution, answer.tried.model
     A, b, square, rows = fitted.pieces.sum()
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)

@@ -138,10 +138,10 @@ def not_seen(information: Array, model: Model) -> Array:
 
 def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
     """One check a cause that the variant may have left out, and one for all together."""
-    u = b - A @ tried.solution.coefficients
-    # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own
-    # covariance is a mixture's, not a fit's
-    covariance = tried.solution.covariance if tried.foreign else solve(A, b, tried.model).covariance
+    # of an average over harmonics in doubt, the plain least squares behind it is tested, solution
+    # and covariance: only at its own solution does a fit's score have that variance
+    solution = tried.solution if tried.foreign else solve(A, b, tried.model)
+    u, covariance = b - A @ solution.coefficients, solution.covariance
     sign = 1.0 if tried.foreign else -1.0
     checks = []
     for name, columns, words in causes(layout):
