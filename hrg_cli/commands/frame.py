@@ -15,12 +15,15 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, get_args
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_args
 
 import typer
 
 from ..errors import DiskFullError, HrgError, InterruptedRunError, UsageError
 from ..reporting.text import first_paragraph, plain
+
+if TYPE_CHECKING:
+    from ..pipeline import Outcome
 
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -494,7 +497,7 @@ def run_stage_on_files(
     """The body of every command that is one stage on files; its result is rehearsed so many times
     where that is asked for."""
     from ..pipeline import STAGES, run_stage
-    from ..reporting import console, tables
+    from ..reporting import console
 
     stage = STAGES[name]
     values = run.settings(stage.function(), **flags)
@@ -512,14 +515,21 @@ def run_stage_on_files(
             progress=progress,
         )
     if rehearse is None:
-        run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+        run.finish(outcome.json, lambda: _show(outcome))
         return
     from . import rehearsing
 
     whole = rehearsing.and_rehearse(outcome, output, inputs, rehearse, run)
 
     def show() -> None:
-        tables.show(whole.record, whole.json)
+        _show(whole)
         rehearsing.show(whole.json["rehearsal"])
 
     run.finish(whole.json, show)
+
+
+def _show(outcome: Outcome) -> None:
+    """The outcome's table; what draws tables is loaded where one is to be seen."""
+    from ..reporting import tables
+
+    tables.show(outcome.record, outcome.json)

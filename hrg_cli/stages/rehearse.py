@@ -261,7 +261,7 @@ def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
         noise = run["readout"]["noise"]
         found, wanted = (
             float(np.nanmedian(w.signal_std))
-            for w in (_wave(twin, number, seed * STREAMS), measured.wave)
+            for w in (twin_wave(twin, number, seed * STREAMS), measured.wave)
         )
         ratio = wanted / found if noise > 0 and found > 0 and wanted > 0 else 1.0
         runs.append(
@@ -275,7 +275,7 @@ def once(work: Work) -> Rehearsed:
     stage."""
     twin, seed = work
     try:
-        waves = [_wave(twin, number, seed) for number in range(len(twin.runs))]
+        waves = [twin_wave(twin, number, seed) for number in range(len(twin.runs))]
         stage = getattr(import_module(f"hrg_cli.stages.{twin.stage}"), twin.stage)
         record = stage(waves, **checking.checked(stage, twin.settings))
     except HrgError as error:
@@ -288,7 +288,7 @@ def once(work: Work) -> Rehearsed:
     )
 
 
-def _wave(twin: Twin, number: int, seed: int) -> Wave:
+def twin_wave(twin: Twin, number: int, seed: int) -> Wave:
     """A run of the twin as the chain sees it."""
     run, config = twin.runs[number], dict(twin.config)
     extra = effects_of(twin, number, seed)

@@ -188,7 +188,8 @@ def _resonator(
     lacking = [name for name in NEEDED if name not in values]
     if lacking:
         raise HrgError(
-            f"holds no {lacking[0]}: this is not a whole resonator, and a twin cannot be made of it"
+            f"holds no {lacking[0]}: these are modes, not a whole resonator; a twin cannot be made"
+            " of them"
         )
     values.setdefault("scale_factor", nominal_scale_factor(truth.mode_number))
     values.setdefault("damping_rate_1_s", max(_decay(inputs), abs(values["damping_split_1_s"])))

@@ -18,7 +18,6 @@ from ..errors import HrgError
 from ..fitting.causes import colour
 from ..fitting.causes.colour import Noise
 from ..fitting.causes.wave_frame import real
-from ..fitting.checks import goodness
 from ..fitting.envelopes import condensed, free_windows
 from ..fitting.envelopes.base_fit import Known, base_fit
 from ..physics.plant import Readout, Samples
@@ -32,13 +31,19 @@ STEPS = 4
 MOST_STEPS = 1_000_000
 """Steps of a wander's course at most."""
 HOUR = 3600.0
+WHITE = Noise(1.0, 0.0, 0.0, 0.0)
+"""A component that is white as the windows state it."""
 Colour = tuple[Noise, ...]
 """The noise of the four components, in the order of `colour.COMPONENTS`; empty: white as stated."""
 
 
 def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s: float) -> Colour:
-    """The colour of what a resonator fitted to these runs leaves; empty where they show modes
-    only."""
+    """The wander that a resonator fitted to these runs leaves; empty where there is none, or where
+    they show modes only.
+
+    A level above the windows' own is not taken for noise where nothing wanders: it may as well be
+    the fit's fault, which a rehearsal is to find.
+    """
     known = Known(
         settings.get("scale_factor"),
         settings.get("damping_axis_rad"),
@@ -54,12 +59,7 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
         return ()
     data, response = fit.response.batch, fit.response
     found = colour.noises(data.time_s, data.weight, data.envelope, real(response.residual()))
-    if found:
-        return found
-    white = goodness(fit.chi2, fit.dof)
-    if white.passed:
-        return ()
-    return (Noise(float(np.sqrt(white.value)), 0.0, 0.0, 0.0),) * len(colour.COMPONENTS)
+    return tuple(n if n.wander_1_s > 0 else WHITE for n in found)
 
 
 def of_calibration(truth: Calibration) -> dict[str, Colour]:
@@ -67,12 +67,11 @@ def of_calibration(truth: Calibration) -> dict[str, Colour]:
     their random walk, by run_id."""
     details = json.loads(truth.details)
     white = float((details.get("noise") or {}).get("white_over_stated") or 1.0)
-    none = Noise(1.0, 0.0, 0.0, 0.0)
     out: dict[str, Colour] = {}
     for run in details.get("runs", []):
         walk = float(run["walk_rad2_s"])
         if walk > 0 or white > 1:
-            out[str(run["run_id"])] = (none, none, Noise(white, walk, 0.0, 0.0), none)
+            out[str(run["run_id"])] = (WHITE, WHITE, Noise(white, walk, 0.0, 0.0), WHITE)
     return out
 
 
@@ -84,7 +83,7 @@ def of_diagnosis(truth: Diagnosis) -> Colour:
     return tuple(
         Noise(row["white_over_stated"], _density(row), row["correlation_s"], 0.0)
         if (row := rows.get(name)) is not None
-        else Noise(1.0, 0.0, 0.0, 0.0)
+        else WHITE
         for name in colour.COMPONENTS
     )
 

@@ -36,9 +36,10 @@ def device(truth: Resonator) -> Mechanics:
             " file, so that a twin cannot be made of them"
         )
     values = {name: value for name, (value, _, _) in truth.parameters().items()}
+    seen, damping = values["frequency_hz"], values["damping_rate_1_s"]
     return Mechanics(
-        values["frequency_hz"],
-        values["damping_rate_1_s"],
+        float(np.hypot(seen, damping / (2 * np.pi))),  # ω² = ω_seen² + ν²
+        damping,
         0.0,
         0.0,
         0.0,

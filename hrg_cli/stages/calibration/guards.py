@@ -138,10 +138,12 @@ def not_seen(information: Array, model: Model) -> Array:
 
 def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
     """One check a cause that the variant may have left out, and one for all together."""
-    # of an average over harmonics in doubt, the plain least squares behind it is tested, solution
-    # and covariance: only at its own solution does a fit's score have that variance
-    solution = tried.solution if tried.foreign else solve(A, b, tried.model)
-    u, covariance = b - A @ solution.coefficients, solution.covariance
+    u = b - A @ tried.solution.coefficients
+    # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own
+    # covariance is a mixture's, not a fit's; and where that fit would put what it fits, for only
+    # there does the score have that variance
+    covariance = tried.solution.covariance if tried.foreign else solve(A, b, tried.model).covariance
+    u = u if tried.foreign else u - A @ (covariance @ u)
     sign = 1.0 if tried.foreign else -1.0
     checks = []
     for name, columns, words in causes(layout):
