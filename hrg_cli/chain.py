@@ -7,6 +7,8 @@ the waves to the gyro's results.
                                                            (forced) ──▶ calibration ── compensate
                                                            ──▶ a file a forced run
 
+Where it is asked for, the resonator and the calibration are rehearsed before anything is made of
+them, so that what a rehearsal says of them is handed on.
 Every step is told as a `Step`; one that fails ends its own branch and no other. What was done
 before, unchanged, is not done again.
 """
@@ -28,6 +30,8 @@ from .records import Diagnosis, Record, Wave
 PER_RECORDING = ("demodulate", "estimate")
 RESULTS = ("identify", "diagnose", "calibrate", "compensate")
 """Stages of a gyro's waves, in their order."""
+REHEARSED = ("identify", "calibrate")
+"""Those of them whose result is rehearsed where it is asked for."""
 CommandLine = Callable[[str, Sequence[Path], Path], str]
 
 
@@ -60,6 +64,13 @@ class Work:
     changed."""
     command_line: CommandLine | str = "hrg run"
     """The line of a step's history: the same for every step, or made for each."""
+    rehearse: Mapping[str, Any] | None = None
+    """Whole settings of the rehearsals of the resonator and the calibration; None: they are not
+    rehearsed."""
+    jobs: int = 1
+    """Processes that share the rehearsals."""
+    recordings: Sequence[Path] = ()
+    """Where a rehearsal looks for the recordings, beside the gyro's folder."""
 
 
 def recording_to_wave(
@@ -144,11 +155,11 @@ def waves_to_results(
             if calibration is not None:
                 for wave in waves:
                     output = work.folder / wave.name.replace(".wave.h5", ".compensated.h5")
-                    yield _result(work, stage, [wave], output, {"calibration": calibration})
+                    yield from _result(work, stage, [wave], output, {"calibration": calibration})
             continue
         output = work.folder / f"{pipeline.STAGES[stage].gives}.h5"
-        step = _result(work, stage, waves, output, beside)
-        yield step
+        step, *rehearsed = _result(work, stage, waves, output, beside)
+        yield from [step, *rehearsed]
         if step.status not in ("failed", "refused"):
             resonator = output if stage == "identify" else resonator
             calibration = output if stage == "calibrate" else calibration
@@ -162,16 +173,25 @@ def mode_of(wave: Path) -> str:
 
 def _result(
     work: Work, stage: str, inputs: Sequence[Path], output: Path, beside: Mapping[str, Path]
-) -> Step:
-    """One stage on waves, unless it was done before."""
+) -> list[Step]:
+    """One stage on waves and, where it is asked for, its result's rehearsal, unless that was done
+    before."""
+    asked = work.rehearse if stage in REHEARSED else None
     note, read = output.with_suffix(".json"), tuple(p.name for p in inputs)
     try:
         key = memory.key_of(
-            [*work.same_if, stage, work.settings[stage], work.limits], [*inputs, *beside.values()]
+            [
+                *work.same_if,
+                stage,
+                work.settings[stage],
+                work.limits,
+                *([] if asked is None else [{"rehearse": asked}]),
+            ],
+            [*inputs, *beside.values()],
         )
         done = memory.remembered(note, key)
         if done is not None and done.get("steps"):
-            return next(_told(done["steps"]))
+            return list(_told(done["steps"]))
         outcome = _staged(work, stage, inputs, output, note, beside)
         outputs = [output]
         if isinstance(outcome.record, Diagnosis):
@@ -181,6 +201,10 @@ def _result(
             outputs += write_extended(outcome.record, output, force)
         told = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
         record = outcome.record
+        further = []
+        if asked is not None and record.status != "refused":
+            further = [_rehearsed(work, asked, inputs, output)]
+            record = store.read(output, type(record))
         step = Step(
             stage,
             read,
@@ -190,12 +214,29 @@ def _result(
             told,
             tuple(_checked(record, work.limits)),
         )
-        memory.remember(note, key, {"steps": [dataclasses.asdict(step)]}, outputs)
-        return step
+        steps = [step, *further]
+        memory.remember(note, key, {"steps": [dataclasses.asdict(s) for s in steps]}, outputs)
+        return steps
     except (DiskFullError, UsageError):
         raise
     except HrgError as error:
-        return Step(stage, read, output.name, "failed", (str(error),))
+        return [Step(stage, read, output.name, "failed", (str(error),))]
+
+
+def _rehearsed(work: Work, values: Mapping[str, Any], inputs: Sequence[Path], output: Path) -> Step:
+    """The rehearsal of a result that was just made, its verdict written into the result's status;
+    one that cannot be done is told."""
+    from .rehearsal import rehearsed
+
+    typed = f"hrg rehearse {output.name} --times {values['times']}"
+    try:
+        beside = [*inputs, *work.recordings]
+        told = rehearsed(output, beside, values, work.jobs, lambda _: None, typed)
+    except (DiskFullError, UsageError):
+        raise
+    except HrgError as error:
+        return Step("rehearse", (output.name,), output.name, "failed", (str(error),))
+    return Step("rehearse", (output.name,), output.name, told.status, told.reasons, told.table())
 
 
 def _told(steps: Sequence[Mapping[str, Any]]) -> Iterator[Step]:

@@ -43,19 +43,31 @@ def run_gyro(
     command_line: str = "hrg run",
     told: Told = lambda step, share: None,
     jobs: int = 1,
+    rehearse: Mapping[str, Any] | None = None,
 ) -> list[Step]:
     """Run every step that the inputs allow; one that fails is told, and what needs it is not tried.
 
     paths: recordings, foreign logs (imported first), or folders of them; tables: settings a stage;
-    limits: tables a kind of file; jobs: processes that share the recordings up to their waves (the
-    same results for any number). HrgError: recordings of several gyros, two inputs of one name, an
+    limits: tables a kind of file; jobs: processes that share the recordings up to their waves, and
+    the rehearsals (the same results for any number); rehearse: whole settings of the rehearsals of
+    resonator and calibration, None: there are none. HrgError: recordings of several gyros, two inputs of one name, an
     output that this chain did not make (unless `force`).
     """
     tables = tables or {}
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
     gyro_of(inputs)
     stages = [*(["import"] if any(i.logs for i in inputs) else []), *PER_RECORDING, *RESULTS]
-    work = Work(folder, resolved(tables, stages), limits or {}, (), force, _Line(command_line))
+    work = Work(
+        folder,
+        resolved(tables, stages),
+        limits or {},
+        (),
+        force,
+        _Line(command_line),
+        rehearse,
+        jobs,
+        tuple(i.path for i in inputs if not i.logs),
+    )
     total = len(inputs) + len(RESULTS)
     steps: list[Step] = []
     waves: list[Path] = []
@@ -69,17 +81,19 @@ def run_gyro(
             waves.append(folder / f"{one.name}.wave.h5")
     modes = {wave: mode_of(wave) for wave in waves}
     chosen = {mode: [w for w in waves if modes[w] == mode] for mode in ("free", "forced")}
+    done = 0
     for step in waves_to_results(work, chosen["free"], chosen["forced"]):
         steps.append(step)
-        told(step, (len(inputs) + RESULTS.index(step.name) + 1) / total)
+        done = RESULTS.index(step.name) + 1 if step.name in RESULTS else done
+        told(step, (len(inputs) + done) / total)
     return steps
 
 
 def planned(
-    paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]]
+    paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]], rehearse: bool = False
 ) -> list[tuple[str, tuple[str, ...], str]]:
-    """What a run would do, without doing it: (stage, inputs, output) a line; the modes of
-    recordings are read, logs count as free."""
+    """What a run would do, without doing it: (stage, inputs, output) a line, a rehearsal without
+    output; the modes of recordings are read, logs count as free."""
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
     gyro_of(inputs)
     lines: list[tuple[str, tuple[str, ...], str]] = []
@@ -96,10 +110,14 @@ def planned(
             str(tables.get("import", {}).get("mode", "free")) if one.logs else _head(one.path).mode
         ].append(f"{one.name}.wave.h5")
     free, forced = tuple(waves["free"]), tuple(waves["forced"])
-    lines += [("identify", free, "resonator.h5")] if free else []
+    judged = [("rehearse", "")] if rehearse else []
+    if free:
+        lines.append(("identify", free, "resonator.h5"))
+        lines += [(name, ("resonator.h5",), output) for name, output in judged]
     lines.append(("diagnose", free or forced, "diagnosis.h5"))
     if forced:
         lines.append(("calibrate", forced, "calibration.h5"))
+        lines += [(name, ("calibration.h5",), output) for name, output in judged]
         lines += [
             ("compensate", (wave,), wave.replace(".wave.h5", ".compensated.h5")) for wave in forced
         ]

@@ -70,6 +70,8 @@ POSITIVE = Valid(above=0)
 ORDER = Valid(at_least=1, at_most=1000)
 JSON_OBJECT, JSON_LIST = Valid(json="object"), Valid(json="list")
 MODE, READOUT = Valid(one_of=("free", "forced")), Valid(one_of=("direct", "carrier"))
+REHEARSAL = "rehearsal: "
+"""Beginning of every sentence that a rehearsal leaves in a file's status."""
 FASTEST_HZ = 1e12
 """No converter samples faster; a larger rate is a damaged number."""
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..pipeline import STAGES, run_stage
-from ..reporting import console, tables
+from ..pipeline import STAGES, Outcome, run_stage
+from ..reporting import console
 from .frame import Common, command_line, existing
 from .rehearse import and_rehearse
 from .rehearse import show as show_rehearsal
@@ -40,12 +40,19 @@ def run_stage_on_files(
             progress=progress,
         )
     if rehearse is None:
-        run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
+        run.finish(outcome.json, lambda: _show(outcome))
         return
     whole = and_rehearse(outcome, output, inputs, rehearse, run)
 
     def show() -> None:
-        tables.show(whole.record, whole.json)
+        _show(whole)
         show_rehearsal(whole.json["rehearsal"])
 
     run.finish(whole.json, show)
+
+
+def _show(outcome: Outcome) -> None:
+    """The outcome's table; what draws tables is loaded where one is to be seen."""
+    from ..reporting import tables
+
+    tables.show(outcome.record, outcome.json)

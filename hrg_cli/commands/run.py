@@ -36,7 +36,7 @@ from .options import flags_of
             "Change one setting of a stage, e.g. demodulate.periods_per_window=4; may be repeated."
         ),
         "seed": "Seed of every stage that draws.",
-        "jobs": "Processes that share the recordings.",
+        "jobs": "Processes that share the recordings, and the rehearsals of --rehearse.",
     },
 )
 def main(
@@ -54,13 +54,22 @@ def main(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")
     ] = False,
+    rehearse: Annotated[
+        int | None,
+        typer.Option(
+            "--rehearse",
+            min=2,
+            help="Rehearse resonator and calibration so many times on a simulated twin.",
+            show_default=False,
+        ),
+    ] = None,
     **part: Any,
 ) -> None:
     """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and
     a page to show."""
     if run.show_config:
-        tables_of(run, part)
-    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part))
+        tables_of(run, part, rehearse)
+    run.finish(*run_files(recordings or [], run, limits, full, dry_run, part, rehearse))
 
 
 MARK = "run.json"
@@ -74,19 +83,22 @@ def run_files(
     full: bool = False,
     dry_run: bool = False,
     part: Mapping[str, float | None] | None = None,
+    rehearse: int | None = None,
 ) -> Shown:
     """Run the chain; the command's JSON and what shows it. --config gives each stage's table, --set
     takes stage.key=value.
 
-    part: where demodulate cuts. HrgError: every recording failed, mixed gyros, outputs in the way.
+    part: where demodulate cuts; rehearse: how many times resonator and calibration are rehearsed.
+    HrgError: every recording failed, mixed gyros, outputs in the way.
     """
     started = time.monotonic()
-    tables = tables_of(run, part or {})
+    tables = tables_of(run, part or {}, rehearse)
+    rehearsals = rehearsals_of(tables)
     wanted = settings.load_toml(limits) if limits is not None else {}
     paths = existing(recordings, "the recordings of one gyro, or their folder")
     folder = run.need_output("results/")
     if dry_run:
-        return _plan(paths, folder, tables, started)
+        return _plan(paths, folder, tables, rehearsals, started)
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
     files, gyro = [one.path for one in inputs], gyro_of(inputs)
     made_folder = not folder.is_dir()
@@ -112,6 +124,7 @@ def run_files(
             command_line=command_line(),
             told=told,
             jobs=run.jobs,
+            rehearse=rehearsals,
         )
     failed = [step for step in steps if step.status == "failed"]
     if failed and not any(
@@ -121,7 +134,13 @@ def run_files(
         if made_folder and not any(folder.iterdir()):
             folder.rmdir()
         raise HrgError(failed[0].reasons[0])
-    made = [folder / step.output for step in steps if step.status != "failed"]
+    made = list(
+        dict.fromkeys(
+            folder / step.output
+            for step in steps
+            if step.status != "failed" and step.name != "rehearse"
+        )
+    )
     found, rows = _answer(made, wanted)
     _write_page(
         page,
@@ -159,7 +178,9 @@ def run_files(
 _ORDER = ["valid", "suspect", "refused"]
 
 
-def tables_of(run: Common, part: Mapping[str, float | None]) -> dict[str, Any]:
+def tables_of(
+    run: Common, part: Mapping[str, float | None], rehearse: int | None = None
+) -> dict[str, Any]:
     """The settings a stage; with --show-config they are printed and the command ends."""
     tables: dict[str, Any] = settings.load_toml(run.config) if run.config else {}
     for text in run.assignments:
@@ -167,22 +188,44 @@ def tables_of(run: Common, part: Mapping[str, float | None]) -> dict[str, Any]:
     for key, value in part.items():
         if value is not None:
             settings.assign(tables, f"demodulate.{key}", value)
+    if rehearse is not None:
+        settings.assign(tables, "rehearse.times", rehearse)
     for name, stage in STAGES.items():
         if run.seed is not None and settings.accepts(stage.function(), "seed"):
             settings.assign(tables, f"{name}.seed", run.seed)
-    unknown = sorted(set(tables) - {*STAGES, "import"})
+    if run.seed is not None and "rehearse" in tables:
+        settings.assign(tables, "rehearse.seed", run.seed)
+    unknown = sorted(set(tables) - {*STAGES, "import", "rehearse"})
     if unknown:
         raise HrgError(
             f"{run.config or '--set'}: there is no stage {unknown[0]}; tables are"
-            f" {', '.join(['import', *STAGES])}"
+            f" {', '.join(['import', *STAGES, 'rehearse'])}"
         )
     if run.show_config:
         whole = {
             name: settings.checked(stage.function(), tables.get(name, {}))
             for name, stage in STAGES.items()
         }
-        run.leave_with_settings(whole)
+        rehearsals = rehearsals_of(tables)
+        run.leave_with_settings(whole | ({} if rehearsals is None else {"rehearse": rehearsals}))
     return tables
+
+
+def rehearsals_of(tables: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The whole settings of the rehearsals; None where a run is to have none.
+
+    HrgError: something is set of them, but not how many there are to be.
+    """
+    if "rehearse" not in tables:
+        return None
+    if "times" not in tables["rehearse"]:
+        raise HrgError(
+            "rehearse: settings of rehearsals without their number; give --rehearse N, or"
+            " rehearse.times in the configuration"
+        )
+    from ..stages.rehearse import rehearse
+
+    return settings.checked(rehearse, tables["rehearse"])
 
 
 def reasons_of(steps: Sequence[Step]) -> list[str]:
@@ -195,8 +238,8 @@ def reasons_of(steps: Sequence[Step]) -> list[str]:
             inherited = reason.split(" is ", 1)[0] in doubted or reason.endswith(
                 "more inputs are suspect or refused"
             )
-            if not inherited:
-                named.setdefault(reason, []).append(step.output)
+            if not inherited and step.output not in named.setdefault(reason, []):
+                named[reason].append(step.output)
     return [
         f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}"
         for reason, outputs in named.items()
@@ -214,10 +257,18 @@ def _explained(steps: Sequence[Step]) -> bool:
     )
 
 
-def _plan(paths: Sequence[Path], folder: Path, tables: dict[str, Any], started: float) -> Shown:
+def _plan(
+    paths: Sequence[Path],
+    folder: Path,
+    tables: dict[str, Any],
+    rehearsals: Mapping[str, Any] | None,
+    started: float,
+) -> Shown:
     lines = [
         f"hrg {name} {' '.join(inputs)} -o {folder / output}"
-        for name, inputs, output in planned(paths, tables)
+        if output
+        else f"hrg {name} {folder / inputs[0]} --times {(rehearsals or {})['times']}"
+        for name, inputs, output in planned(paths, tables, rehearsals is not None)
     ]
     report = {
         "kind": "plan of a run",

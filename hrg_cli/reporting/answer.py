@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..limits import Row
-from ..records import Calibration, Compensated, Diagnosis, Record, Resonator
+from ..records import REHEARSAL, Calibration, Compensated, Diagnosis, Record, Resonator
 from ..units import DEGREE_PER_HOUR
 from . import answer_use, answer_words
 from .answer_words import Cause, Departure
@@ -132,7 +132,7 @@ def answer(
     causes = answer_words.causes_of(report, departure)
     verdict = plain(diagnosis.verdict) if isinstance(diagnosis, Diagnosis) else None
     tables = _of_tables(calibration) if isinstance(calibration, Calibration) else ""
-    examined = [r for r in results if r.kind != "resonator"] or results
+    examined = _examined(results)
     if isinstance(diagnosis, Diagnosis):
         runs = len(json_list(diagnosis.run_ids))
         sentence = answer_words.sentence(plain(diagnosis.verdict), report, departure, causes, runs)
@@ -171,6 +171,20 @@ def answer(
         ),
         commands=answer_use.commands(named, bool(report), calibration is not None),
     )
+
+
+def _examined(results: Sequence[Record]) -> list[Record]:
+    """The results that decide: a resonator beside others only by what its rehearsal says of it, for
+    that no diagnosis explains."""
+    deciding: list[Record] = []
+    for record in results:
+        if record.kind != "resonator" or len(results) == 1:
+            deciding.append(record)
+            continue
+        blamed = tuple(r for r in record.status_reasons if r.startswith(REHEARSAL))
+        if blamed:
+            deciding.append(record.replace(status_reasons=blamed))
+    return deciding
 
 
 def _health(verdict: str | None, causes: Sequence[Cause]) -> str:

@@ -191,7 +191,8 @@ def calibrate(
     names = _to_try(model, possible_names, not_tried, bool(refusals), factors)
     wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
     tried = answers(fitted, folds, names, wanted, coefficients)
-    chosen = Chosen.of(fitted, folds, best(tried) if model == "auto" else tried[0], programmes)
+    answer = best(tried) if model == "auto" else tried[0]
+    chosen = Chosen.of(fitted, folds, answer, wanted, programmes)
     if stable_only:
         chosen = chosen.stable_alone()
         remarks += chosen.not_dropped

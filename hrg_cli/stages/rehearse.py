@@ -18,14 +18,17 @@ import numpy as np
 from pydantic import Field
 
 from .. import settings as checking
-from ..effects.effect import Effect
+from ..effects.effect import no_term
 from ..errors import HrgError
 from ..fitting.tables.fourier import coefficients_at
-from ..records import Calibration, Record, Resonator, Wave, collect
+from ..records import REHEARSAL as PREFIX
+from ..records import Calibration, Diagnosis, Record, Resonator, Wave, collect
+from . import twin_colour
 from .demodulate import demodulate
 from .estimate import estimate
 from .simulate import simulate
-from .twin import TABLES, Measured, Twin, tables_effect, twin_of
+from .twin import Measured, Twin, effects_of, twin_of
+from .twin_diagnosis import base_values, causes, diagnosed, held, same_sign
 
 Array = np.ndarray
 LARGEST_RATIO = 1.3
@@ -40,13 +43,14 @@ FEWEST = 2
 """Rehearsals that must succeed for anything to be said."""
 FAILING = 0.1
 """Part of the rehearsals that may fail."""
+LEAST_NAMED, MOST_STRANGE = 0.5, 0.1
+"""Part of the rehearsals in which a cause of a diagnosis must be named again, and in which another
+cause may be."""
 MATCHED = (0.2, 5.0)
 """Factors by which the noise of the twin's samples is changed at most to match the measured
 windows'."""
 STREAMS = 1_000_003
 """Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
-PREFIX = "rehearsal: "
-"""Beginning of every sentence that a rehearsal leaves in a file's status."""
 
 Work = tuple[Twin, int]
 
@@ -70,11 +74,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Rehearsed:
-    """One rehearsal: its figures, its status, or the sentence why it failed."""
+    """One rehearsal: its figures, its status, or the sentence why it failed; of a diagnosis, the
+    causes that were named."""
 
     figures: Mapping[str, Estimate] = field(default_factory=dict)
     status: str = "failed"
     reason: str = ""
+    named: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -116,6 +122,33 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Named:
+    """How often a cause was named in `times` diagnoses of a twin, which holds it or does not."""
+
+    name: str
+    held: bool
+    named: int
+    times: int
+
+    def sentence(self, causes: int) -> str:
+        """What is wrong with that, or nothing; `causes`: how many are looked at."""
+        from scipy.special import bdtr, bdtrc
+
+        tail = CHANCE / causes
+        if self.held and bdtr(self.named, self.times, LEAST_NAMED) < tail:
+            return (
+                f"{PREFIX}{self.name} is named in {self.named} of {self.times} diagnoses of a"
+                " simulated twin that holds it as large as the file says"
+            )
+        if not self.held and bdtrc(self.named - 1, self.times, MOST_STRANGE) < tail:
+            return (
+                f"{PREFIX}{self.name} is named in {self.named} of {self.times} diagnoses of a"
+                " simulated twin that does not hold it"
+            )
+        return ""
+
+
+@dataclass(frozen=True)
 class Rehearsal:
     """All rehearsals of a result: the figures, the sentences that make it suspect, and how many
     failed."""
@@ -126,6 +159,8 @@ class Rehearsal:
     failed: int
     statuses: Mapping[str, int]
     truth: str
+    causes: Sequence[Named] = ()
+    colour: Sequence[Mapping[str, Any]] = ()
 
     @property
     def status(self) -> str:
@@ -140,6 +175,8 @@ class Rehearsal:
             "failed": self.failed,
             "statuses": dict(self.statuses),
             "truth": self.truth,
+            "causes": [asdict(cause) for cause in self.causes],
+            "colour": [dict(component) for component in self.colour],
         }
 
 
@@ -173,7 +210,15 @@ def rehearse(
     own_settings: those of the stage that gave the result. HrgError: no twin can be made, too much
     work, too few rehearsals succeeded.
     """
-    twin = twin_of(truth, inputs, own_settings, samples_a_period)
+    if not inputs:
+        raise HrgError(
+            "there is no wave to rehearse with; name the wave files the result was made of"
+        )
+    twin = (
+        diagnosed(truth, inputs, own_settings, samples_a_period)
+        if isinstance(truth, Diagnosis)
+        else twin_of(truth, inputs, own_settings, samples_a_period)
+    )
     _affordable(twin, times, most_samples, most_samples_a_run)
     twin = matched(twin, inputs, seed)
     works = [(twin, seed * STREAMS + k) for k in range(times)]
@@ -216,7 +261,7 @@ def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
         noise = run["readout"]["noise"]
         found, wanted = (
             float(np.nanmedian(w.signal_std))
-            for w in (_wave(twin, number, seed * STREAMS), measured.wave)
+            for w in (twin_wave(twin, number, seed * STREAMS), measured.wave)
         )
         ratio = wanted / found if noise > 0 and found > 0 and wanted > 0 else 1.0
         runs.append(
@@ -230,34 +275,36 @@ def once(work: Work) -> Rehearsed:
     stage."""
     twin, seed = work
     try:
-        waves = [_wave(twin, number, seed) for number in range(len(twin.runs))]
+        waves = [twin_wave(twin, number, seed) for number in range(len(twin.runs))]
         stage = getattr(import_module(f"hrg_cli.stages.{twin.stage}"), twin.stage)
         record = stage(waves, **checking.checked(stage, twin.settings))
     except HrgError as error:
         return Rehearsed(reason=str(error))
     return Rehearsed(
-        _figures(record, twin.truth),
+        _figures(record, twin),
         record.status,
         record.status_reasons[0] if record.status_reasons else "",
+        tuple(causes(record)) if isinstance(record, Diagnosis) else (),
     )
 
 
-def _wave(twin: Twin, number: int, seed: int) -> Wave:
+def twin_wave(twin: Twin, number: int, seed: int) -> Wave:
     """A run of the twin as the chain sees it."""
     run, config = twin.runs[number], dict(twin.config)
-    extra: tuple[Effect, ...] = ()
-    model: Literal["fast", "slow"] = "fast"
-    if isinstance(twin.truth, Calibration):
-        extra, model = (tables_effect(twin.truth, twin.config["device"]["scale_factor"]),), "slow"
-        config["effects"] = {TABLES: {}}
+    extra = effects_of(twin, number, seed)
+    model: Literal["fast", "slow"] = "slow" if any(e.slow is not no_term for e in extra) else "fast"
+    config["effects"] = {**config.get("effects", {}), **{effect.name: {} for effect in extra}}
     recording = collect(simulate(config, extra, model=model, run=run.name, seed=seed))
     periods = collect(demodulate(recording, **checking.checked(demodulate, run.demodulate)))
     wave = collect(estimate(periods, **checking.checked(estimate, run.estimate)))
     return wave.replace(**run.carried, **dict.fromkeys(run.missing))
 
 
-def _figures(record: Record, truth: Record) -> dict[str, Estimate]:
+def _figures(record: Record, twin: Twin) -> dict[str, Estimate]:
     """Every figure of a rehearsal's result that has an error, beside the truth."""
+    truth = twin.truth
+    if isinstance(record, Diagnosis) and isinstance(truth, Diagnosis):
+        return _sizes(record, truth, twin)
     if isinstance(record, Resonator) and isinstance(truth, Resonator):
         return _parameters(record, truth)
     assert isinstance(record, Calibration) and isinstance(truth, Calibration)
@@ -275,6 +322,45 @@ def _parameters(record: Resonator, truth: Resonator) -> dict[str, Estimate]:
     if rate and true_rate and rate["std"] > 0:
         found["rate_rad_s"] = Estimate(rate["value"], rate["std"], true_rate["value"])
     return found
+
+
+def _sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str, Estimate]:
+    """The named causes' parameters, and the resonator beside them."""
+    found: dict[str, Estimate] = {}
+    named = causes(record)
+    for name, (true, _) in held(twin).items():
+        seen = named[name][0] if name in named else {}
+        sign = same_sign(name, seen, true)
+        for key, (value, std) in seen.items():
+            if key in true:
+                found[f"{name} {key}"] = Estimate(sign * value, std, true[key][0])
+    period = np.pi / int(json.loads(truth.report).get("mode_number", 2))
+    beside = base_values(truth)
+    for name, (value, std) in base_values(record).items():
+        if name in beside and np.isfinite(std) and std > 0:
+            axis = period if name.endswith("axis_rad") else 0.0
+            found[name] = Estimate(value, std, beside[name][0], axis)
+    return found
+
+
+def _named(twin: Twin, good: Sequence[Rehearsed]) -> list[Named]:
+    """How often each cause was named: those of the truth (or one that cannot be told from it), then
+    any other."""
+    if not isinstance(twin.truth, Diagnosis):
+        return []
+    true = held(twin)
+    alike = {name: {name} | rivals for name, (_, rivals) in true.items()}
+    known = set().union(*alike.values()) if alike else set()
+    # what the file names and the twin cannot hold is neither expected of it nor strange to it
+    known |= set(causes(twin.truth))
+    out = [
+        Named(name, True, sum(bool(own & set(one.named)) for one in good), len(good))
+        for name, own in alike.items()
+    ]
+    others = sorted({name for one in good for name in one.named} - known)
+    return out + [
+        Named(name, False, sum(name in one.named for one in good), len(good)) for name in others
+    ]
 
 
 def _coefficients(record: Calibration, truth: Calibration) -> dict[str, Estimate]:
@@ -306,15 +392,15 @@ def _harmonic(k: int) -> str:
 def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
     """The rehearsals' statistics and verdict. HrgError: fewer than `FEWEST` of them gave a
     result."""
-    good = [one for one in done if one.figures]
-    failed = [one for one in done if not one.figures]
+    good = [one for one in done if one.status != "failed"]
+    failed = [one for one in done if one.status == "failed"]
     if len(good) < FEWEST:
         raise HrgError(
             f"{len(failed)} of {len(done)} rehearsals failed; the first: {failed[0].reason}"
         )
     names = [
         name
-        for name in good[0].figures
+        for name in dict.fromkeys(name for one in good for name in one.figures)
         if _moves([one.figures[name].value for one in good if name in one.figures])
     ]
     t = {
@@ -322,7 +408,9 @@ def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
         for name in names
     }
     figures = [figure(name, values, len(names)) for name, values in t.items()]
+    named = _named(twin, good)
     reasons = [sentence for sentence in (f.sentence() for f in figures) if sentence]
+    reasons += [s for s in (cause.sentence(len(named)) for cause in named) if s]
     if len(failed) > FAILING * len(done):
         reasons.append(
             f"{PREFIX}{len(failed)} of {len(done)} simulated twins gave no result; the first:"
@@ -339,8 +427,13 @@ def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
         status: sum(one.status == status for one in good)
         for status in ("valid", "suspect", "refused")
     }
-    what = "the file's parameters" if isinstance(twin.truth, Resonator) else "the file's tables"
-    return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what)
+    what = {
+        Resonator: "the file's parameters",
+        Calibration: "the file's tables",
+        Diagnosis: "the file's extended model",
+    }[type(twin.truth)]
+    colour = twin_colour.told([run.colour for run in twin.runs])
+    return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what, named, colour)
 
 
 def _moves(values: Sequence[float]) -> bool:
@@ -379,11 +472,10 @@ def with_verdict(record: Record, rehearsal: Rehearsal) -> Record:
         if record.status == "suspect" and record.status_reasons and not others
         else record.status
     )
-    details = json.dumps(
-        json.loads(record.details)  # type: ignore[attr-defined]
-        | {"rehearsal": rehearsal.table()},
-        ensure_ascii=False,
-    )
-    return record.replace(status=status, status_reasons=others, details=details).judged(
-        rehearsal.reasons
-    )
+    place = "report" if isinstance(record, Diagnosis) else "details"
+    told = json.loads(getattr(record, place)) | {"rehearsal": rehearsal.table()}
+    return record.replace(
+        status=status,
+        status_reasons=others,
+        **{place: json.dumps(told, ensure_ascii=False)},
+    ).judged(rehearsal.reasons)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,11 @@ from ..physics import ellipse
 from ..physics.plant import SlowState
 from ..physics.resonator import J, Mechanics, exponential, generator
 from ..records import Calibration, Record, Resonator, Wave
+from . import twin_colour, twin_mode
 from .earth_rate import earth_rate_rad_s
 from .rate_table import is_rate_table
 from .run_tables import loops, rate_course, sample_noise, temperature_course
+from .twin_colour import Colour
 
 Array = np.ndarray
 SAMPLES_A_PERIOD = 8
@@ -30,6 +32,8 @@ SLOWEST_SAMPLING = 2.5
 """Samples a period of which a recording must have more to be imitated; fewer are aliased."""
 LOG_POINTS = 20_000
 """Rows of a log that the twin's course keeps at most."""
+COURSE_POINTS = 24
+"""Stretches of a run over which the course of its frequency is averaged."""
 FLOAT32 = 1e-5
 """Noise over amplitude from which 32-bit samples lose nothing: their rounding is 3e-8."""
 NEEDED = (
@@ -40,6 +44,8 @@ NEEDED = (
     "stiffness_axis_rad",
 )
 """Parameters without which a resonator file describes no device."""
+COLOUR = 2
+"""Number of the random stream of a run's coloured noise."""
 TABLES = "calibrated_tables"
 """Name of the twin's own effect: drift and scale factor as a calibration file has them."""
 CARRIED = ("run_id", "gyro_id", "lot_id", "start_time", "mode")
@@ -62,13 +68,21 @@ class Measured:
 @dataclass(frozen=True)
 class Run:
     """One run of the twin: its name in the simulation file, the settings of its chain, what its
-    wave is called and which logs it keeps."""
+    wave is called and which logs it keeps; its noise's colour with the windows it was measured in
+    (σ of one real, length), and the course of its frequency where tables are over that."""
 
     name: str
     demodulate: Mapping[str, Any]
     estimate: Mapping[str, Any]
     carried: Mapping[str, Any]
     missing: tuple[str, ...]
+    colour: Colour = ()
+    std: float = 0.0
+    window_s: float = 1.0
+    frequency: tuple[Array, Array] | None = None
+    """Times (k,) and frequencies (k,), Hz."""
+    silent: bool = False
+    """The second channel held nothing."""
 
 
 @dataclass(frozen=True)
@@ -108,20 +122,19 @@ def twin_of(
     keeps them.
 
     samples_a_period: of the simulated recordings, instead of the measured ones' own sampling.
-    HrgError: the result holds no device (modes without axes, a foreign table, tables made of a
+    HrgError: the result holds no device (two modes without axes, a foreign table, tables made of a
     resonator's coefficients), no wave.
     """
-    if not inputs:
-        raise HrgError(
-            "there is no wave to rehearse with; name the wave files the result was made of"
-        )
     settings = dict(settings)
+    colours: Sequence[Colour]
     if isinstance(truth, Resonator):
         stage, device, hidden = (
             "identify",
             _resonator(truth, settings, inputs),
             _hidden_rate(truth, settings),
         )
+        waves = [measured.wave for measured in inputs]
+        colours = [twin_colour.of_free_runs(waves, settings, hidden)] * len(inputs)
         # what a method adds to the answer without changing it is not repeated
         settings |= {"profile": False} | (
             {"method": "likelihood"} if settings.get("method") == "all" else {}
@@ -133,13 +146,24 @@ def twin_of(
             float(settings.get("earth_rate_rad_s") or 0.0),
         )
         settings |= {"ladder": False, "bootstrap": 0}
+        found = twin_colour.of_calibration(truth)
+        colours = [found.get(measured.wave.run_id, ()) for measured in inputs]
     else:
-        raise HrgError(f"is a {truth.kind} file; a resonator or a calibration is rehearsed")
+        raise HrgError(
+            f"is a {truth.kind} file; a resonator, a calibration or a diagnosis is rehearsed"
+        )
+    by_frequency = isinstance(truth, Calibration) and truth.axis == "frequency"
     runs, tables = [], []
-    for number, measured in enumerate(inputs, 1):
+    for number, (measured, colour) in enumerate(zip(inputs, colours, strict=True), 1):
         name = f"run{number}"
-        run, table = _run(name, measured, device, hidden, settings, samples_a_period)
-        runs.append(run)
+        own = device
+        if by_frequency:
+            own = replace(device, frequency_hz=float(np.nanmedian(measured.wave.frequency_hz)))
+        run, table = _run(name, measured, own, hidden, settings, samples_a_period)
+        if by_frequency:
+            table["device"] = {"frequency_hz": own.frequency_hz}
+            run = replace(run, frequency=frequency_course(measured.wave))
+        runs.append(replace(run, colour=colour))
         tables.append(table)
     first = tables[0]["recording"]
     config = {
@@ -155,6 +179,8 @@ def _resonator(
 ) -> Mechanics:
     """The device of a resonator file; what was held, or is not told by such runs, has the value
     that the fit held it at."""
+    if twin_mode.is_modes(truth):
+        return twin_mode.device(truth)
     values = {name: value for name, (value, _, _) in truth.parameters().items()}
     for name in ("scale_factor", "damping_axis_rad", "stiffness_axis_rad"):
         if settings.get(name) is not None:
@@ -175,14 +201,11 @@ def _calibrated(truth: Calibration, inputs: Sequence[Measured]) -> Mechanics:
     gives it."""
     if is_rate_table(truth):
         raise HrgError("was made of a foreign table of dwells; there are no runs to rehearse")
-    if truth.axis != "temperature" or truth.temperature_degc is None:
-        raise HrgError(
-            "has tables over frequency; a rehearsal needs tables over temperature, calibrate with"
-            " --axis temperature"
-        )
     if truth.model == "physical":
         raise HrgError(
-            "has the coefficients of resonator files (model physical); rehearse those files"
+            "has the coefficients of resonator files (model physical) and their errors: nothing in"
+            " its drift was fitted to these runs, so that runs simulated again tell nothing of it;"
+            " rehearse the resonator files it was made of"
         )
     frequency = float(np.median([np.nanmedian(m.wave.frequency_hz) for m in inputs]))
     return Mechanics(
@@ -255,7 +278,7 @@ def _run(
     amplitude = float(np.median(wave.main_amplitude[good]))
     noise = sample_noise(wave, 1.0)
     carrier = measured.carrier_hz if wave.readout == "carrier" else None
-    sampling = _sample_rate(measured, device.frequency_hz, carrier or 0.0, samples_a_period)
+    sampling = sample_rate(measured, device.frequency_hz, carrier or 0.0, samples_a_period)
     table: dict[str, Any] = {
         "run_id": name,
         "start": _start(
@@ -265,7 +288,8 @@ def _run(
             (0.0 if rate is None else float(np.nan_to_num(rate[first]))) + hidden_rad_s,
         ),
         "environment": environment,
-        "readout": {"noise": sample_noise(wave, sampling), "units": wave.units} | _carrier(carrier),
+        "readout": {"noise": sample_noise(wave, sampling), "units": wave.units}
+        | carrier_table(carrier),
         "recording": {
             "sample_rate_hz": sampling,
             "duration_s": float(times[last]) + wave.window_s / 2,
@@ -281,17 +305,36 @@ def _run(
         if key not in ("from_s", "to_s", "nominal_frequency_hz")
     }
     demodulate.setdefault("periods_per_window", max(1.0, wave.window_s * device.frequency_hz))
-    absent = tuple(key for key in LOGS if getattr(wave, key) is None)
+    carried, absent = named_and_missing(wave)
     return (
         Run(
             name,
             demodulate,
             measured.estimate,
-            {key: getattr(wave, key) for key in CARRIED},
+            carried,
             absent + missing,
+            std=float(np.nanmedian(wave.signal_std)),
+            silent=twin_mode.one_signal(wave),
+            window_s=wave.window_s,
         ),
         table,
     )
+
+
+def named_and_missing(wave: Wave) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """What a run is called, and the logs it lacks."""
+    missing = tuple(key for key in LOGS if getattr(wave, key) is None)
+    return {key: getattr(wave, key) for key in CARRIED}, missing
+
+
+def frequency_course(wave: Wave) -> tuple[Array, Array]:
+    """A run's frequency without its windows' noise: times from the run's beginning and means of
+    `COURSE_POINTS` stretches, Hz."""
+    good = np.flatnonzero(wave.good() & np.isfinite(wave.frequency_hz))
+    begin = float(wave.time_s[int(np.flatnonzero(wave.good())[0])]) - wave.window_s / 2
+    parts = [p for p in np.array_split(good, min(COURSE_POINTS, len(good))) if len(p)]
+    times = np.array([float(np.mean(np.asarray(wave.time_s)[p])) for p in parts]) - begin
+    return times, np.array([float(np.mean(np.asarray(wave.frequency_hz)[p])) for p in parts])
 
 
 def _rate(wave: Wave, settings: Mapping[str, Any]) -> tuple[Array | None, tuple[str, ...]]:
@@ -307,7 +350,7 @@ def _rate(wave: Wave, settings: Mapping[str, Any]) -> tuple[Array | None, tuple[
     return (None, ()) if wave.rate_rad_s is None else (np.asarray(wave.rate_rad_s, float), ())
 
 
-def _sample_rate(
+def sample_rate(
     measured: Measured, frequency_hz: float, carrier_hz: float, samples_a_period: float | None
 ) -> float:
     """Sampling rate of the twin: as asked for, else the recording's own where it resolves the
@@ -319,7 +362,8 @@ def _sample_rate(
     return float(np.ceil((samples_a_period or SAMPLES_A_PERIOD) * highest))
 
 
-def _carrier(carrier_hz: float | None) -> dict[str, Any]:
+def carrier_table(carrier_hz: float | None) -> dict[str, Any]:
+    """The part of [readout] that a carrier needs."""
     return {} if carrier_hz is None else {"kind": "carrier", "carrier_hz": float(carrier_hz)}
 
 
@@ -362,9 +406,35 @@ def _control(wave: Wave, begin_s: float, damping_rate_1_s: float) -> dict[str, A
     return found
 
 
-def tables_effect(truth: Calibration, device_scale_factor: float) -> Effect:
-    """The effect that turns the wave as the tables say, mθ' = −K(T,θ)Ω + D(T,θ): what the device's
-    constant K leaves of it."""
+def effects_of(twin: Twin, number: int, seed: int) -> tuple[Effect, ...]:
+    """The twin's own effects in one of its runs: the tables of a calibration, what one mode's decay
+    and frequency do with its amplitude, the colour of the noise."""
+    run, table = twin.runs[number], twin.config["run"][number]
+    out: list[Effect] = []
+    if isinstance(twin.truth, Calibration):
+        factor = twin.config["device"]["scale_factor"]
+        out.append(tables_effect(twin.truth, factor, run.frequency))
+    elif isinstance(twin.truth, Resonator) and twin_mode.is_modes(twin.truth):
+        out.append(twin_mode.effect(twin_mode.laws_of(twin.truth), run.silent))
+    if run.colour:
+        length = float(table["recording"]["duration_s"])
+        out.append(
+            twin_colour.effect(run.colour, run.std, run.window_s, length, (seed, number, COLOUR))
+        )
+    return tuple(out)
+
+
+def tables_effect(
+    truth: Calibration,
+    device_scale_factor: float,
+    frequency: tuple[Array, Array] | None = None,
+) -> Effect:
+    """The effect that turns the wave as the tables say, mθ' = −K(x,θ)Ω + D(x,θ): what the device's
+    constant K leaves of it.
+
+    x: the temperature or, with the course `frequency` of a run, the frequency, which then follows
+    the course.
+    """
     nodes, mode = np.asarray(truth.node, float), truth.mode_number
     drift, scale = (
         np.asarray(truth.drift_harmonics, float),
@@ -374,14 +444,18 @@ def tables_effect(truth: Calibration, device_scale_factor: float) -> Effect:
     def slow(_: Values, u: Array, state: SlowState) -> Array:
         e_A = frame(u, state.phase_rad)[1]
         angle = np.arctan2(e_A[..., 1], e_A[..., 0]).ravel() / mode
-        warm = np.broadcast_to(state.temperature_degc, u.shape[:-1]).ravel()
+        x = state.temperature_degc if frequency is None else np.interp(state.time_s, *frequency)
+        at = np.broadcast_to(x, u.shape[:-1]).ravel()
         D, K = (
-            evaluate(warm, angle, nodes, table, mode, truth.interpolation)
-            for table in (drift, scale)
+            evaluate(at, angle, nodes, table, mode, truth.interpolation) for table in (drift, scale)
         )
         rate = np.broadcast_to(state.rate_rad_s, u.shape[:-1]).ravel()
         turning = ((K - device_scale_factor) * rate - D).reshape(u.shape[:-1])
-        return np.asarray(turning[..., None] * (u @ J.T))
+        change = turning[..., None] * (u @ J.T)
+        if frequency is not None:
+            faster = 2j * np.pi * (np.asarray(x) - state.mechanics.frequency_hz)
+            change = change + faster[..., None] * u
+        return np.asarray(change)
 
     return Effect(
         TABLES,

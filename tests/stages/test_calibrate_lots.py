@@ -1,6 +1,8 @@
 """Lots of forced gyros drawn at random: what is called valid is as good as it says, and auto takes
 a variant as good as the best."""
 
+import json
+
 import numpy as np
 import pytest
 from drawn_gyros import Drawn
@@ -62,6 +64,41 @@ def judge(lots, least_share):
     assert np.mean(np.array(ratios) < 1.1) >= least_share and np.mean(surely) >= 0.95, np.round(
         ratios, 2
     )
+
+
+def test_no_random_walk_is_found_where_there_is_none():
+    """A gyro with measured parts that are nearly functions of each other: a direction that the data
+    hardly see may not pass for a walk. What is valid then is judged at the noise there is."""
+    record = calibrate(Drawn(1003).programme(), bootstrap=0)
+    assert json.loads(record.details)["noise"]["angle_random_walk_rad_sqrt_s"] == 0.0
+    assert record.status == "valid"
+
+
+def test_an_average_over_harmonics_is_tested_where_its_own_fit_would_stand():
+    """Its average shrinks harmonics by parts of their error; nearly invisible combinations made a
+    score of hundreds of that."""
+    record = calibrate(Drawn(1044).programme(), bootstrap=0)
+    assert record.model == "combined" and record.status == "valid", record.status_reasons
+
+
+def test_a_first_harmonic_alone_does_not_deny_the_harmonics_it_leaves_out():
+    """A harmonic 8θ too faint to be proven is in the stated error of a model without it, and in
+    what it does to the others; where the user leaves it out, it is not."""
+    z = []
+    for seed in (2, 7, 12):
+        gyro = Drawn(seed)
+        assert gyro.kind == "faint"
+        waves = gyro.programme()
+        record = calibrate(waves, model="parametric", bootstrap=0)
+        theta = np.linspace(0, np.pi, 60, endpoint=False)
+        for node in gyro.temperatures:
+            at = np.full_like(theta, node)
+            error = values(record, at, theta)[0] - gyro.tables(at, theta)[0]
+            z.append(np.mean((error / standard_deviations(record, at, theta)[0]) ** 2))
+        assert np.all(record.drift_harmonics_std[:, 3:5] > 0)
+    assert np.sqrt(np.mean(z)) < 1.5
+    alone = calibrate(waves, model="parametric", harmonics=1, bootstrap=0)
+    assert alone.drift_harmonics.shape[1] == 3
 
 
 def test_a_firm_loop_and_a_soft_one():

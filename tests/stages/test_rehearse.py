@@ -2,23 +2,36 @@
 small ones become suspect."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hrg_cli import settings, store
 from hrg_cli.errors import HrgError
+from hrg_cli.fitting.causes.colour import Noise
 from hrg_cli.fitting.envelopes import rows
 from hrg_cli.fitting.envelopes.envelope_runs import averaged
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator, collect
+from hrg_cli.stages import twin_colour
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
+from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
-from hrg_cli.stages.rehearse import PREFIX, figure, matched, rehearse, with_verdict
+from hrg_cli.stages.rehearse import (
+    PREFIX,
+    Named,
+    figure,
+    matched,
+    rehearse,
+    twin_wave,
+    with_verdict,
+)
 from hrg_cli.stages.simulate import simulate
 from hrg_cli.stages.twin import Measured, twin_of
+from hrg_cli.stages.twin_colour import course
 
 RATE_HZ = 2000.0
 DEVICE = {
@@ -243,6 +256,132 @@ def test_at_once(folder, hrg):
     )
 
 
+def test_a_run_hands_the_verdict_of_its_rehearsals_on(folder, hrg, monkeypatch):
+    """Suspect in the resonator, its own step, the answer and the status, though the diagnosis finds
+    nothing; done once, and again when more are asked for."""
+    recordings = folder / "recordings"
+    recordings.mkdir()
+    for run in ("up", "down"):
+        (folder / f"r-{run}.h5").rename(recordings / f"{run}.h5")
+    monkeypatch.setattr(rows, "needed", lambda p, runs, least: 6)
+    monkeypatch.setattr(rows, "along", carried_by_nothing)
+    asked = ("run", recordings, "-o", folder / "out", "--set", "demodulate.periods_per_window=2")
+    done = hrg(*asked, "--rehearse", "4", "--json")
+    report = json.loads(done.out)
+    steps = {step["name"]: step for step in report["steps"]}
+    assert list(steps)[2:] == ["identify", "rehearse", "diagnose"]
+    assert steps["rehearse"]["status"] == "suspect" and steps["rehearse"]["json"]["times"] == 4
+    assert store.read(folder / "out" / "resonator.h5", Resonator).status != "valid"
+    assert report["status"] != "valid" and report["answer"]["validity"] != "valid"
+    assert any(PREFIX in reason for reason in report["status_reasons"])
+    assert any(reason.startswith(PREFIX) for reason in report["answer"]["why"])
+
+    made = (folder / "out" / "resonator.h5").stat().st_mtime_ns
+    assert json.loads(hrg(*asked, "--rehearse", "4", "--json").out)["status"] == report["status"]
+    assert (folder / "out" / "resonator.h5").stat().st_mtime_ns == made
+    again = json.loads(hrg(*asked, "--rehearse", "5", "--json").out)
+    assert [s["json"]["times"] for s in again["steps"] if s["name"] == "rehearse"] == [5]
+
+    plan = hrg("run", recordings, "-o", folder / "new", "--rehearse", "4", "--dry-run").out
+    assert f"hrg rehearse {folder / 'new' / 'resonator.h5'} --times 4" in plan
+    lost = hrg("run", recordings, "-o", folder / "new", "--set", "rehearse.seed=1")
+    assert lost.status == 1 and "--rehearse N" in lost.err
+
+
+def wandering(q, tau):
+    """An angle that wanders, in the samples."""
+    none = Noise(1.0, 0.0, 0.0, 0.0)
+    return (none, none, Noise(1.0, q, tau, 100.0), none)
+
+
+def test_a_wander_has_the_density_and_the_correlation_it_is_asked_for():
+    """Its variance after t: q[t − τ(1 − e^{−t/τ})], and q t of a random walk."""
+    random = np.random.default_rng(4)
+    for tau in (0.0, 0.3):
+        noise = Noise(1.0, 2.0, tau, 0.0)
+        ends = [course(noise, 0.02, 1.0, random) for _ in range(3000)]
+        end = np.array([np.interp(1.0, t, x) for t, x in ends])
+        assert np.std(end) == pytest.approx(noise.after(1.0), rel=0.06)
+
+
+def test_the_colour_of_the_noise_is_measured_and_simulated():
+    """A wave whose angle wanders: its twin's wanders as much, and white noise alone does not."""
+    config = {**TOML, "recording": {"sample_rate_hz": RATE_HZ, "duration_s": 4.0}}
+    made = []
+    for number, run in enumerate(("up", "down")):
+        wander = twin_colour.effect(wandering(2e-6, 0.0), 0.0, 0.004, 4.0, (number, 1))
+        noisy = {**config, "effects": {wander.name: {}}}
+        recording = collect(simulate(noisy, (wander,), run=run, seed=5))
+        wave = collect(estimate(collect(demodulate(recording, **WINDOWS))))
+        made.append(Measured(wave, RATE_HZ, None, dict(WINDOWS)))
+    waves = [m.wave for m in made]
+    result = identify(waves)
+    twin = matched(twin_of(result, made, own()), made, 0)
+    measured = twin.runs[0].colour[2]
+    assert 1e-6 < measured.wander_1_s < 4e-6
+    again = [twin_wave(twin, number, 3) for number in range(2)]
+    simulated = twin_colour.of_free_runs(again, own(), 0.0)[2]
+    assert 0.4 < simulated.wander_1_s / measured.wander_1_s < 2.5
+    plain = replace(twin, runs=[replace(run, colour=()) for run in twin.runs])
+    assert not twin_colour.of_free_runs([twin_wave(plain, n, 3) for n in range(2)], own(), 0.0)
+    told = rehearse(result, made, own(), times=2).table()
+    assert [c["component"] for c in told["colour"]] == ["angle"]
+
+
+def of_one_channel(start, seed):
+    """A run-down in the first channel, the second one empty."""
+    config = {**TOML, "device": {**DEVICE, "damping_split": 0.0, "frequency_split_hz": 0.0}}
+    config["run"] = [{"run_id": "x", "start": {"amplitude": start}}]
+    recording = collect(simulate(config, seed=seed))
+    recording = recording.replace(s=np.zeros_like(recording.s))
+    wave = collect(estimate(collect(demodulate(recording, periods_per_window=5.0))))
+    return Measured(wave, RATE_HZ, None, {"periods_per_window": 5.0})
+
+
+def test_one_mode_is_rehearsed_and_two_without_axes_are_not():
+    made = [of_one_channel(1.0, 1)]
+    result = identify([m.wave for m in made])
+    assert list(result.name) == ["frequency_hz", "damping_rate_1_s"]
+    told = rehearse(result, made, own(), times=6)
+    assert {f.name for f in told.figures} == set(result.name)
+    assert told.failed == 0 and told.status == "valid", told.reasons
+    details = json.loads(result.details)
+    two = result.replace(details=json.dumps(details | {"modes": details["modes"] * 2}))
+    with pytest.raises(HrgError, match="two modes"):
+        rehearse(two, made, own(), times=2)
+
+
+def test_a_diagnosis_is_rehearsed_with_its_extended_model_for_truth(inputs):
+    """The cause is named again, as large as the file says; one that the twin does not hold, or that
+    is never named, is told."""
+    config = {**TOML, "effects": {"gain_mismatch": {"gain": 0.01}}}
+    made = [
+        Measured(
+            collect(
+                estimate(collect(demodulate(collect(simulate(config, run=run, seed=5)), **WINDOWS)))
+            ),
+            RATE_HZ,
+            None,
+            dict(WINDOWS),
+        )
+        for run in ("up", "down")
+    ]
+    result = diagnose([m.wave for m in made])
+    assert [e["name"] for e in json.loads(result.report)["effects"]] == ["gain_mismatch"]
+    told = rehearse(result, made, settings.checked(diagnose, {}), times=2)
+    table = told.table()
+    assert {"gain_mismatch gain", "scale_factor"} <= {f["name"] for f in table["figures"]}
+    assert table["causes"][0] == {"name": "gain_mismatch", "held": True, "named": 2, "times": 2}
+    judged = with_verdict(result, told)
+    assert json.loads(judged.report)["rehearsal"]["times"] == 2
+    assert judged.extended_model == result.extended_model
+
+    assert "is named in 1 of 30" in Named("gain_mismatch", True, 1, 30).sentence(1)
+    assert "does not hold it" in Named("saturation", False, 9, 30).sentence(1)
+    assert not Named("saturation", False, 4, 30).sentence(1)
+    assert not Named("gain_mismatch", True, 12, 30).sentence(1)
+
+
 @pytest.mark.slow
 def test_tables_are_rehearsed_with_themselves_for_truth():
     """The twin's own effect turns the wave as the file's tables say; the coefficients come back
@@ -289,3 +428,12 @@ def test_tables_are_rehearsed_with_themselves_for_truth():
     told = rehearse(result, made, settings.checked(calibrate, asked), times=4)
     assert told.status == "valid" and len(told.figures) == 6, told.reasons
     assert 0.5 < np.sqrt(np.mean([f.error_over_std_rms**2 for f in told.figures])) < 1.6
+    # the same over frequency, which no thermometer tells
+    by_frequency = asked | {"axis": "frequency"}
+    result = calibrate([m.wave for m in made], **by_frequency)
+    told = rehearse(result, made, settings.checked(calibrate, by_frequency), times=4)
+    assert len(told.figures) == 6 and not told.failed, told.reasons
+    assert 0.4 < np.sqrt(np.mean([f.error_over_std_rms**2 for f in told.figures])) < 1.6
+    physical = result.replace(model="physical")
+    with pytest.raises(HrgError, match="resonator files"):
+        rehearse(physical, made, settings.checked(calibrate, by_frequency), times=4)

@@ -3,9 +3,9 @@ frequency, the effects' parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -41,6 +41,8 @@ __all__ = [
 
 Array = np.ndarray
 MOST_STEPS = 15
+SHORTEST = 1 / 128
+"""Part of a step that is tried last before the step is bent."""
 DAMPED = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 """Lengths of the damping rows, over those of the columns, where a whole step leads nowhere."""
 DAMPING = ("damping", "damping_cos", "damping_sin")
@@ -342,114 +344,133 @@ def fit(
     layout = layout_of(series, point, freedom)
     p = passive_damping(point.p) if freedom.passive else point.p
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
-
-    def cost(prediction: Prediction) -> float:
-        if not np.all(np.isfinite(prediction.seen)):
-            return np.inf
-        pull = prior_residual(freedom, prediction.point, series)
-        return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(pull**2))
-
-    def after(point: Point, near: Near, step: Array) -> Prediction:
-        return predict(series, moved(point, layout, step, freedom.passive), near)
-
+    settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
     with np.errstate(over="ignore", invalid="ignore"):
         prediction = predict(series, point, near)
-        value = cost(prediction)
+        value = _cost(prediction, freedom)
         if not np.isfinite(value):
-            taken = ", ".join(effect.name for effect, _ in point.active)
-            raise DivergedError(
-                f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no"
-                " fit to these runs together; diagnose free and forced runs apart, or leave out"
-                " the run that differs most"
-            )
-        settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
-        converged, steps, lost = False, 0, 0.0
+            raise _no_motion(series, point)
+        converged, steps = False, 0
         while True:
-            flow = propagation(prediction)
-            design = design_of(flow, layout)
-            residual = flat(series, prediction.residual())
-            factored = evidence.factored(design)
-            if not np.all(np.isfinite(factored.triangle)):
-                raise DivergedError(
-                    f"{', '.join(series.names)}: the model's motion ends where the fit has led;"
-                    " leave out the run that differs most"
-                )
-            rows, right = (
-                prior_rows(freedom, layout, series),
-                prior_residual(freedom, prediction.point, series),
-            )
-            step, covariance = factored.solve(residual, rows, right)
-            wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
-            lost = 0.0
-            if wall is not None:
-                free = step
-                step, _ = factored.solve(residual, rows, right, *wall)
-                lost = _fall(design, residual, free) - _fall(design, residual, step)
+            here = _linearised(prediction, layout, freedom)
             if converged or steps == most:
                 break
             steps += 1
-            expected = float(np.sum(design.times(step) ** 2))
-            size = 1.0
-            while True:
-                trial = after(prediction.point, flow.near, size * step)
-                now = cost(trial)
-                if now <= value + settled * value or size < 1e-2:
-                    break
-                size /= 2
-            if not now <= value + settled * value:
-                trial, now = damped(
-                    factored,
-                    (residual, rows, right),
-                    partial(after, prediction.point, flow.near),
-                    cost,
-                    value,
-                )
-                size = 0.0
+            trial, now, whole = _descended(here, freedom, value, settled)
             if not now <= value:
                 # a step that neither lowers nor raises χ² by more than matters has nowhere to go
                 converged = now <= value + settled * value
                 break
             gained, value, prediction = value - now, now, trial
-            converged = expected < settled * value or (gained < settled * value and size == 1.0)
+            converged = here.expected < settled * value or (gained < settled * value and whole)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
     return Fit(
         freedom,
-        flow,
-        design,
-        residual,
+        here.flow,
+        here.design,
+        here.residual,
         layout,
-        covariance,
+        here.covariance,
         converged,
-        max(lost, 0.0),
+        max(here.lost, 0.0),
         index,
-        factored,
+        here.factored,
     )
 
 
-def damped(
-    factored: Factored,
-    problem: tuple[Array, Array, Array],
-    moved_by: Callable[[Array], Prediction],
-    cost: Callable[[Prediction], float],
-    value: float,
-) -> tuple[Prediction, float]:
-    """The first lower point along Levenberg's and Marquardt's path, where no part of the whole step
-    leads down; the last one tried where there is none.
+def _cost(prediction: Prediction, freedom: Freedom) -> float:
+    """χ² with the priors' part; infinite where the motion has no end."""
+    if not np.all(np.isfinite(prediction.seen)):
+        return np.inf
+    series = prediction.series
+    pull = prior_residual(freedom, prediction.point, series)
+    return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(pull**2))
 
-    problem: (residual, prior rows, prior residual) of the step; value: the cost to be lowered.
-    """
-    residual, rows, right = problem
-    sizes = np.diag(np.sqrt(np.sum(factored.triangle**2, axis=0) + np.sum(rows**2, axis=0)))
-    still = np.zeros(len(sizes))
-    for damping in DAMPED:
-        step, _ = factored.solve(
-            residual, np.vstack([rows, damping * sizes]), np.concatenate([right, still])
+
+def _no_motion(series: Series, point: Point) -> DivergedError:
+    taken = ", ".join(effect.name for effect, _ in point.active)
+    return DivergedError(
+        f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no fit to"
+        " these runs together; diagnose free and forced runs apart, or leave out the run that"
+        " differs most"
+    )
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """The model about a point: its flow, design and residual, the Gauss–Newton step, and what the
+    damping's bound costs on its way."""
+
+    flow: Propagation
+    design: Design
+    residual: Array
+    layout: Layout
+    factored: Factored
+    priors: tuple[Array, Array]
+    step: Array
+    covariance: Array
+    lost: float
+
+    @property
+    def expected(self) -> float:
+        """Fall of χ² that the whole step promises."""
+        return float(np.sum(self.design.times(self.step) ** 2))
+
+
+def _linearised(prediction: Prediction, layout: Layout, freedom: Freedom) -> _Linear:
+    """The model about a prediction. DivergedError: its slopes are no numbers."""
+    series = prediction.series
+    flow = propagation(prediction)
+    design = design_of(flow, layout)
+    residual = flat(series, prediction.residual())
+    factored = evidence.factored(design)
+    if not np.all(np.isfinite(factored.triangle)):
+        raise _no_motion(series, prediction.point)
+    priors = (
+        prior_rows(freedom, layout, series),
+        prior_residual(freedom, prediction.point, series),
+    )
+    step, covariance = factored.solve(residual, *priors)
+    wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
+    lost = 0.0
+    if wall is not None:
+        free = step
+        step, _ = factored.solve(residual, *priors, *wall)
+        lost = _fall(design, residual, free) - _fall(design, residual, step)
+    return _Linear(flow, design, residual, layout, factored, priors, step, covariance, lost)
+
+
+def _descended(
+    here: _Linear, freedom: Freedom, value: float, settled: float
+) -> tuple[Prediction, float, bool]:
+    """(prediction, cost, whether the whole step was taken) of the first part of the step that does
+    not raise the cost; where none does, of Levenberg's and Marquardt's path."""
+    start = here.flow.prediction
+
+    def after(step: Array) -> tuple[Prediction, float]:
+        trial = predict(
+            start.series, moved(start.point, here.layout, step, freedom.passive), here.flow.near
         )
-        trial = moved_by(step)
-        now = cost(trial)
+        return trial, _cost(trial, freedom)
+
+    size = 1.0
+    while size >= SHORTEST:
+        trial, now = after(size * here.step)
+        if now <= value + settled * value:
+            return trial, now, size == 1.0
+        size /= 2
+    rows, right = here.priors
+    sizes = np.diag(np.sqrt(np.sum(here.factored.triangle**2, axis=0) + np.sum(rows**2, axis=0)))
+    for damping in DAMPED:
+        step, _ = here.factored.solve(
+            here.residual,
+            np.vstack([rows, damping * sizes]),
+            np.concatenate([right, np.zeros(len(sizes))]),
+        )
+        trial, now = after(step)
         if now < value:
             break
-    return trial, now
+    return trial, now, False
 
 
 def _fall(design: Design, residual: Array, step: Array) -> float:

@@ -17,6 +17,7 @@ from .windows import (
     Fits,
     bend_power,
     curvatures,
+    energy,
     motion_counts,
     motion_residual,
     pooled_variance,
@@ -155,14 +156,9 @@ class Demodulator:
         from the survey's course."""
         if u.shape[1] <= 8:
             return
-        cross = np.array(
-            [sum(np.vdot(u[k, :-1, a], u[k, 1:, a]) for k in range(2)) for a in range(u.shape[2])]
-        )
-        power = sum(
-            np.vdot(u[k, :, a], u[k, :, a]).real for k in range(2) for a in range(u.shape[2])
-        )
+        cross = np.einsum("kra,kra->a", u[:, :-1].conj(), u[:, 1:])
         total = complex(np.where(self.sign < 0, cross.conj(), cross).sum())
-        if np.isfinite(total) and abs(total) > 0.9 * power:
+        if np.isfinite(total) and abs(total) > 0.9 * energy(u):
             seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
             self._ahead_hz = seen - self.survey.frequency_hz(time_s)
 

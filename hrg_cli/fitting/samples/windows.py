@@ -219,6 +219,13 @@ def pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
     return factor
 
 
+def energy(u: Array) -> float:
+    """Σ|u|² of complex values, in this thread: a BLAS shares so short a sum among threads that then
+    wait for each other."""
+    parts = np.ascontiguousarray(u).view(float).ravel()
+    return float(np.einsum("i,i->", parts, parts))
+
+
 def motion_counts(residual2: Array, motion: Array, by: Pull) -> bool:
     """Whether a motion puts more than a thousandth into the residual's sums of squares (channel,
     rows)."""
@@ -227,7 +234,7 @@ def motion_counts(residual2: Array, motion: Array, by: Pull) -> bool:
         total = float(residual2[k].sum())
         if not np.isfinite(total):
             total = float(np.nansum(residual2[k]))
-        if np.vdot(motion[k], motion[k]).real * mean > 1e-3 * total:
+        if energy(motion[k]) * mean > 1e-3 * total:
             return True
     return False
 

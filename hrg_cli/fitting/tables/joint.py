@@ -261,8 +261,8 @@ class Solution:
 def solve(
     information: Array, vector: Array, model: Model, penalty: Array | None = None
 ) -> Solution:
-    """Least squares in a model's space; directions the data do not see (scaled eigenvalue < 1e-10)
-    stay at zero."""
+    """Least squares in a model's space; directions the data do not see (scaled eigenvalue <
+    `LEAST_SEEN`) stay at zero."""
     M = model.matrix
     start = np.zeros(len(vector)) if model.start is None else model.start
     A, b = M.T @ information @ M, M.T @ (vector - information @ start)
@@ -273,7 +273,7 @@ def solve(
     scale = np.sqrt(np.maximum(np.diag(A), 0))
     scale[scale == 0] = 1.0
     values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
-    seen = values > 1e-10
+    seen = values > LEAST_SEEN
     inverse = np.where(seen, 1 / np.where(seen, values, 1.0), 0.0)
     covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
     return Solution(
@@ -316,6 +316,10 @@ COARSE_BLOCKS = 64
 NEEDED_GAIN = 2.0
 """Fall of −2 ln L that a common random walk must bring: half of all gyros without one would
 otherwise show one."""
+
+
+LEAST_SEEN = 1e-10
+"""Eigenvalue of the scaled normal matrix below which the data do not see a direction."""
 
 
 @dataclass(frozen=True)
@@ -368,14 +372,16 @@ def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
 
     A slow random walk hides in what the tables absorb, so a run's own residuals understate it:
     minimised is −2 ln L = Σ ln|V| + χ² + ln|XᵀV⁻¹X|, on blocks averaged to some sixty a run, where
-    a walk that is hard to see acts.
+    a walk that is hard to see acts. X spans the same directions at every q, those that are seen
+    without a walk: one that came or went with q would change the determinant by more than any walk.
     """
     from scipy.optimize import minimize_scalar
 
     unit = float(np.median([c.white for c in coarse])) / length_s
     size = coarse[0].columns.shape[1] - 1
 
-    def cost(q: float) -> float:
+    def normal(q: float) -> tuple[Array, Array, float]:
+        """XᵀV⁻¹X, XᵀV⁻¹y, and Σ ln|V| + yᵀV⁻¹y."""
         total = 0.0
         A, b = np.zeros((size, size)), np.zeros(size)
         for run in coarse:
@@ -383,15 +389,18 @@ def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
             A += rows[:, :-1].T @ rows[:, :-1]
             b += rows[:, :-1].T @ rows[:, -1]
             total += determinant + float(rows[:, -1] @ rows[:, -1])
-        scale = np.sqrt(np.where(np.diag(A) > 0, np.diag(A), 1.0))
-        values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
-        seen = values > 1e-10
-        along = vectors.T @ (b / scale)
-        return (
-            total
-            - float((along[seen] ** 2 / values[seen]).sum())
-            + float(np.log(values[seen]).sum() + 2 * np.log(scale).sum())
-        )
+        return A, b, total
+
+    still = normal(0.0)[0]
+    scale = np.sqrt(np.where(np.diag(still) > 0, np.diag(still), 1.0))
+    values, vectors = np.linalg.eigh(still / np.outer(scale, scale))
+    kept = values > LEAST_SEEN
+    seen = vectors[:, kept] / scale[:, None] / np.sqrt(values[kept])
+
+    def cost(q: float) -> float:
+        A, b, total = normal(q)
+        A, b = seen.T @ A @ seen, seen.T @ b
+        return total - float(b @ np.linalg.solve(A, b)) + float(np.linalg.slogdet(A)[1])
 
     powers = np.arange(-4.0, 5.1, 1.0)
     costs = [cost(unit * 10.0**x) for x in powers]

@@ -9,7 +9,7 @@ its doubt in the covariance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,8 +52,14 @@ class Doubtful:
     """Whether the sizes are in standard deviations of the harmonic."""
 
 
-def doubtful_harmonics(layout: Layout, kinds: Sequence[str], scale_factor: float) -> list[Doubtful]:
-    """Every harmonic k ≥ 1 of the given kinds ("drift", "scale"); scale_factor: K₀."""
+def doubtful_harmonics(
+    layout: Layout,
+    kinds: Sequence[str],
+    scale_factor: float,
+    beyond: Mapping[str, int] | None = None,
+) -> list[Doubtful]:
+    """Every harmonic k ≥ 1 of the given kinds ("drift", "scale"), or those above `beyond` of each
+    kind alone; scale_factor: K₀."""
     out = []
     for kind in kinds:
         drift = kind == "drift"
@@ -63,7 +69,7 @@ def doubtful_harmonics(layout: Layout, kinds: Sequence[str], scale_factor: float
             else (layout.scale_harmonics, layout.scale)
         )
         sizes = np.array(DRIFT_SIZES) if drift else np.array(SCALE_FACTOR_SIZES) * abs(scale_factor)
-        for k in range(1, limit + 1):
+        for k in range(1 + (beyond or {}).get(kind, 0), limit + 1):
             places = np.array(
                 [part(j).start + np.array([2 * k - 1, 2 * k]) for j in range(len(layout.nodes))]
             )

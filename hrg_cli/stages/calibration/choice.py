@@ -97,12 +97,12 @@ def answers(
             tries.append(linear(fitted, folds, model))
         own = (drift if name in WHOLE_DRIFT else 1, scale)
         used.append(own)
-        stored.append(widest(layout, wanted, own) if name in WHOLE_DRIFT else own)
+        stored.append(own if name == "physical" else widest(layout, wanted, own))
     checks = judged(fitted, folds, tries)
     return [
         Answer(
             t.model.name,
-            _with_doubt(fitted, t),
+            _with_doubt(fitted, t, wanted, u),
             u,
             s,
             tuple(c),
@@ -113,19 +113,60 @@ def answers(
     ]
 
 
-def _with_doubt(fitted: Fitted, tried: Tried) -> Tried:
-    """The solution with the error to which a constant drift, where the model holds none, was seen
-    to be absent: no 0 ± 0."""
+def _with_doubt(fitted: Fitted, tried: Tried, wanted: Wanted, limits: tuple[int, int]) -> Tried:
+    """The solution of a model that holds the first harmonic alone, with the error that what it
+    leaves out may make: no 0 ± 0.
+
+    Of a constant drift, the error to which it was seen to be absent; of the harmonics in doubt
+    beyond the model's own, what they may be as `averaged` tells, and what that does to the others.
+    """
     layout = fitted.layout
     constant = layout.part("drift", 0)
     if tried.model.name in WHOLE_DRIFT:
         return tried
+    if not tried.foreign:
+        tried = _with_harmonics_in_doubt(fitted, tried, wanted, limits)
     A, b, _, _ = fitted.pieces.sum()
     beside = Model("", np.concatenate([tried.model.matrix, constant], axis=1), tried.model.start)
     places = np.flatnonzero(constant.any(axis=1))
     covariance = tried.solution.covariance.copy()
     covariance[np.ix_(places, places)] += solve(A, b, beside).covariance[np.ix_(places, places)]
     return replace(tried, solution=replace(tried.solution, covariance=covariance))
+
+
+def _with_harmonics_in_doubt(
+    fitted: Fitted, tried: Tried, wanted: Wanted, limits: tuple[int, int]
+) -> Tried:
+    """The solution with what harmonics c above the limits add to its error, E[(Gc)(Gc)ᵀ].
+
+    Least squares without them gives C A P c too much, C its covariance, A the normal matrix, P
+    their places, and lacks P c itself: G = C A P − P. E[c cᵀ] is that of c averaged over how large
+    each may be, beside the model's own coefficients.
+    """
+    layout, model = fitted.layout, tried.model
+    C, found = tried.solution.covariance, tried.solution.coefficients
+    scale_factor = float(np.mean(layout.tables(found)[1][:, 0]))
+    beyond = dict(zip(("drift", "scale"), limits))
+    left_out = doubtful_harmonics(layout, wanted.in_doubt, scale_factor, beyond)
+    if not left_out:
+        return tried
+    A, b, _, _ = fitted.pieces.sum()
+    places = np.concatenate([harmonic.places.ravel() for harmonic in left_out])
+    P = np.eye(layout.size)[:, places]
+    both = np.concatenate([model.matrix, P], axis=1)
+    number = {int(place): model.free + i for i, place in enumerate(places)}
+    in_doubt = [
+        replace(harmonic, places=np.vectorize(number.__getitem__)(harmonic.places))
+        for harmonic in left_out
+    ]
+    rest = b if model.start is None else b - A @ model.start
+    size = averaged(
+        both.T @ A @ both, both.T @ rest, np.eye(both.shape[1]), in_doubt, wanted.seed, FEWER_SWEEPS
+    )
+    c, spread = size.coefficients[model.free :], size.covariance[model.free :, model.free :]
+    G = C @ A @ P - P
+    more = G @ (spread + np.outer(c, c)) @ G.T
+    return replace(tried, solution=replace(tried.solution, covariance=C + more))
 
 
 def widest(layout: Layout, wanted: Wanted, limits: tuple[int, int]) -> tuple[int, int]:
@@ -147,15 +188,20 @@ def linear(fitted: Fitted, folds: Array, model: Model, penalty: Array | None = N
 
 
 def again(
-    fitted: Fitted, folds: Array, answer: Answer, model: Model, penalty: Array | None = None
+    fitted: Fitted,
+    folds: Array,
+    answer: Answer,
+    model: Model,
+    wanted: Wanted,
+    penalty: Array | None = None,
 ) -> Answer:
     """The answer solved anew with another model matrix or a penalty, and judged anew."""
     tried = linear(fitted, folds, model, penalty)
     ((checks, failed),) = judged(fitted, folds, [tried])
     return replace(
         answer,
-        tried=_with_doubt(fitted, tried),
-        stored=answer.limits,
+        tried=_with_doubt(fitted, tried, wanted, answer.limits),
+        stored=answer.limits if answer.name in WHOLE_DRIFT else answer.stored,
         checks=tuple(checks),
         failed=tuple(failed),
         held_out_chi2=held_out(fitted, folds, tried),

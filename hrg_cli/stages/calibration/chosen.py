@@ -12,7 +12,7 @@ import numpy as np
 from ...fitting.tables.joint import Fitted, Model, chi_square
 from ...records import Calibration, Wave
 from .checks import interpolation_doubt
-from .choice import Answer, again
+from .choice import Answer, Wanted, again
 from .figures import cells, figure_rows, predictions
 from .folds import choose_smoothness
 from .guards import noise_told
@@ -33,6 +33,7 @@ class Chosen:
     fitted: Fitted
     folds: Array
     answer: Answer
+    wanted: Wanted
     stability: dict[str, Any] | None
     """Whether each harmonic repeats between programmes; None without two programmes."""
     dropped: tuple[str, ...] = ()
@@ -44,13 +45,19 @@ class Chosen:
 
     @classmethod
     def of(
-        cls, fitted: Fitted, folds: Array, answer: Answer, programmes: Mapping[str, str] | None
+        cls,
+        fitted: Fitted,
+        folds: Array,
+        answer: Answer,
+        wanted: Wanted,
+        programmes: Mapping[str, str] | None,
     ) -> Chosen:
         """The answer, its harmonics compared between programmes (by run_id where they are
         named)."""
         drift, scale = (max(limit, LEAST_REPEATED) for limit in answer.limits)
         coefficients = answer.tried.solution.coefficients
-        return cls(fitted, folds, answer, repeats(fitted, coefficients, drift, scale, programmes))
+        told = repeats(fitted, coefficients, drift, scale, programmes)
+        return cls(fitted, folds, answer, wanted, told)
 
     def stable_alone(self) -> Chosen:
         """The same without the harmonics that do not repeat."""
@@ -67,7 +74,7 @@ class Chosen:
             )
             return replace(self, not_dropped=(why,))
         matrix, dropped = without_unstable(self.fitted.layout, *self.answer.limits, self.stability)
-        answer = again(self.fitted, self.folds, self.answer, Model("table", matrix))
+        answer = again(self.fitted, self.folds, self.answer, Model("table", matrix), self.wanted)
         return replace(self, answer=answer, dropped=tuple(dropped))
 
     def smoothed(self) -> Chosen:
@@ -77,7 +84,7 @@ class Chosen:
             return self
         plain = variant(self.answer.name, self.fitted.layout, *self.answer.limits)
         penalty, smoothness = choose_smoothness(self.fitted, plain)
-        answer = again(self.fitted, self.folds, self.answer, plain, penalty)
+        answer = again(self.fitted, self.folds, self.answer, plain, self.wanted, penalty)
         return replace(self, answer=answer, penalty=penalty, smoothness=smoothness)
 
     @property

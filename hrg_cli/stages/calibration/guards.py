@@ -140,8 +140,10 @@ def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
     """One check a cause that the variant may have left out, and one for all together."""
     u = b - A @ tried.solution.coefficients
     # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own
-    # covariance is a mixture's, not a fit's
+    # covariance is a mixture's, not a fit's; and where that fit would put what it fits, for only
+    # there does the score have that variance
     covariance = tried.solution.covariance if tried.foreign else solve(A, b, tried.model).covariance
+    u = u if tried.foreign else u - A @ (covariance @ u)
     sign = 1.0 if tried.foreign else -1.0
     checks = []
     for name, columns, words in causes(layout):

@@ -1,0 +1,167 @@
+"""The colour of a measured programme's noise, and the same noise in the samples of its twin.
+
+What a resonator's runs leave, or a calibration's increments, is white noise as the windows state it
+beside a wander of the wave (`fitting.causes.colour`): of its amplitude, phase, angle and
+ellipticity. A twin with white noise alone would say of errors that hold it what it does not know.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..effects.effect import Effect, Values
+from ..errors import HrgError
+from ..fitting.causes import colour
+from ..fitting.causes.colour import Noise
+from ..fitting.causes.wave_frame import real
+from ..fitting.envelopes import condensed, free_windows
+from ..fitting.envelopes.base_fit import Known, base_fit
+from ..physics.plant import Readout, Samples
+from ..records import Calibration, Diagnosis, Wave
+
+Array = np.ndarray
+NAME = "measured_colour"
+"""Name of the twin's own effect: noise as coloured as the measured runs'."""
+STEPS = 4
+"""Steps of a wander's course within its correlation time."""
+MOST_STEPS = 1_000_000
+"""Steps of a wander's course at most."""
+HOUR = 3600.0
+WHITE = Noise(1.0, 0.0, 0.0, 0.0)
+"""A component that is white as the windows state it."""
+Colour = tuple[Noise, ...]
+"""The noise of the four components, in the order of `colour.COMPONENTS`; empty: white as stated."""
+
+
+def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s: float) -> Colour:
+    """The wander that a resonator fitted to these runs leaves; empty where there is none, or where
+    they show modes only.
+
+    A level above the windows' own is not taken for noise where nothing wanders: it may as well be
+    the fit's fault, which a rehearsal is to find.
+    """
+    known = Known(
+        settings.get("scale_factor"),
+        settings.get("damping_axis_rad"),
+        settings.get("stiffness_axis_rad"),
+    )
+    blocks = int(settings.get("blocks", 300))
+    try:
+        if settings.get("window", "auto") == "auto":
+            waves = [part for wave in waves for part in free_windows.cut(wave)]
+        runs = condensed.read(waves, settings.get("rate_rad_s"), earth_rad_s, known, blocks)
+        fit = base_fit(runs, known, blocks)
+    except HrgError:
+        return ()
+    data, response = fit.response.batch, fit.response
+    found = colour.noises(data.time_s, data.weight, data.envelope, real(response.residual()))
+    return tuple(n if n.wander_1_s > 0 else WHITE for n in found)
+
+
+def of_calibration(truth: Calibration) -> dict[str, Colour]:
+    """The noise that a calibration found in its runs: white angles over what the windows state, and
+    their random walk, by run_id."""
+    details = json.loads(truth.details)
+    white = float((details.get("noise") or {}).get("white_over_stated") or 1.0)
+    out: dict[str, Colour] = {}
+    for run in details.get("runs", []):
+        walk = float(run["walk_rad2_s"])
+        if walk > 0 or white > 1:
+            out[str(run["run_id"])] = (WHITE, WHITE, Noise(white, walk, 0.0, 0.0), WHITE)
+    return out
+
+
+def of_diagnosis(truth: Diagnosis) -> Colour:
+    """The wander that a diagnosis reports of its final residual."""
+    rows = {row["component"]: row for row in json.loads(truth.report).get("wander") or []}
+    if not rows:
+        return ()
+    return tuple(
+        Noise(row["white_over_stated"], _density(row), row["correlation_s"], 0.0)
+        if (row := rows.get(name)) is not None
+        else WHITE
+        for name in colour.COMPONENTS
+    )
+
+
+def _density(row: Mapping[str, Any]) -> float:
+    """q of a wander whose standard deviation after an hour is told."""
+    one = Noise(1.0, 1.0, row["correlation_s"], 0.0).after(HOUR)
+    return float((row["after_one_hour"] / one) ** 2)
+
+
+def effect(
+    noises: Colour, std: float, window_s: float, duration_s: float, seed: Sequence[int]
+) -> Effect:
+    """The effect that puts the noise into a run's samples, y + Re[(α + jφ) w + (β − jε) J w], w the
+    analytic signal.
+
+    α, φ, β, ε: the wanders of relative amplitude, phase, angle mθ and ellipticity; to them, held
+    over each window, what the scatter has above the windows' stated σ of one real (amplitude).
+    """
+    random = np.random.default_rng(list(seed))
+    wanders = [course(noise, window_s, duration_s, random) for noise in noises]
+    windows = int(np.ceil(duration_s / window_s)) + 1
+    excess = np.sqrt(np.maximum(np.array([n.white for n in noises]) ** 2 - 1, 0.0)) * std
+    held = excess[:, None] * random.standard_normal((len(noises), windows))
+
+    def readout(_: Values, readout: Readout) -> None:
+        def step(block: Samples, y: Array) -> Array:
+            w = block.z - 1j * block.v_over_omega
+            size = np.sqrt(np.sum(np.abs(w) ** 2, axis=0))
+            window = np.clip((block.time_s / window_s).astype(int), 0, windows - 1)
+            along, phase, across, ellipse = (
+                np.interp(block.time_s, *wander) + np.where(size > 0, h[window], 0.0) / size
+                for wander, h in zip(wanders, held, strict=True)
+            )
+            turned = np.stack([-w[1], w[0]])
+            return np.asarray(
+                y + ((along + 1j * phase) * w + (across - 1j * ellipse) * turned).real
+            )
+
+        readout.steps.append(step)
+
+    return Effect(NAME, "read-out", "Noise as coloured as a measured run's.", (), readout=readout)
+
+
+def course(
+    noise: Noise, step_s: float, duration_s: float, random: np.random.Generator
+) -> tuple[Array, Array]:
+    """A wander's times and values (n,) from 0: an Ornstein–Uhlenbeck rate of ⟨v v'⟩ = (q/2τ)
+    e^{−|t−t'|/τ}, integrated; a random walk of q where τ is shorter than a step."""
+    q, tau = noise.wander_1_s, noise.correlation_s
+    if q <= 0:
+        return np.array([0.0, duration_s]), np.zeros(2)
+    h = max(min(step_s, tau / STEPS) if tau > step_s / STEPS else step_s, duration_s / MOST_STEPS)
+    count = int(np.ceil(duration_s / h)) + 2
+    times, kicks = h * np.arange(count), random.standard_normal(count)
+    if tau <= h:
+        return times, np.concatenate([[0.0], np.cumsum(np.sqrt(q * h) * kicks[1:])])
+    from scipy.signal import lfilter
+
+    kept = np.exp(-h / tau)
+    kicks[1:] *= np.sqrt(1 - kept**2)
+    rate = np.sqrt(q / (2 * tau)) * lfilter([1.0], [1.0, -kept], kicks)
+    return times, np.concatenate([[0.0], np.cumsum(h * (rate[1:] + rate[:-1]) / 2)])
+
+
+def told(noises: Sequence[Colour]) -> list[dict[str, Any]]:
+    """The coloured components for the JSON, the strongest of the runs."""
+    out = []
+    for k, name in enumerate(colour.COMPONENTS):
+        own = [n[k] for n in noises if n]
+        if own and max(n.wander_1_s for n in own) > 0:
+            worst = max(own, key=lambda n: n.wander_1_s)
+            out.append(
+                {
+                    "component": name,
+                    "wander_1_s": worst.wander_1_s,
+                    "correlation_s": worst.correlation_s,
+                    "white_over_stated": worst.white,
+                }
+            )
+    return out

@@ -1,0 +1,101 @@
+"""The twin of a diagnosed programme: the extended model that the diagnosis wrote, and what another
+diagnosis of it finds again."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..effects import EFFECTS
+from ..errors import HrgError
+from ..records import Diagnosis
+from . import twin_colour
+from .twin import Measured, Run, Twin, carrier_table, named_and_missing, sample_rate
+
+COHERENT = {effect.name for effect in EFFECTS if effect.coherent}
+"""Effects whose vector stands with the wave's phase, so that its sign is nobody's to know."""
+Causes = dict[str, tuple[dict[str, tuple[float, float]], frozenset[str]]]
+"""Causes by name: parameters' values and standard deviations, and which others cannot be told from
+the cause."""
+
+
+def diagnosed(
+    truth: Diagnosis,
+    inputs: Sequence[Measured],
+    settings: Mapping[str, Any],
+    samples_a_period: float | None = None,
+) -> Twin:
+    """The twin of a diagnosis: its extended model, run by run with the measured windows and logs.
+
+    HrgError: it was refused and wrote no model, or the model lacks a run.
+    """
+    if not truth.extended_model:
+        raise HrgError("was refused and holds no extended model; there is nothing to simulate")
+    config = tomllib.loads(truth.extended_model)
+    if len(config["run"]) != len(inputs):
+        raise HrgError(
+            f"has an extended model of {len(config['run'])} runs, {len(inputs)} waves were"
+            " diagnosed: runs without a row that counts are not in it; diagnose the others alone"
+        )
+    colour = twin_colour.of_diagnosis(truth)
+    runs, tables = [], []
+    for run, measured in zip(config["run"], inputs, strict=True):
+        wave = measured.wave
+        frequency = float(run["device"]["frequency_hz"])
+        carrier = measured.carrier_hz if wave.readout == "carrier" else None
+        sampling = sample_rate(measured, frequency, carrier or 0.0, samples_a_period)
+        readout = {**run["readout"], **carrier_table(carrier)}
+        readout["noise"] *= float(np.sqrt(sampling / config["recording"]["sample_rate_hz"]))
+        recording = {**config["recording"], **run["recording"], "sample_rate_hz": sampling}
+        tables.append({**run, "readout": readout, "recording": recording})
+        carried, missing = named_and_missing(wave)
+        windows = {k: v for k, v in measured.demodulate.items() if k != "nominal_frequency_hz"}
+        windows.setdefault("periods_per_window", max(1.0, wave.window_s * frequency))
+        one = Run(run["run_id"], windows, measured.estimate, carried, missing, colour)
+        std = float(np.nanmedian(wave.signal_std))
+        runs.append(replace(one, std=std, window_s=wave.window_s))
+    config = {**config, "recording": tables[0]["recording"], "run": tables}
+    return Twin(config, runs, "diagnose", dict(settings), truth)
+
+
+def causes(record: Diagnosis) -> Causes:
+    """The causes that a diagnosis names; a cause seen twice, as it is told first."""
+    out: Causes = {}
+    for one in json.loads(record.report)["effects"]:
+        found = {
+            name: (float(p["value"]), float(p["std"]))
+            for name, p in (one.get("parameters") or {}).items()
+            if p.get("value") is not None and p.get("std")
+        }
+        out.setdefault(one["name"], (found, frozenset(one.get("indistinguishable_from") or ())))
+    return out
+
+
+def held(twin: Twin) -> Causes:
+    """The causes of the twin's truth that its simulation holds."""
+    inside = set(twin.config.get("effects", {}))
+    for run in twin.config["run"]:
+        inside |= set(run.get("effects", {}))
+    assert isinstance(twin.truth, Diagnosis)
+    return {name: one for name, one in causes(twin.truth).items() if name in inside}
+
+
+def base_values(record: Diagnosis) -> dict[str, tuple[float, float]]:
+    """The resonator beside the causes: values and standard deviations by name."""
+    rows = json.loads(record.report).get("values") or []
+    return {row["name"]: (float(row["value"]), float(row["std"])) for row in rows}
+
+
+def same_sign(
+    name: str, found: Mapping[str, tuple[float, float]], true: Mapping[str, Any]
+) -> float:
+    """−1 for a coherent effect whose vector came out the other way round, else 1."""
+    if name not in COHERENT:
+        return 1.0
+    along = sum(value * true[key][0] for key, (value, _) in found.items() if key in true)
+    return -1.0 if along < 0 else 1.0
