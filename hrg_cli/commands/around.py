@@ -299,11 +299,11 @@ def batch(
         str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)
     ] = None,
 ) -> None:
-    """The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where it
-    was interrupted."""
+    """The whole chain for every gyro of a lot, a page each, and the lot as a whole: causes in
+    common, worst gyros, outliers; resumes where it was interrupted; 3 when a gyro does not pass."""
     from .batching import batch_file
 
-    run.finish(batch_file(lot, run, dask, scheduler))
+    run.finish(*batch_file(lot, run, dask, scheduler))
 
 
 def _effect_names(incomplete: str) -> list[str]:

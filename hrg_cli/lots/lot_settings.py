@@ -12,12 +12,15 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from .. import settings
 from ..errors import HrgError
 from ..formats import import_log
+from ..limits import bounds
 from ..pipeline import STAGES
+from .groups import GROUPED_BY
 
 PER_RECORDING = ("demodulate", "estimate")
 PER_GYRO = ("identify", "calibrate", "diagnose")
 _STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
 Table = dict[str, Any]
+Members = dict[str, list[str]]
 
 
 class RunSettings(BaseModel):
@@ -30,11 +33,23 @@ class RunSettings(BaseModel):
 
 
 class GyroSettings(BaseModel):
-    """A gyro named in the lot's file rather than by its recordings."""
+    """What the lot's file says of a gyro: its recordings, where these do not name it, and where and
+    when they were made."""
 
     model_config = _STRICT
     gyro_id: Annotated[str, Field(min_length=1)]
-    recordings: Annotated[list[str], Field(min_length=1)]
+    recordings: list[str] = []
+    day: Annotated[str, Field(pattern=r"^(\d{4}-\d{2}-\d{2})?$")] = ""
+    station: str = ""
+    fixture: str = ""
+    operator: str = ""
+    firmware: str = ""
+    order: str = ""
+
+    @field_validator(*GROUPED_BY, mode="before")
+    @classmethod
+    def _as_text(cls, value: Any) -> Any:
+        return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
 class LotSettings(BaseModel):
@@ -48,7 +63,14 @@ class LotSettings(BaseModel):
     recordings: list[str] = []
     gyro: list[GyroSettings] = []
     stages: list[Literal["identify", "calibrate", "diagnose"]] = ["identify", "calibrate"]
-    outlier_z: Annotated[float, Field(gt=0)] = 3.5
+    outlier_rate: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    """Chance that a lot without outliers is given one; the distance follows from the lot's size."""
+    outlier_z: Annotated[float, Field(gt=0)] | None = None
+    """A fixed distance instead."""
+    common_rate: Annotated[float, Field(gt=0, lt=1)] = 0.02
+    """Chance that a lot whose gyros have nothing in common is told that they have."""
+    groups: dict[Literal["station", "fixture", "operator", "firmware", "order"], Members] = {}
+    """By key and value, patterns of the gyros' names."""
     limits: dict[str, Table] = {}
     """What `hrg check` would be given, by kind of file."""
     import_: Annotated[Table, Field(alias="import")] = {}
@@ -63,6 +85,39 @@ class LotSettings(BaseModel):
     @classmethod
     def _one_or_many(cls, value: Any) -> Any:
         return [value] if isinstance(value, str) else value
+
+    @field_validator("groups", mode="before")
+    @classmethod
+    def _one_pattern_or_many(cls, value: Any) -> Any:
+        return (
+            {
+                key: {name: [p] if isinstance(p, str) else p for name, p in members.items()}
+                if isinstance(members, dict)
+                else members
+                for key, members in value.items()
+            }
+            if isinstance(value, dict)
+            else value
+        )
+
+    def grouped(self, gyro: str) -> dict[str, str]:
+        """The keys that group a gyro, by its own table, else by the first pattern that fits its
+        name."""
+        out = {}
+        for key in GROUPED_BY:
+            own = next((t for g in self.gyro if g.gyro_id == gyro and (t := getattr(g, key))), "")
+            fits = (
+                value
+                for value, patterns in self.groups.get(key, {}).items()  # type: ignore[call-overload]
+                if any(fnmatch.fnmatchcase(gyro, pattern) for pattern in patterns)
+            )
+            if own or (own := next(fits, "")):
+                out[key] = own
+        return out
+
+    def day_of(self, gyro: str) -> str:
+        """The day that the lot's file gives a gyro."""
+        return next((g.day for g in self.gyro if g.gyro_id == gyro and g.day), "")
 
     def table(self, stage: str, file_name: str = "") -> Table:
         """The settings given for a stage: the lot's, then those of every pattern that fits the
@@ -91,7 +146,8 @@ def read_lot(
 ) -> LotSettings:
     """The lot of a TOML file, the keys of `over` and then `--set` assignments applied.
 
-    HrgError: not TOML, unknown keys, wrong values, no recordings named.
+    HrgError: not TOML, unknown keys, wrong values, no recordings named. UsageError: a limit that is
+    none.
     """
     path = Path(path)
     tree = settings.load_toml(path)
@@ -99,10 +155,14 @@ def read_lot(
     for text in assignments:
         settings.assign(tree, *settings.parse_assignment(text))
     lot: LotSettings = settings.validate(LotSettings, tree, str(path))
-    if not lot.recordings and not lot.gyro:
+    if not lot.recordings and not any(g.recordings for g in lot.gyro):
         raise HrgError(
             f'{path}: names no recordings; write recordings = "data/*.h5" or [[gyro]] tables'
         )
+    for table in lot.limits.values():
+        for name, limit in table.items():
+            if name not in ("status", "verdict"):
+                bounds(name, limit)
     for stage in ("import", *PER_RECORDING, *lot.stages):
         lot.values(stage)
         for pattern in lot.runs:
