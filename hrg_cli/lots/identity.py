@@ -60,9 +60,9 @@ def owner_of(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:
     }
     if len(siblings) == 1:
         return siblings.pop(), "by the names of the files beside it"
-    inside = [gyro for gyro in known if _holds(file, gyro)]
+    inside = _held(file, known)
     if len(inside) == 1:
-        return inside[0], "by the name in what is left of the file"
+        return inside.pop(), "by the name in what is left of the file"
     around = [gyro for path, gyro in readable.items() if path.parent == file.parent]
     if len(around) > 1 and len(set(around)) == 1:
         return around[0], "by the files of its folder"
@@ -81,8 +81,8 @@ def _family(stem: str) -> str:
     return re.sub(r"[-_. ]*(?:run)?[-_. ]*\d+$", "", stem, flags=re.IGNORECASE)
 
 
-def _holds(file: Path, gyro: str) -> bool:
-    """Whether what is left of a file holds a gyro's name as a text of its own."""
+def _held(file: Path, known: Sequence[str]) -> set[str]:
+    """The gyros whose names what is left of a file holds as texts of their own."""
     try:
         with open(file, "rb") as opened:
             data = opened.read(LOOKED_AT_BYTES)
@@ -91,8 +91,12 @@ def _holds(file: Path, gyro: str) -> bool:
                 opened.seek(size - LOOKED_AT_BYTES)
                 data += opened.read()
     except OSError:
-        return False
-    return bool(re.search(rb"\x00" + re.escape(gyro.encode()) + rb"(?![A-Za-z0-9_.\- ])", data))
+        return set()
+    if not known:
+        return set()
+    names = b"|".join(re.escape(gyro.encode()) for gyro in reversed(known))
+    found = re.finditer(rb"\x00(" + names + rb")(?![A-Za-z0-9_.\- ])", data)
+    return {match[1].decode() for match in found}
 
 
 def grouped(own: Mapping[str, str], told: Sequence[Told]) -> dict[str, str]:

@@ -4,6 +4,7 @@ before any work begins."""
 from __future__ import annotations
 
 import fnmatch
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -100,24 +101,31 @@ class LotSettings(BaseModel):
             else value
         )
 
+    @cached_property
+    def _noted(self) -> dict[str, dict[str, str]]:
+        """What the tables [[gyro]] say of each gyro's day and groups."""
+        noted: dict[str, dict[str, str]] = {}
+        for gyro in self.gyro:
+            own = noted.setdefault(gyro.gyro_id, {})
+            for key in ("day", *GROUPED_BY):
+                if getattr(gyro, key):
+                    own.setdefault(key, getattr(gyro, key))
+        return noted
+
     def grouped(self, gyro: str) -> dict[str, str]:
         """The keys that group a gyro, by its own table, else by the first pattern that fits its
         name."""
-        out = {}
-        for key in GROUPED_BY:
-            own = next((t for g in self.gyro if g.gyro_id == gyro and (t := getattr(g, key))), "")
-            fits = (
-                value
-                for value, patterns in self.groups.get(key, {}).items()  # type: ignore[call-overload]
-                if any(fnmatch.fnmatchcase(gyro, pattern) for pattern in patterns)
-            )
-            if own or (own := next(fits, "")):
-                out[key] = own
-        return out
+        own, out = self._noted.get(gyro, {}), {}
+        for key, members in self.groups.items():
+            for value, patterns in members.items():
+                if any(fnmatch.fnmatchcase(gyro, pattern) for pattern in patterns):
+                    out[str(key)] = value
+                    break
+        return out | {key: own[key] for key in GROUPED_BY if key in own}
 
     def day_of(self, gyro: str) -> str:
         """The day that the lot's file gives a gyro."""
-        return next((g.day for g in self.gyro if g.gyro_id == gyro and g.day), "")
+        return self._noted.get(gyro, {}).get("day", "")
 
     def table(self, stage: str, file_name: str = "") -> Table:
         """The settings given for a stage: the lot's, then those of every pattern that fits the

@@ -33,17 +33,13 @@ def judged_rows(
     all its stages gave a result that is not refused, none of its recordings failed and every limit
     holds.
     """
-    rows = [
-        _row(gyro, [r for r in recordings if r["gyro_id"] == gyro["gyro_id"]]) for gyro in gyros
-    ]
-    known = {gyro["gyro_id"] for gyro in gyros}
-    lost: dict[Any, list[Mapping[str, Any]]] = {}
-    for place, r in enumerate(recordings):
-        if r["gyro_id"] not in known:
-            lost.setdefault(r["gyro_id"] or place, []).append(r)
+    of_gyro: dict[Any, list[Mapping[str, Any]]] = {}
+    for place, recording in enumerate(recordings):
+        of_gyro.setdefault(recording["gyro_id"] or place, []).append(recording)
+    rows = [_row(gyro, of_gyro.pop(gyro["gyro_id"], [])) for gyro in gyros]
     rows += [
-        _row({"gyro_id": of[0]["gyro_id"], "status": "failed", "error": ""}, of)
-        for of in lost.values()
+        _row({"gyro_id": lost[0]["gyro_id"], "status": "failed", "error": ""}, lost)
+        for lost in of_gyro.values()
     ]
     columns = list(dict.fromkeys(key for row in rows for key in row["figures"]))
     compared = [name for name in columns if name not in NO_ORDER]

@@ -92,17 +92,15 @@ def shifts(
     """What stands off in which group, surest first, and how many pairs were looked at; `rate`:
     chance that a lot of one population is given anything."""
     names, value, std = side_by_side(gyros)
-    whole = range(len(gyros))
     groups = [g for g in groups_of(origins) if g.depth and len(g.members) < len(gyros)]
     if not names or not groups:
         return (), 0
+    others = [sorted(set(range(len(gyros))) - set(group.members)) for group in groups]
     value = value.copy()
     found: list[Shift] = []
     price: Array | None = None
     while len(found) < MOST:
-        tables = [
-            _against(value, std, g, [k for k in whole if k not in set(g.members)]) for g in groups
-        ]
+        tables = [_against(value, std, group, rest) for group, rest in zip(groups, others)]
         known = [np.isfinite(z) for _, _, z, _ in tables]
         price = tests(known, groups) if price is None else price
         best: tuple[float, int, int] | None = None

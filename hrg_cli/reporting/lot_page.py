@@ -126,14 +126,14 @@ def sentence(report: Mapping[str, Any]) -> str:
     failed = len(rows) - passed
     faulty = [r for r in rows if r["health"] not in ("", "sound", "not examined")]
     text = (
-        f"All {len(rows)} gyros passed"
+        ("The gyro passed" if len(rows) == 1 else f"All {len(rows)} gyros passed")
         if not failed
         else f"{failed} of {len(rows)} gyros did not pass"
     )
     if faulty:
         text += f"; {len(faulty)} {'has' if len(faulty) == 1 else 'have'} a fault or are in doubt"
-    if report["outliers"]:
-        text += f"; {len(report['outliers'])} stand off the lot"
+    if off := len(report["outliers"]):
+        text += f"; {off} {'stands' if off == 1 else 'stand'} off the lot"
     text += "."
     common = report.get("lot_causes", [])
     told = "; ".join(plain(one["sentence"]) for one in common[:3])

@@ -221,7 +221,7 @@ def caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
     place = np.arange(1, len(rows) + 1)
     figure, axes = panels(height=2.5)
     ax = axes[0, 0]
-    for own, colour, label in ((inside, 0, "gyro of the group"), (~inside, 5, "other gyro")):
+    for own, colour, label in ((inside, 0, "gyro of the group"), (~inside, 2, "other gyro")):
         if own.any():
             ax.errorbar(
                 place[own], value[own], std[own], fmt="none", ecolor=SERIES[colour], elinewidth=0.8
@@ -244,8 +244,8 @@ def caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
     legend(ax, loc="best")
     sure = abs(cause["value"]) / float(np.median(std[inside]) / abs(factor))
     words = (
-        f"{plain(cause['sentence'])}; {number(sure, 2)} σ in one gyro, {number(abs(cause['z']), 3)} σ in"
-        f" {cause['gyros']} of them. Bars: σ of one gyro's own runs. Good: bars that cover zero."
+        f"{plain(cause['sentence'])}; {number(sure, 2)} σ in one gyro; that {cause['gyros']} of them"
+        f" have it in common is as sure as {number(abs(cause['z']), 3)} σ. Bars: σ of one gyro's own runs. Good: bars that cover zero."
         " Bad: a group that lies beside it as a whole."
     )
     return Plot(key, f"Common cause: {title}", words, figure)
