@@ -109,8 +109,9 @@ COMMANDS = {
     ),
     "batch": (
         "batch",
-        "The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where"
-        " it was interrupted.",
+        "The whole chain for every gyro of a lot, a page each, and the lot as a whole: causes in"
+        " common, worst gyros, outliers; resumes where it was interrupted; 3 when a gyro does not"
+        " pass.",
     ),
     "study": (
         "study",

@@ -103,7 +103,7 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
         if name == "verdict" and isinstance(record, Diagnosis):
             rows.append(_verdict_row(record, limit))
             continue
-        minimum, maximum = _bounds(name, limit)
+        minimum, maximum = bounds(name, limit)
         value = figures.get(name)
         if value is None and (hint := meant(name, [*figures, "verdict", "status"])):
             raise UsageError(f"limit {name} is no figure of a {record.kind} file; {hint}")
@@ -159,7 +159,9 @@ def _is_group(value: Any) -> bool:
     return isinstance(value, Mapping) and not set(value) <= {"minimum", "maximum"}
 
 
-def _bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
+def bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
+    """Minimum and maximum of a limit as it is written, in the figure's own unit. UsageError: neither
+    is one."""
     if not isinstance(limit, Mapping):
         return None, limit_value(name, limit)
     for key in limit:

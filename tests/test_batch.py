@@ -18,6 +18,7 @@ import pytest
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.executors import run_tasks
+from hrg_cli.formats.hdf5 import SIGNATURE
 from hrg_cli.lots.batch import executor_for, run_lot, safe_name
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.lots.lot_table import judged_rows
@@ -55,7 +56,8 @@ def split_of(gyro: int) -> float:
 
 @pytest.fixture(scope="module")
 def lot(tmp_path_factory) -> Path:
-    """Gyros of two hrg recordings each, one gyro of laboratory logs, one damaged file."""
+    """Gyros of two hrg recordings each, one gyro of laboratory logs, one file that was cut off, one
+    of which nothing is left."""
     folder = tmp_path_factory.mktemp("lot")
     (folder / "data").mkdir()
     for gyro in range(GYROS):
@@ -67,10 +69,11 @@ def lot(tmp_path_factory) -> Path:
             else:
                 store.write(folder / "data" / f"g{gyro}-{run}.h5", record)
     (folder / "data" / "damaged.h5").write_bytes((folder / "data" / "g1-0.h5").read_bytes()[:9000])
+    (folder / "data" / "unknown.h5").write_bytes(SIGNATURE + bytes(4000))
     (folder / "lot.toml").write_text(f"""
 lot_id = "L7"
 created = "{CREATED}"
-recordings = ["data/g*.h5", "data/damaged.h5"]
+recordings = ["data/g*.h5", "data/damaged.h5", "data/unknown.h5"]
 stages = ["identify"]
 
 [[gyro]]
@@ -108,16 +111,21 @@ def content(folder: Path) -> dict[str, str]:
 
 def test_every_gyro_has_its_row(reference):
     folder, report = reference
-    assert report["kind"] == "lot" and report["status"] == "suspect"
+    assert report["kind"] == "lot" and report["status"] == "refused"
     rows = {row["gyro_id"]: row for row in report["rows"]}
     assert set(rows) == {"../LAB 0", "G1", "G2", ""}
     for gyro, name in enumerate(("../LAB 0", "G1", "G2")):
         error = rows[name]["frequency_split_rad_s"] - split_of(gyro)
         assert abs(error) < 5 * rows[name]["frequency_split_rad_s_std"]
-    assert rows["G1"]["passed"] and rows["../LAB 0"]["passed"]
+    assert rows["../LAB 0"]["passed"]
+    assert not rows["G1"]["passed"] and "damaged.h5" in rows["G1"]["why"]
     assert not rows["G2"]["passed"] and "at most 0.375 was wanted" in rows["G2"]["why"]
-    assert not rows[""]["passed"] and "truncated" in rows[""]["why"]
-    assert report["recordings"] == 7 and report["recordings_failed"] == 1
+    assert not rows[""]["passed"] and "unknown.h5" in rows[""]["why"]
+    assert report["recordings"] == 8 and report["recordings_failed"] == 2
+    assert [(r["name"], r["gyro_id"]) for r in report["unreadable"]] == [
+        ("damaged.h5", "G1"),
+        ("unknown.h5", ""),
+    ]
     table = pd.read_csv(folder / "lot.csv")
     assert list(table["gyro_id"].fillna("")) == [row["gyro_id"] for row in report["rows"]]
     assert table.loc[1, "frequency_hz"] == report["rows"][1]["frequency_hz"]
@@ -370,11 +378,56 @@ def test_outliers_stand_out_of_the_lot():
     rows = judged_rows(LotSettings(recordings=["x"]), [], gyros)
     assert [row["gyro_id"] for row in rows if row["outliers"]] == ["7"]
     z = np.array([row["frequency_hz_z"] for row in rows])
-    np.testing.assert_allclose(
-        z[7],
-        (values[7] - np.median(values))
-        / np.hypot(1.4826 * np.median(abs(values - np.median(values))), 0.1),
-    )
+    spread = 1.4826 * np.median(abs(values - np.median(values)))
+    np.testing.assert_allclose(z[7], (values[7] - np.median(values)) / spread)
     assert not any(
         row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros[:4])
     )
+
+
+def identified(values, std):
+    """Results of gyros whose scale factor is one of these values."""
+    return [
+        {
+            "gyro_id": f"{k}",
+            "status": "valid",
+            "results": {
+                "identify": {
+                    "status": "valid",
+                    "parameters": {"scale_factor": {"value": float(v), "std": std}},
+                }
+            },
+        }
+        for k, v in enumerate(values)
+    ]
+
+
+def test_a_gyro_of_wide_sigma_stands_out_all_the_same():
+    """K 17 robust σ off the lot, of a gyro that does not know it well."""
+    rng = np.random.default_rng(3)
+    values = 0.554 + 1e-4 * rng.standard_normal(40)
+    values[11] += 17e-4
+    gyros = identified(values, 1e-5)
+    gyros[11]["results"]["identify"]["parameters"]["scale_factor"]["std"] = 6e-4
+    rows = judged_rows(LotSettings(recordings=["x"]), [], gyros)
+    assert [row["gyro_id"] for row in rows if row["outliers"]] == ["11"]
+    assert next(row["rank"] for row in rows if row["gyro_id"] == "11") == 1
+
+
+@pytest.mark.parametrize("count", [8, 40, 200])
+def test_clean_lots_have_outliers_at_the_stated_rate(count):
+    """At most `outlier_rate` of lots of normal values; 300 lots: 5 % are 15 ± 3.8."""
+    rng = np.random.default_rng(count)
+    lot = LotSettings(recordings=["x"], outlier_rate=0.05)
+    false = sum(
+        any(row["outliers"] for row in judged_rows(lot, [], identified(values, 1e-9)))
+        for values in rng.standard_normal((300, count))
+    )
+    assert false <= 15 + 4 * 3.8
+
+
+def test_gyros_that_were_given_a_value_do_not_stand_out_by_rounding():
+    values = np.full(12, 0.554)
+    values[3] = np.nextafter(0.554, 1)
+    rows = judged_rows(LotSettings(recordings=["x"]), [], identified(values, 0.0))
+    assert not any(row["outliers"] for row in rows)

@@ -180,9 +180,10 @@ def test_batch_tells_every_gyro(lot):
         assert [row["gyro_id"] for row in csv.DictReader(table)] == ["A", "B"]
     page = (folder / "out" / "lot.html").read_text()
     assert (
-        'href="./A/"' in page
-        and (folder / "out" / "A" / "resonator.h5").exists()
-        and "scale_factor is" in page
+        'href="./A/report.html"' in page
+        and (folder / "out" / "A" / "report.html").exists()
+        and "scale factor K " in page
+        and "limit ≤ 0.1" in page
     )
 
 

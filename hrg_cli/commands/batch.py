@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ from ..lots.batch import executor_for, run_lot
 from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
 from ..reporting import console
+from ..reporting.text import number
 from .frame import Common, OneFile, command, existing
 
 
@@ -37,14 +39,18 @@ def main(
         str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)
     ] = None,
 ) -> None:
-    """The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where it
-    was interrupted."""
-    run.finish(batch_file(lot, run, dask, scheduler))
+    """The whole chain for every gyro of a lot, a page each, and the lot as a whole: causes in
+    common, worst gyros, outliers; resumes where it was interrupted; 3 when a gyro does not pass."""
+    run.finish(*batch_file(lot, run, dask, scheduler))
 
 
-def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None) -> dict[str, Any]:
-    """Run a lot; the command's JSON. Keys of the lot's file, then [batch] of --config, then --set,
-    then --seed."""
+Shown = tuple[dict[str, Any], Callable[[], None]]
+"""A command's JSON, and what shows it to a person."""
+
+
+def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None) -> Shown:
+    """Run a lot; the command's JSON and what shows it. Keys of the lot's file, then [batch] of
+    --config, then --set, then --seed."""
     path = existing([lot] if lot else [], "a lot's file (TOML)")[0]
     over = settings.load_toml(run.config).get("batch", {}) if run.config else {}
     if not isinstance(over, dict):
@@ -59,7 +65,7 @@ def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None)
         run.leave_with_settings({"batch": resolved(read_lot(path, assignments, over))})
     folder = run.need_output("lot/")
     with console.progress_bar("batch", run.quiet or run.json) as progress:
-        return run_lot(
+        report = run_lot(
             path,
             folder,
             open_executor=executor_for(run.jobs, dask, scheduler),
@@ -68,6 +74,29 @@ def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None)
             over=over,
             progress=progress,
         )
+    return report, lambda: show(report, folder)
+
+
+def show(report: Mapping[str, Any], folder: Path) -> None:
+    """The lot in a sentence, what its gyros have in common, the worst of them, and where the page
+    is."""
+    from ..reporting.lot_page import WORST, sentence
+
+    console.say(sentence(report))
+    for one in report["lot_causes"]:
+        unlike = ", ".join(one["indistinguishable_from"]).replace("_", " ")
+        console.say(
+            f"{one['sentence']} ({number(abs(one['z']), 3)} σ from {one['gyros']} gyros"
+            + (f"; cannot be told from {unlike}" if unlike else "")
+            + ")"
+        )
+    ranked = sorted((r for r in report["rows"] if r["reason"]), key=lambda row: row["rank"])[:WORST]
+    if ranked:
+        worst = [
+            (r["gyro_id"] or "a recording", r["health"] or r["status"], r["reason"]) for r in ranked
+        ]
+        console.print_table("", ("worst", "gyro is", "why"), worst)
+    console.say(f"page: {folder / 'lot.html'}")
 
 
 def resolved(lot: LotSettings) -> dict[str, Any]:

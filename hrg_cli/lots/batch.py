@@ -14,6 +14,7 @@ import contextlib
 import fcntl
 import hashlib
 import json
+import math
 import os
 import re
 import shlex
@@ -29,7 +30,10 @@ from ..errors import DiskFullError, HrgError, InterruptedRunError
 from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
 from ..formats import partners
 from ..formats.hdf5 import SIGNATURE
-from ..records import Recording
+from .groups import Origin
+from .gyro_page import PAGE
+from .identity import Told, grouped, owner_of, told_by
+from .lot_diagnosis import lot_diagnosis
 from .lot_settings import PER_RECORDING, LotSettings, read_lot, recordings_of
 from .lot_table import judged_rows, write_table
 from .lot_work import GyroTask, RecordingTask, work_gyro, work_recording
@@ -59,9 +63,10 @@ def run_lot(
     """Run the lot of a TOML file into a folder; the report as JSON. What is done already,
     unchanged, is not done again.
 
-    A recording or gyro that fails is reported and does not stop the others. Status: valid (every
-    gyro passed), suspect (some did not), refused (none did). HrgError: a wrong lot file, no
-    recordings, a folder that holds something else (unless `force`).
+    A recording or gyro that fails is reported and does not stop the others. Status: refused (a gyro
+    did not pass or a recording cannot be read), suspect (a gyro has a fault, an outlier or a suspect
+    result), valid. HrgError: a wrong lot file, no recordings, a folder that holds something else
+    (unless `force`).
     """
     from ..reporting.lot_page import lot_page
 
@@ -73,7 +78,7 @@ def run_lot(
     _claim(folder, force)
     with _only_writer(folder):
         open_executor = open_executor or executor_for()
-        first, failed = _recording_tasks(lot, recordings, folder, command)
+        first, failed, origins = _recording_tasks(lot, recordings, folder, command)
         count_of = _Count(len(first), len({task.folder for task in first}), progress)
         with _saying_how_far(folder, count_of):
             waves = run_tasks(work_recording, first, open_executor, count_of.recordings_done)
@@ -84,20 +89,23 @@ def run_lot(
             result or {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED}
             for task, result in zip(second, results)
         ]
-        rows = judged_rows(
-            lot,
-            [_plain(r, folder, path) for r in failed + done],
-            [_plain(r, folder, path) for r in found],
-        )
+        found = [_plain(r, folder, path) for r in found]
+        told = [_plain(r, folder, path) for r in failed + done]
+        rows = judged_rows(lot, told, found)
+        whole = lot_diagnosis(found, _measured(rows, found), origins, lot.common_rate)
+        for row in rows:
+            origin = origins.get(row["gyro_id"], Origin({}))
+            row |= {**origin.groups, **({"day": origin.day} if origin.day else {})}
         store.remove_stale(folder, below=True)  # of workers that were killed
-        report = _report(lot, rows, failed + done)
+        report = _report(lot, rows, told) | whole
         write_table(folder, rows)
-        _write_text(
-            folder / "lot.html",
-            lot_page(
-                report, {t.gyro_id: Path(t.folder).name for t in first if Path(t.folder).is_dir()}
-            ),
-        )
+        folders = {t.gyro_id: Path(t.folder) for t in first if Path(t.folder).is_dir()}
+        pages = {
+            gyro: f"{place.name}/{PAGE}"
+            for gyro, place in folders.items()
+            if (place / PAGE).is_file()
+        }
+        _write_text(folder / "lot.html", lot_page(report, pages, lot.limits))
         _write_text(
             folder / MARK, json.dumps(report, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
         )
@@ -218,10 +226,12 @@ def safe_name(text: str) -> str:
 
 def _recording_tasks(
     lot: LotSettings, recordings: list[tuple[str | None, Path]], folder: Path, command: str
-) -> tuple[list[RecordingTask], list[dict[str, Any]]]:
-    """The tasks, and the results of recordings that cannot even be opened."""
+) -> tuple[list[RecordingTask], list[dict[str, Any]], dict[str, Origin]]:
+    """The tasks, the results of recordings that cannot even be opened, and where each gyro's come
+    from."""
     tasks: list[RecordingTask] = []
-    failed: list[dict[str, Any]] = []
+    unread: list[tuple[Path, str]] = []
+    told: dict[Path, Told] = {}
     used: set[tuple[str, str]] = set()
     second = partners(
         [file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file")
@@ -231,20 +241,17 @@ def _recording_tasks(
             continue
         foreign = _is_foreign(file)
         try:
-            gyro = (
-                named
-                or (
-                    str(lot.table("import", file.name).get("gyro_id", ""))
-                    if foreign
-                    else _gyro_of(file)
-                )
-                or file.parent.name
-            )
+            if foreign:
+                said = Told(str(lot.table("import", file.name).get("gyro_id", "")), "", {})
+            else:
+                said = told_by(file)
         except HrgError as error:
-            failed.append(
-                {"gyro_id": named or "", "name": file.name, "status": "failed", "error": str(error)}
-            )
+            unread.append((file, str(error)))
+            if named is not None:
+                told[file] = Told(named, "", {})
             continue
+        gyro = named or said.gyro_id or file.parent.name
+        told[file] = Told(gyro, said.day, said.groups)
         name = safe_name(file.stem)
         if (gyro, name) in used:
             name = f"{name}-{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
@@ -265,7 +272,37 @@ def _recording_tasks(
                 command,
             )
         )
-    return tasks, failed
+    known = {file: one.gyro_id for file, one in told.items()}
+    failed = [_unreadable(file, error, known) for file, error in unread]
+    return tasks, failed, _origins(lot, told)
+
+
+def _unreadable(file: Path, error: str, known: Mapping[Path, str]) -> dict[str, Any]:
+    """The result of a recording that cannot be read, with its gyro where that can be told."""
+    named = known.get(file)
+    gyro, by = (named, "by the lot's file") if named else owner_of(file, known)
+    return {
+        "gyro_id": gyro,
+        "name": file.name,
+        "status": "failed",
+        "error": f"{error} (of gyro {gyro} {by})" if gyro and not named else error,
+        "told_by": by,
+        "unreadable": True,
+    }
+
+
+def _origins(lot: LotSettings, told: Mapping[Path, Told]) -> dict[str, Origin]:
+    """Every gyro's day, the first of its recordings, and the keys that group it."""
+    of: dict[str, list[Told]] = {}
+    for one in told.values():
+        of.setdefault(one.gyro_id, []).append(one)
+    return {
+        gyro: Origin(
+            grouped(lot.grouped(gyro), ones),
+            lot.day_of(gyro) or min((one.day for one in ones if one.day), default=""),
+        )
+        for gyro, ones in of.items()
+    }
 
 
 def _is_foreign(file: Path) -> bool:
@@ -280,11 +317,6 @@ def _is_foreign(file: Path) -> bool:
         return "is HDF5 but not an hrg file" in str(error)
     except OSError:
         return False
-
-
-def _gyro_of(file: Path) -> str:
-    with store.open_record(file, Recording) as recording:
-        return recording.gyro_id
 
 
 def _gyro_tasks(
@@ -332,23 +364,66 @@ def _plain(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict[str,
     return {key: strip(value) for key, value in result.items()}
 
 
+def _measured(
+    rows: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]
+) -> list[dict[str, tuple[float, float]]]:
+    """(value, σ) of every figure of these gyros, from the table."""
+    of = {row["gyro_id"]: row for row in rows}
+    names = [key.removesuffix("_z") for key in (rows[0] if rows else {}) if key.endswith("_z")]
+    return [
+        {
+            name: (row[name], math.nan if row[f"{name}_std"] is None else row[f"{name}_std"])
+            for name in names
+            if (row := of[gyro["gyro_id"]])[name] is not None
+        }
+        for gyro in gyros
+    ]
+
+
+MOST_NAMED, MOST_TOLD = 6, 20
+"""Gyros that a sentence names; gyros that did not pass of which each has a sentence of its own."""
+
+
 def _report(
     lot: LotSettings, rows: list[dict[str, Any]], recordings: list[dict[str, Any]]
 ) -> dict[str, Any]:
+    """Refused: a gyro did not pass, or a recording cannot be read; suspect: one has a fault, stands
+    off the lot, or has a result in doubt."""
     passed = [row for row in rows if row["passed"]]
-    reasons = [
-        f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in rows if not row["passed"]
-    ]
+    worst = sorted((row for row in rows if not row["passed"]), key=lambda row: row["rank"])
+    reasons = [f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in worst[:MOST_TOLD]]
+    if len(worst) > MOST_TOLD:
+        reasons.append(f"{len(worst) - MOST_TOLD} more gyros did not pass; lot.csv says why")
+    unreadable = [r for r in recordings if r.get("unreadable")]
+    doubts = {
+        "have a fault": [r for r in passed if r["health"] not in ("", "sound", "not examined")],
+        "stand off the lot": [r for r in passed if r["outliers"]],
+        "have a suspect result": [r for r in passed if r["status"] == "suspect"],
+    }
+    for what, ones in doubts.items():
+        if ones:
+            named = sorted(ones, key=lambda row: row["rank"])[:MOST_NAMED]
+            more = f" and {len(ones) - len(named)} more" if len(ones) > len(named) else ""
+            reasons.append(
+                f"{len(ones)} of {len(rows)} gyros {what}:"
+                f" {', '.join(str(row['gyro_id']) for row in named)}{more}"
+            )
+    refused = worst or unreadable or not rows
     return {
         "kind": "lot",
-        "status": "valid" if len(passed) == len(rows) else "suspect" if passed else "refused",
+        "status": "refused" if refused else "suspect" if any(doubts.values()) else "valid",
         "status_reasons": reasons,
         "lot_id": lot.lot_id,
         "gyros": len(rows),
         "passed": len(passed),
         "recordings": len(recordings),
         "recordings_failed": sum(r["status"] == "failed" for r in recordings),
+        "unreadable": [
+            {key: r[key] for key in ("name", "gyro_id", "told_by", "error")} for r in unreadable
+        ],
         "outliers": [row["gyro_id"] for row in rows if row["outliers"]],
+        "outlier_rate": None if lot.outlier_z is not None else lot.outlier_rate,
+        "worst": [row["gyro_id"] for row in sorted(rows, key=lambda row: row["rank"])[:3]],
         "rows": rows,
     }
 

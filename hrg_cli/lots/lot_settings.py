@@ -4,6 +4,7 @@ before any work begins."""
 from __future__ import annotations
 
 import fnmatch
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +13,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from .. import settings
 from ..errors import HrgError
 from ..formats import import_log
+from ..limits import bounds
 from ..pipeline import STAGES
+from .groups import GROUPED_BY
 
 PER_RECORDING = ("demodulate", "estimate")
 PER_GYRO = ("identify", "calibrate", "diagnose")
@@ -24,6 +27,7 @@ _STRICT = ConfigDict(
     use_attribute_docstrings=True,
 )
 Table = dict[str, Any]
+Members = dict[str, list[str]]
 
 
 class RunSettings(BaseModel):
@@ -39,13 +43,31 @@ class RunSettings(BaseModel):
 
 
 class GyroSettings(BaseModel):
-    """A gyro named in the lot's file rather than by its recordings."""
+    """What the lot's file says of a gyro: its recordings, where these do not name it, and where and
+    when they were made."""
 
     model_config = _STRICT
     gyro_id: Annotated[str, Field(min_length=1)]
     """The gyro."""
-    recordings: Annotated[list[str], Field(min_length=1)]
+    recordings: list[str] = []
     """Names or patterns of its recordings, relative to this file."""
+    day: Annotated[str, Field(pattern=r"^(\d{4}-\d{2}-\d{2})?$")] = ""
+    """Day it was measured on."""
+    station: str = ""
+    """Station it was measured at."""
+    fixture: str = ""
+    """Fixture it was held in."""
+    operator: str = ""
+    """Who measured it."""
+    firmware: str = ""
+    """Firmware of its electronics."""
+    order: str = ""
+    """Order it belongs to."""
+
+    @field_validator(*GROUPED_BY, mode="before")
+    @classmethod
+    def _as_text(cls, value: Any) -> Any:
+        return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
 class LotSettings(BaseModel):
@@ -63,8 +85,14 @@ class LotSettings(BaseModel):
     """Gyros named here rather than by their recordings."""
     stages: list[Literal["identify", "calibrate", "diagnose"]] = ["identify", "calibrate"]
     """Stages after estimate."""
-    outlier_z: Annotated[float, Field(gt=0)] = 3.5
-    """Robust z from which a gyro's figure stands out of the lot."""
+    outlier_rate: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    """Chance that a lot without outliers is given one; the distance follows from the lot's size."""
+    outlier_z: Annotated[float, Field(gt=0)] | None = None
+    """A fixed distance instead, in robust σ."""
+    common_rate: Annotated[float, Field(gt=0, lt=1)] = 0.02
+    """Chance that a lot whose gyros have nothing in common is told that they have."""
+    groups: dict[Literal["station", "fixture", "operator", "firmware", "order"], Members] = {}
+    """By key and value, patterns of the gyros' names."""
     limits: dict[str, Table] = {}
     """What `hrg check` would be given, by kind of file."""
     import_: Annotated[Table, Field(alias="import")] = {}
@@ -86,6 +114,46 @@ class LotSettings(BaseModel):
     @classmethod
     def _one_or_many(cls, value: Any) -> Any:
         return [value] if isinstance(value, str) else value
+
+    @field_validator("groups", mode="before")
+    @classmethod
+    def _one_pattern_or_many(cls, value: Any) -> Any:
+        return (
+            {
+                key: {name: [p] if isinstance(p, str) else p for name, p in members.items()}
+                if isinstance(members, dict)
+                else members
+                for key, members in value.items()
+            }
+            if isinstance(value, dict)
+            else value
+        )
+
+    @cached_property
+    def _noted(self) -> dict[str, dict[str, str]]:
+        """What the tables [[gyro]] say of each gyro's day and groups."""
+        noted: dict[str, dict[str, str]] = {}
+        for gyro in self.gyro:
+            own = noted.setdefault(gyro.gyro_id, {})
+            for key in ("day", *GROUPED_BY):
+                if getattr(gyro, key):
+                    own.setdefault(key, getattr(gyro, key))
+        return noted
+
+    def grouped(self, gyro: str) -> dict[str, str]:
+        """The keys that group a gyro, by its own table, else by the first pattern that fits its
+        name."""
+        own, out = self._noted.get(gyro, {}), {}
+        for key, members in self.groups.items():
+            for value, patterns in members.items():
+                if any(fnmatch.fnmatchcase(gyro, pattern) for pattern in patterns):
+                    out[str(key)] = value
+                    break
+        return out | {key: own[key] for key in GROUPED_BY if key in own}
+
+    def day_of(self, gyro: str) -> str:
+        """The day that the lot's file gives a gyro."""
+        return self._noted.get(gyro, {}).get("day", "")
 
     def table(self, stage: str, file_name: str = "") -> Table:
         """The settings given for a stage: the lot's, then those of every pattern that fits the
@@ -114,7 +182,8 @@ def read_lot(
 ) -> LotSettings:
     """The lot of a TOML file, the keys of `over` and then `--set` assignments applied.
 
-    HrgError: not TOML, unknown keys, wrong values, no recordings named.
+    HrgError: not TOML, unknown keys, wrong values, no recordings named. UsageError: a limit that is
+    none.
     """
     path = Path(path)
     tree = settings.load_toml(path)
@@ -122,10 +191,14 @@ def read_lot(
     for text in assignments:
         settings.assign(tree, *settings.parse_assignment(text))
     lot: LotSettings = settings.validate(LotSettings, tree, str(path))
-    if not lot.recordings and not lot.gyro:
+    if not lot.recordings and not any(g.recordings for g in lot.gyro):
         raise HrgError(
             f'{path}: names no recordings; write recordings = "data/*.h5" or [[gyro]] tables'
         )
+    for table in lot.limits.values():
+        for name, limit in table.items():
+            if name not in ("status", "verdict"):
+                bounds(name, limit)
     for stage in ("import", *PER_RECORDING, *lot.stages):
         lot.values(stage)
         for pattern in lot.runs:

@@ -22,6 +22,7 @@ from typing import Any
 
 from .. import chain
 from ..errors import DiskFullError, HrgError
+from .gyro_page import answered
 
 _ONE_AT_A_TIME = threading.Lock()
 """The time stands in the environment, which all threads of a Dask worker share."""
@@ -111,6 +112,7 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
     results: dict[str, Any] = {}
     errors: list[str] = []
     checks: list[dict[str, Any]] = []
+    made: list[str] = []
     with _stamped(task.epoch), _reporting({}) as failed:
         work = chain.Work(
             Path(task.folder),
@@ -126,12 +128,18 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
                 errors.append(f"{step.name}: {step.reasons[0]}")
                 continue
             results[step.name] = dict(step.json)
+            made.append(step.output)
             checks += [dict(check) for check in step.checks]
     errors += [failed["error"]] if failed.get("error") else []
+    answer: dict[str, Any] = {}
+    with _stamped(task.epoch), _reporting({}) as failed:
+        answer = answered([Path(task.folder) / name for name in made], task.limits, task.epoch)
+    errors += [f"page: {failed['error']}"] if failed.get("error") else []
     return {
         "gyro_id": task.gyro_id,
         "results": results,
         "checks": checks,
+        "answer": answer,
         "error": "; ".join(errors),
         "status": _worst(results, errors),
     }

@@ -1,74 +1,92 @@
-"""The page of a lot: who passed, who stands out, how every parameter is distributed; one HTML file
-that needs no network.
+"""The page of a lot: what it says as a whole, the worst gyros and why, every gyro in a table that
+sorts and filters, causes, distributions; one HTML file that needs no network.
 
-The same rows give the same bytes. Links lead to the gyros' folders beside the page.
+The same rows give the same bytes. Links lead to the gyros' pages beside it.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import math
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import NormalDist, median
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import __version__
-from .figures.drawing import (
-    INK,
-    MUTED,
-    SERIES,
-    Plot,
-    dots,
-    labels,
-    legend,
-    note,
-    panels,
-    style,
-    svg,
-)
+from ..limits import bounds
+from ..lots.groups import GROUPED_BY
+from .figures.drawing import Plot, style, svg
+from .figures.lot import Limits, caterpillar, distribution, in_words, pareto, unit_of
+from .page import SHADES
+from .quantities import rounded, unit_for
 from .text import number, plain
 
 FOLDER = Path(__file__).parent
-NAMED = 12
-"""Outliers that a figure names one by one."""
-NARROW = 1e-3
-"""Spread over median below which a figure shows the difference to the median."""
-UNITS = (("_rad_s", "rad/s"), ("_1_s", "1/s"), ("_rad", "rad"), ("_hz", "Hz"), ("_ppm", "ppm"))
-BARS = 200
-"""Gyros up to which standard deviations are drawn."""
+WORST = 3
+"""Gyros that are told first."""
+LONGEST = 220
+"""Characters of a reason before it is folded."""
 Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A parameter of a gyro in the table: value, standard deviation, and the distance where it
-    stands out."""
+    """A parameter of a gyro in the table: value with σ as people read it, the number it sorts by,
+    and the distance where it stands out."""
 
+    text: str
     value: str
-    std: str
     far: str
 
 
-def lot_page(report: Mapping[str, Any], folders: Mapping[str, str]) -> str:
-    """The page of a lot's report (`hrg_cli.lots.batch.run_lot`); folders: the folder of each gyro,
-    relative to the page."""
+@dataclass(frozen=True)
+class Line:
+    """A gyro in the table."""
+
+    row: Row
+    link: str | None
+    shade: str
+    result: str
+    health: str
+    cause: str
+    size: str
+    share: str
+    rest: str
+    """The reason less the cause, which has columns of its own."""
+    groups: list[str]
+    cells: list[Cell]
+
+
+def lot_page(
+    report: Mapping[str, Any],
+    pages: Mapping[str, str],
+    limits: Mapping[str, Any] | None = None,
+) -> str:
+    """The page of a lot's report (`hrg_cli.lots.batch.run_lot`); pages: the page of each gyro,
+    relative to this one; limits: tables a kind of file."""
     rows: Sequence[Row] = report["rows"]
     names = parameters(rows)
+    keys = [key for key in (*GROUPED_BY, "day") if any(row.get(key) for row in rows)]
+    lines = [_line(row, pages.get(row["gyro_id"]), names, keys) for row in rows]
+    lines.sort(key=lambda line: line.row["rank"])
+    causes = _causes(rows)
+    common = report.get("lot_causes", [])
     with style():
-        pictures = [
-            (plot, Markup(svg(plot, plot.key)))
-            for plot in (distribution(rows, name) for name in names)
-            if plot is not None
+        drawn = [distribution(rows, name, limits_of(name, limits or {})) for name in names]
+        pictures = [(plot, _svg(plot)) for plot in drawn if plot is not None]
+        bars = pareto([(name, count) for name, count, _ in causes], len(rows))
+        whole = [caterpillar(one, f"common-{k}") for k, one in enumerate(common, start=1)]
+        shown = [
+            (one, plot, None if plot is None else _svg(plot)) for one, plot in zip(common, whole)
         ]
-    script = (FOLDER / "page.js").read_text(encoding="utf-8")
+        pareto_picture = None if bars is None else (bars, _svg(bars))
+    script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in ("page.js", "lot.js"))
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
         autoescape=True,
@@ -78,25 +96,52 @@ def lot_page(report: Mapping[str, Any], folders: Mapping[str, str]) -> str:
     )
     return environment.get_template("lot.html").render(
         report=report,
-        names=names,
-        lines=[
-            (row, _link(folders.get(row["gyro_id"])), [_cell(row, name) for name in names])
-            for row in rows
-        ],
-        failed=[row for row in rows if not row["passed"]],
-        outliers=[
-            (row["gyro_id"], name, row[name], row[f"{name}_z"])
-            for row in rows
-            for name in row["outliers"].split()
-        ],
+        names=[(name, in_words(name), unit_of(name, _middle(rows, name))[1]) for name in names],
+        keys=keys,
+        lines=lines,
+        worst=[line for line in lines if line.row["reason"]][:WORST],
+        causes=causes,
+        common=shown,
+        pareto=pareto_picture,
         pictures=pictures,
+        sentence=sentence(report),
+        unreadable=report.get("unreadable", []),
+        populations=_populations(report.get("populations", {})),
+        tests=report.get("lot_tests"),
+        shade=defaultdict(str, SHADES),
+        zip=zip,
         version=__version__,
         css=Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         plain=plain,
-        number=_number,
+        number=lambda value, digits=6: "–" if value is None else number(float(value), digits),
+        cut=_cut,
     )
+
+
+def sentence(report: Mapping[str, Any]) -> str:
+    """The lot in one or two sentences."""
+    rows, passed = report["rows"], report["passed"]
+    failed = len(rows) - passed
+    faulty = [r for r in rows if r["health"] not in ("", "sound", "not examined")]
+    text = (
+        ("The gyro passed" if len(rows) == 1 else f"All {len(rows)} gyros passed")
+        if not failed
+        else f"{failed} of {len(rows)} gyros did not pass"
+    )
+    if faulty:
+        text += f"; {len(faulty)} {'has' if len(faulty) == 1 else 'have'} a fault or are in doubt"
+    if off := len(report["outliers"]):
+        text += f"; {off} {'stands' if off == 1 else 'stand'} off the lot"
+    text += "."
+    common = report.get("lot_causes", [])
+    told = "; ".join(plain(one["sentence"]) for one in common[:3])
+    if common:
+        text += f" In common: {told}{f' and {len(common) - 3} more' if len(common) > 3 else ''}."
+    elif (report.get("lot_tests") or {}).get("gyros_diagnosed", 0) and report["lot_tests"]["pairs"]:
+        text += " No cause is common to the gyros or to a group of them."
+    return text
 
 
 def parameters(rows: Sequence[Row]) -> list[str]:
@@ -105,115 +150,108 @@ def parameters(rows: Sequence[Row]) -> list[str]:
     return [name for name in names if any(row[name] is not None for row in rows)]
 
 
-def distribution(rows: Sequence[Row], name: str) -> Plot | None:
-    """The share of gyros at or below each value, with standard deviations, against a normal
-    distribution of the same median and MAD."""
-    known = sorted((row for row in rows if row.get(name) is not None), key=lambda row: row[name])
-    if not known:
-        return None
-    value = np.array([row[name] for row in known], dtype=float)
-    std = np.array([row[f"{name}_std"] or math.nan for row in known], dtype=float)
-    far = np.array([name in row["outliers"].split() for row in known])
-    share = 100 * (np.arange(len(value)) + 0.5) / len(value)
-    middle = median(value)
-    spread = 1.4826 * median(np.abs(value - middle))
-    title, unit = _worded(name)
-    digits = _digits(middle, spread)
-    origin = float(f"{middle:.{digits}g}") if 0 < spread < NARROW * abs(middle) else 0.0
-    figure, axes = panels(height=2.4)
-    ax = axes[0, 0]
-    if spread > 0:
-        at = np.linspace(-3.5, 3.5, 60)
-        expected = [100 * NormalDist().cdf(z) for z in at]
-        ax.plot(
-            middle - origin + spread * at,
-            expected,
-            color=MUTED,
-            lw=0.9,
-            ls="--",
-            label="normal, same median and MAD",
-        )
-    off = value - origin
-    if len(value) <= BARS:
-        ax.errorbar(
-            off,
-            share,
-            xerr=np.where(np.isfinite(std), std, 0.0),
-            fmt="none",
-            ecolor=MUTED,
-            elinewidth=0.7,
-        )
-    dots(ax, off[~far], share[~far], 0, points=len(value), size=4.0, alpha=0.9)
-    dots(ax, off[far], share[far], 1, points=len(value), size=6.0, alpha=1.0)
-    ax.plot([], [], "o", color=SERIES[0], ms=3, label="gyro")
-    if far.any():
-        ax.plot([], [], "o", color=SERIES[1], ms=4, label="outlier")
-    for row, x, y in [(r, x, y) for r, x, y, out in zip(known, off, share, far) if out][:NAMED]:
-        left = x + origin < middle
-        ax.annotate(
-            plain(row["gyro_id"])[:24],
-            (x, y),
-            xytext=(4, 4) if left else (-4, 4),
-            ha="left" if left else "right",
-            textcoords="offset points",
-            fontsize=8,
-            color=INK,
-        )
-    ax.xaxis.set_major_formatter(lambda x, _: number(x, 6))
-    from_where = f" less {number(origin, digits)}" if origin else ""
-    labels(ax, f"{title}{from_where}, {unit or '1'}", "gyros at or below, %", title)
-    said = f" {unit}" if unit else ""
-    note(ax, f"median {number(middle, digits)}{said}, 1.4826·MAD {number(spread, 2)}{said}")
-    legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
-    named = ", ".join(plain(row["gyro_id"]) for row, out in zip(known, far) if out)
-    words = (
-        f"{len(value)} gyros from {number(value[0], digits)} to {number(value[-1], digits)}{said},"
-        f" median {number(middle, digits)}, robust spread {number(spread, 2)}; "
-        + (
-            f"{int(far.sum())} outlier{'s' if far.sum() > 1 else ''}: {named}."
-            if far.any()
-            else "no outlier."
-        )
-    )
-    return Plot(name.replace("_", "-"), f"Distribution of {title}", words, figure)
+def limits_of(name: str, limits: Mapping[str, Any]) -> Limits:
+    """Minimum and maximum of a column of the table, in the figure's own unit; None where none is
+    set."""
+    spelt = {("resonator", name), ("diagnosis", f"values.{name}")}
+    for stem in ("drift_rms_rad_s", "scale_factor_rms_ppm"):
+        if name.startswith(f"{stem}_"):
+            spelt.add(("calibration", f"{stem}.{name.removeprefix(f'{stem}_')}"))
+    if name == "calibrated_scale_factor":
+        spelt.add(("calibration", "scale_factor"))
+    for kind, key in sorted(spelt):
+        table = limits.get(kind)
+        if isinstance(table, Mapping) and key in table:
+            return bounds(key, table[key])
+    return None, None
 
 
-def _worded(name: str) -> tuple[str, str]:
-    """A figure's name in words, and its unit."""
-    name, _, when = (
-        name.partition("_rms_rad_s_") if "_rms_rad_s_" in name else name.partition("_rms_ppm_")
+def _svg(plot: Plot) -> Markup:
+    return Markup(svg(plot, plot.key))
+
+
+def _line(row: Row, page: str | None, names: Sequence[str], keys: Sequence[str]) -> Line:
+    share = "" if row["cause_share"] is None else f"{100 * row['cause_share']:.0f} %"
+    return Line(
+        row,
+        None if page is None else f"./{quote(page)}",
+        "valid" if row["passed"] else "refused",
+        "passed" if row["passed"] else "not passed",
+        row["health"] or ("no result" if row["status"] == "failed" else row["status"]),
+        plain(row["cause"]).replace("_", " "),
+        plain(row["cause_size"]),
+        share,
+        row["reason"].partition("; ")[2] if row["cause"] else row["reason"],
+        [plain(row.get(key) or "") for key in keys],
+        [_cell(row, name) for name in names],
     )
-    if when:
-        return f"{name.replace('_', ' ')} rms {when.replace('_', ' ')}", (
-            "ppm" if name.startswith("scale") else "rad/s"
-        )
-    suffix, unit = next(
-        ((suffix, unit) for suffix, unit in UNITS if name.endswith(suffix)), ("", "")
-    )
-    return name.removesuffix(suffix).replace("_", " "), unit
 
 
 def _cell(row: Row, name: str) -> Cell:
-    std, far = row[f"{name}_std"], name in row["outliers"].split()
-    value = _number(row[name], _digits(row[name], std))
-    return Cell(value, "" if std is None else _number(std, 2), _z(row[f"{name}_z"]) if far else "")
-
-
-def _digits(value: float | None, std: float | None) -> int:
-    """Digits of a value down to the second one of its standard deviation."""
-    if not value or not std or not math.isfinite(std):
-        return 6
-    return min(15, max(2, math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2))
+    value, std = row[name], row[f"{name}_std"]
+    if value is None:
+        return Cell("–", "", "")
+    factor, unit = unit_of(name, value)
+    text = rounded(value * factor, None if std is None else std * abs(factor))
+    z = row[f"{name}_z"]
+    far = _z(z) if name in row["outliers"].split() and z is not None else ""
+    return Cell(f"{text} {unit}".strip(), repr(float(value)), far)
 
 
 def _z(value: float) -> str:
-    return f"{value:+.1f}".replace("-", "−")
+    return (f"{value:+.1f}" if abs(value) < 1000 else f"{value:+.0e}").replace("-", "−")
 
 
-def _number(value: float | None, digits: int = 6) -> str:
-    return "–" if value is None else number(float(value), digits)
+def _middle(rows: Sequence[Row], name: str) -> float:
+    known = sorted(row[name] for row in rows if row[name] is not None)
+    return float(known[len(known) // 2]) if known else 0.0
 
 
-def _link(folder: str | None) -> str | None:
-    """A relative link that stays beside the page."""
-    return None if folder is None else f"./{quote(folder)}/"
+def _causes(rows: Sequence[Row]) -> list[tuple[str, int, list[str]]]:
+    """(cause in words, how many gyros, the worst of them), most frequent first."""
+    counts = Counter(name for row in rows for name in row["causes"].split())
+    ranked = sorted(rows, key=lambda row: row["rank"])
+    return [
+        (
+            plain(name).replace("_", " "),
+            count,
+            [plain(row["gyro_id"]) for row in ranked if name in row["causes"].split()][:WORST],
+        )
+        for name, count in sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
+    ]
+
+
+def _populations(found: Mapping[str, Any]) -> list[tuple[str, list[str], bool]]:
+    """(name, mean, spread, measurement σ, gyros; whether it is a cause's size) of everything."""
+    out = []
+    for name, one in found.items():
+        cause = "." in name
+        if cause:
+            factor, unit = unit_for(
+                name.partition(".")[2], one["mean"] or one["measured_std"], one["units"]
+            )
+        else:
+            factor, unit = unit_of(name, one["mean"])
+        size = abs(factor)
+        spread = (
+            f"{rounded(one['spread'] * size, one['spread_std'] * size)} {unit}"
+            if one["spread"] > one["spread_std"]
+            else f"less than {number((one['spread'] + 2 * one['spread_std']) * size, 2)} {unit}"
+        )
+        words = (
+            plain(in_words(name)) if not cause else plain(name.replace("_", " ").replace(".", ": "))
+        )
+        cells = [
+            f"{rounded(one['mean'] * factor, one['mean_std'] * size)} {unit}".strip(),
+            spread.strip(),
+            f"{number(one['measured_std'] * size, 2)} {unit}".strip(),
+            str(one["gyros"]),
+        ]
+        out.append((words, cells, cause))
+    return out
+
+
+def _cut(text: str) -> str:
+    """A reason short enough for a card or a cell."""
+    text = plain(text)
+    return text if len(text) <= LONGEST else text[: LONGEST - 1].rsplit(" ", 1)[0] + " …"

@@ -39,7 +39,9 @@ from .diagnosis.model import simulation_file
 from .diagnosis.orientation import oriented
 from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder
+from .diagnosis.report import Sized
 from .diagnosis.report import report as report_of
+from .diagnosis.scores import scores
 from .diagnosis.search import (
     Search,
     Variant,
@@ -184,6 +186,7 @@ def diagnose(
         },
         "suspect_runs": [],
         "stability": stability,
+        "scores": scores(search, Sized.of(search.final, remainder, noise_factor), candidates),
     }  # fmt: skip
     if form is not None:
         report["remainder"] = form.completed(report["remainder"])
@@ -243,6 +246,7 @@ def _refused(
         "written_model": None,
         "suspect_runs": [one.table() for one in suspicions],
         "stability": [],
+        "scores": None,
         "remainder": {
             "description": "; ".join(sentences),
             "covariate": None,

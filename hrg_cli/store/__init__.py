@@ -8,7 +8,7 @@ replaced only when asked. Datasets carry dimension scales, so each group opens w
 
 from .atomic import atomic_path, check_output, remove_stale
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
-from .reading import changes, is_hdf5, kind_of, open_record, provenance_of, read, read_any
+from .reading import changes, is_hdf5, kind_of, open_record, provenance_of, read, read_any, texts_of
 from .writing import created_now, sha256, write
 
 __all__ = [
@@ -27,5 +27,6 @@ __all__ = [
     "read_any",
     "remove_stale",
     "sha256",
+    "texts_of",
     "write",
 ]

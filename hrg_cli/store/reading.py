@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -106,6 +106,14 @@ def kind_of(path: Path | str) -> type[Record]:
     """The kind of record in `path`."""
     with _opened(Path(path)) as file:
         return _kind(file, Path(path))
+
+
+def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, str]:
+    """Those of the named attributes of a group that are there, as texts; also ones that no record
+    declares. HrgError: the file cannot be opened."""
+    with _opened(Path(path)) as file:
+        held = file[group].attrs if group in file else {}
+        return {name: _text(held[name]) for name in names if name in held}
 
 
 def changes(path: Path | str) -> list[str] | None:

@@ -408,11 +408,38 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "lots/lot_table.py": (
         "tests/test_batch.py",
         (
-            ("spread = 1.4826 * median", "spread = median"),
-            ("math.hypot(spread, std if", "math.hypot(spread, 0 * std if"),
+            ("spread = max(MAD * median", "spread = max(median"),
+            ("lot.outlier_rate / len(compared)", "lot.outlier_rate * 20"),
             ("if abs(row[\"distances\"].get(name, 0.0)) > limit:", "if row[\"distances\"].get(name, 0.0) < -limit:"),
             ("len(values) < FEWEST", "len(values) < 2"),
+            ("ROUNDING * abs(middle)", "0.0"),
             ("\"passed\": not why", "\"passed\": True"),
+        ),
+    ),
+    "lots/pooling.py": (
+        "tests/lots/test_pooling.py",
+        (
+            ("used &= ~alone(x, std, used)", "pass"),
+            ("1 / total + (exact * typical) ** 2", "1 / total"),
+            ("dof = (count - 2) * (known + at_most) / at_most", "dof = 1e9 + 0 * count"),
+            ("squares.sum(axis=0) - wanted", "squares.sum(axis=0) - 2 * wanted"),
+            ("* count / (count - 0.8)", "* 0.6"),
+        ),
+    ),
+    "lots/common_causes.py": (
+        "tests/lots/test_common_causes.py",
+        (
+            ("* price[place] < rate", "* 1 < rate"),
+            ("- WORTH * group.depth", "+ 0 * group.depth"),
+            ("(z[own] - rho * z[own, cause][:, None]) / safe", "z[own] / safe"),
+            ("explained[members, cause] += tables[place].value[cause]", "pass"),
+        ),
+    ),
+    "lots/identity.py": (
+        "tests/lots/test_identity.py",
+        (
+            ("(?<![A-Za-z0-9]){re.escape(gyro)}(?![A-Za-z0-9])", "{re.escape(gyro)}"),
+            ("if len(siblings) == 1:", "if siblings:"),
         ),
     ),
     "lots/lot_work.py": (

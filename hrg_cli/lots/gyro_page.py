@@ -1,0 +1,85 @@
+"""The page of one gyro of a lot beside its results, and what the lot's table says of its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .. import memory, store
+from ..limits import check
+from ..reporting.answer import Answer, answer
+from ..reporting.quantities import LABELS
+
+PAGE = "report.html"
+
+
+def answered(files: Sequence[Path], limits: Mapping[str, Any], epoch: int | None) -> dict[str, Any]:
+    """Write the page of a gyro's results into their folder, unless it was written before; sentence,
+    health, causes with their shares, error before and after. Nothing where there is no result."""
+    if not files:
+        return {}
+    page = files[0].with_name(PAGE)
+    note = page.with_suffix(".json")
+    key = memory.key_of([limits, epoch], files)
+    done = memory.remembered(note, key)
+    if done is not None:
+        return done
+    from ..reporting.page import build_report
+
+    records = [store.read_any(path) for path in files]
+    rows = [row for record in records if record.kind in limits for row in check(record, limits)]
+    text = build_report(files, rows=rows)
+    with store.atomic_path(page, force=True) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    found = answer(records, rows, {r.kind: p.name for r, p in zip(records, files, strict=True)})
+    result = {} if found is None else _short(found) | {"missed": _missed(found)}
+    memory.remember(note, key, result, [page])
+    return result
+
+
+def _missed(found: Answer) -> list[str]:
+    """The limits that the gyro misses, in people's units."""
+    return [
+        f"{r.name.removeprefix('values.').replace('_', ' ')} {r.value}, wanted {r.limit}"
+        if r.limit[:1] not in "≥≤"
+        else f"{label(r.name)} {r.value}, limit {r.limit}"
+        for r in found.requirements
+        if not r.passed
+    ]
+
+
+def label(name: str) -> str:
+    """A figure in words."""
+    stem = name.removeprefix("values.").removesuffix(".value")
+    return LABELS.get(stem, stem.replace("_", " "))
+
+
+def _short(found: Answer) -> dict[str, Any]:
+    """What the table needs of an answer."""
+    departure = found.departure
+    whole = departure.before if departure is not None else 0.0
+    causes = []
+    for cause in found.causes:
+        share = getattr(cause, departure.key) if departure is not None else None
+        causes.append(
+            {
+                "name": cause.name,
+                "size": cause.size,
+                "share": min(1.0, share / whole) if share is not None and whole > 0 else None,
+                "rivals": list(cause.rivals),
+            }
+        )
+    return {
+        "sentence": found.sentence,
+        "health": found.health,
+        "causes": causes,
+        "departure": None
+        if departure is None
+        else {
+            "words": departure.words,
+            "unit": departure.unit,
+            "before": departure.before,
+            "after": departure.after,
+        },
+    }

@@ -1,0 +1,111 @@
+"""Whose recording a file is, and where it was made: told by the file, by the lot's file, or, where
+the file cannot be read, by its name and its neighbours."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .. import store
+from ..errors import HrgError
+from ..records import Recording
+from .groups import GROUPED_BY
+
+LOOKED_AT_BYTES = 1 << 20
+"""Head and tail of a damaged file in which a gyro's name is looked for; HDF5 keeps texts there."""
+SHORTEST = 2
+"""Characters of a gyro's name from which it is found by chance no more."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a recording says of itself: gyro, day of its start (empty: not said), and the keys that
+    group gyros."""
+
+    gyro_id: str
+    day: str
+    groups: Mapping[str, str]
+
+
+def told_by(file: Path) -> Told:
+    """Of an hrg recording. HrgError: it cannot be read."""
+    with store.open_record(file, Recording) as recording:
+        gyro, start = recording.gyro_id, recording.start_time
+    texts = store.texts_of(file, Recording.kind, GROUPED_BY)
+    day = start[:10] if re.match(r"\d{4}-\d{2}-\d{2}", start) else ""
+    return Told(gyro, day, {key: value for key, value in texts.items() if value})
+
+
+def owner_of(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:
+    """(gyro, what tells it) of a recording that cannot be read; two empty texts where nothing does.
+
+    readable: the gyro of every recording of the lot that could be read.
+    """
+    try:
+        gyro = store.texts_of(file, Recording.kind, ("gyro_id",)).get("gyro_id", "")
+        if gyro:
+            return gyro, "its gyro_id can still be read"
+    except HrgError:
+        pass
+    known = sorted({gyro for gyro in readable.values() if len(gyro) >= SHORTEST}, key=len)
+    named = [gyro for gyro in known if _names(file.stem, gyro)]
+    if named:
+        return named[-1], "by its file's name"
+    siblings = {
+        gyro
+        for path, gyro in readable.items()
+        if path.parent == file.parent and _family(path.stem) == _family(file.stem) != ""
+    }
+    if len(siblings) == 1:
+        return siblings.pop(), "by the names of the files beside it"
+    inside = _held(file, known)
+    if len(inside) == 1:
+        return inside.pop(), "by the name in what is left of the file"
+    around = [gyro for path, gyro in readable.items() if path.parent == file.parent]
+    if len(around) > 1 and len(set(around)) == 1:
+        return around[0], "by the files of its folder"
+    return "", ""
+
+
+def _names(stem: str, gyro: str) -> bool:
+    """Whether a file's name holds a gyro's as a word of its own."""
+    return bool(
+        re.search(rf"(?<![A-Za-z0-9]){re.escape(gyro)}(?![A-Za-z0-9])", stem, re.IGNORECASE)
+    )
+
+
+def _family(stem: str) -> str:
+    """A file's name less the number of its run: what the runs of one gyro have in common."""
+    return re.sub(r"[-_. ]*(?:run)?[-_. ]*\d+$", "", stem, flags=re.IGNORECASE)
+
+
+def _held(file: Path, known: Sequence[str]) -> set[str]:
+    """The gyros whose names what is left of a file holds as texts of their own."""
+    try:
+        with open(file, "rb") as opened:
+            data = opened.read(LOOKED_AT_BYTES)
+            size = opened.seek(0, 2)
+            if size > 2 * LOOKED_AT_BYTES:
+                opened.seek(size - LOOKED_AT_BYTES)
+                data += opened.read()
+    except OSError:
+        return set()
+    if not known:
+        return set()
+    names = b"|".join(re.escape(gyro.encode()) for gyro in reversed(known))
+    found = re.finditer(rb"\x00(" + names + rb")(?![A-Za-z0-9_.\- ])", data)
+    return {match[1].decode() for match in found}
+
+
+def grouped(own: Mapping[str, str], told: Sequence[Told]) -> dict[str, str]:
+    """The keys that group a gyro: what the lot's file says, else what all its recordings agree
+    on."""
+    out = {}
+    for key in GROUPED_BY:
+        said = {one.groups[key] for one in told if one.groups.get(key)}
+        value = own.get(key) or (said.pop() if len(said) == 1 else "")
+        if value:
+            out[key] = value
+    return out

@@ -1,0 +1,158 @@
+"""Random effects: the common value of many gyros' estimates, the spread between the gyros beyond
+their σ, and how sure it is that the common value is not nought.
+
+x_i = μ + b_i + e_i, b_i ~ N(0, τ²), e_i ~ N(0, σ_i²). τ² solves Σ (x_i − μ)²/(σ_i² + τ²) = n − 1
+(Paule and Mandel, J. Res. NBS 87 (1982) 377), μ is the mean with weights 1/(σ_i² + τ²).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+Array = np.ndarray
+FEWEST = 5
+"""Gyros from which they have a common value."""
+MODEL_EXACT = 0.1
+"""Part of one gyro's σ to which the model itself is exact. What it misses is the same in every
+gyro, so that no number of gyros makes a common value surer than this."""
+ESTIMATED_SIGMA = 2.0
+"""σ by which the spread between gyros is taken larger where its own uncertainty counts."""
+MAD = 1.4826
+"""σ of a normal distribution over its median absolute deviation."""
+STEPS = 80
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Of M parameters (M,): common value with σ, spread between gyros with its own σ, signed
+    equivalent |z|, degrees of freedom, gyros used; NaN where too few know it."""
+
+    value: Array
+    std: Array
+    spread: Array
+    spread_std: Array
+    z: Array
+    dof: Array
+    count: Array
+    used: Array
+    """(n, M): the gyros that were not left out as standing alone."""
+
+
+def pooled(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
+    """Of estimates (n, M) with σ (n, M), NaN where a gyro has none; gyros that stand alone are left
+    out.
+
+    σ² of the value is 1/Σw + (`exact`·median σ)². Its distribution is Student's with (n − 2)/s
+    degrees of freedom, s the part of the variance that had to be estimated, τ²/(σ² + τ²), with τ²
+    taken two of its own σ larger than it came out: normal where the gyros agree, and of so many
+    gyros where they do not. It is given as the |z| of a normal variable as improbable.
+    """
+    used = np.isfinite(x) & np.isfinite(std) & (std > 0)
+    used &= ~alone(x, std, used)
+    count = used.sum(axis=0)
+    x, variance = np.where(used, x, 0.0), np.where(used, std, 1.0) ** 2
+    t2, w, mean = _between(x, variance, used)
+    with np.errstate(all="ignore"):
+        total = w.sum(axis=0)
+        t2_std = np.sqrt(2 / np.sum(w**2, axis=0))
+        at_most = t2 + ESTIMATED_SIGMA * t2_std
+        known = np.where(used, variance, 0.0).sum(axis=0) / count
+        dof = (count - 2) * (known + at_most) / at_most
+        typical = middle(np.where(used, std, np.nan))
+        error = np.sqrt(1 / total + (exact * typical) ** 2)
+        z = np.sign(mean) * equivalent(np.abs(mean) / error, dof)
+        spread = np.sqrt(t2)
+        spread_std = np.where(
+            t2 > 0, t2_std / np.maximum(2 * spread, np.sqrt(t2_std)), np.sqrt(t2_std)
+        )
+    few = count < FEWEST
+    hidden = np.where(few, np.nan, 1.0)
+    return Pooled(
+        value=mean * hidden,
+        std=error * hidden,
+        spread=spread * hidden,
+        spread_std=spread_std * hidden,
+        z=z * hidden,
+        dof=dof * hidden,
+        count=count,
+        used=used,
+    )
+
+
+def _between(x: Array, variance: Array, used: Array) -> tuple[Array, Array, Array]:
+    """τ² (M,), weights (n, M) and means (M,): Newton's steps from τ² = 0, where the sum falls and is
+    convex, so that they never overshoot."""
+    t2 = np.zeros(x.shape[1])
+    wanted = used.sum(axis=0) - 1
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            w = np.where(used, 1 / (variance + t2), 0.0)
+            mean = (w * x).sum(axis=0) / w.sum(axis=0)
+            squares = w * np.where(used, x - mean, 0.0) ** 2
+            excess, slope = squares.sum(axis=0) - wanted, (w * squares).sum(axis=0)
+            step = np.where((excess > 0) & (slope > 0), excess / slope, 0.0)
+            t2 = t2 + step
+            if np.all(step <= 1e-6 * t2):
+                break
+    return t2, np.where(used, 1 / (variance + t2), 0.0), mean
+
+
+def alone(x: Array, std: Array, used: Array) -> Array:
+    """(n, M): gyros that stand so far from the median of the others that they do not belong to their
+    distribution: individual causes, which a common value is not to be made of."""
+    out = np.zeros(x.shape, bool)
+    if len(x) < FEWEST:
+        return out
+    with np.errstate(all="ignore"):
+        known = np.where(used, x, np.nan)
+        known_std = np.where(used, std, np.nan)
+        enough = used.sum(axis=0) >= FEWEST
+        known, known_std = known[:, enough], known_std[:, enough]
+        if not known.shape[1]:
+            return out
+        off = np.abs(known - middle(known))
+        robust = MAD * middle(off)
+        between = np.maximum(robust**2 - middle(known_std) ** 2, 0.0)
+        limits = np.array([far_limit(int(n), 0.05) for n in used.sum(axis=0)[enough]])
+        out[:, enough] = off / np.sqrt(known_std**2 + between) > limits
+    return out
+
+
+def middle(x: Array) -> Array:
+    """Medians (M,) of columns (n, M) without their NaN."""
+    if not len(x):
+        return np.full(x.shape[1], np.nan)
+    ordered, count = np.sort(x, axis=0), np.isfinite(x).sum(axis=0)
+    places = np.stack([np.maximum(count - 1, 0) // 2, np.minimum(count // 2, len(x) - 1)])
+    return np.take_along_axis(ordered, places, axis=0).mean(axis=0)
+
+
+@lru_cache(maxsize=4096)
+def far_limit(count: int, rate: float) -> float:
+    """Robust distance |x − median|/(1.4826 MAD) that one or more of `count` normal values exceed
+    with probability `rate`.
+
+    1.4826 MAD is as sure as a standard deviation of 0.37 (n − 1) degrees of freedom (its efficiency,
+    Rousseeuw and Croux, J. Am. Stat. Assoc. 88 (1993) 1273) and short by n/(n − 0.8): the quantile
+    is Student's with these.
+    """
+    from scipy.special import stdtrit
+
+    dof = max(0.37 * (count - 1), 1.0)
+    return float(-stdtrit(dof, rate / (2 * count)) * count / (count - 0.8))
+
+
+def equivalent(t: Array, dof: Array) -> Array:
+    """|z| of a normal variable as improbable as Student's |t| (Wallace, Ann. Math. Stat. 30 (1959)
+    1121), good to a hundredth at any size."""
+    return (8 * dof + 1) / (8 * dof + 3) * np.sqrt(dof * np.log1p(t**2 / dof))
+
+
+def improbability(z: Array | float) -> Array:
+    """Two-sided probability of |z|."""
+    from scipy.special import ndtr
+
+    return 2 * ndtr(-np.abs(z))

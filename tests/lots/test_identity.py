@@ -1,0 +1,82 @@
+"""A recording that cannot be read is its gyro's all the same: by what is left of it, its name, its
+neighbours; what cannot be told is not guessed."""
+
+import h5py
+import numpy as np
+import pytest
+
+from hrg_cli import store
+from hrg_cli.errors import HrgError
+from hrg_cli.lots.groups import Origin
+from hrg_cli.lots.identity import Told, grouped, owner_of, told_by
+from hrg_cli.lots.lot_settings import LotSettings
+from hrg_cli.records import Recording
+
+
+def written(path, gyro="SN-104", start="2026-05-04T08:00:00Z"):
+    x = np.random.default_rng(0).standard_normal(4000)
+    record = Recording(
+        c=x, s=x, sample_rate_hz=1e3, mode="free", gyro_id=gyro, run_id="1", start_time=start
+    )
+    store.write(path, record)
+    return path
+
+
+def test_a_recording_says_where_and_when(tmp_path):
+    path = written(tmp_path / "a.h5")
+    with h5py.File(path, "a") as file:
+        file["recording"].attrs["station"] = "2"
+        file["recording"].attrs["shift"] = "night"
+    assert told_by(path) == Told("SN-104", "2026-05-04", {"station": "2"})
+
+
+def test_a_damaged_dataset_leaves_the_name(tmp_path):
+    path = written(tmp_path / "x.h5")
+    with h5py.File(path, "a") as file:
+        del file["recording/s"]
+    with pytest.raises(HrgError):
+        told_by(path)
+    assert owner_of(path, {}) == ("SN-104", "its gyro_id can still be read")
+
+
+@pytest.mark.parametrize(
+    ("name", "readable", "gyro"),
+    [
+        ("sn-104-run3.h5", {"a.h5": "SN-104", "b.h5": "SN-105"}, "SN-104"),
+        ("sn-1041-run3.h5", {"a.h5": "SN-104", "b.h5": "SN-105"}, ""),
+        ("left-7.h5", {"left-1.h5": "G1", "right-1.h5": "G2"}, "G1"),
+        ("left-7.h5", {"left-1.h5": "G1", "left-2.h5": "G2"}, ""),
+        ("odd.h5", {"left-1.h5": "G1", "right-2.h5": "G1"}, "G1"),
+        ("odd.h5", {"left-1.h5": "G1", "right-2.h5": "G2"}, ""),
+        ("odd.h5", {}, ""),
+    ],
+)
+def test_a_lost_recording_goes_to_the_gyro_it_is_named_with(tmp_path, name, readable, gyro):
+    lost = tmp_path / name
+    lost.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(3000))
+    found, by = owner_of(lost, {tmp_path / file: g for file, g in readable.items()})
+    assert found == gyro and bool(by) == bool(gyro)
+
+
+def test_a_file_cut_off_still_holds_its_name(tmp_path):
+    whole = written(tmp_path / "whole.h5")
+    cut = tmp_path / "cut" / "other.h5"
+    cut.parent.mkdir()
+    cut.write_bytes(whole.read_bytes()[:9000])
+    known = {whole: "SN-104", tmp_path / "b.h5": "SN-10"}
+    assert owner_of(cut, known)[0] == "SN-104"
+
+
+def test_the_lots_file_groups_gyros_before_their_recordings_do():
+    lot = LotSettings(
+        recordings=["x"],
+        groups={"station": {"1": "SN-0*", "2": ["SN-1*"]}, "fixture": {"A": ["*"]}},
+        gyro=[{"gyro_id": "SN-104", "station": 3, "day": "2026-05-04"}],
+    )
+    assert lot.grouped("SN-104") == {"station": "3", "fixture": "A"}
+    assert lot.grouped("SN-105") == {"station": "2", "fixture": "A"}
+    assert lot.day_of("SN-104") == "2026-05-04" and lot.day_of("SN-105") == ""
+    told = [Told("g", "", {"station": "9", "operator": "m"}), Told("g", "", {"operator": "m"})]
+    assert grouped({"station": "3"}, told) == {"station": "3", "operator": "m"}
+    assert grouped({}, [Told("g", "", {"station": s}) for s in "12"]) == {}
+    assert Origin({}).day == ""
