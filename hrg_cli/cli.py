@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .commands import around, chain, updating
+from .commands import around, chain, ledger, updating
 
 app = typer.Typer(
     name="hrg",
@@ -28,6 +28,7 @@ app = typer.Typer(
 app.add_typer(chain.app)
 app.add_typer(updating.app)
 app.add_typer(around.app)
+app.add_typer(ledger.app)
 
 
 def _version(wanted: bool) -> None:
