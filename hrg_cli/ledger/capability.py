@@ -10,15 +10,18 @@ of all gyros, not within groups (some standards write Pp, Ppk then).
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize, special, stats
 
 Array = np.ndarray
 FEWEST_GYROS = 5
 CONFIDENCE = 0.95
+NODES = 120
+"""Points of Gauss's rule in the noncentral t distribution."""
 NORMAL_P = 0.01
 """Shapiro and Wilk's p-value below which a population is not called normal."""
 
@@ -80,7 +83,25 @@ def one_sided_bound(found: float, n: int, probability: float) -> float:
     width = 10 * math.sqrt(1 + statistic**2 / (2 * (n - 1)))
 
     def beyond(noncentrality: float) -> float:
-        return float(stats.nct.cdf(statistic, n - 1, noncentrality)) - probability
+        return noncentral_t(statistic, n - 1, noncentrality) - probability
 
     root = optimize.brentq(beyond, statistic - width, statistic + width)
     return float(root) / (3 * math.sqrt(n))
+
+
+def noncentral_t(t: float, degrees: int, noncentrality: float) -> float:
+    """Distribution function of (Z + δ)/√(χ²/ν): ∫ Φ(t·s − δ) f(s) ds over s = √(χ²/ν)."""
+    s, weight = _chi_nodes(degrees)
+    return float(weight @ special.ndtr(t * s - noncentrality))
+
+
+@functools.cache
+def _chi_nodes(degrees: int) -> tuple[Array, Array]:
+    """Nodes and weights of √(χ²/ν), by Gauss's rule over all of it but 10⁻¹⁴ on either side."""
+    low = math.sqrt(stats.chi2.ppf(1e-14, degrees) / degrees)
+    high = math.sqrt(stats.chi2.isf(1e-14, degrees) / degrees)
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    s = (low + high) / 2 + (high - low) / 2 * node
+    density = stats.chi2.pdf(degrees * s**2, degrees) * 2 * degrees * s
+    part = (high - low) / 2 * weight * density
+    return s, part / part.sum()

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ FEWEST_GYROS = 3
 CONFIDENCE = 0.95
 NAMES = ("gyro", "interaction", "station", "repeat")
 """The components that are estimated."""
-LEAST, LARGEST = 1e-8, 1e3
+LEAST, LARGEST = 1e-8, 1e2
 """A component is looked for between so many times the spread of all values."""
 
 
@@ -85,14 +86,26 @@ class _Design:
     cell: Array
     gyro: Array
 
-    @property
+    @cached_property
     def stations(self) -> int:
         return int(self.station.max()) + 1
 
-    def begins(self, name: str) -> Array:
-        """The first row of each group."""
-        group = self.cell if name == "interaction" else self.gyro
-        return np.flatnonzero(np.diff(group, prepend=-1))
+    @cached_property
+    def columns(self) -> Array:
+        """Values, ones, and a column a station that is 1 in its rows: (n, 2 + stations)."""
+        shown = np.arange(self.stations) == self.station[:, None]
+        return np.column_stack([self.values, np.ones(len(self.values)), shown])
+
+    @cached_property
+    def levels(self) -> tuple[tuple[str, Array, Array], ...]:
+        """The nested components, finest first: the group of each row of the level below, and each
+        group's first row there."""
+        first = np.flatnonzero(np.diff(self.cell, prepend=-1))
+        above = self.gyro[first]
+        return (
+            ("interaction", self.cell, first),
+            ("gyro", above, np.flatnonzero(np.diff(above, prepend=-1))),
+        )
 
 
 def gauge_study(
@@ -164,34 +177,50 @@ def log_likelihood(design: _Design, std: dict[str, float]) -> float:
 def _terms(design: _Design, std: dict[str, float]) -> tuple[float, float]:
     """(restricted log-likelihood, the mean μ) by generalized least squares.
 
-    V = diag(σ_own² + σ_r²) + blocks of cells + blocks of gyros + stations: the nested blocks
-    inverted by Sherman and Morrison's formula (mean and rest of a group apart, which loses no
-    digits where gyros differ far more than repeats), the stations by Woodbury's: the work grows
-    with n for any number of gyros.
+    Rows become cells and cells gyros by weighted means: what lies within a group has the level's
+    weights, its mean the variance 1/Σw + σ². This loses no digits where gyros differ far more than
+    repeats, and the work grows with n for any number of gyros.
     """
+    rows = design.columns
     variance = np.maximum(design.own + std.get("repeat", 0.0) ** 2, LEAST**2)
-    shown = np.arange(design.stations) == design.station[:, None]
-    columns = np.column_stack([design.values, np.ones(len(variance)), shown])
-    solved = columns / variance[:, None]
+    weight = 1 / variance
     logarithm = float(np.log(variance).sum())
-    for name in ("interaction", "gyro"):
+    gram = np.zeros((rows.shape[1], rows.shape[1]))
+    for name, group, first in design.levels:
         power = std.get(name, 0.0) ** 2
-        if power > 0:
-            sums = np.add.reduceat(solved, design.begins(name), axis=0)
-            shrunk = power * sums[:, 1:2]
-            group = design.cell if name == "interaction" else design.gyro
-            middle = (sums / sums[:, 1:2])[group] * solved[:, 1:2]
-            solved = (solved - middle) + middle / (1 + shrunk)[group]
-            logarithm += float(np.log1p(shrunk).sum())
-    gram = columns.T @ solved
+        whole = np.add.reduceat(weight, first)
+        means = np.add.reduceat(rows * weight[:, None], first, axis=0) / whole[:, None]
+        left = rows - means[group]
+        gram += left.T @ (left * weight[:, None])
+        logarithm += float(np.log1p(power * whole).sum())
+        rows, weight = means, 1 / (1 / whole + power)
+    gram += rows.T @ (rows * weight[:, None])
     power = std.get("station", 0.0) ** 2
     if power > 0:
-        inner = np.eye(design.stations) + power * gram[2:, 2:]
-        gram = gram - power * gram[:, 2:] @ np.linalg.solve(inner, gram[2:])
-        logarithm += float(np.linalg.slogdet(inner)[1])
+        gram, more = _with_stations(gram, power)
+        logarithm += more
     mean = gram[0, 1] / gram[1, 1]
-    left = gram[0, 0] - mean * gram[0, 1]
-    return -0.5 * (logarithm + math.log(gram[1, 1]) + float(left)), float(mean)
+    rest = gram[0, 0] - mean * gram[0, 1]
+    return -0.5 * (logarithm + math.log(gram[1, 1]) + float(rest)), float(mean)
+
+
+def _with_stations(gram: Array, power: float) -> tuple[Array, float]:
+    """(products of values and ones with V⁻¹, what the stations add to log |V|), by Woodbury's
+    formula, in a basis of the stations whose first direction is their sum: that one, which is also
+    the ones', keeps its digits beside the others, which may be far larger."""
+    count = len(gram) - 2
+    first = np.eye(count)
+    first[:, 0] = 1.0
+    basis = np.linalg.qr(first)[0] * -1.0
+    inner = basis.T @ gram[2:, 2:] @ basis
+    inner[0] = inner[:, 0] = gram[1, 2:] @ basis / math.sqrt(count)
+    inner = np.eye(count) + power * inner
+    across = gram[:2, 2:] @ basis
+    scale = 1 / np.sqrt(np.diag(inner))
+    even = inner * scale * scale[:, None]
+    taken = (across * scale) @ np.linalg.solve(even, (across * scale).T)
+    logarithm = float(np.linalg.slogdet(even)[1] - 2 * np.log(scale).sum())
+    return gram[:2, :2] - power * taken, logarithm
 
 
 def _climbed(design: _Design, names: Sequence[str], start: Array, fixed: dict[str, float]) -> Any:
@@ -235,25 +264,34 @@ def _interval(
     """Where the profile of one component falls to the wanted likelihood; 0 where it does not fall
     so far at 0."""
     others = [n for n in names if n != name]
-    start = np.log([max(best[n], 1e-3) for n in others]) if others else np.zeros(0)
+    floor = 0.3 * min((best[n] for n in names if best[n] > 0), default=0.1)
+    start = np.log([max(best[n], floor) for n in others]) if others else np.zeros(0)
 
     def short_of(value: float) -> float:
         if not others:
             return log_likelihood(design, {name: value}) - wanted
         return -float(_climbed(design, others, start, {name: value}).fun) - wanted
 
-    def root(low: float, high: float) -> float:
+    def root(inside: float, outside: float) -> float:
+        """Between a value within and one without, by the logarithm; the second if it is none."""
+        low, high = math.log(inside), math.log(outside)
+        if short_of(inside) <= 0 or short_of(outside) >= 0:
+            return outside
         function = lambda u: short_of(math.exp(u))  # noqa: E731
-        return math.exp(optimize.brentq(function, math.log(low), math.log(high), xtol=1e-3))
+        return math.exp(optimize.brentq(function, low, high, xtol=2e-3))
 
-    at = max(best[name], LEAST)
-    low = 0.0 if best[name] <= 0 or short_of(0.0) >= 0 else root(LEAST, at)
-    high = max(2 * at, 1e-4)
+    middle = max(best[name], LEAST)
+    high = max(2 * middle, floor)
     while short_of(high) > 0:
         if high > LARGEST:
-            return low, math.inf
+            high = math.inf
+            break
         high *= 3
-    return low, root(at, high)
+    if math.isfinite(high):
+        high = root(middle, high)
+    if best[name] <= 0 or short_of(0.0) >= 0:
+        return 0.0, high
+    return root(middle, LEAST), high
 
 
 def _scatter(design: _Design, cells: int, confidence: float) -> tuple[float, float, float] | None:

@@ -72,6 +72,7 @@ class Overview:
     figures: tuple[FigureReport, ...]
     golden: tuple[Golden, ...]
     guard_sigma: float
+    by: str
 
     @property
     def missed(self) -> list[str]:
@@ -100,7 +101,8 @@ class Overview:
                     f"{f' and {len(beyond) - SHOWN} more' if len(beyond) > SHOWN else ''}"
                 )
         said += [
-            f"{row.name} of the golden unit is out of control on {row.station or 'its station'}"
+            f"{row.name} of the golden unit is out of control"
+            f"{f' on {self.by} {row.station}' if row.station else ''}"
             for row in self.golden
             if row.chart is not None and row.chart.out_of_control
         ]
@@ -167,6 +169,7 @@ def overview(
         figures=tuple(reports),
         golden=tuple(rows),
         guard_sigma=guard_sigma,
+        by=by,
     )
 
 

@@ -42,13 +42,13 @@ def show_overview(found: Overview) -> None:
     if studies:
         print_table(
             "gauge study (standard deviations; what is not told apart: –)",
-            ("figure", "gyros", "stations", "interaction", "repeats", "own σ", "gauge of variance", "wrongly accepted"),
+            ("figure", "gyros", found.by, "interaction", "repeats", "own σ", "gauge of variance", "wrongly accepted"),
             [_study(row) for row in studies],
         )  # fmt: skip
     if found.golden:
         print_table(
             "golden unit",
-            ("figure", "station", "n", "mean", "from the others", "since the first", "a day", "chart"),
+            ("figure", found.by, "n", "mean", "from the others", "since the first", "a day", "chart"),
             [_golden(row) for row in found.golden],
         )  # fmt: skip
     if found.false_alarms_expected:
