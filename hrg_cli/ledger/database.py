@@ -59,7 +59,8 @@ def read(path: Path) -> list[Entry]:
         raise HrgError(
             f"{path}: no such ledger; make one with `hrg ledger add FILE`, or name it with --ledger"
         )
-    with _opened(path, "ro") as connection:
+    left_by_a_killed_writer = Path(f"{path}-journal").exists()  # only who may write can undo it
+    with _opened(path, "rw" if left_by_a_killed_writer else "ro") as connection:
         connection.execute("BEGIN")
         _need_own(connection, path)
         figures: dict[int, dict[str, Figure]] = {}
@@ -148,7 +149,7 @@ def _need_own(connection: sqlite3.Connection, path: Path) -> None:
         raise HrgError(f"{path}: {_DAMAGED.format('its tables were changed')}")
     (said,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if said != "ok":
-        raise HrgError(f"{path}: {_DAMAGED.format(said)}")
+        raise HrgError(f"{path}: {_DAMAGED.format(' '.join(said.split()))}")
 
 
 def _insert(connection: sqlite3.Connection, entry: Entry) -> bool:
