@@ -298,12 +298,16 @@ def batch(
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)
     ] = None,
+    ledger: Annotated[
+        Path | None,
+        typer.Option(help="Ledger to enter every gyro's results into.", show_default=False),
+    ] = None,
 ) -> None:
     """The whole chain for every gyro of a lot, with a table and a page of the lot; resumes where it
     was interrupted."""
     from .batching import batch_file
 
-    run.finish(batch_file(lot, run, dask, scheduler))
+    run.finish(batch_file(lot, run, dask, scheduler, ledger))
 
 
 def _effect_names(incomplete: str) -> list[str]:

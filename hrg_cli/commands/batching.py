@@ -7,6 +7,8 @@ from typing import Any
 
 from .. import settings
 from ..errors import HrgError
+from ..ledger import database
+from ..ledger.lots import enter_lot
 from ..lots.batch import executor_for, run_lot
 from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
@@ -14,7 +16,9 @@ from ..reporting import console
 from .frame import Common, existing
 
 
-def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None) -> dict[str, Any]:
+def batch_file(
+    lot: Path | None, run: Common, dask: bool, scheduler: str | None, ledger: Path | None = None
+) -> dict[str, Any]:
     """Run a lot; the command's JSON. Keys of the lot's file, then [batch] of --config, then --set,
     then --seed."""
     path = existing([lot] if lot else [], "a lot's file (TOML)")[0]
@@ -30,8 +34,10 @@ def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None)
     if run.show_config:
         run.leave_with_settings({"batch": resolved(read_lot(path, assignments, over))})
     folder = run.need_output("lot/")
+    if ledger is not None:
+        database.add(ledger, [])  # what cannot be written is said before the work, not after it
     with console.progress_bar("batch", run.quiet or run.json) as progress:
-        return run_lot(
+        report = run_lot(
             path,
             folder,
             open_executor=executor_for(run.jobs, dask, scheduler),
@@ -40,6 +46,12 @@ def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None)
             over=over,
             progress=progress,
         )
+    if ledger is not None:
+        results = [
+            f"{STAGES[stage].gives}.h5" for stage in read_lot(path, assignments, over).stages
+        ]
+        report["ledger"] = {"path": str(ledger), **enter_lot(ledger, report, folder, results)}
+    return report
 
 
 def resolved(lot: LotSettings) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -43,11 +43,12 @@ def enter(
         "firmware": firmware,
         "order": order,
     }
-    entries = [_entry_of(path, gyro_id, given) for path in files]
+    entries = [entry_of(path, gyro_id, given) for path in files]
     return list(zip(entries, database.add(ledger, entries), strict=True))
 
 
-def _entry_of(path: Path, gyro_id: str, given: dict[str, str]) -> Entry:
+def entry_of(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
+    """The entry of a file; gyro_id: where it names none; given: `CIRCUMSTANCES` that are known."""
     digest = _digest(path)
     kind = store.kind_of(path)
     if kind.kind not in KINDS:
@@ -75,11 +76,11 @@ def _entry_of(path: Path, gyro_id: str, given: dict[str, str]) -> Entry:
         processed=_checked_time(path, record.provenance.created) or iso(now),
         measured=min(begun) if begun and all(begun) else "",
         added=iso(now),
-        station=given["station"],
-        operator=given["operator"],
-        fixture=given["fixture"],
-        firmware=given["firmware"],
-        order=given["order"] or lot,
+        station=given.get("station", ""),
+        operator=given.get("operator", ""),
+        fixture=given.get("fixture", ""),
+        firmware=given.get("firmware", ""),
+        order=given.get("order", "") or lot,
         software=record.provenance.generated_by,
         status=record.status,
         reasons=tuple(map(str, record.status_reasons)),

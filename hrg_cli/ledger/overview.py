@@ -20,7 +20,7 @@ from .gauge import GaugeStudy, gauge_study
 from .golden import Golden, golden_unit
 from .guard import Risks, risks
 from .judging import Bounds, GaugeOf, Held, bounds_of, held, tables_of
-from .series import AXIS, independent, newest, series, usual, with_std
+from .series import AXIS, independent, newest, series, usual
 from .trend import move
 
 SHOWN = 5
@@ -78,7 +78,7 @@ class Overview:
     def missed(self) -> list[str]:
         """Sentences: which gyro misses which limit."""
         return [
-            f"{s.entry.gyro_id}: {row.sentence(self.guard_sigma)}"
+            f"{s.entry.gyro_id}, {s.entry.kind}: {row.sentence(self.guard_sigma)}"
             for s in self.standings
             for row in s.held
             if not row.passed
@@ -256,6 +256,6 @@ def _standings(
 
 def _most_moved(entries: Sequence[Entry]) -> tuple[str, float | None]:
     """The figure that moved most since the measurement before, in σ."""
-    moves = [(name, move(series(entries[-2:], name))) for name in with_std(entries[-2:])]
+    moves = [(name, move(series(entries[-2:], name))) for name in usual(entries[-2:])]
     known = [(name, m.sigma) for name, m in moves if m is not None and m.sigma is not None]
     return max(known, key=lambda pair: abs(pair[1]), default=("", None))

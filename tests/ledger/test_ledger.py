@@ -89,7 +89,7 @@ def test_status_3_outside_limits_and_out_of_control_when_strict(hrg, files, tmp_
     asked = ("ledger", "show", "--ledger", ledger, "--limits", limits)
     assert hrg(*asked).status == 0
     told = hrg(*asked, "--set", f"resonator.{SPLIT}.maximum=0.1002")
-    assert told.status == 3 and f"SN-1: {SPLIT} is 0.1004" in told.err
+    assert told.status == 3 and f"SN-1, resonator: {SPLIT} is 0.1004" in told.err
     mistyped = hrg(*asked, "--set", "resonator.frequency_splt_rad_s=0.1")
     assert mistyped.status == 2 and "did you mean" in mistyped.err
     rng = np.random.default_rng(0)
@@ -235,3 +235,24 @@ def test_what_is_asked_can_be_narrowed(hrg, files, tmp_path):
     for wrong in (("--since", "tomorrow"), ("--figure", "scale_facto"), ("--golden", "SN-9")):
         told = hrg(*asked, *wrong)
         assert told.status == 2 and told.err.count("\n") == 1, told.err
+
+
+def test_a_lot_is_entered_gyro_by_gyro(hrg, tmp_path):
+    from conftest import ringing
+
+    for gyro in ("SN-1", "SN/2"):
+        name = gyro.replace("/", "-")
+        store.write(tmp_path / f"{name}.h5", ringing(seconds=0.4, gyro_id=gyro, run_id=gyro))
+    (tmp_path / "lot.toml").write_text(
+        'lot_id = "L9"\nrecordings = "SN*.h5"\nstages = ["identify"]\n'
+    )
+    ledger = tmp_path / "l.sqlite"
+    asked = ("batch", tmp_path / "lot.toml", "-o", tmp_path / "lot", "--ledger", ledger, "--json")
+    first = hrg(*asked).json
+    assert first["ledger"] == {"path": str(ledger), "added": 2, "known": 0}, first
+    found = database.read(ledger)
+    assert {e.gyro_id for e in found} == {"SN-1", "SN/2"} and {e.order for e in found} == {"L9"}
+    assert hrg(*asked).json["ledger"] == {"path": str(ledger), "added": 0, "known": 2}
+    (tmp_path / "no.sqlite").write_text("no database at all, but some text of more than a head")
+    told = hrg(*asked[:3], tmp_path / "other", "--ledger", tmp_path / "no.sqlite")
+    assert told.status == 1 and "no.sqlite" in told.err

@@ -47,6 +47,7 @@ WARM = (
             "answering",
             "reporting",
             "importing",
+            "ledgering",
             "simulating",
             "batching",
             "planning",
