@@ -113,6 +113,10 @@ COMMANDS = {
         " common, worst gyros, outliers; resumes where it was interrupted; 3 when a gyro does not"
         " pass.",
     ),
+    "ledger": (
+        "ledger",
+        "Every result of every gyro over time: drift, charts, capability, gauge study.",
+    ),
     "study": (
         "study",
         "Repeat one of the papers' experiments, or a study of this project's own methods: table and"

@@ -77,12 +77,12 @@ def compare(old: Record, new: Record) -> Comparison:
         n
         for n in first
         if n in second
-        and _is_named(n, first)
+        and is_told_once(n, first)
         and math.isfinite(first[n])
         and math.isfinite(second[n])
     ]
     found = [
-        _difference(n, first[n], _std(n, first), second[n], _std(n, second), int(mode))
+        _difference(n, first[n], std_of(n, first), second[n], std_of(n, second), int(mode))
         for n in names
     ]
     if isinstance(old, Calibration) and isinstance(new, Calibration):
@@ -92,8 +92,8 @@ def compare(old: Record, new: Record) -> Comparison:
         words.append(("verdict", old.verdict, new.verdict))
     return Comparison(
         tuple(sorted(found, key=lambda d: -abs(d.sigma) if d.sigma is not None else 1.0)),
-        tuple(n for n in first if n not in second and _is_named(n, first)),
-        tuple(n for n in second if n not in first and _is_named(n, second)),
+        tuple(n for n in first if n not in second and is_told_once(n, first)),
+        tuple(n for n in second if n not in first and is_told_once(n, second)),
         tuple(w for w in words if w[1] != w[2]),
     )
 
@@ -101,10 +101,7 @@ def compare(old: Record, new: Record) -> Comparison:
 def _difference(
     name: str, old: float, old_std: float | None, new: float, new_std: float | None, mode: int
 ) -> Difference:
-    change = new - old
-    if name.endswith(("axis_rad", "axis_rad.value")):
-        period = math.pi / mode
-        change = (change + period / 2) % period - period / 2
+    change = change_of(name, old, new, mode)
     both = (
         math.hypot(old_std or 0.0, new_std or 0.0)
         if old_std is not None and new_std is not None
@@ -115,7 +112,16 @@ def _difference(
     )
 
 
-def _is_named(name: str, figures: dict[str, float]) -> bool:
+def change_of(name: str, old: float, new: float, mode: int) -> float:
+    """new − old; of an axis, which repeats after π/m, the shorter way round."""
+    change = new - old
+    if name.endswith(("axis_rad", "axis_rad.value")):
+        period = math.pi / mode
+        change = (change + period / 2) % period - period / 2
+    return change
+
+
+def is_told_once(name: str, figures: dict[str, float]) -> bool:
     """A figure that is told once, by a name that means the same in both: no σ, no place in a list,
     no second spelling."""
     parts = name.split(".")
@@ -129,7 +135,8 @@ def _is_std(name: str, figures: dict[str, float]) -> bool:
     )
 
 
-def _std(name: str, figures: dict[str, float]) -> float | None:
+def std_of(name: str, figures: dict[str, float]) -> float | None:
+    """The standard deviation of a figure, where the figures hold it."""
     keys = (f"{name}_std", f"{name.removesuffix('.value')}.std")
     return next((figures[k] for k in keys if k in figures and math.isfinite(figures[k])), None)
 

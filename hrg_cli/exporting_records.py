@@ -117,7 +117,7 @@ def _json(record: Record) -> bytes:
 
 
 def _parquet(record: Record) -> bytes:
-    pyarrow, parquet = _needed("pyarrow", "labs"), _needed("pyarrow.parquet", "labs")
+    pyarrow, parquet = package_for("pyarrow", "labs"), package_for("pyarrow.parquet", "labs")
     table = pyarrow.Table.from_pandas(_frame(record), preserve_index=False)
     about = json.dumps(_finite(attributes_of(record)), ensure_ascii=False).encode()
     table = table.replace_schema_metadata({**(table.schema.metadata or {}), b"hrg": about})
@@ -127,7 +127,7 @@ def _parquet(record: Record) -> bytes:
 
 
 def _xlsx(record: Record) -> bytes:
-    openpyxl = _needed("openpyxl", "labs")
+    openpyxl = package_for("openpyxl", "labs")
     columns = columns_of(record)
     rows = len(next(iter(columns.values()), ()))
     if rows > EXCEL_ROWS:
@@ -189,7 +189,8 @@ def _frame(record: Record) -> Any:
     return pd.DataFrame(columns_of(record))
 
 
-def _needed(package: str, extra: str) -> Any:
+def package_for(package: str, extra: str) -> Any:
+    """A package that a format needs. HrgError: it is not installed."""
     from importlib import import_module
 
     try:

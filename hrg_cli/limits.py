@@ -63,6 +63,17 @@ MOST_LIMITS = 10_000
 """More than any file has figures; a longer list is a damaged file."""
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What limits are held against: the kind of a result, its status, its figures and, of a
+    diagnosis, its verdict."""
+
+    kind: str
+    status: str
+    figures: Mapping[str, float]
+    verdict: str | None = None
+
+
 def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     """Rows of verdicts for `[limits]` tables: name = { minimum = …, maximum = … }, or a bare limit,
     which is a maximum.
@@ -74,6 +85,14 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     `causes = 0`. HrgError: no limit for this kind. UsageError: a limit that is neither, a name,
     table, unit or word that looks mistyped.
     """
+    verdict = record.verdict if isinstance(record, Diagnosis) else None
+    table = table_of(record.kind, limits)
+    return rows_of(Judged(record.kind, record.status, figures_of(record), verdict), table)
+
+
+def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The limits for a kind of file: its own table, or those at the top. HrgError: none.
+    UsageError: a table that looks mistyped."""
     for name, value in limits.items():
         if (
             _is_group(value)
@@ -81,32 +100,37 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
             and (hint := meant(name, [cls.kind for cls in KINDS]))
         ):
             raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
-    own = limits.get(record.kind)
+    own = limits.get(kind)
     table: Mapping[str, Any] = (
         own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not _is_group(v)}
     )
     if not table:
         raise HrgError(
-            f"the limits hold nothing for a {record.kind} file; write a table [{record.kind}] with"
+            f"the limits hold nothing for a {kind} file; write a table [{kind}] with"
             " name = { minimum = …, maximum = … }"
         )
     if len(table) > MOST_LIMITS:
         raise HrgError(
-            f"the limits hold {len(table)} entries for a {record.kind} file, {MOST_LIMITS} at most"
+            f"the limits hold {len(table)} entries for a {kind} file, {MOST_LIMITS} at most"
             " were expected"
         )
-    figures = figures_of(record)
-    rows = [_status_row(record, table.get("status", "valid"))]
+    return table
+
+
+def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
+    """A row a limit of a kind's table, the status first. UsageError: as `check`."""
+    figures = judged.figures
+    rows = [_status_row(judged.status, table.get("status", "valid"))]
     for name, limit in table.items():
         if name == "status":
             continue
-        if name == "verdict" and isinstance(record, Diagnosis):
-            rows.append(_verdict_row(record, limit))
+        if name == "verdict" and judged.verdict is not None:
+            rows.append(_verdict_row(judged.verdict, limit))
             continue
         minimum, maximum = bounds(name, limit)
         value = figures.get(name)
         if value is None and (hint := meant(name, [*figures, "verdict", "status"])):
-            raise UsageError(f"limit {name} is no figure of a {record.kind} file; {hint}")
+            raise UsageError(f"limit {name} is no figure of a {judged.kind} file; {hint}")
         inside = value is not None and math.isfinite(value)
         inside = (
             inside
@@ -125,17 +149,15 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     return rows
 
 
-def _status_row(record: Record, wanted: Any) -> Row:
+def _status_row(status: str, wanted: Any) -> Row:
     if wanted not in ("valid", "suspect", "any"):
         raise UsageError(f'limit status = {wanted!r}: "valid", "suspect" or "any" was expected')
-    worst, allowed = STATUSES[record.status], {"valid": 0, "suspect": 1, "any": 2}[wanted]
+    worst, allowed = STATUSES[status], {"valid": 0, "suspect": 1, "any": 2}[wanted]
     at_worst = {"valid": "valid", "suspect": "suspect at the worst", "any": "anything"}[wanted]
-    return Row(
-        "status", float(worst), None, float(allowed), worst <= allowed, (record.status, at_worst)
-    )
+    return Row("status", float(worst), None, float(allowed), worst <= allowed, (status, at_worst))
 
 
-def _verdict_row(record: Diagnosis, wanted: Any) -> Row:
+def _verdict_row(verdict: str, wanted: Any) -> Row:
     words = (
         [wanted]
         if isinstance(wanted, str)
@@ -149,10 +171,8 @@ def _verdict_row(record: Diagnosis, wanted: Any) -> Row:
             raise UsageError(
                 f"limit verdict = {word!r}: {hint or ', '.join(VERDICTS) + ' was expected'}"
             )
-    place = float(VERDICTS.index(record.verdict)) if record.verdict in VERDICTS else None
-    return Row(
-        "verdict", place, None, None, record.verdict in words, (record.verdict, " or ".join(words))
-    )
+    place = float(VERDICTS.index(verdict)) if verdict in VERDICTS else None
+    return Row("verdict", place, None, None, verdict in words, (verdict, " or ".join(words)))
 
 
 def _is_group(value: Any) -> bool:

@@ -22,6 +22,10 @@ MAY_IMPORT = {
     "settings": {"errors"},
     "stages": {"units", "errors", "physics", "effects", "fitting", "records", "settings"},
     "formats": {"units", "errors", "records", "settings", "store"},
+    "ledger": {
+        *("errors", "records", "store", "origins", "limit_values", "limits", "comparing"),
+        *("exporting_records", "lots", "reporting"),
+    },
     "studies": {
         "units",
         "errors",

@@ -23,12 +23,13 @@ from hrg_cli import store
 from hrg_cli.cli import app
 from hrg_cli.gyro import run_gyro
 from hrg_cli.records import Recording
+from hrg_cli.reporting.manual import commands_of
 from hrg_cli.stages.calibrate import calibrate
 
 ROOT = Path(__file__).parent.parent
 SAMPLE = sorted((ROOT / "sample_data").glob("free-*.h5"))[:2]
 FEW_WINDOWS = ("--set", "demodulate.periods_per_window=20", "--set", "diagnose.most_effects=1")
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = commands_of(typer.main.get_command(app))
 
 
 def shell(*arguments, stdin=None, **environment):
@@ -397,18 +398,20 @@ def test_import_flags_for_odd_logs(hrg, tmp_path):
 def test_json_is_there_for_every_command(name, hrg):
     """--show-config --json prints the settings as one JSON object; commands without settings say so
     in their help."""
-    text = " ".join(hrg(name, "--help").out.split())
+    text = " ".join(hrg(*name.split(), "--help").out.split())
     if "--show-config No effect here" in text:
         assert name in ("diff", "effects", "info", "verify")
         return
     needed = {
         "batch": [ROOT / "configs" / "lot.toml"],
         "check": ["--limits", ROOT / "configs" / "limits.toml"],
+        "ledger history": ["SN", "--limits", ROOT / "configs" / "limits.toml"],
+        "ledger show": ["--limits", ROOT / "configs" / "limits.toml"],
         "plan": ["--menu", ROOT / "configs" / "menu.toml"],
         "simulate": [ROOT / "configs" / "free_run_downs.toml"],
         "study": ["redundancy"],
     }
-    shown = hrg(name, *needed.get(name, []), "--show-config", "--json")
+    shown = hrg(*name.split(), *needed.get(name, []), "--show-config", "--json")
     assert shown.status == 0 and isinstance(shown.json, dict) and shown.json, shown.err
 
 
@@ -417,7 +420,7 @@ def test_seed_and_jobs_act_or_say_so(hrg):
     for name in ("identify", "calibrate", "run"):
         shown = hrg(name, "--show-config", "--json", "--seed", 77).json
         assert "77" in json.dumps(shown) and "--seed <int> No effect" not in " ".join(
-            hrg(name, "--help").out.split()
+            hrg(*name.split(), "--help").out.split()
         )
     for name in (
         "demodulate",
@@ -430,9 +433,9 @@ def test_seed_and_jobs_act_or_say_so(hrg):
         "export",
         "plan",
     ):
-        assert "--seed <int> No effect here" in " ".join(hrg(name, "--help").out.split())
+        assert "--seed <int> No effect here" in " ".join(hrg(*name.split(), "--help").out.split())
     for name in ("simulate", "run", "batch"):
-        assert "Processes" in hrg(name, "--help").out
+        assert "Processes" in hrg(*name.split(), "--help").out
 
 
 def test_answers_are_kept_as_json(hrg, tmp_path):

@@ -10,6 +10,8 @@ import typer
 
 from .. import settings
 from ..errors import HrgError
+from ..ledger import database
+from ..ledger.lots import enter_lot
 from ..lots.batch import executor_for, run_lot
 from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
@@ -38,17 +40,23 @@ def main(
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a running Dask scheduler.", show_default=False)
     ] = None,
+    ledger: Annotated[
+        Path | None,
+        typer.Option(help="Ledger to enter every gyro's results into.", show_default=False),
+    ] = None,
 ) -> None:
     """The whole chain for every gyro of a lot, a page each, and the lot as a whole: causes in
     common, worst gyros, outliers; resumes where it was interrupted; 3 when a gyro does not pass."""
-    run.finish(*batch_file(lot, run, dask, scheduler))
+    run.finish(*batch_file(lot, run, dask, scheduler, ledger))
 
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 """A command's JSON, and what shows it to a person."""
 
 
-def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None) -> Shown:
+def batch_file(
+    lot: Path | None, run: Common, dask: bool, scheduler: str | None, ledger: Path | None = None
+) -> Shown:
     """Run a lot; the command's JSON and what shows it. Keys of the lot's file, then [batch] of
     --config, then --set, then --seed."""
     path = existing([lot] if lot else [], "a lot's file (TOML)")[0]
@@ -64,6 +72,8 @@ def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None)
     if run.show_config:
         run.leave_with_settings({"batch": resolved(read_lot(path, assignments, over))})
     folder = run.need_output("lot/")
+    if ledger is not None:
+        database.add(ledger, [])  # what cannot be written is said before the work, not after it
     with console.progress_bar("batch", run.quiet or run.json) as progress:
         report = run_lot(
             path,
@@ -74,6 +84,11 @@ def batch_file(lot: Path | None, run: Common, dask: bool, scheduler: str | None)
             over=over,
             progress=progress,
         )
+    if ledger is not None:
+        results = [
+            f"{STAGES[stage].gives}.h5" for stage in read_lot(path, assignments, over).stages
+        ]
+        report["ledger"] = {"path": str(ledger), **enter_lot(ledger, report, folder, results)}
     return report, lambda: show(report, folder)
 
 

@@ -97,7 +97,7 @@ def check_files(
     """Hold files against limits: those of --limits, tables of --config over them, --set over both;
     and against a baseline's results."""
     started = time.monotonic()
-    wanted = _limits(run, limits)
+    wanted = limits_of(run, limits)
     if not wanted and baseline is None:
         raise UsageError("no limits are named; add --limits limits.toml, or --baseline results/")
     if run.show_config:
@@ -171,7 +171,8 @@ def check_files(
     return run.kept(report), lambda: console.print_table("", head, lines)
 
 
-def _limits(run: Common, limits: Path | None) -> dict[str, Any]:
+def limits_of(run: Common, limits: Path | None) -> dict[str, Any]:
+    """The limits of --limits, tables of --config over them, --set over both."""
     wanted: dict[str, Any] = {}
     for path in (p for p in (limits, run.config) if p is not None):
         settings.merge(wanted, settings.load_toml(path))

@@ -40,7 +40,7 @@ def lot_diagnosis(
     moved, tested = shifts(ordered, own, rate / 2)
     return {
         "lot_causes": [
-            *(_cause(one, names, gyros) for one in found.causes),
+            *(_cause(one, names, gyros, own) for one in found.causes),
             *(_shift(one, names) for one in moved),
         ],
         "lot_tests": {
@@ -62,7 +62,9 @@ def _scores(gyro: Gyro) -> Mapping[str, Any] | None:
     return diagnosed.get("scores") if diagnosed.get("status") != "refused" else None
 
 
-def _cause(one: Common, names: Sequence[str], gyros: Sequence[Gyro]) -> dict[str, Any]:
+def _cause(
+    one: Common, names: Sequence[str], gyros: Sequence[Gyro], own: Sequence[Origin]
+) -> dict[str, Any]:
     """A common cause; which of the gyros' own diagnoses name it says how far it was known."""
     effect, _, parameter = one.name.partition(".")
     named = [

@@ -21,10 +21,11 @@ def commands() -> str:
     import typer.main
 
     from ..cli import app
+    from .manual import commands_of
 
     group = typer.main.get_command(app)
     rows = ["| command | what it does | example |", "|---|---|---|"]
-    for name, entry in group.commands.items():  # type: ignore[attr-defined]
+    for name, entry in commands_of(group).items():
         example = (entry.epilog or "").removeprefix("Example: ")
         rows.append(f"| `{name}` | {first_paragraph(entry.help)} | `{example}` |")
     return "\n".join(rows)

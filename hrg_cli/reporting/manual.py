@@ -69,7 +69,7 @@ def _lines(group: Any, version: str) -> Iterator[str]:
     )
     yield "Progress and messages go to standard error, results to standard output."
     yield ".SH COMMANDS"
-    for name, command in group.commands.items():
+    for name, command in commands_of(group).items():
         yield from _command(name, command)
     yield ".SH OPTIONS OF EVERY COMMAND"
     yield "Where one of these means something else, or nothing, the command says so above."
@@ -88,6 +88,15 @@ def _lines(group: Any, version: str) -> Iterator[str]:
     yield ".SH COMPLETION"
     yield r".B hrg \-\-install\-completion"
     yield "makes the shell complete commands, options, effects and studies."
+
+
+def commands_of(group: Any) -> dict[str, Any]:
+    """Every command by what is typed after `hrg`, those of a group by both words."""
+    found: dict[str, Any] = {}
+    for name, command in group.commands.items():
+        below = commands_of(command) if hasattr(command, "commands") else {"": command}
+        found |= {f"{name} {word}".strip(): entry for word, entry in below.items()}
+    return found
 
 
 def _command(name: str, command: Any) -> Iterator[str]:

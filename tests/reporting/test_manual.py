@@ -10,9 +10,9 @@ import pytest
 import typer.main
 
 from hrg_cli.cli import app
-from hrg_cli.reporting.manual import manual
+from hrg_cli.reporting.manual import commands_of, manual
 
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = commands_of(typer.main.get_command(app))
 
 
 def test_manual_is_fresh():

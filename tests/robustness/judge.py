@@ -47,6 +47,7 @@ WARM = (
             "info",
             "report",
             "import_",
+            "ledgering",
             "simulate",
             "batch",
             "plan",

@@ -17,6 +17,7 @@ import records_by_hand  # noqa: E402
 import synthetic_waves  # noqa: E402
 
 from hrg_cli import pipeline, settings, store  # noqa: E402
+from hrg_cli.ledger import database, entering  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 GYRO = """# a gyro
@@ -119,6 +120,18 @@ CASES = (
     _case("info calibration", "info {calibration.h5} -o {out}", "calibration.h5", "out.json"),
     _case("info diagnosis", "info {diagnosis.h5} -o {out}", "diagnosis.h5", "out.json"),
     _case("verify", "verify {wave.h5} {resonator.h5} -o {out}", "wave.h5 resonator.h5", "out.json"),
+    _case(
+        "ledger add",
+        "ledger add {resonator.h5} {diagnosis.h5} --ledger {out}",
+        "resonator.h5",
+        "out.sqlite",
+    ),
+    _case(
+        "ledger show",
+        "ledger show --ledger {ledger.sqlite} --limits {limits.toml} --golden G-17 -o {out}",
+        "ledger.sqlite limits.toml",
+        "out.json",
+    ),
     _case("simulate", "simulate {gyro.toml} -o {out} --seed 1", "gyro.toml", "out.h5"),
     _case("import csv", "import {log.csv} -o {out}", "log.csv", "out.h5"),
     _case("import wav", "import {log.wav} -o {out}", "log.wav", "out.h5"),
@@ -170,6 +183,10 @@ def build(folder: Path) -> Path:
     table = settings.checked(pipeline.STAGES["calibrate"].function(), {"harmonics": 1})
     pipeline.run_stage(
         "calibrate", [folder / f"forced{n}.h5" for n in range(6)], folder / "calibration.h5", table
+    )
+    database.add(
+        folder / "ledger.sqlite",
+        [entering.entry_of(folder / f"{kind}.h5", "", {}) for kind in ("resonator", "calibration")],
     )
     (folder / "gyro.toml").write_text(GYRO)
     (folder / "limits.toml").write_text(LIMITS)

@@ -89,8 +89,9 @@ def _has_a_sign(effect: Effect) -> bool:
 def _fitted(sized: Sized, effect: Effect, name: str) -> tuple[float, float]:
     """Value off neutral and σ of a parameter in the fit."""
     neutral = next(p.neutral for p in effect.parameters if p.name == name)
-    value, beside = (f.values(effect.name)[name] for f in (sized.fit, sized.beside))
-    return value - neutral, sized.std(sized.fit.parameter_std(effect.name, name), value, beside)
+    value = sized.fit.values(effect.name)[name]
+    others = [other.values(effect.name)[name] for other in sized.others]
+    return value - neutral, sized.std(sized.fit.parameter_std(effect.name, name), value, others)
 
 
 def _unit(effect: Effect, name: str) -> str:

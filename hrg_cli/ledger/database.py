@@ -1,0 +1,197 @@
+"""The ledger as one SQLite file: opened, written in one transaction, read whole.
+
+A rollback journal, no write-ahead log: the first also holds on a shared folder, the second does not
+(https://www.sqlite.org/wal.html, §1). A writer waits for another one's transaction.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sqlite3
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from ..errors import HrgError
+from .entry import Entry, Figure
+
+APPLICATION, VERSION = 0x68726731, 1
+"""SQLite's marks of whose file it is ("hrg1"), and of the tables' version."""
+WAIT_S = 60.0
+"""So long a program waits for another one's transaction."""
+_TEXTS = (
+    *("sha256", "file", "kind", "gyro_id", "processed", "measured", "added"),
+    *("station", "operator", "fixture", "firmware", "order", "software", "status"),
+)
+_COLUMNS = (*_TEXTS, "verdict", "mode_number", "reasons", "samples")
+_NAMES = ", ".join(f'"{name}"' for name in _COLUMNS)
+_SCHEMA = (
+    "CREATE TABLE entry (number INTEGER PRIMARY KEY, "
+    + ", ".join(f'"{name}" TEXT NOT NULL' for name in _TEXTS)
+    + ", verdict TEXT, mode_number INTEGER NOT NULL, reasons TEXT NOT NULL, samples TEXT NOT NULL,"
+    " UNIQUE (sha256))",
+    "CREATE TABLE figure (entry INTEGER NOT NULL REFERENCES entry (number),"
+    " place INTEGER NOT NULL, name TEXT NOT NULL, value REAL NOT NULL, std REAL,"
+    " units TEXT NOT NULL, PRIMARY KEY (entry, place)) WITHOUT ROWID",
+)
+
+
+def add(path: Path, entries: Sequence[Entry]) -> list[bool]:
+    """Enter all, or none where anything fails; whether each is new (by its SHA-256). HrgError: the
+    database is damaged, another program's, busy, or cannot be written."""
+    with _opened(path, "rwc") as connection:
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            _make_tables(connection, path)
+            new = [_insert(connection, entry) for entry in entries]
+        except BaseException:
+            connection.rollback()
+            raise
+        connection.commit()
+    return new
+
+
+def read(path: Path) -> list[Entry]:
+    """Every entry, in the order they were entered. HrgError: no ledger there, or as `add`."""
+    if not path.is_file():
+        raise HrgError(
+            f"{path}: no such ledger; make one with `hrg ledger add FILE`, or name it with --ledger"
+        )
+    left_by_a_killed_writer = Path(f"{path}-journal").exists()  # only who may write can undo it
+    with _opened(path, "rw" if left_by_a_killed_writer else "ro") as connection:
+        connection.execute("BEGIN")
+        _need_own(connection, path)
+        figures: dict[int, dict[str, Figure]] = {}
+        for number, name, value, std, units in connection.execute(
+            "SELECT entry, name, value, std, units FROM figure ORDER BY entry, place"
+        ):
+            known = None if std is None else float(std)
+            figures.setdefault(number, {})[str(name)] = Figure(float(value), known, str(units))
+        rows = connection.execute(f"SELECT number, {_NAMES} FROM entry ORDER BY number")
+        return [_entry(row, figures.get(number, {})) for number, *row in rows]
+
+
+@contextlib.contextmanager
+def _opened(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
+    """A connection that is closed on leaving; every way SQLite fails becomes a sentence."""
+    if not path.parent.is_dir():
+        raise HrgError(f"{path}: the folder {path.parent} does not exist; make it first")
+    if path.exists() and not path.is_file():
+        raise HrgError(f"{path}: is no regular file; name a file for the ledger")
+    connection = None
+    try:
+        place = quote(str(path.absolute()).encode("utf-8", "surrogateescape"))
+        connection = sqlite3.connect(
+            f"file:{place}?mode={mode}", uri=True, timeout=WAIT_S, isolation_level=None
+        )
+        connection.execute("PRAGMA trusted_schema = OFF")
+        connection.execute("PRAGMA cell_size_check = ON")
+        yield connection
+    except sqlite3.Error as error:
+        raise HrgError(f"{path}: {_sentence(error)}") from error
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise HrgError(f"{path}: {_DAMAGED.format(str(error)[:80])}") from error
+    finally:
+        if connection is not None:
+            connection.close()
+
+
+_DAMAGED = "is a damaged ledger ({}); put a copy of it in its place and add the later files again"
+
+
+def _sentence(error: sqlite3.Error) -> str:
+    """What went wrong and what to do."""
+    name = getattr(error, "sqlite_errorname", "")
+    if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+        return f"another program has been writing to it for {WAIT_S:g} s; try again later"
+    if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM", "SQLITE_AUTH")):
+        return f"cannot be opened ({error}); ask for the right to write it and its folder"
+    if name.startswith("SQLITE_FULL"):
+        return "the disk is full, nothing was entered; free space and add again"
+    if name.startswith("SQLITE_IOERR"):
+        return f"cannot be read or written ({error}); nothing was entered; check its disk"
+    if name.startswith("SQLITE_NOTADB"):
+        return "is no SQLite file, a ledger was expected; name another with --ledger"
+    return _DAMAGED.format(error)
+
+
+def _make_tables(connection: sqlite3.Connection, path: Path) -> None:
+    """The tables of a new file; of an existing one, whether they are a ledger's."""
+    (known,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    (mark,) = connection.execute("PRAGMA application_id").fetchone()
+    if known or mark:
+        _need_own(connection, path)
+        return
+    for statement in _SCHEMA:
+        connection.execute(statement)
+    connection.execute(f"PRAGMA application_id = {APPLICATION}")
+    connection.execute(f"PRAGMA user_version = {VERSION}")
+
+
+def _need_own(connection: sqlite3.Connection, path: Path) -> None:
+    """HrgError: another program's file, a newer version, tables of another form, or pages that do
+    not fit together."""
+    (mark,) = connection.execute("PRAGMA application_id").fetchone()
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    found = [
+        sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")
+    ]
+    if mark != APPLICATION:
+        raise HrgError(f"{path}: is an SQLite file, but no ledger; name another file with --ledger")
+    if version != VERSION:
+        raise HrgError(
+            f"{path}: is a ledger of version {version}, this hrg knows {VERSION}; use the hrg that"
+            " wrote it"
+        )
+    if sorted(found) != sorted(_SCHEMA):
+        raise HrgError(f"{path}: {_DAMAGED.format('its tables were changed')}")
+    (said,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    if said != "ok":
+        raise HrgError(f"{path}: {_DAMAGED.format(' '.join(said.split()))}")
+
+
+def _insert(connection: sqlite3.Connection, entry: Entry) -> bool:
+    """Enter one; False where its file is known already."""
+    row = [_text(getattr(entry, name)) for name in _TEXTS]
+    lists = [
+        json.dumps(list(value), ensure_ascii=False) for value in (entry.reasons, entry.samples)
+    ]
+    done = connection.execute(
+        f"INSERT INTO entry ({_NAMES}) VALUES ({', '.join('?' * len(_COLUMNS))})"
+        " ON CONFLICT (sha256) DO NOTHING",
+        [*row, entry.verdict, entry.mode_number, *map(_text, lists)],
+    )
+    if done.rowcount == 0:
+        return False
+    connection.executemany(
+        "INSERT INTO figure VALUES (?, ?, ?, ?, ?, ?)",
+        [
+            (done.lastrowid, place, _text(name), figure.value, figure.std, _text(figure.units))
+            for place, (name, figure) in enumerate(entry.figures.items())
+        ],
+    )
+    return True
+
+
+def _text(value: str) -> str:
+    """Text that SQLite takes: a file's name may be none."""
+    return value.encode("utf-8", "backslashreplace").decode().replace("\0", "\ufffd")
+
+
+def _entry(row: Sequence[Any], figures: dict[str, Figure]) -> Entry:
+    """ValueError: a row that `_insert` did not write."""
+    values = dict(zip(_COLUMNS, row, strict=True))
+    lists = {name: json.loads(values.pop(name)) for name in ("reasons", "samples")}
+    if not all(isinstance(value, list) for value in lists.values()):
+        raise ValueError("its reasons or samples are no list")
+    if values["status"] not in ("valid", "suspect", "refused"):
+        raise ValueError(f"a status is {str(values['status'])[:20]!r}")
+    mode = int(values.pop("mode_number"))
+    if not 1 <= mode <= 1000:
+        raise ValueError(f"a mode number is {mode}")
+    texts: dict[str, Any] = {name: str(values[name]) for name in _TEXTS}
+    verdict = None if values["verdict"] is None else str(values["verdict"])
+    told: dict[str, Any] = {name: tuple(map(str, value)) for name, value in lists.items()}
+    return Entry(**texts, verdict=verdict, mode_number=mode, **told, figures=figures)

@@ -1,0 +1,70 @@
+"""The ledger for other programs: JSON lines (an object a result), CSV and Parquet (a row a result
+and figure)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from ..exporting_records import package_for
+from ..reporting.text import spreadsheet
+from .entry import Entry
+
+OF_ENTRY = (
+    *("gyro_id", "kind", "processed", "measured", "added", "station", "operator", "fixture"),
+    *("firmware", "order", "status", "verdict", "software", "file", "sha256"),
+)
+OF_FIGURE = ("figure", "value", "std", "units")
+
+
+def json_lines(entries: Sequence[Entry]) -> bytes:
+    """One object a line: everything that is kept of a result."""
+    return "".join(
+        json.dumps(asdict(entry), ensure_ascii=False, allow_nan=False) + "\n" for entry in entries
+    ).encode()
+
+
+def csv_table(entries: Sequence[Entry]) -> bytes:
+    """A row a result and figure; what a spreadsheet would take for a formula is text."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow((*OF_ENTRY, *OF_FIGURE))
+    for row in _rows(entries):
+        writer.writerow([spreadsheet(value) for value in row])
+    return text.getvalue().encode()
+
+
+def parquet_table(entries: Sequence[Entry]) -> bytes:
+    """The same rows, typed. HrgError: pyarrow is not installed."""
+    pyarrow, parquet = package_for("pyarrow", "labs"), package_for("pyarrow.parquet", "labs")
+    rows = _rows(entries)
+    columns = {
+        name: pyarrow.array(
+            [row[k] for row in rows],
+            pyarrow.float64() if name in ("value", "std") else pyarrow.string(),
+        )
+        for k, name in enumerate((*OF_ENTRY, *OF_FIGURE))
+    }
+    sink = io.BytesIO()
+    parquet.write_table(pyarrow.table(columns), sink)
+    return sink.getvalue()
+
+
+FORMATS: Mapping[str, Callable[[Sequence[Entry]], bytes]] = {
+    ".jsonl": json_lines,
+    ".csv": csv_table,
+    ".parquet": parquet_table,
+}
+"""Suffix of the output -> what makes its content."""
+
+
+def _rows(entries: Sequence[Entry]) -> list[tuple[Any, ...]]:
+    return [
+        (*(getattr(entry, name) for name in OF_ENTRY), name, f.value, f.std, f.units)
+        for entry in entries
+        for name, f in entry.figures.items()
+    ]

@@ -1,0 +1,130 @@
+"""Results held against limits, with guard bands: the limits of each kind of file, and a gyro's
+rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import HrgError
+from ..limits import Judged, Row, rows_of, table_of
+from .entry import Entry
+from .guard import guarded, probability_outside
+
+NO_FIGURE = ("status", "verdict")
+Bounds = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class GaugeOf:
+    """What is known of a figure's measurement: the part of its σ that a result does not state of
+    itself (stations, repeats), and the gyros' (μ, σ_g), None where no gauge study could be done."""
+
+    beyond_own: float = 0.0
+    population: tuple[float, float] | None = None
+
+    def measurement_std(self, own: float | None) -> float | None:
+        """σ of a measurement whose own is stated; None where it is not."""
+        return None if own is None else math.hypot(own, self.beyond_own)
+
+
+@dataclass(frozen=True)
+class Held:
+    """A limit and a gyro's figure: the row of `hrg check`, the σ of its measurement, whether it is
+    within the limit but in its guard band, and the probability that the true figure is outside."""
+
+    row: Row
+    measurement_std: float | None
+    in_guard_band: bool
+    probability_outside: float | None
+
+    @property
+    def passed(self) -> bool:
+        """Within the limit, and clear of its guard band."""
+        return self.row.passed and not self.in_guard_band
+
+    def sentence(self, k: float) -> str:
+        """Why it does not pass."""
+        if self.row.passed and self.in_guard_band:
+            return f"{self.row.name} is {self.row.value:.6g}, less than {k:g} σ from its limit"
+        return self.row.sentence()
+
+
+def tables_of(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Mapping[str, Any]]:
+    """Kind -> its limits; without the kinds that have none. HrgError: limits for no kind at all, or
+    without a table while there are several kinds. UsageError: a table that looks mistyped."""
+    found = {
+        kind: table_of(kind, limits) for kind in kinds if isinstance(limits.get(kind), Mapping)
+    }
+    if not found and kinds:
+        if len(kinds) > 1:
+            raise HrgError(
+                f"the limits have no table for {' or '.join(kinds)} files; write one, or name one"
+                " kind with --kind"
+            )
+        found = {kinds[0]: table_of(kinds[0], limits)}
+    return found
+
+
+def bounds_of(entries: Sequence[Entry], table: Mapping[str, Any]) -> dict[str, Bounds]:
+    """Figure -> its (minimum, maximum), of the figures that some of these results of one kind
+    have."""
+    found: dict[str, Bounds] = {}
+    for entry in entries:
+        for row in rows_of(_judged(entry), table):
+            if row.name not in NO_FIGURE and row.value is not None:
+                found[_own_name(row.name)] = (row.minimum, row.maximum)
+    return found
+
+
+def held(
+    entry: Entry, table: Mapping[str, Any], k: float, gauges: Mapping[str, GaugeOf]
+) -> list[Held]:
+    """A result's figures against the limits of its kind, guard bands k σ of measurement wide."""
+    found = []
+    for row in rows_of(_judged(entry), table):
+        if row.name in NO_FIGURE or row.value is None:
+            found.append(Held(row, None, False, None))
+            continue
+        gauge = gauges.get(_own_name(row.name), GaugeOf())
+        std = gauge.measurement_std(row.std)
+        if std is None:
+            found.append(Held(row, None, False, None))
+            continue
+        low, high = guarded(row.minimum, row.maximum, std, k)
+        clear = (low is None or row.value >= low) and (high is None or row.value <= high)
+        risk = probability_outside(row.value, std, row.minimum, row.maximum, gauge.population)
+        found.append(Held(row, std, row.passed and not clear, risk))
+    return found
+
+
+def share_of_limit(change: float, bounds: Bounds) -> float | None:
+    """A change over the width of the tolerance, over the limit's own size where there is one; None
+    where that is 0."""
+    low, high = bounds
+    if low is not None and high is not None:
+        width = high - low
+    else:
+        width = abs(high if high is not None else low if low is not None else 0.0)
+    return change / width if width > 0 else None
+
+
+def _own_name(name: str) -> str:
+    """A resonator's parameter may be named as `hrg info` prints it: parameters.NAME.value."""
+    parts = name.split(".")
+    return parts[1] if len(parts) == 3 and (parts[0], parts[2]) == ("parameters", "value") else name
+
+
+def _judged(entry: Entry) -> Judged:
+    figures: dict[str, float] = {}
+    for name, figure in entry.figures.items():
+        figures[name] = figure.value
+        if figure.std is not None:
+            figures[f"{name}_std"] = figure.std
+        if entry.kind == "resonator" and "." not in name:
+            figures[f"parameters.{name}.value"] = figure.value
+            if figure.std is not None:
+                figures[f"parameters.{name}.std"] = figure.std
+    return Judged(entry.kind, entry.status, figures, entry.verdict)

@@ -1,0 +1,261 @@
+"""What `hrg ledger show` tells: every gyro's standing, and of every figure the population, its
+chart, its capability and its gauge."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..limit_values import meant
+from .capability import Capability, capability
+from .charts import BEYOND, FALSE_ALARMS, Chart, chart
+from .entry import KINDS, Entry
+from .gauge import GaugeStudy, gauge_study
+from .golden import Golden, golden_unit
+from .guard import Risks, risks
+from .judging import Bounds, GaugeOf, Held, bounds_of, held, tables_of
+from .series import AXIS, independent, newest, series, usual
+from .trend import move
+
+SHOWN = 5
+"""Gyros that one sentence names."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A gyro by its newest result of a kind: how often it was measured, the figure that moved most
+    since the measurement before (in σ), and its rows against the limits."""
+
+    entry: Entry
+    results: int
+    measurements: int
+    moved_figure: str
+    moved_sigma: float | None
+    held: tuple[Held, ...]
+
+
+@dataclass(frozen=True)
+class FigureReport:
+    """A figure over the gyros, one value a gyro (its newest): chart in the order of time,
+    capability against its limits, gauge study of all measurements, risks of its limits."""
+
+    kind: str
+    name: str
+    units: str
+    gyros: int
+    mean: float
+    std: float | None
+    bounds: Bounds
+    chart: Chart | None
+    points: tuple[str, ...]
+    """Serial numbers of the chart's points."""
+    capability: Capability | None
+    gauge: GaugeStudy | None
+    risks: Risks | None
+
+
+@dataclass(frozen=True)
+class Overview:
+    """Everything `show` tells of so many entries: results that were refused or processed again do
+    not count in the statistics."""
+
+    entries: int
+    refused: int
+    reprocessed: int
+    standings: tuple[Standing, ...]
+    figures: tuple[FigureReport, ...]
+    golden: tuple[Golden, ...]
+    guard_sigma: float
+    by: str
+
+    @property
+    def missed(self) -> list[str]:
+        """Sentences: which gyro misses which limit."""
+        return [
+            f"{s.entry.gyro_id}, {s.entry.kind}: {row.sentence(self.guard_sigma)}"
+            for s in self.standings
+            for row in s.held
+            if not row.passed
+        ]
+
+    @property
+    def doubts(self) -> list[str]:
+        """Sentences: charts out of control, and newest results that are refused."""
+        said = [
+            f"{s.entry.gyro_id}: its newest {s.entry.kind} is refused"
+            for s in self.standings
+            if s.entry.status == "refused" and not s.held
+        ]
+        for figure in self.figures:
+            if figure.chart is not None and figure.chart.out_of_control:
+                beyond = [v.point for v in figure.chart.violations if v.rule == BEYOND]
+                said.append(
+                    f"{figure.name} over the gyros is out of control at"
+                    f" {', '.join(figure.points[i] for i in beyond[:SHOWN])}"
+                    f"{f' and {len(beyond) - SHOWN} more' if len(beyond) > SHOWN else ''}"
+                )
+        said += [
+            f"{row.name} of the golden unit is out of control"
+            f"{f' on {self.by} {row.station}' if row.station else ''}"
+            for row in self.golden
+            if row.chart is not None and row.chart.out_of_control
+        ]
+        return said
+
+    @property
+    def false_alarms_expected(self) -> float:
+        """Points that would lie beyond 3 σ by chance were everything in control."""
+        charted = sum(f.gyros for f in self.figures if f.chart is not None)
+        charted += sum(g.measurements for g in self.golden if g.chart is not None)
+        return FALSE_ALARMS * charted
+
+
+def overview(
+    entries: Sequence[Entry],
+    *,
+    limits: Mapping[str, Any] | None = None,
+    golden: str | None = None,
+    names: Sequence[str] = (),
+    guard_sigma: float = 0.0,
+    by: str = "station",
+) -> Overview:
+    """Tell of results.
+
+    names: the figures that are told (default: those with limits, without limits those with a σ).
+    UsageError: a figure or golden unit that is not there. HrgError: limits that are for none of the
+    kinds.
+    """
+    counting = independent(entries)
+    kinds = [kind for kind in KINDS if any(e.kind == kind for e in entries)]
+    tables = tables_of(limits, kinds) if limits else {}
+    if golden is not None and not any(e.gyro_id == golden for e in entries):
+        raise no_such(golden, "gyro", {e.gyro_id for e in entries})
+    for name in names:
+        if not any(name in e.figures for e in entries):
+            raise no_such(name, "figure", {n for e in entries for n in e.figures})
+    reports: list[FigureReport] = []
+    standings: list[Standing] = []
+    rows: list[Golden] = []
+    for kind in kinds:
+        every = [e for e in entries if e.kind == kind]
+        of_kind = [e for e in counting if e.kind == kind]
+        table = tables.get(kind, {})
+        bounds = bounds_of(every, table) if table else {}
+        told = [n for n in names if any(n in e.figures for e in of_kind)]
+        told = told or ([] if names else list(bounds) if limits else usual(of_kind))
+        found = [
+            over_gyros(of_kind, kind, name, bounds.get(name, (None, None)), golden, by, guard_sigma)
+            for name in told
+            if not name.endswith(AXIS)
+        ]
+        reports += found
+        gauges = {f.name: gauge_of(f) for f in found}
+        standings += _standings(every, of_kind, table, guard_sigma, gauges)
+        if golden is not None:
+            own = [e for e in of_kind if e.gyro_id == golden]
+            rows += golden_unit(own, told, by)
+    refused = sum(e.status == "refused" for e in entries)
+    return Overview(
+        entries=len(entries),
+        refused=refused,
+        reprocessed=len(entries) - refused - len(counting),
+        standings=tuple(standings),
+        figures=tuple(reports),
+        golden=tuple(rows),
+        guard_sigma=guard_sigma,
+        by=by,
+    )
+
+
+def no_such(word: str, what: str, known: Iterable[str]) -> UsageError:
+    """The error for a name that the ledger does not hold."""
+    hint = meant(word, known) or "`hrg ledger show` lists what is there"
+    return UsageError(f"the ledger holds no {what} {word!r}; {hint}")
+
+
+def over_gyros(
+    entries: Sequence[Entry],
+    kind: str,
+    name: str,
+    bounds: Bounds,
+    golden: str | None,
+    by: str,
+    guard_sigma: float,
+) -> FigureReport:
+    """A figure over the gyros; the golden unit, of which there is one, counts in the gauge study
+    alone."""
+    made = newest(e for e in entries if name in e.figures)
+    population = series([e for e in made.values() if e.gyro_id != golden], name)
+    order = np.argsort(population.times, kind="stable")
+    values = population.values[order]
+    every = series(entries, name)
+    own = np.where(np.isnan(every.stds), 0.0, every.stds)
+    where = [str(getattr(e, by)) for e in every.entries]
+    gauge = gauge_study(every.values, own, [e.gyro_id for e in every.entries], where)
+    wrong = (
+        risks((gauge.mean, gauge.gyro_std), gauge.gauge_std, *bounds, guard_sigma)
+        if gauge is not None and gauge.gauge_std > 0 and bounds != (None, None)
+        else None
+    )
+    return FigureReport(
+        kind=kind,
+        name=name,
+        units=every.units,
+        gyros=len(values),
+        mean=float(values.mean()) if len(values) else math.nan,
+        std=float(values.std(ddof=1)) if len(values) > 1 else None,
+        bounds=bounds,
+        chart=chart(values),
+        points=tuple(population.entries[i].gyro_id for i in order),
+        capability=capability(values, *bounds),
+        gauge=gauge,
+        risks=wrong,
+    )
+
+
+def gauge_of(figure: FigureReport) -> GaugeOf:
+    """What the gauge study says of a figure's measurement."""
+    if figure.gauge is None:
+        return GaugeOf()
+    beyond = math.sqrt(max(0.0, figure.gauge.gauge_std**2 - figure.gauge.own_std**2))
+    return GaugeOf(beyond, (figure.gauge.mean, figure.gauge.gyro_std))
+
+
+def _standings(
+    every: Sequence[Entry],
+    counting: Sequence[Entry],
+    table: Mapping[str, Any],
+    guard_sigma: float,
+    gauges: Mapping[str, GaugeOf],
+) -> list[Standing]:
+    """A row a gyro, those that miss a limit first, then by how far they moved."""
+    results = Counter(e.gyro_id for e in every)
+    last = newest(sorted(every, key=lambda e: (e.processed, e.added)))
+    rows = []
+    for entry in last.values():
+        own = [e for e in counting if e.gyro_id == entry.gyro_id]
+        figure, sigma = _most_moved(own)
+        against = tuple(held(entry, table, guard_sigma, gauges)) if table else ()
+        rows.append(Standing(entry, results[entry.gyro_id], len(own), figure, sigma, against))
+    return sorted(
+        rows,
+        key=lambda r: (
+            all(h.passed for h in r.held),
+            r.entry.status != "refused",
+            -abs(r.moved_sigma or 0.0),
+            r.entry.gyro_id,
+        ),
+    )
+
+
+def _most_moved(entries: Sequence[Entry]) -> tuple[str, float | None]:
+    """The figure that moved most since the measurement before, in σ."""
+    moves = [(name, move(series(entries[-2:], name))) for name in usual(entries[-2:])]
+    known = [(name, m.sigma) for name, m in moves if m is not None and m.sigma is not None]
+    return max(known, key=lambda pair: abs(pair[1]), default=("", None))

@@ -1,0 +1,133 @@
+"""The JSON of `hrg ledger show` and `history`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from .charts import Chart
+from .entry import Entry
+from .gauge import GaugeStudy
+from .golden import Golden
+from .history import FigureHistory, History
+from .judging import Bounds, Held
+from .overview import FigureReport, Overview, Standing
+from .times import iso
+
+
+def of_overview(found: Overview) -> dict[str, Any]:
+    """Everything, as an object of plain values."""
+    return {
+        "entries": found.entries,
+        "refused": found.refused,
+        "reprocessed": found.reprocessed,
+        "false_alarms_expected": found.false_alarms_expected,
+        "gyros": [_standing(row) for row in found.standings],
+        "figures": [_figure(row) for row in found.figures],
+        "golden": [_golden(row) for row in found.golden],
+    }
+
+
+def of_history(found: History) -> dict[str, Any]:
+    """Everything, as an object of plain values."""
+    counting = {entry.sha256 for entry in found.counting}
+    return {
+        "gyro_id": found.gyro_id,
+        "entries": [
+            {**head(entry), "reasons": list(entry.reasons), "counts": entry.sha256 in counting}
+            for entry in found.entries
+        ],
+        "figures": [_course(row) for row in found.figures],
+        "limits": [_held(row) for row in found.held],
+    }
+
+
+def head(entry: Entry) -> dict[str, Any]:
+    """An entry without its figures and samples."""
+    left_out = ("figures", "samples", "reasons")
+    return {key: value for key, value in vars(entry).items() if key not in left_out}
+
+
+def _standing(row: Standing) -> dict[str, Any]:
+    return {
+        **head(row.entry),
+        "results": row.results,
+        "measurements": row.measurements,
+        "moved_most": row.moved_figure or None,
+        "moved_sigma": row.moved_sigma,
+        "within_limits": all(h.passed for h in row.held) if row.held else None,
+        "limits": [_held(h) for h in row.held],
+    }
+
+
+def _held(row: Held) -> dict[str, Any]:
+    return {
+        "name": row.row.name,
+        "value": row.row.value,
+        "std": row.row.std,
+        "units": row.row.units,
+        "minimum": row.row.minimum,
+        "maximum": row.row.maximum,
+        "measurement_std": row.measurement_std,
+        "passed": row.passed,
+        "in_guard_band": row.in_guard_band,
+        "probability_outside": row.probability_outside,
+    }
+
+
+def _figure(row: FigureReport) -> dict[str, Any]:
+    return {
+        "kind": row.kind,
+        "name": row.name,
+        "units": row.units,
+        "gyros": row.gyros,
+        "mean": row.mean,
+        "std": row.std,
+        "limits": _bounds(row.bounds),
+        "chart": _chart(row.chart, row.points),
+        "capability": None
+        if row.capability is None
+        else {**asdict(row.capability), "is_normal": row.capability.is_normal},
+        "gauge": _gauge(row.gauge),
+        "risks": None if row.risks is None else asdict(row.risks),
+    }
+
+
+def _gauge(study: GaugeStudy | None) -> dict[str, Any] | None:
+    if study is None:
+        return None
+    return {
+        **asdict(study),
+        "share_of_variance": study.share_of_variance,
+        "categories": study.categories,
+    }
+
+
+def _golden(row: Golden) -> dict[str, Any]:
+    return {**asdict(row), "chart": _chart(row.chart, ())}
+
+
+def _course(row: FigureHistory) -> dict[str, Any]:
+    plain = {key: value for key, value in asdict(row).items() if key != "bounds"}
+    return {
+        **plain,
+        "times": [iso(t) for t in row.times],
+        "limits": _bounds(row.bounds),
+        "chart": _chart(row.chart, ()),
+    }
+
+
+def _bounds(bounds: Bounds) -> dict[str, float | None]:
+    return {"minimum": bounds[0], "maximum": bounds[1]}
+
+
+def _chart(chart: Chart | None, points: Sequence[str]) -> dict[str, Any] | None:
+    """A chart; a violation names its gyro where the points are gyros."""
+    if chart is None:
+        return None
+    told = asdict(chart) | {"out_of_control": chart.out_of_control}
+    told["violations"] = [
+        {**asdict(v), **({"gyro_id": points[v.point]} if points else {})} for v in chart.violations
+    ]
+    return told

@@ -1,0 +1,213 @@
+"""The tables of `hrg ledger show` and `history` on the screen, in people's units."""
+
+from __future__ import annotations
+
+import math
+
+from ..ledger.charts import BEYOND, Chart
+from ..ledger.gauge import Component, GaugeStudy
+from ..ledger.golden import Golden
+from ..ledger.history import FigureHistory, History
+from ..ledger.overview import FigureReport, Overview, Standing
+from ..ledger.trend import Move
+from .console import print_table, say
+from .quantities import quantity, unit_for
+from .text import number
+
+
+def show_overview(found: Overview) -> None:
+    """Every gyro, then every figure over the gyros, then the golden unit."""
+    left_out = [
+        f"{count} {what}"
+        for count, what in (
+            (found.refused, "refused"),
+            (found.reprocessed, "of samples that were processed again later"),
+        )
+        if count
+    ]
+    said = f"; left out of the statistics: {', '.join(left_out)}" if left_out else ""
+    gyros = len({s.entry.gyro_id for s in found.standings})
+    say(f"{_many(found.entries, 'result')} of {_many(gyros, 'gyro')}{said}")
+    print_table(
+        "", ("gyro", "kind", "results", "newest", "station", "status", "moved most", "limits"),
+        [_standing(row) for row in found.standings],
+    )  # fmt: skip
+    if found.figures:
+        print_table(
+            "over the gyros (one value each)",
+            ("figure", "gyros", "mean", "spread", "chart", "Cp", "Cpk"),
+            [_population(row) for row in found.figures],
+        )
+    studies = [row for row in found.figures if row.gauge is not None]
+    if studies:
+        print_table(
+            "gauge study (standard deviations; what is not told apart: –)",
+            ("figure", "gyros", found.by, "interaction", "repeats", "own σ", "gauge of variance", "wrongly accepted"),
+            [_study(row) for row in studies],
+        )  # fmt: skip
+    if found.golden:
+        print_table(
+            "golden unit",
+            ("figure", found.by, "n", "mean", "from the others", "since the first", "a day", "chart"),
+            [_golden(row) for row in found.golden],
+        )  # fmt: skip
+    if found.false_alarms_expected:
+        say(f"points beyond 3 σ expected by chance: {number(found.false_alarms_expected, 2)}")
+
+
+def show_history(found: History) -> None:
+    """Every result, then every figure."""
+    counting = {entry.sha256 for entry in found.counting}
+    rows = [
+        (
+            e.processed,
+            e.kind,
+            e.status,
+            *(e.station, e.operator, e.fixture, e.firmware, e.order),
+            e.sha256[:12],
+            "" if e.sha256 in counting else "refused" if e.status == "refused" else "done again",
+        )
+        for e in found.entries
+    ]
+    head = ("processed", "kind", "status", "station", "operator", "fixture", "firmware", "order", "SHA-256", "left out")  # fmt: skip
+    print_table("", head, rows)
+    print_table(
+        "",
+        ("figure", "n", "now", "against the last", "of the limit", "since the first", "of the limit", "a day", "limit in", "chart"),
+        [_course(row) for row in found.figures],
+    )  # fmt: skip
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _standing(row: Standing) -> tuple[str, ...]:
+    missed = [h.row.name for h in row.held if not h.passed]
+    moved = f"{row.moved_figure} {_sigma(row.moved_sigma)}" if row.moved_figure else "–"
+    return (
+        row.entry.gyro_id,
+        row.entry.kind,
+        str(row.results),
+        row.entry.processed[:10],
+        row.entry.station or "–",
+        " ".join(filter(None, (row.entry.status, row.entry.verdict))),
+        moved,
+        ("misses " + ", ".join(missed) if missed else "within") if row.held else "–",
+    )
+
+
+def _population(row: FigureReport) -> tuple[str, ...]:
+    cp, cpk = "–", "–"
+    if row.capability is not None:
+        found = row.capability
+        cp = _interval(found.cp, found.cp_interval)
+        cpk = _interval(found.cpk, found.cpk_interval) + ("" if found.is_normal else " not normal")
+    return (
+        row.name,
+        str(row.gyros),
+        quantity(row.name, row.mean, row.std and row.std / math.sqrt(row.gyros), row.units),
+        _spread(row, row.std),
+        _chart(row.chart),
+        cp,
+        cpk,
+    )
+
+
+def _study(row: FigureReport) -> tuple[str, ...]:
+    study = row.gauge
+    assert isinstance(study, GaugeStudy)
+    risk = "–" if row.risks is None else f"{number(100 * row.risks.false_acceptance, 2)} %"
+    return (
+        row.name,
+        *(
+            _component(row, study.components.get(name))
+            for name in ("gyro", "station", "interaction", "repeat")
+        ),
+        _spread(row, study.own_std),
+        f"{number(100 * study.share_of_variance, 2)} %",
+        risk,
+    )
+
+
+def _golden(row: Golden) -> tuple[str, ...]:
+    return (
+        row.name,
+        row.station or "–",
+        str(row.measurements),
+        quantity(row.name, row.mean, row.mean_std, row.units),
+        _moved(row.name, row.from_others, row.units),
+        _moved(row.name, row.since_first, row.units),
+        "–"
+        if row.trend is None
+        else quantity(row.name, row.trend.slope_per_day, row.trend.slope_std, row.units),
+        _chart(row.chart),
+    )
+
+
+def _course(row: FigureHistory) -> tuple[str, ...]:
+    return (
+        row.name,
+        str(len(row.values)),
+        quantity(row.name, row.values[-1], row.stds[-1], row.units),
+        _moved(row.name, row.since_before, row.units),
+        _share(row.share_before),
+        _moved(row.name, row.since_first, row.units),
+        _share(row.share_first),
+        "–"
+        if row.trend is None
+        else quantity(row.name, row.trend.slope_per_day, row.trend.slope_std, row.units),
+        "–" if row.days_to_limit is None else f"{number(row.days_to_limit, 2)} d",
+        _chart(row.chart),
+    )
+
+
+def _moved(name: str, move: Move | None, units: str) -> str:
+    """A change, and in brackets how many σ that is."""
+    if move is None:
+        return "–"
+    if move.sigma is None:
+        return quantity(name, move.change, None, units)
+    std = abs(move.change / move.sigma) if move.sigma else None
+    return f"{quantity(name, move.change, std, units)}, {_sigma(move.sigma)}"
+
+
+def _sigma(value: float | None) -> str:
+    return "–" if value is None else f"{value:+.1f} σ".replace("-", "−")
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:+.2g} %".replace("-", "−")
+
+
+def _spread(row: FigureReport, std: float | None) -> str:
+    """A standard deviation, in the unit that its own size asks for."""
+    if std is None:
+        return "–"
+    factor, unit = unit_for(row.name, std, row.units)
+    return f"{number(std * factor, 3)} {unit}".strip()
+
+
+def _component(row: FigureReport, found: Component | None) -> str:
+    if found is None:
+        return "–"
+    factor, unit = unit_for(row.name, found.std or found.high, row.units)
+    low, high = number(found.low * factor, 2), number(found.high * factor, 2)
+    return f"{number(found.std * factor, 3)} [{low}, {high}] {unit}".strip()
+
+
+def _interval(value: float | None, interval: tuple[float, float] | None) -> str:
+    if value is None or interval is None:
+        return "–"
+    return f"{number(value, 3)} [{number(interval[0], 3)}, {number(interval[1], 3)}]"
+
+
+def _chart(chart: Chart | None) -> str:
+    """How many points break which kind of rule."""
+    if chart is None:
+        return "–"
+    beyond = sum(v.rule == BEYOND for v in chart.violations)
+    warnings = len({v.point for v in chart.violations if v.rule != BEYOND})
+    if beyond:
+        return f"out: {beyond} beyond 3 σ"
+    return f"in control{f', {warnings} warned of' if warnings else ''}"

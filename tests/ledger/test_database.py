@@ -1,0 +1,181 @@
+"""The ledger's file: whole or nothing, two writers at once, damage told in one sentence."""
+
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from production import entry
+
+from hrg_cli.errors import HrgError
+from hrg_cli.ledger import database
+from hrg_cli.ledger.entry import Figure
+
+ROOT = Path(__file__).parents[2]
+
+
+def entries(count, gyro="SN"):
+    return [entry(f"{gyro}-{n}", float(n), 0.1 + 1e-3 * n) for n in range(count)]
+
+
+def test_what_is_entered_comes_back(tmp_path):
+    path = tmp_path / "l.sqlite"
+    given = entry(
+        "SN '1'; DROP TABLE entry; \ud800",
+        1.5,
+        0.1,
+        station="=2",
+        reasons=("a — b",),
+        verdict="adequate",
+        figures={"z": Figure(1.0, None, ""), "a": Figure(-2.5, 0.1, "Hz")},
+    )
+    assert database.add(path, [given, *entries(3)]) == [True] * 4
+    back = database.read(path)
+    assert back[1:] == entries(3)
+    assert back[0].figures == given.figures and list(back[0].figures) == ["z", "a"]
+    assert back[0].reasons == given.reasons and back[0].station == "=2"
+    assert back[0].gyro_id.startswith("SN '1'; DROP TABLE entry; ")
+
+
+def test_the_same_file_twice_is_one_row(tmp_path):
+    path = tmp_path / "l.sqlite"
+    one = entries(2)
+    assert database.add(path, one + one[:1]) == [True, True, False]
+    assert database.add(path, one) == [False, False]
+    assert database.read(path) == one
+
+
+def test_nothing_is_entered_where_one_fails(tmp_path):
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(2))
+    bad = entry("SN-x", 0.0, float("nan"))
+    with pytest.raises(HrgError):
+        database.add(path, [*entries(5, "NEW"), bad])
+    assert database.read(path) == entries(2)
+
+
+WRITER = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from test_database import entries
+from hrg_cli.ledger import database
+for one in entries(40, sys.argv[3]):
+    database.add(Path(sys.argv[2]), [one])
+"""
+
+
+def test_two_writers_at_once_lose_nothing(tmp_path):
+    path = tmp_path / "l.sqlite"
+    arguments = [sys.executable, "-c", WRITER, str(Path(__file__).parent), str(path)]
+    writers = [
+        subprocess.Popen([*arguments, name], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+        for name in ("A", "B")
+    ]
+    for writer in writers:
+        assert writer.wait(120) == 0, writer.stderr.read()
+        writer.stderr.close()
+    assert sorted(e.gyro_id for e in database.read(path)) == sorted(
+        e.gyro_id for name in ("A", "B") for e in entries(40, name)
+    )
+
+
+KILLED = """
+import os, sqlite3, sys
+connection = sqlite3.connect(sys.argv[1], isolation_level=None)
+connection.execute("PRAGMA cache_size = 1")
+connection.execute("PRAGMA cache_spill = 1")
+connection.execute("BEGIN IMMEDIATE")
+connection.execute("UPDATE figure SET value = 7")
+connection.execute("DELETE FROM entry")
+os.kill(os.getpid(), 9)
+"""
+
+
+def test_a_killed_writer_leaves_what_was_there(tmp_path):
+    path = tmp_path / "l.sqlite"
+    many = entries(500)
+    database.add(path, many)
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
+    assert done.returncode == -9
+    assert database.read(path) == many
+    assert database.add(path, entries(1, "NEW")) == [True]
+
+
+def damaged(path, how):
+    whole = bytearray(path.read_bytes())
+    if how == "cut":
+        whole = whole[: len(whole) // 2]
+    elif how == "page":
+        whole[4096:8192] = b"\xa5" * 4096
+    elif how == "text":
+        whole = bytearray(b"gyro_id,value\nSN-1,3\n" * 50)
+    elif how == "head":
+        whole[20:60] = b"\xff" * 40
+    path.write_bytes(whole)
+
+
+@pytest.mark.parametrize("how", ["cut", "page", "text", "head"])
+def test_a_damaged_ledger_is_one_sentence(how, tmp_path):
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(60))
+    damaged(path, how)
+    before = path.read_bytes()
+    for work in (lambda: database.read(path), lambda: database.add(path, entries(1, "NEW"))):
+        with pytest.raises(HrgError, match=r"l\.sqlite: is (a damaged|no) ") as told:
+            work()
+        assert "\n" not in str(told.value)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("statement", "said"),
+    [
+        ("PRAGMA application_id = 5", "but no ledger"),
+        ("PRAGMA user_version = 9", "version 9"),
+        ("CREATE TRIGGER t AFTER INSERT ON entry BEGIN DELETE FROM figure; END", "were changed"),
+        ("UPDATE entry SET status = 'perfect'", "damaged ledger (a status"),
+        ("UPDATE entry SET samples = '{'", "damaged ledger"),
+        ("UPDATE figure SET value = 'much'", "damaged ledger"),
+        ("UPDATE entry SET mode_number = -3", "damaged ledger (a mode"),
+    ],
+)
+def test_what_no_ledger_would_hold_is_refused(statement, said, tmp_path):
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(2))
+    with sqlite3.connect(path) as connection:
+        connection.execute(statement)
+    connection.close()
+    with pytest.raises(HrgError) as told:
+        database.read(path)
+    assert said in str(told.value)
+
+
+def test_another_programs_database_stays_as_it_is(tmp_path):
+    path = tmp_path / "other.sqlite"
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE mine (a)")
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(HrgError, match="no ledger"):
+        database.add(path, entries(1))
+    assert path.read_bytes() == before
+
+
+def test_places_that_are_none(tmp_path):
+    for path, said in (
+        (tmp_path, "no regular file"),
+        (tmp_path / "no" / "l.sqlite", "does not exist"),
+    ):
+        with pytest.raises(HrgError, match=said):
+            database.add(path, entries(1))
+    with pytest.raises(HrgError, match="no such ledger"):
+        database.read(tmp_path / "l.sqlite")
+    assert not (tmp_path / "l.sqlite").exists()
+
+
+def test_a_name_with_signs_of_an_address_is_a_name(tmp_path):
+    path = tmp_path / "a?mode=ro&x#y %41.sqlite"
+    assert database.add(path, entries(1)) == [True] and path.is_file()
+    assert database.read(path) == entries(1)
