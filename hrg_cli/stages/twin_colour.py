@@ -58,7 +58,10 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
     except HrgError:
         return ()
     data, response = fit.response.batch, fit.response
-    found = colour.noises(data.time_s, data.weight, data.envelope, real(response.residual()))
+    # in the wave's own phase, e^{2jφ} ∝ u·u: only there does the angle stand across the wave
+    back = np.exp(-0.5j * np.angle(np.sum(data.envelope**2, axis=-1, keepdims=True)))
+    residual = real(response.residual() * back)
+    found = colour.noises(data.time_s, data.weight, data.envelope * back, residual)
     return tuple(n if n.wander_1_s > 0 else WHITE for n in found)
 
 
@@ -97,8 +100,8 @@ def _density(row: Mapping[str, Any]) -> float:
 def effect(
     noises: Colour, std: float, window_s: float, duration_s: float, seed: Sequence[int]
 ) -> Effect:
-    """The effect that puts the noise into a run's samples, y + Re[(α + jφ) w + (β − jε) J w], w the
-    analytic signal.
+    """The effect that puts the noise into a run's samples, y + Re[(α + jφ) w + (β + jε) J w* e^{2jψ}],
+    w = e^{jψ}(a_A e_A − j a_B e_B) the analytic signal (J w* e^{2jψ} = J w of a line).
 
     α, φ, β, ε: the wanders of relative amplitude, phase, angle mθ and ellipticity; to them, held
     over each window, what the scatter has above the windows' stated σ of one real (amplitude).
@@ -118,10 +121,11 @@ def effect(
                 np.interp(block.time_s, *wander) + np.where(size > 0, h[window], 0.0) / size
                 for wander, h in zip(wanders, held, strict=True)
             )
-            turned = np.stack([-w[1], w[0]])
-            return np.asarray(
-                y + ((along + 1j * phase) * w + (across - 1j * ellipse) * turned).real
-            )
+            square = np.sum(w**2, axis=0)
+            twice = square / np.maximum(np.abs(square), 1e-300)
+            across_it = np.stack([-w[1].conj(), w[0].conj()]) * twice
+            moved = (along + 1j * phase) * w + (across + 1j * ellipse) * across_it
+            return np.asarray(y + moved.real)
 
         readout.steps.append(step)
 

@@ -309,7 +309,7 @@ def test_the_colour_of_the_noise_is_measured_and_simulated():
     config = {**TOML, "recording": {"sample_rate_hz": RATE_HZ, "duration_s": 4.0}}
     made = []
     for number, run in enumerate(("up", "down")):
-        wander = twin_colour.effect(wandering(2e-6, 0.0), 0.0, 0.004, 4.0, (number, 1))
+        wander = twin_colour.effect(wandering(2e-5, 0.0), 0.0, 0.004, 4.0, (number, 1))
         noisy = {**config, "effects": {wander.name: {}}}
         recording = collect(simulate(noisy, (wander,), run=run, seed=5))
         wave = collect(estimate(collect(demodulate(recording, **WINDOWS))))
@@ -318,14 +318,15 @@ def test_the_colour_of_the_noise_is_measured_and_simulated():
     result = identify(waves)
     twin = matched(twin_of(result, made, own()), made, 0)
     measured = twin.runs[0].colour[2]
-    assert 1e-6 < measured.wander_1_s < 4e-6
+    # over a tenth of a second, which such a run knows
+    assert 0.5 < measured.after(0.1) / Noise(1.0, 2e-5, 0.0, 0.0).after(0.1) < 2
     again = [twin_wave(twin, number, 3) for number in range(2)]
     simulated = twin_colour.of_free_runs(again, own(), 0.0)[2]
-    assert 0.4 < simulated.wander_1_s / measured.wander_1_s < 2.5
+    assert 0.4 < simulated.after(0.1) / measured.after(0.1) < 2.5
     plain = replace(twin, runs=[replace(run, colour=()) for run in twin.runs])
     assert not twin_colour.of_free_runs([twin_wave(plain, n, 3) for n in range(2)], own(), 0.0)
     told = rehearse(result, made, own(), times=2).table()
-    assert [c["component"] for c in told["colour"]] == ["angle"]
+    assert "angle" in [c["component"] for c in told["colour"]]
 
 
 def of_one_channel(start, seed):
