@@ -170,7 +170,7 @@ def florence(scale=1.0):
 def shown_by_florence(periods, scale):
     wave = collect(estimate(collect(demodulate(florence(scale), periods_per_window=periods))))
     out = summary(diagnose([wave]))
-    first = next(e for e in out["effects"] if e.get("view") != "waveform")
+    (first,) = [e for e in out["effects"] if e.get("view") != "waveform"]
     assert (
         first["name"] in ("cubic_stiffness", "inertial_nonlinearity")
         and out["verdict"] == "partly explained"
