@@ -250,6 +250,21 @@ class RehearsedFigure(Shape):
     """Least rms that passes."""
 
 
+class NamedAgain(Shape):
+    """How often a rehearsed diagnosis named a cause."""
+
+    name: str
+    """The cause."""
+    held: bool
+    """Whether the twin holds it."""
+    named: int
+    """Rehearsals that named it."""
+    times: int
+    """Rehearsals that came to an end."""
+    sentence: str = ""
+    """What is wrong with that, or nothing."""
+
+
 class RehearsalTable(Shape):
     """How a result's errors compare with its standard deviations on a simulated twin."""
 
@@ -263,6 +278,10 @@ class RehearsalTable(Shape):
     """How many results were valid, suspect, refused."""
     truth: str
     """Where the twin's truth comes from."""
+    causes: list[NamedAgain] = []
+    """Of a diagnosis: how often each cause was named again, and strangers beside them."""
+    colour: list[dict[str, Any]] = []
+    """The coloured noise of the twin, by component."""
 
 
 class Rehearsed(Common):
@@ -661,6 +680,8 @@ class BaseValue(Estimated):
     """With --model: the difference in σ of both."""
     wrong: bool | None = None
     """With --model: whether the difference is beyond 4 σ."""
+    assumed: bool = False
+    """Whether the runs do not show it: the value is what is usual, σ as large as that."""
 
 
 class Held(Shape):
@@ -895,6 +916,9 @@ class Diagnose(Common):
     """Of the effects' scores."""
     noise_factor: float
     """Variance inflation by noise that is not white."""
+    scores: dict[str, Any] | None = None
+    """The one-step estimate of every cause that can be compared between gyros: names, units, value,
+    std, correlation (lower triangle)."""
     remainder: Remainder | None
     """What the catalogue does not describe."""
     lines: list[dict[str, Any]]
@@ -1249,11 +1273,76 @@ class Lot(Common):
     """Recordings."""
     recordings_failed: int
     """Recordings that could not be used."""
+    unreadable: list[dict[str, Any]] = []
+    """Recordings that could not be read: name, the gyro they are of, by what that is told, why."""
     outliers: list[str]
     """Gyros that stand out of the lot."""
+    outlier_rate: Number = None
+    """Chance that a lot without outliers is given one; none where the distance is fixed."""
+    worst: list[str] = []
+    """The gyros to look at first."""
+    lot_causes: list[dict[str, Any]] = []
+    """What gyros have in common: kind, name, parameter, sentence, group, value, std, spread, z, the
+    estimates of every gyro."""
+    lot_tests: dict[str, Any] = {}
+    """How many pairs of cause and group were tried, at what rate of false alarms."""
+    populations: dict[str, Any] = {}
+    """Mean and own spread of every parameter over the gyros, the measurement's σ taken off."""
+    ledger: dict[str, Any] | None = None
+    """With --ledger: its path, and how many results were added and known."""
     rows: list[dict[str, Any]]
     """Each gyro: gyro_id, status, passed, why, runs, verdict, outliers, and each figure with its
     _std and its robust z (_z) in the lot."""
+
+
+class LedgerAdd(Common):
+    """`hrg ledger add`."""
+
+    ledger: str
+    """The ledger."""
+    added: int
+    """Results entered."""
+    known: int
+    """Results that were there already, by SHA-256."""
+    files: list[dict[str, Any]]
+    """Each file: gyro_id, kind, status, true times, station and so on, sha256, whether it is
+    new."""
+
+
+class LedgerShow(Common):
+    """`hrg ledger show`."""
+
+    ledger: str
+    """The ledger."""
+    entries: int
+    """Results told of."""
+    refused: int
+    """Results left out because they are refused."""
+    reprocessed: int
+    """Results left out because the same samples were processed again later."""
+    false_alarms_expected: Number
+    """Points beyond 3 σ to expect by chance in all charts."""
+    gyros: list[dict[str, Any]]
+    """Each gyro's last result, what moved most in σ, and its limits."""
+    figures: list[dict[str, Any]]
+    """Each figure: chart, capability, gauge study, risks."""
+    golden: list[dict[str, Any]]
+    """With --golden: the golden unit's drift at each station."""
+
+
+class LedgerHistory(Common):
+    """`hrg ledger history`."""
+
+    ledger: str
+    """The ledger."""
+    gyro_id: str
+    """The gyro."""
+    entries: list[dict[str, Any]]
+    """Each result; counts: whether it is the last of its samples."""
+    figures: list[dict[str, Any]]
+    """Each figure over time: values, σ, moves in σ and in shares of the limit, chart."""
+    limits: list[dict[str, Any]]
+    """The last result against limits."""
 
 
 class Study(Common):
@@ -1315,7 +1404,8 @@ SHAPES: dict[str, tuple[type[Common], ...]] = {
     "rehearse": (Rehearse,),
     "run": (Run,),
     "batch": (Lot,),
+    "ledger": (LedgerAdd, LedgerShow, LedgerHistory),
     "study": (Study,),
     "effects": (Effects,),
 }
-"""Command -> its JSON; of calibrate one of two."""
+"""Command -> its JSON; of calibrate one of two, of ledger that of its subcommand."""

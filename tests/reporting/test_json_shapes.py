@@ -131,6 +131,10 @@ def test_real_outputs_fit(hrg, tmp_path):
     told("rate", waves[0], "--resonator", here("resonator.h5"), "-o", here("rate.h5"))
     told("study", "gauss-newton", "--set", "vectors=100")
     told("rehearse", here("resonator.h5"), "--times", 2)
+    book = ("--ledger", here("ledger.sqlite"))
+    told("ledger", "add", here("resonator.h5"), here("diagnosis.h5"), *book)
+    told("ledger", "show", *book)
+    told("ledger", "history", "SAMPLE-1", *book)
     hidden = ("--effect", "gain_mismatch", "--set", "gain=0.01")
     told("inject", SAMPLE / "free-1.h5", *hidden, "-o", here("injected.h5"))
 
