@@ -140,7 +140,7 @@ def restless(t):
 def test_a_drive_that_no_loop_of_the_file_makes_is_replayed():
     measured = []
     for k, size in enumerate((6.0, -6.0, 3.0)):
-        t, record = recording(k, *swinging(size, 0.7 * k), (1.0, 0.5 * k), 1e-4, restless)
+        t, record = recording(k, *swinging(size, 0.7 * k), (1.0, 0.5 * k), 1e-3, restless)
         record = record.replace(drive_main=restless(t[::4]), drive_quadrature=0 * t[::4])
         measured.append(wave_of(record, 5.0))
     diagnosis = diagnose(measured)
