@@ -61,16 +61,24 @@ def principal(u: Array, near: Array) -> tuple[float, float, Array, Array, comple
 
 
 def drive(
-    control: Control, feed_forward_1_s: float, u: Array, integral: Array, near: Array
+    control: Control,
+    feed_forward_1_s: float,
+    u: Array,
+    integral: Array,
+    near: Array,
+    time_s: float = 0.0,
 ) -> Drive:
     """The control's action on envelopes u (2,); `integral`: state of the amplitude and the
-    quadrature loop; `near`: the last e_A."""
+    quadrature loop; `near`: the last e_A; `time_s`: that of a log's row."""
     a_A, a_B, e_A, e_B, turn = principal(u, near)
     error = control.main_amplitude - a_A
     main = (
         feed_forward_1_s * control.main_amplitude + control.amplitude_gain_1_s * error + integral[0]
     )
     rate = np.array([control.amplitude_integral_1_s2 * error, 0.0])
+    logged = control.logged(np.array([time_s]))
+    if len(logged):
+        main, rate = logged[0, 0], np.zeros(2)
     late = np.exp(-1j * control.main_phase_error_rad)
     force = (
         main / a_A * late * turn**2 * np.conj(u)
@@ -80,14 +88,20 @@ def drive(
     spring = np.zeros(2, complex)
     quadrature = 0.0
     if control.quadrature_loop == "finite":
-        quadrature = -control.quadrature_gain_1_s * a_B - integral[1]
-        rate[1] = control.quadrature_integral_1_s2 * a_B
+        if len(logged):
+            quadrature = logged[0, 1]
+        else:
+            quadrature = -control.quadrature_gain_1_s * a_B - integral[1]
+            rate[1] = control.quadrature_integral_1_s2 * a_B
         force = (
             force - 1j * turn * np.exp(-1j * control.quadrature_phase_error_rad) * quadrature * e_B
         )
     elif control.quadrature_loop == "spring":
-        sigma = control.quadrature_gain_1_s * a_B / a_A + integral[1]
-        rate[1] = control.quadrature_integral_1_s2 * a_B / a_A
+        if len(logged):
+            sigma = -logged[0, 1] / a_A
+        else:
+            sigma = control.quadrature_gain_1_s * a_B / a_A + integral[1]
+            rate[1] = control.quadrature_integral_1_s2 * a_B / a_A
         quadrature = -sigma * a_A
         spring = 1j * sigma * reflection(2 * np.arctan2(e_A[1], e_A[0]) + np.pi / 2) @ u
     du = control.drive_matrix @ force + control.parasitic_force * turn + spring

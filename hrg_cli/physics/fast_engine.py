@@ -100,7 +100,6 @@ def run(
     off = off[np.argsort(off[:, 0], kind="stable")] if len(off) else off
     polynomial = np.asarray(plant.polynomial, float)
     assert len(polynomial) == len(POLYNOMIAL)
-    loops = fast_loop.Loops(kinds, gains, drive_matrix, parasitic, off)
     e_A = np.array([math.cos(start_angle_rad), math.sin(start_angle_rad)])
     source = NoiseSource(
         noise or Noise(),
@@ -137,6 +136,8 @@ def run(
             first * substeps, n, substeps, h, omega, knots - first * substeps, propagators, local
         )
         forces = fast_loop.Forces(polynomial, nonlinear, *source.kicks(n * substeps))
+        commanded = control.logged((first * substeps + np.arange(n * substeps)) * h)
+        loops = fast_loop.Loops(kinds, gains, drive_matrix, parasitic, off, commanded)
         advance(
             memory,
             motion,

@@ -58,13 +58,15 @@ class Forces(NamedTuple):
 
 class Loops(NamedTuple):
     """The control: kinds (driven, drive, quadrature loop), gains (10,), drive matrix, parasitic
-    force, intervals without drive."""
+    force, intervals without drive, and a_ΦA, a_ΦB a step (n, 2) where a log is replayed, else
+    empty."""
 
     kinds: Array
     gains: Array
     drive_matrix: Array
     parasitic: Array
     off: Array
+    commanded: Array
 
 
 class Disturbance(NamedTuple):
@@ -157,13 +159,15 @@ def advance(
     )
     knots, propagators, local = motion.knots, motion.propagators, motion.local
     polynomial, nonlinear, thermal = forces.polynomial, forces.nonlinear, forces.thermal
-    kinds, gains, drive_matrix, parasitic, off = (
+    kinds, gains, drive_matrix, parasitic, off, commanded = (
         loops.kinds,
         loops.gains,
         loops.drive_matrix,
         loops.parasitic,
         loops.off,
+        loops.commanded,
     )
+    replayed = len(commanded) > 0
     z, v, drive, command = rows.z, rows.v, rows.drive, rows.command
     brownian, rough = len(thermal) > 0, len(forces.rough) > 0
     settings, state = board.settings, board.state
@@ -273,16 +277,20 @@ def advance(
                         cos, sin = -cos, -sin
                     memory[6], memory[7] = cos, sin
                     turn = (cos * ux + sin * uy) / a_A
-                    error = gains[0] - a_A
-                    main = gains[1] + gains[2] * error + memory[4]
-                    memory[4] += gains[3] * error * h
-                    if kinds[2] == 1:
-                        quadrature = -gains[4] * a_B - memory[5]
-                        memory[5] += gains[5] * a_B * h
-                    elif kinds[2] == 2:
-                        spring = gains[4] * a_B / a_A + memory[5]
-                        memory[5] += gains[5] * a_B / a_A * h
-                        quadrature = -spring * a_A
+                    if replayed:
+                        main, quadrature = commanded[i, 0], commanded[i, 1]
+                    else:
+                        error = gains[0] - a_A
+                        main = gains[1] + gains[2] * error + memory[4]
+                        memory[4] += gains[3] * error * h
+                        if kinds[2] == 1:
+                            quadrature = -gains[4] * a_B - memory[5]
+                            memory[5] += gains[5] * a_B * h
+                        elif kinds[2] == 2:
+                            quadrature = -gains[4] * a_B - memory[5] * a_A
+                            memory[5] += gains[5] * a_B / a_A * h
+                    if kinds[2] == 2:
+                        spring = -quadrature / a_A
                         c2, s2e = s1 / s12, s2 / s12
                         ax -= 2 * omega * spring * (-s2e * x + c2 * y)
                         ay -= 2 * omega * spring * (c2 * x + s2e * y)

@@ -169,7 +169,8 @@ class Control:
     loss at the reference temperature fed forward); the finite quadrature loop a_ΦB = −k_q a_B (and
     its integral); the spring loop adds jσR to the slow generator instead, σ = k_q r (and its
     integral), its axis 45° (electrical 90°) from the wave. The parametric drive pumps with one ring
-    electrode, f = D p e^{−jΔφ_A} e^{2jφ} u*, p = a_ΦA/a_A: it feeds a_A and damps a_B alike.
+    electrode, f = D p e^{−jΔφ_A} e^{2jφ} u*, p = a_ΦA/a_A: it feeds a_A and damps a_B alike. With
+    a `log` no loop acts: its a_ΦA and a_ΦB drive the wave in the same ways.
     """
 
     forced: bool = False
@@ -186,6 +187,16 @@ class Control:
     parasitic_force: Array = field(default_factory=lambda: np.zeros(2, complex))
     on_off: Array = field(default_factory=lambda: np.zeros((0, 2)))
     """Intervals (start_s, stop_s) in which the drive is off; none: always on."""
+    log: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """Rows (time_s, a_ΦA, a_ΦB) of a drive that is replayed along straight lines, constant before
+    the first and after the last; none: the loops act."""
+
+    def logged(self, time_s: Array) -> Array:
+        """a_ΦA and a_ΦB (n, 2) of the log at any times; (0, 2) where the loops act."""
+        if not len(self.log):
+            return np.zeros((0, 2))
+        t = self.log[:, 0]
+        return np.column_stack([np.interp(time_s, t, self.log[:, k]) for k in (1, 2)])
 
 
 @dataclass

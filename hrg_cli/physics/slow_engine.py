@@ -282,7 +282,8 @@ class _Motion:
         self, on: bool, moment: SlowState, correction: Array, u: Array, integral: Array, near: Array
     ) -> tuple[Array, Array, Drive | None]:
         """du/dt beside L u, the integrals' change, and the drive."""
-        action = drive(self._control, self._feed, u, integral, near) if on else None
+        now = float(moment.time_s[0])
+        action = drive(self._control, self._feed, u, integral, near, now) if on else None
         du = action.du + correction @ action.du if action else np.zeros(2, complex)
         if self._terms.motion:
             force = action.force if action else np.zeros(2, complex)
@@ -390,4 +391,8 @@ def _stride(environment: Environment, plant: Plant, control: Control, step_s: fl
     )
     if len(control.on_off):
         longest = min(longest, _SWITCHED_STEP_S)
+    if len(control.log) > 2:
+        slopes = np.diff(control.log[:, 1:], axis=0) / np.diff(control.log[:, :1], axis=0)
+        bend = float(np.abs(np.diff(slopes, axis=0)).max()) / control.main_amplitude
+        longest = min(longest, np.sqrt(8 * _CORNER_ERROR / max(bend, 1e-9)))
     return int(2 ** np.clip(np.floor(np.log2(max(longest / step_s, 1.0))), 0, np.log2(CHUNK)))

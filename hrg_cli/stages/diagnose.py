@@ -153,7 +153,9 @@ def diagnose(
     if not steps and not tones:
         untouched = search.base
     model, written = faithful(
-        lambda change: simulation_file(search.final, waves, pieces, origin, shown, change),
+        lambda change, replayed: simulation_file(
+            search.final, waves, pieces, origin, shown, change, replayed
+        ),
         search.final,
         origin,
         extra_effects,

@@ -3,16 +3,23 @@ courses of rate and temperature, loops."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from ..fitting.samples.course import Course, course
 from ..records import Wave
 
 Array = np.ndarray
 COURSE = 1e-6
 """Part of its range by which a course of straight lines may miss the log."""
+CHORDS = 1e-5
+"""The same where the lines keep the integral of a log that bends between its rows: what is left
+turns nothing but within a line."""
+FINER = 8
+"""Parts of a row's length in which a log that bends is drawn."""
 STEADY_DEGC = 1e-4
 """Range of a temperature below which it is constant."""
 LOOP = 0.5
@@ -32,16 +39,37 @@ def sample_noise(wave: Wave, sample_rate_hz: float) -> float:
     )
 
 
-def rate_course(time_s: Array, rate_rad_s: Array | None) -> dict[str, Any]:
-    """The logged rate (n,) as a part of [environment], constant or along straight lines; nothing
-    where none is logged."""
+def rate_course(time_s: Array, rate_rad_s: Array | None, length_s: float) -> dict[str, Any]:
+    """The logged rate (n,) as a part of [environment] of a run of a length, constant or along
+    straight lines; nothing where none is logged.
+
+    A wave turns by the rate's integral: between its rows the log is the course that fits integrate,
+    and the lines keep its area.
+    """
     if rate_rad_s is None or not np.any(known := np.isfinite(rate_rad_s)):
         return {}
     rate = np.asarray(rate_rad_s, float)[known]
     if np.ptp(rate) <= 1e-6 * max(1e-9, float(np.abs(rate).max())):
         return {"rate_rad_s": float(rate.mean())}
-    times, values = points(np.asarray(time_s, float)[known], rate)
+    times, (values,) = chords([course(np.asarray(time_s, float)[known], rate)], length_s)
     return {"rate": {"kind": "points", "time_s": times, "rate_rad_s": values}}
+
+
+def drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
+    """The logged commands of a driven run of a length as [control.log]; None where the main one was
+    not logged."""
+    names = [
+        name
+        for name in ("drive_main", "drive_quadrature")
+        if getattr(wave, name) is not None and np.isfinite(getattr(wave, name)).sum() > 1
+    ]
+    if "drive_main" not in names:
+        return None
+    columns = {name: np.asarray(getattr(wave, name), float) for name in names}
+    known = np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    t = np.asarray(wave.time_s, float)[known]
+    times, values = chords([course(t, column[known]) for column in columns.values()], length_s)
+    return {"time_s": times} | dict(zip(columns, values, strict=True))
 
 
 def temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[str, Any]:
@@ -56,12 +84,52 @@ def temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[st
     return {"temperature": {"kind": "points", "time_s": times, "temperature_degc": values}}
 
 
-def points(t: Array, values: Array) -> tuple[list[float], list[float]]:
-    """Corners of straight lines that follow the values to `COURSE` of their range: the point
+def chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[list[float]]]:
+    """Corners of straight lines from 0 to the run's length with the logs' integrals, to 4th order
+    of the lines' lengths; all logs have the same rows, and the lines the same corners.
+
+    A chord of the bend f'' over h has h³f''/12 too much below it. Half of it is taken from either
+    end: the values at the corners, which two lines share, give up (e₋ + e₊)/(h₋ + h₊).
+    """
+    t, bent = logs[0].time_s, np.any([log.alpha != 0 for log in logs], axis=0)
+    parts = np.where(bent, FINER, 1)
+    place = np.concatenate([np.arange(n) / n for n in parts])
+    inner = np.repeat(t[:-1], parts) + np.repeat(np.diff(t), parts) * place
+    fine = np.unique(np.concatenate([inner, t[-1:], [0.0, length_s]]))
+    fine = fine[(fine >= 0) & (fine <= length_s)]
+    corner = np.unique(
+        np.concatenate(
+            [points(fine, log.at(fine), CHORDS if log.alpha.any() else COURSE)[0] for log in logs]
+        )
+    )
+    h = np.diff(corner)
+    values = []
+    for log in logs:
+        value = log.at(corner)
+        excess = h * (value[1:] + value[:-1]) / 2 - _area(log, corner)
+        value -= (np.append(0.0, excess) + np.append(excess, 0.0)) / (
+            np.append(0.0, h) + np.append(h, 0.0)
+        )
+        values.append([float(v) for v in value])
+    return [float(x) for x in corner], values
+
+
+def _area(log: Course, at: Array) -> Array:
+    """∫ of a log's course between times (n,), (n − 1,): Simpson's rule over every piece, exact on a
+    cubic."""
+    inside = log.time_s[(log.time_s > at[0]) & (log.time_s < at[-1])]
+    every = np.unique(np.concatenate([at, inside]))
+    a, b = every[:-1], every[1:]
+    piece = (b - a) / 6 * (log.at(a) + 4 * log.at((a + b) / 2) + log.at(b))
+    return np.asarray(np.add.reduceat(piece, np.searchsorted(every, at[:-1])))
+
+
+def points(t: Array, values: Array, share: float = COURSE) -> tuple[list[float], list[float]]:
+    """Corners of straight lines that follow the values to a share of their range: the point
     furthest off is added until none is."""
     t, place = np.unique(t, return_index=True)
     values = values[place]
-    kept, tolerance = [0, len(t) - 1], COURSE * float(np.ptp(values))
+    kept, tolerance = [0, len(t) - 1], share * float(np.ptp(values))
     while len(kept) < len(t):
         off = np.abs(values - np.interp(t, t[kept], values[kept]))
         parts = [slice(a + 1, b) for a, b in pairwise(kept) if b > a + 1]

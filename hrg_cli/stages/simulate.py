@@ -414,6 +414,11 @@ def control_of(settings: SimulationFile) -> Control:
     c = settings.control
     if c.mode == "free":
         return Control()
+    log = np.zeros((0, 3))
+    if c.log is not None:
+        log = np.column_stack(
+            [c.log.time_s, c.log.drive_main, c.log.drive_quadrature or np.zeros(len(c.log.time_s))]
+        )
     gain = 5.0 if c.quadrature_gain_1_s is None else c.quadrature_gain_1_s
     return Control(
         forced=True,
@@ -432,6 +437,7 @@ def control_of(settings: SimulationFile) -> Control:
         main_phase_error_rad=c.main_phase_error_rad,
         quadrature_phase_error_rad=c.quadrature_phase_error_rad,
         on_off=np.array(c.off_s, float).reshape(-1, 2),
+        log=log,
     )
 
 

@@ -222,11 +222,52 @@ class ReadoutTable(Table):
         return self
 
 
+def _same_and_rising(time_s: list[float], values: list[float], name: str) -> None:
+    if len(time_s) != len(values):
+        raise ValueError(
+            f"time_s has {len(time_s)} values and {name} {len(values)}; as many were expected"
+        )
+    if any(later <= earlier for earlier, later in pairwise(time_s)):
+        raise ValueError("time_s must rise from value to value")
+
+
+class DriveLog(Table):
+    """[control.log]: a drive that was logged, a_ΦA and a_ΦB in amplitude a second, replayed along
+    straight lines through the rows; constant before the first and after the last."""
+
+    time_s: Annotated[list[float], Field(min_length=1)]
+    """Times of the log, s."""
+    drive_main: list[float]
+    """Drive of the main amplitude, amplitude/s."""
+    drive_quadrature: list[float] | None = None
+    """Drive of the quadrature, amplitude/s."""
+
+    @model_validator(mode="after")
+    def _matched(self) -> Self:
+        _same_and_rising(self.time_s, self.drive_main, "drive_main")
+        if self.drive_quadrature is not None:
+            _same_and_rising(self.time_s, self.drive_quadrature, "drive_quadrature")
+        return self
+
+
+LOOPS = (
+    "amplitude",
+    "amplitude_gain_1_s",
+    "amplitude_integral_1_s2",
+    "quadrature_gain_1_s",
+    "quadrature_integral_1_s2",
+)
+"""What a replayed log leaves no use for."""
+
+
 class ControlTable(Table):
-    """[control]: a free run-down, or the loops of a forced whole-angle run."""
+    """[control]: a free run-down, the loops of a forced whole-angle run, or their log in place of
+    them."""
 
     mode: Literal["free", "forced"] = "free"
     """Run-down, or a driven whole-angle run."""
+    log: DriveLog | None = None
+    """A logged drive, replayed in place of loops."""
     amplitude: Positive | None = None
     """Set amplitude; the start's where not given."""
     amplitude_gain_1_s: NotNegative = 5.0
@@ -259,6 +300,20 @@ class ControlTable(Table):
         if (self.quadrature_loop == "off") and self.quadrature_gain_1_s:
             raise ValueError(
                 'quadrature_gain_1_s belongs to quadrature_loop = "finite" or "spring"'
+            )
+        if self.log is not None and (set_ := sorted(self.model_fields_set.intersection(LOOPS))):
+            raise ValueError(
+                f"log is replayed and no loop acts, but {', '.join(set_)} is set; give the log or"
+                " the loops"
+            )
+        if (
+            self.log is not None
+            and self.log.drive_quadrature is not None
+            and self.quadrature_loop == "off"
+        ):
+            raise ValueError(
+                'log has drive_quadrature; say how it acts by quadrature_loop = "finite" or'
+                ' "spring"'
             )
         for interval in self.off_s:
             if len(interval) != 2 or interval[0] >= interval[1]:
@@ -379,15 +434,6 @@ class Cycle(Table):
     """Time of a cycle."""
     shape: Literal["sine", "triangle"] = "triangle"
     """Form of a cycle."""
-
-
-def _same_and_rising(time_s: list[float], values: list[float], name: str) -> None:
-    if len(time_s) != len(values):
-        raise ValueError(
-            f"time_s has {len(time_s)} values and {name} {len(values)}; as many were expected"
-        )
-    if any(later <= earlier for earlier, later in pairwise(time_s)):
-        raise ValueError("time_s must rise from value to value")
 
 
 class TemperaturePoints(Table):
@@ -540,6 +586,11 @@ class SimulationFile(Table):
             raise ValueError(
                 'electronics drives loops, but control.mode is "free"; set control.mode = "forced"'
                 " or leave [electronics] out"
+            )
+        if self.electronics is not None and self.control.log is not None:
+            raise ValueError(
+                "electronics makes the drive from what it sees, but control.log replays one; leave"
+                " out [electronics] or the log"
             )
         if self.noise.drive_density and self.control.mode == "free":
             raise ValueError(

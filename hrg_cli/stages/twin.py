@@ -268,7 +268,8 @@ def _run(
     times = np.asarray(wave.time_s, float) - begin
     rate, missing = _rate(wave, settings)
     kept = slice(None, None, max(1, len(times) // LOG_POINTS))
-    environment = rate_course(times[kept], None if rate is None else rate[kept])
+    length = float(times[last]) + wave.window_s / 2
+    environment = rate_course(times[kept], None if rate is None else rate[kept], length)
     if wave.temperature_degc is not None:
         environment |= temperature_course(
             times[kept], np.asarray(wave.temperature_degc, float)[kept]
@@ -292,7 +293,7 @@ def _run(
         | carrier_table(carrier),
         "recording": {
             "sample_rate_hz": sampling,
-            "duration_s": float(times[last]) + wave.window_s / 2,
+            "duration_s": length,
             "samples": "float32" if noise > FLOAT32 * amplitude else "float64",
         },
     }

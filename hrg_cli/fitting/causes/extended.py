@@ -261,6 +261,7 @@ class Stage:
         self.state = state_of(series, point)
         self.active = point.active
         self.driven = bool(np.any(series.forced))
+        self.second = point.p[6] * second_order_force(point.p, series.reference_frequency_hz)
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
@@ -276,6 +277,7 @@ class Stage:
             state.__dict__[name] = getattr(self.state, name)[:, k]
         state.drive = self.state.drive[:, k]
         one.state, one.active, one.driven = state, self.active, self.driven
+        one.second = self.second
         one.main, one.quadrature, one.L = self.main[:, k], self.quadrature[:, k], self.L[:, k]
         one.holds, one.held, one.held_slope, one.follow_1_s = (
             self.holds,
@@ -316,7 +318,7 @@ class Stage:
     def beside(self, u: Array) -> Array:
         """du/dt beside L u."""
         state = self.lit(u)
-        total = state.drive.copy() if self.driven else np.zeros_like(u)
+        total = state.drive + times(self.second, state.drive) if self.driven else np.zeros_like(u)
         for effect, values in self.active:
             if effect.slow is not no_term:
                 total += effect.slow(values, u, state)
@@ -333,6 +335,17 @@ class Stage:
     def idle(self) -> bool:
         """Nothing acts beside L."""
         return not self.driven and not self.active
+
+
+def second_order_force(p: Array, frequency_hz: float) -> Array:
+    """(jN − δωR)/2ω (2, 2): what of a force f that turns with the wave the envelopes feel beside f
+    itself.
+
+    From (2jω + 2Γ + L) g + g' = 2jωf with u' = Lu + g, Γ = N − KΩJ, L ≈ −Γ + jδωR and f' ≈ KΩJf.
+    """
+    N = -np.tensordot(p[:3], coordinates.BASIS[:3], 1)
+    split = np.tensordot(p[3:5], coordinates.BASIS[3:], 1)
+    return 1j * (N + split) / (4 * np.pi * frequency_hz)
 
 
 def generators(series: Series, point: Point) -> Array:

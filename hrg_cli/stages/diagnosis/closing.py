@@ -31,7 +31,6 @@ from .thresholds import (
     SAME_FREQUENCY,
     SCALE_FACTORS,
     WRITTEN,
-    WRITTEN_FORCED,
 )
 from .written import Written
 
@@ -95,7 +94,7 @@ def closing_checks(
             final.converged and search.base.converged,
             "a fit stopped before it had settled",
         ),
-        *_written(written, bool(np.any(final.series.forced))),
+        *_written(written),
     ]
 
 
@@ -235,7 +234,7 @@ def _physics(fit: Fit) -> Iterator[Check]:
     yield checks.covariance_is_one(fit.covariance, "the covariance of the fit is none")
 
 
-def _written(written: Written | None, driven: bool) -> Iterator[Check]:
+def _written(written: Written | None) -> Iterator[Check]:
     """The file that was written against the fit."""
     if written is None:
         yield checks.holds(
@@ -246,6 +245,4 @@ def _written(written: Written | None, driven: bool) -> Iterator[Check]:
         "the extended model simulated from its file misses the measurement by"
         f" {written.rms_over_noise:.3g} σ rms, the fit by {written.fitted_rms_over_noise:.3g}"
     )
-    yield checks.at_most(
-        "written_model", written.ratio, WRITTEN_FORCED if driven else WRITTEN, text
-    )
+    yield checks.at_most("written_model", written.ratio, WRITTEN, text)

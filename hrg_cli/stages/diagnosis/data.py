@@ -17,6 +17,7 @@ from ...fitting.envelopes import envelope_runs, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor, start
 from ...fitting.envelopes.coordinates import COUNT
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
+from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
 
@@ -250,21 +251,21 @@ def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     values = getattr(wave, name)
     if not forced.any() or not _has(values):
         return np.zeros(len(t))
-    return np.interp(t, *_finite(wave.time_s, values))
+    return course(*_finite(wave.time_s, values)).at(t)
 
 
 def _impulse(wave: Wave, name: str, t: Array, forced: Array) -> Array:
-    """∫ of a logged drive command from the log's start to times t, the command straight between its
-    windows; zero where there is none."""
+    """∫ of a logged drive command from the log's start to times t, along the log's course between
+    its windows; zero where there is none."""
     values = getattr(wave, name)
     if not forced.any() or not _has(values):
         return np.zeros(len(t))
-    x, y = _finite(wave.time_s, values)
-    # rows may start before the first good window, where the command is held
-    whole = np.concatenate([[0.0], np.cumsum(np.diff(x) * (y[1:] + y[:-1]) / 2)])
+    log = course(*_finite(wave.time_s, values))
+    x = log.time_s
     k = np.clip(np.searchsorted(x, t) - 1, 0, len(x) - 2)
-    here = np.interp(t, x, y)
-    return whole[k] + (t - x[k]) * (y[k] + here) / 2
+    # Simpson's rule is exact on the course's cubics, and beyond its ends on what it goes on to
+    part = (t - x[k]) / 6 * (log.at(x[k]) + 4 * log.at((x[k] + t) / 2) + log.at(t))
+    return log.integral()[k] + part
 
 
 def _bend(t: Array, *commands: Array) -> Array:

@@ -17,7 +17,8 @@ from ...settings import to_toml
 from .run import run_table
 
 Array = np.ndarray
-SAMPLES_A_PERIOD = 8
+SAMPLES_A_PERIOD = 8.5
+"""No whole number: the harmonics that a read-out's defect makes would fold onto the oscillation."""
 
 
 def simulation_file(
@@ -27,13 +28,14 @@ def simulation_file(
     origin: Sequence[int],
     effects_named: Sequence[dict[str, Any]],
     change: Array | None = None,
+    replayed: bool = False,
 ) -> str:
     """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start,
     rate, temperature and length.
 
     The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces
     become the run's own effect. change (R, 5): of the runs' start states and frequency offsets, by
-    what a simulation of the file missed the fit.
+    what a simulation of the file missed the fit. replayed: driven runs replay the logged drive.
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
@@ -106,7 +108,13 @@ def simulation_file(
             "device": {"frequency_hz": float(frequency[own[0]])},
         }
         run |= run_table(
-            fit, own, wave, pieces[own[0]], table["recording"]["sample_rate_hz"], change[own[0]]
+            fit,
+            own,
+            wave,
+            pieces[own[0]],
+            table["recording"]["sample_rate_hz"],
+            change[own[0]],
+            replayed,
         )
         turned = [
             effect.name

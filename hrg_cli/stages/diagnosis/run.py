@@ -13,9 +13,10 @@ from ...fitting.causes.extended import Point, motion_of
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.layout import FREQUENCY
 from ...fitting.causes.wave_frame import imaginary
+from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
-from ..run_tables import loops, points, rate_course, sample_noise
+from ..run_tables import drive_log, loops, points, rate_course, sample_noise
 
 Array = np.ndarray
 BACKWARD = 16
@@ -34,11 +35,18 @@ HELD = (
 
 
 def run_table(
-    fit: Fit, own: Sequence[int], wave: Wave, piece: Wave, sample_rate_hz: float, change: Array
+    fit: Fit,
+    own: Sequence[int],
+    wave: Wave,
+    piece: Wave,
+    sample_rate_hz: float,
+    change: Array,
+    replayed: bool,
 ) -> dict[str, Any]:
     """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
 
-    change (5,): what is added to the start state.
+    change (5,): what is added to the start state; replayed: a logged drive stands as its log, not
+    as the loops that the log shows.
     """
     series, k = fit.series, own[0]
     a_A, a_B, angle, phase = (
@@ -55,9 +63,13 @@ def run_table(
         "recording": {"duration_s": length},
     }
     if wave.mode == "forced":
-        run["control"] = {"mode": "forced"} | loops(
-            _moving(fit, own, wave), max(float(fit.point.p[0]), 0.0)
-        )
+        log = drive_log(wave, length) if replayed else None
+        run["control"] = {"mode": "forced"}
+        if log is None:
+            run["control"] |= loops(_moving(fit, own, wave), max(float(fit.point.p[0]), 0.0))
+        else:
+            both = {"quadrature_loop": "finite"} if "drive_quadrature" in log else {}
+            run["control"] |= both | {"log": log}
     return run
 
 
@@ -88,9 +100,10 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
 
     rate = along(series.rate_rad_s)
     if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
-        rate = np.interp(
-            times, np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known]
+        log = course(
+            np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known]
         )
+        rate = log.at(times)
     columns: dict[str, Any] = {
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
@@ -100,7 +113,7 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
         envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
         rate_rad_s=rate,
         temperature_degc=along(series.temperature_degc, series.temperature_rate_degc_s[:, :1]),
-        table_angle_rad=along(series.table_angle_rad, rate),
+        table_angle_rad=along(series.table_angle_rad, (rate[:, :1] + rate) / 2),
         phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
         main_impulse=along(series.main_impulse, series.main_drive[:, :1]),
         quadrature_impulse=along(series.quadrature_impulse, series.quadrature_drive[:, :1]),
@@ -117,7 +130,7 @@ def _environment(fit: Fit, own: Sequence[int], wave: Wave, length_s: float) -> d
     """Rate and temperature, constant or along straight lines; the temperature is the resonator's
     where the thermometer lags."""
     series = fit.series
-    out = rate_course(wave.time_s, wave.rate_rad_s)
+    out = rate_course(wave.time_s, wave.rate_rad_s, length_s)
     if series.has_temperature:
         good = [series.weight[k] > 0 for k in own]
         t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])

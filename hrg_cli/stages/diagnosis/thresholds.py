@@ -54,9 +54,6 @@ RUN_PREDICTED = 1.5
 the same device."""
 WRITTEN = 1.1
 """Misfit of the simulated extended model over that of the fit."""
-WRITTEN_FORCED = 1.5
-"""The same where runs are driven: a loop in the file acts on the simulated wave, while the fit has
-the log of what the loop did."""
 SCALE_FACTORS = (0.05, 3.0)
 """Range of K, in parts of the nominal one, that the mode shape of a shell, a ring or a pendulum
 allows."""

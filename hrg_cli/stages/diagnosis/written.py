@@ -22,6 +22,7 @@ from ...fitting.causes.extended import state_of
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.wave_frame import real
+from ...fitting.samples.demodulator import MOVING_PERIODS
 from ...physics import ellipse
 from ...records import collect
 from ..demodulate import demodulate
@@ -35,8 +36,9 @@ MOST_SAMPLES = 30_000_000
 only."""
 NEAR = 1.02
 """Misfit over that of the fit up to which a file is left as it is."""
-PERIODS = 2.0
-"""Periods a window of the simulated samples, short beside everything that moves."""
+PERIODS = MOVING_PERIODS
+"""Periods a window of the simulated samples, the shortest whose basis moves with the envelope: the
+file's own demodulation must miss nothing that the measurement's noise could show."""
 NEXT_ROWS = 2.0
 """Rows' lengths on either side of a jump in which measured rows hold a mean of both sides,
 simulated ones do not."""
@@ -63,29 +65,40 @@ class Written:
 
 
 def faithful(
-    written: Callable[[Array | None], str],
+    written: Callable[[Array | None, bool], str],
     fit: Fit,
     origin: Sequence[int],
     extra_effects: Sequence[Effect],
 ) -> tuple[str, Written | None]:
-    """The file and how it holds: where its simulation misses the fit, with starts and frequencies
-    moved to where it misses least.
+    """The file and how it holds: the first that misses the measurement no more than the fit, or the
+    one that misses least.
 
-    written: the file's text with a change of the runs' starts and frequencies. A file says the
-    engine's numbers, and the engine's loops and drive differ from the logged rows in what a row
-    averages away.
+    written: the file's text with a change of the runs' starts and frequencies, and whether driven
+    runs replay their log. Loops are the better model of an instrument, since they serve other runs
+    too, but those that are fitted to a log may not be the recorded ones: then the log stands. Last,
+    starts and frequencies are moved to where the simulation misses the fit least.
     """
-    text = written(None)
-    held = hold(text, fit, origin, extra_effects)
-    if held is None or held.ratio < NEAR:
-        return text, held
-    other = written(held.change)
-    again = hold(other, fit, origin, extra_effects)
-    return (
-        (text, held)
-        if again is None or again.rms_over_noise > held.rms_over_noise
-        else (other, again)
-    )
+    driven = bool(np.any(fit.series.forced))
+    best: tuple[str, Written | None] = "", None
+    for replayed in (False, True) if driven else (False,):
+        text = written(None, replayed)
+        held = hold(text, fit, origin, extra_effects)
+        best = _nearer(best, (text, held))
+        if held is not None and held.ratio < NEAR:
+            return best
+        if held is not None and replayed == driven:
+            other = written(held.change, replayed)
+            best = _nearer(best, (other, hold(other, fit, origin, extra_effects)))
+    return best
+
+
+def _nearer(
+    one: tuple[str, Written | None], other: tuple[str, Written | None]
+) -> tuple[str, Written | None]:
+    """Of two files the one that misses less; the first where the other cannot be simulated."""
+    if one[1] is None or other[1] is None:
+        return other if one[1] is None else one
+    return other if other[1].rms_over_noise < one[1].rms_over_noise else one
 
 
 def hold(
