@@ -59,6 +59,8 @@ class Path:
     drive_main: Array | None
     drive_quadrature: Array | None
     rows: int
+    row_s: float
+    """Time between two windows."""
 
     def __len__(self) -> int:
         return len(self.time_s) - 1
@@ -83,6 +85,16 @@ class Path:
         """Mean rate of the increments (n,)."""
         return self.rotation / self.interval_s
 
+    @property
+    def blur_s(self) -> Array:
+        """Width of the even average that blurs a block's angle as its windows do (b,).
+
+        A window's angle is that of its middle, since `demodulate` fits the envelope's motion within
+        it: k of them, h apart, have the spread of an even average over h√(k² − 1), and a single one
+        none.
+        """
+        return np.sqrt(np.maximum(self.width_s**2 - self.row_s**2, 0.0))
+
     def middle(self, values: Array) -> Array:
         """Mean of neighbouring blocks (n,)."""
         return (values[1:] + values[:-1]) / 2
@@ -90,7 +102,7 @@ class Path:
     def angle_basis(self, harmonics: int) -> Array:
         """∫w·(1, cos 2mθ, …) dt / Δt of the increments (n, 1 + 2K)."""
         travel = np.diff(self.angle_rad)
-        within = travel * np.minimum(self.middle(self.width_s) / self.interval_s, 1.0)
+        within = travel * np.minimum(self.middle(self.blur_s) / self.interval_s, 1.0)
         return harmonic_basis(
             self.middle(self.angle_rad), harmonics, self.mode_number, travel, within
         )
@@ -182,6 +194,7 @@ def path_of(
         width_s=joined.pop("count") * shortest,
         phase_rate_rad_s=2 * np.pi * (joined["frequency_hz"] - wave.reference_frequency_hz),
         rows=rows,
+        row_s=float(shortest),
         drive_main=drive_main,
         drive_quadrature=drive_quadrature,
         **joined,

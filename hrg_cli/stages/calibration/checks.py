@@ -34,7 +34,7 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
                 continue
             travel = np.diff(path.angle_rad)
             loss = np.sinc(n * travel / (2 * np.pi)) * np.sinc(
-                n * travel * path.middle(path.width_s) / path.interval_s / (2 * np.pi)
+                n * travel * path.middle(path.blur_s) / path.interval_s / (2 * np.pi)
             )
             odd = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1) * loss[:, None]
             columns = (
