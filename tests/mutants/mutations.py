@@ -159,6 +159,8 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("-white[1:-1] + noise.walk", "white[1:-1] + noise.walk"),
             ("white[1:] + white[:-1] + noise.walk", "white[1:] + noise.walk"),
             ("2 * np.pi * (joined[\"frequency_hz\"] - wave.reference_frequency_hz)", "2 * np.pi * joined[\"frequency_hz\"]"),
+            ("** 2, power=2", "** 2, power=1"),
+            ("NEEDED_GAIN = 6.0", "NEEDED_GAIN = 0.0"),
             ("if (steps[1:] <= 0).any() or (last is not None and steps[0] <= 0):", "if False:"),
         ),
     ),
@@ -195,10 +197,63 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/causes/evidence.py": (
-        "tests/fitting/test_evidence.py",
+        "tests/fitting/test_evidence.py tests/stages/test_gain.py",
         (
+            ("logs.std(ddof=1) / np.sqrt(len(logs))", "logs.std(ddof=1)"),
+            ("0.5 * np.log(np.maximum(self.before", "np.log(np.maximum(self.before"),
             ("return gain - rank * float(np.log(rows))", "return gain - float(np.log(rows))"),
             ("return gain - rank * float(np.log(rows))", "return gain - 2 * rank"),
+        ),
+    ),
+    "fitting/tables/allan_terms.py": (
+        "tests/fitting/test_allan_terms.py",
+        (
+            ("2 * np.log(2) / np.pi), time / 3]", "np.log(2) / np.pi), time / 3]"),
+            ("b / (2 * np.pi * f)", "b / (np.pi * f)"),
+            ("3 / time**2, 1 / time", "1 / time**2, 1 / time"),
+            ("time / 3], axis=1", "time / 6], axis=1"),
+            ("h2 * (2 * two_sided)", "h2 * two_sided"),
+            ("NORMAL_95 * std / square / 2", "NORMAL_95 * std / square / 20"),
+        ),
+    ),
+    "fitting/tables/joint.py": (
+        "tests/stages/test_calibrate.py",
+        (
+            ("2 * self.white + q * (self.interval_s - self.width_s / 3)", "2 * self.white"),
+            ("+ float(np.linalg.slogdet(A)[1])", ""),
+            ("solve(A - A_f, b - b_f, model, penalty).coefficients)\n    return total", "solve(A, b, model, penalty).coefficients)\n    return total"),
+            ("max(n.walk, walk)", "n.walk"),
+        ),
+    ),
+    "fitting/checks.py": (
+        "tests/fitting/test_checks.py",
+        (
+            ("bool(value <= limit)", "not value > limit"),
+            ("bool(value >= limit)", "not value < limit"),
+            ("chdtri(dof, CHANCE) / dof", "2 * chdtri(dof, CHANCE) / dof"),
+            ("/ dof + NOISE_KNOWN", "/ dof"),
+            ("power += float(np.sum(sums**2)) / length", "power += float(np.sum(sums**2)) / length / 1.2"),
+            ("power += float(np.sum(sums**2)) / length", "power += float(np.sum(sums**2)) / 2"),
+            ("len(chances) * min(chances)", "min(chances)"),
+            ("or np.any(variance < 0)", ""),
+            ("* (1 - np.eye(len(matrix)))", ""),
+            ("float(np.mean(joined**2)) / length / variance", "float(np.mean(joined**2)) / variance"),
+        ),
+    ),
+    "stages/diagnosis/gain.py": (
+        "tests/stages/test_gain.py",
+        (
+            ("squares.std(ddof=1) / np.sqrt(len(squares))", "squares.std(ddof=1)"),
+            ("spread / (2 * rms)", "spread / rms"),
+            ("if len(runs) >= fewest_runs:", "if len(runs) > fewest_runs:"),
+            ("TIME_BLOCKS, TIME_BLOCKS - 1", "TIME_BLOCKS, TIME_BLOCKS - 2"),
+        ),
+    ),
+    "memory.py": (
+        "tests/test_batch.py",
+        (
+            ("noted[\"key\"] == key and", ""),
+            ("store.sha256(folder / name) == digest for name", "True for name"),
         ),
     ),
     "stages/demodulate.py": (

@@ -59,9 +59,7 @@ def run_tests(copy: Path, tests: list[str]) -> bool:
     return done.returncode == 0
 
 
-def chosen(
-    only: str, of: str, sample: int, seed: int
-) -> list[tuple[str, list[str], str, str]]:
+def chosen(only: str, of: str, sample: int, seed: int) -> list[tuple[str, list[str], str, str]]:
     """(file, tests, old, new) of every change asked for."""
     changes = [
         (name, tests.split(), old, new)
