@@ -84,6 +84,14 @@ def test_the_variance_of_a_block_is_that_of_a_mean():
     assert np.mean(seen / paths[0].angle_variance) == pytest.approx(1 - 1 / 40, abs=0.08)
 
 
+def test_the_phases_rate_is_taken_against_the_reference():
+    """dφ/dt = 2π(f − f_ref): a wave 3 Hz above the reference turns its phase by 6π rad/s."""
+    wave = noisy(0, 1e-5, 0.0)
+    f = np.full(len(wave), wave.reference_frequency_hz + 3.0)
+    path = path_of(wave.replace(frequency_hz=f), harmonics=1, per_block=25)
+    assert path.phase_rate_rad_s == pytest.approx(6 * np.pi)
+
+
 def test_reading_by_pieces_changes_nothing(monkeypatch):
     wave = forced_run(Truth(0), lambda t: 20 + t / 10, 0.4, 20, 0)
     whole = path_of(wave, harmonics=2)
