@@ -4,6 +4,7 @@ there."""
 import numpy as np
 import pytest
 
+from hrg_cli.fitting.tables.allan import allan_deviation
 from hrg_cli.fitting.tables.allan_terms import NAMES, allan_terms
 from hrg_cli.physics.noise import Flicker
 
@@ -55,3 +56,20 @@ def test_scale_of_time_and_rate_do_not_matter():
         one.coefficients[walk].value * 1e6 * np.sqrt(1e-3), rel=1e-6
     )
     assert other.chi2 == pytest.approx(one.chi2, rel=1e-6)
+
+
+def test_the_floor_of_flicker_noise_is_its_bias_instability():
+    """Two-sided density B²/(2πf): the Allan variance is flat at B²·2 ln 2/π (IEEE Std 952, C.1.3),
+    here integrated over the filter of the module's page; the covariance's density is the same."""
+    tau0, n = 1.0, np.array([64])
+    f = np.geomspace(1e-9, 0.5 / tau0, 400_000)
+    x = np.pi * f * tau0
+    h2 = 2 * np.sin(n[0] * x) ** 4 / (n[0] * np.sin(x)) ** 2
+    flat = 2 * np.trapezoid(h2 / (2 * np.pi * f), f)  # both signs of f
+    assert flat == pytest.approx(2 * np.log(2) / np.pi, rel=2e-3)
+    rate = draw(1, bias=6e-4, count=30_000)
+    found = allan_terms(rate, INTERVAL).coefficients["bias_instability"]
+    level = np.sqrt(2 * np.log(2) / np.pi) * found.value
+    time, deviation, _ = allan_deviation(rate, INTERVAL)
+    own = (time > 20) & (time < 500)
+    assert np.sqrt(np.mean(deviation[own] ** 2)) == pytest.approx(level, rel=0.1)

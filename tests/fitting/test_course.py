@@ -35,6 +35,16 @@ def test_the_integral_is_that_of_the_cubic() -> None:
     )
 
 
+def test_a_cubic_is_met_between_uneven_rows_exactly() -> None:
+    t = np.cumsum(np.random.default_rng(4).uniform(0.2, 0.6, 8))
+
+    def cubic(x: np.ndarray) -> np.ndarray:
+        return 1 + x - x**2 + x**3 / 3
+
+    inside = np.linspace(t[0], t[-1], 300)
+    assert course(t, cubic(t)).at(inside) == pytest.approx(cubic(inside), abs=1e-11)
+
+
 def test_jumps_and_converter_steps_stay_lines() -> None:
     t = rows()
     for values in (np.where(t > 1.234, 2.0, -1.0), np.round(20 + 3 * t)):

@@ -146,6 +146,24 @@ def test_held_out_error_of_one_fold_is_that_of_a_refit_without_it():
         np.testing.assert_allclose(left[fold], y[fold] - X[fold] @ again, rtol=1e-9, atol=1e-12)
 
 
+def test_the_price_is_that_of_every_parameter():
+    """BIC against its origin: the mean of the likelihood over a wide normal prior (odds of two
+    models) is what m columns cost, ln N each, but for what does not grow with N."""
+    random = np.random.default_rng(8)
+    for m in (1, 3):
+        grown = []
+        for rows in (200, 200_000):
+            X = random.standard_normal((rows, m))
+            r = X @ np.full(m, 0.5) + random.standard_normal(rows)
+            best = np.linalg.lstsq(X, r, rcond=None)[0]
+            gain = float(best @ (X.T @ X) @ best)
+            # ∫ exp(−χ²/2) N(b; 0, 1) db over exp(−r²/2), exactly
+            M = X.T @ X + np.eye(m)
+            twice_ln_odds = (X.T @ r) @ np.linalg.solve(M, X.T @ r) - np.linalg.slogdet(M)[1]
+            grown.append(evidence.criterion(gain, m, rows) - twice_ln_odds)
+        assert grown[1] == pytest.approx(grown[0], abs=1.0)  # a forgotten ln N would be 6.9
+
+
 def test_a_useless_column_does_not_pay_its_price():
     paid = [
         evidence.criterion(*(lambda s: (s.gain, s.rank))(evidence.score("s", r, S, Q)), 400) > 0

@@ -54,6 +54,44 @@ def test_noise_levels_are_recovered():
     assert np.mean([f.walk for f in found]) == pytest.approx(1e-8, rel=0.15)
 
 
+def test_a_walk_that_is_not_there_is_seldom_found():
+    """Twice the rise of ln L must exceed a gain of 6: by chance (half of χ² with one degree of
+    freedom) 0.7 % of runs without a walk show one."""
+    draw = np.random.default_rng(5)
+    path = path_of(noisy(0, 3e-5, 0.0), harmonics=1, per_block=25)
+    found = 0
+    for _ in range(120):
+        angle = draw.normal(size=len(path) + 1) * 1e-5
+        found += estimate_noise(path, np.diff(angle)).walk > 0
+    assert found <= 5  # of 120 by chance: 2 in 1000 times more
+
+
+def test_the_variance_of_a_block_is_that_of_a_mean():
+    """n rows of σ_i: Σσ_i²/n², what the block means of drawn angles scatter by."""
+    draw, n = np.random.default_rng(6), 25
+    std = 1e-5 * draw.uniform(0.5, 2, 3000)
+    time = np.arange(3000) * 0.01
+    zero = np.zeros(3000)
+    waves = [
+        wave_of(time, draw.normal(size=3000) * std, zero + 20.0, zero, 1e-5, "r").replace(
+            wave_angle_rad_std=std
+        )
+        for _ in range(40)
+    ]
+    paths = [path_of(w, harmonics=1, per_block=n) for w in waves]
+    assert paths[0].angle_variance == pytest.approx((std**2).reshape(-1, n).mean(1) / n)
+    seen = np.var([p.angle_rad for p in paths], axis=0)
+    assert np.mean(seen / paths[0].angle_variance) == pytest.approx(1 - 1 / 40, abs=0.08)
+
+
+def test_the_phases_rate_is_taken_against_the_reference():
+    """dφ/dt = 2π(f − f_ref): a wave 3 Hz above the reference turns its phase by 6π rad/s."""
+    wave = noisy(0, 1e-5, 0.0)
+    f = np.full(len(wave), wave.reference_frequency_hz + 3.0)
+    path = path_of(wave.replace(frequency_hz=f), harmonics=1, per_block=25)
+    assert path.phase_rate_rad_s == pytest.approx(6 * np.pi)
+
+
 def test_reading_by_pieces_changes_nothing(monkeypatch):
     wave = forced_run(Truth(0), lambda t: 20 + t / 10, 0.4, 20, 0)
     whole = path_of(wave, harmonics=2)

@@ -71,6 +71,29 @@ def test_errors_are_as_large_as_stated(readout, sigmas):
         assert (stated[:, 4] == 0).all()
 
 
+@pytest.mark.parametrize("readout", ["direct", "carrier", "carrier, phase known"])
+def test_every_signals_variance_counts_by_its_own_slope(readout):
+    """σ² = Σ (∂x/∂z_k)² σ_k² with the slopes of the closed form by differences, at single waves:
+    averaged over phases the terms of P and Q would vanish."""
+    generator = np.random.default_rng(3)
+    count, known, rows, h = 4 if readout == "direct" else 8, readout != "carrier", 20, 1e-5
+    phase = 0.7 if known and count == 8 else None
+    x = np.column_stack(
+        [np.ones(rows), generator.uniform(-0.7, 0.7, rows), generator.uniform(-1, 1, (rows, 3))]
+    )
+    if known:
+        x[:, 4] = 0.7 if count == 8 else 0.0
+    z = signals(x) if count == 8 else direct_signals(x)
+    variances = 1e-12 * generator.uniform(0.1, 10, z.shape)
+    expected = np.zeros((rows, 5))
+    for k in range(count):
+        step = h * np.eye(count)[k]
+        slope = difference(estimates(z + step, phase), estimates(z - step, phase)) / (2 * h)
+        expected += slope**2 * variances[:, k, None]
+    stated = standard_deviations(x, variances, known)
+    np.testing.assert_allclose(stated, np.sqrt(expected), rtol=1e-5, atol=1e-12)
+
+
 def test_equal_noise_gives_the_closed_formulas():
     x, s = np.array([[1.0, 0.4, 0.3, 0.2, 0.1]]), 1e-4
     sum_, gap = np.sqrt(1.16), 0.84

@@ -298,6 +298,23 @@ def test_clipped_samples_are_flagged_at_integer_rails_and_at_others() -> None:
         assert periods.status == "suspect" and "clipped" in " ".join(periods.status_reasons)
 
 
+@pytest.mark.parametrize(("rail", "suspect"), [(0.998, False), (0.98, True)])
+def test_more_than_a_hundredth_of_clipped_windows_is_suspect(rail: float, suspect: bool) -> None:
+    """A wave that decays from just above the rails: few clipped windows are noted, several in a
+    hundred, though far from a fifth, bend what is made of them."""
+    c, s = oscillation()
+    made = recording(
+        np.clip(np.rint(32_767 / rail * c), -32_768, 32_767).astype("i2"),
+        np.rint(32_767 * s).astype("i2"),
+        40_000.0,
+    )
+    periods = collect(demodulate(made))
+    share = (periods.flags & FLAG_CLIPPED != 0).mean()
+    assert 0.02 < share < 0.1 if suspect else 0 < share < 0.01
+    assert any("clipped" in reason for reason in periods.status_reasons)
+    assert periods.status == ("suspect" if suspect else "valid"), periods.status_reasons
+
+
 def test_clean_recordings_are_not_called_clipped() -> None:
     k = np.arange(60_000)
     for samples_a_period in (8.0, 20.0, 12.34, 400.0):

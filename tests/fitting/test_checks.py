@@ -1,0 +1,69 @@
+"""The closing checks: each fails a right result at its stated chance and no more, and a wrong one
+nearly always."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2 as chi2_law
+
+from hrg_cli.fitting import checks
+
+DRAWS = 400
+
+
+@pytest.fixture
+def often(monkeypatch):
+    """A chance large enough to be counted."""
+    monkeypatch.setattr(checks, "CHANCE", 0.1)
+
+
+def share(passed):
+    return 1 - np.mean(passed)
+
+
+def test_white_residuals_fail_no_more_often_than_stated(often):
+    """For all lengths of blocks tried together, not for each of them."""
+    random = np.random.default_rng(1)
+    failed = share(
+        [
+            checks.whiteness([random.standard_normal((300, 2)), random.standard_normal(700)]).passed
+            for _ in range(DRAWS)
+        ]
+    )
+    # Bonferroni's bound from above (4 σ of the count), correlated lengths from below
+    assert 0.01 < failed < 0.1 + 4 * np.sqrt(0.09 / DRAWS)
+
+
+def test_slow_residuals_are_not_white():
+    slow = np.repeat(np.random.default_rng(2).standard_normal(100), 8)
+    assert not checks.whiteness([slow]).passed
+    # sums of 8 equal values have 8 times the power of white ones
+    assert checks.slow_part([slow]) == pytest.approx(8, rel=0.35)
+    assert checks.slow_part([np.random.default_rng(3).standard_normal(40_000)]) < 1.5
+
+
+@pytest.mark.parametrize("dof", [5, 60, 2000])
+def test_the_largest_chi_square_is_its_quantile_and_what_the_noise_is_known_to(dof):
+    limit = checks.largest_chi2_per_dof(dof) - checks.NOISE_KNOWN
+    assert chi2_law.sf(limit * dof, dof) == pytest.approx(checks.CHANCE, rel=1e-6)
+    assert checks.goodness(limit * dof, dof).passed
+    assert not checks.goodness(1.01 * (limit + checks.NOISE_KNOWN) * dof, dof).passed
+
+
+def test_what_is_not_a_number_fails():
+    nan = float("nan")
+    for check in (
+        checks.at_most("x", nan, 1.0),
+        checks.at_least("x", nan, 1.0),
+        checks.goodness(nan, 10),
+        checks.whiteness([np.array([nan, 1.0])]),
+        checks.covariance_is_one(np.array([[nan]])),
+        checks.covariance_is_one(np.diag([1.0, -1.0])),
+        checks.covariance_is_one(np.array([[1.0, 1.1], [1.1, 1.0]])),
+    ):
+        assert not check.passed, check
+    assert checks.at_most("x", 1.0, 1.0).passed and checks.at_least("x", 1.0, 1.0).passed
+
+
+def test_the_largest_correlation_is_told():
+    cov = np.array([[4.0, 1.0, 0.0], [1.0, 1.0, -0.8], [0.0, -0.8, 1.0]])
+    assert checks.covariance_is_one(cov).value == pytest.approx(0.8)
