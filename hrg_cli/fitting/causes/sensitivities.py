@@ -11,7 +11,18 @@ import numpy as np
 from ...effects.effect import Effect, frame, no_term, same_signal, same_state
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT
-from .extended import Near, Prediction, Series, Stage, generators, half_turns, jump, running, times
+from .extended import (
+    Near,
+    Prediction,
+    Series,
+    Stage,
+    generators,
+    half_turns,
+    jump,
+    running,
+    second_order_force,
+    times,
+)
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
@@ -136,7 +147,7 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     point, series = prediction.point, prediction.series
     u, v = prediction.motion, flow.middle
 
-    def sources(series: Series, u: Array) -> Array:
+    def sources(series: Series, u: Array, drive: Array) -> Array:
         omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
         plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
         full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
@@ -146,6 +157,12 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
             times(full - plain, u),
             1j * u,
         ]
+        if series.forced.any():  # the force's second order goes with the same coordinates
+            hz = series.reference_frequency_hz
+            for k in range(len(coordinates.BASIS)):
+                second = second_order_force(np.eye(COUNT)[k], hz)
+                columns[k] = columns[k] + point.p[6] * times(second, drive)
+            columns[6] = columns[6] + times(second_order_force(point.p, hz), drive)
         held = np.isfinite(series.held_amplitude)
         if held.any():
             # the drive makes up for what the resonator loses along the wave, whatever its
@@ -160,7 +177,8 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     runs = len(series.names)
     start = np.zeros((runs, 4, COUNT + 1 + 4))
     start[:, :, COUNT + 1 :] = np.eye(4)
-    rows, mids = sources(series, u), sources(flow.centre, v)
+    rows = sources(series, u, flow.rows.lit(u).drive)
+    mids = sources(flow.centre, v, flow.halves.lit(v).drive)
     pad = [(0, 0)] * 3 + [(0, 4)]
     carried = flow.seen(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
     own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
