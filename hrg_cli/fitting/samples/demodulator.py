@@ -14,7 +14,6 @@ from .frequency import bands, nuisances
 from .spectrum import colour
 from .survey import Survey
 from .windows import (
-    KNOWN,
     Fits,
     bend_power,
     curvatures,
@@ -206,10 +205,9 @@ class Demodulator:
             )
         return self._course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
 
-    def _bends(self, u: Array, offset: Array, fits: Fits, known: Array | None) -> bool:
+    def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
         """Whether the envelopes' curvature moves a short window by more than a tenth of its noise,
-        judged by one row of `PROBE`; `known` (channel, rows): the slope's part of the residual,
-        which is no noise."""
+        judged by one row of `PROBE`."""
         pull2 = (
             bend_power(u, offset, self.window_s, PROBE)
             * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
@@ -217,12 +215,7 @@ class Demodulator:
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
         variance = float(np.median(fits.variance[::PROBE]))
         for k in range(2):
-            left = fits.residual2[k, ::PROBE]
-            if known is not None:
-                left = np.maximum(
-                    left - known[k, ::PROBE], KNOWN * np.minimum(left, known[k, ::PROBE])
-                )
-            noise2 = left / np.maximum(freedom, 1) * variance
+            noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
             noise2 = noise2[np.isfinite(noise2)]
             if len(noise2) and pull2[k] > 0.01 * np.median(noise2):
                 return True
@@ -277,13 +270,9 @@ class Demodulator:
         residual2, known = fits.residual2, None
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
-        if slope is not None and motion_counts(residual2, slope, fits.slope):
-            again = slopes(unpulled(u, slope, turn, fits.slope), offset, self.window_s)
-            slope = slope if again is None else again
-            known = motion_residual(slope, turn, fits.slope)
         bend = doubt = None
         smooth = self._judged(u, times)
-        if self.periods_asked >= MOVING_PERIODS or self._bends(smooth, offset, fits, known):
+        if self.periods_asked >= MOVING_PERIODS or self._bends(smooth, offset, fits):
             bend, doubt = curvatures(smooth, offset, self.window_s) or (None, None)
         noisier = (
             pull_noise(fits.slope, fits.curvature, self.window_s)
@@ -291,7 +280,13 @@ class Demodulator:
             else pull_noise(fits.slope, None, self.window_s)
         )
         if slope is not None:
-            u = unpulled(u, slope, turn, fits.slope)
+            raw = u
+            u = unpulled(raw, slope, turn, fits.slope)
+            if motion_counts(residual2, slope, fits.slope):
+                again = slopes(u, offset, self.window_s)
+                slope = slope if again is None else again
+                u = unpulled(raw, slope, turn, fits.slope)
+                known = motion_residual(slope, turn, fits.slope)
         if bend is not None:
             u = unpulled(u, bend, turn, fits.curvature)
             if motion_counts(residual2, bend, fits.curvature):
