@@ -39,19 +39,25 @@ def sample_noise(wave: Wave, sample_rate_hz: float) -> float:
     )
 
 
-def rate_course(time_s: Array, rate_rad_s: Array | None, length_s: float) -> dict[str, Any]:
+def rate_course(
+    time_s: Array, rate_rad_s: Array | None, length_s: float, straight: bool = False
+) -> dict[str, Any]:
     """The logged rate (n,) as a part of [environment] of a run of a length, constant or along
     straight lines; nothing where none is logged.
 
     A wave turns by the rate's integral: between its rows the log is the course that fits integrate,
-    and the lines keep its area.
+    and the lines keep its area. straight: they go through its rows instead.
     """
     if rate_rad_s is None or not np.any(known := np.isfinite(rate_rad_s)):
         return {}
     rate = np.asarray(rate_rad_s, float)[known]
     if np.ptp(rate) <= 1e-6 * max(1e-9, float(np.abs(rate).max())):
         return {"rate_rad_s": float(rate.mean())}
-    times, (values,) = chords([course(np.asarray(time_s, float)[known], rate)], length_s)
+    at = np.asarray(time_s, float)[known]
+    if straight:
+        times, values = points(at, rate)
+    else:
+        times, (values,) = chords([course(at, rate)], length_s)
     return {"rate": {"kind": "points", "time_s": times, "rate_rad_s": values}}
 
 

@@ -29,13 +29,15 @@ def simulation_file(
     effects_named: Sequence[dict[str, Any]],
     change: Array | None = None,
     replayed: bool = False,
+    straight: bool = False,
 ) -> str:
     """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start,
     rate, temperature and length.
 
     The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces
     become the run's own effect. change (R, 5): of the runs' start states and frequency offsets, by
-    what a simulation of the file missed the fit. replayed: driven runs replay the logged drive.
+    what a simulation of the file missed the fit. replayed: driven runs replay the logged drive;
+    straight: rates go straight between their log's rows.
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
@@ -115,6 +117,7 @@ def simulation_file(
             table["recording"]["sample_rate_hz"],
             change[own[0]],
             replayed,
+            straight,
         )
         turned = [
             effect.name

@@ -13,7 +13,6 @@ from ...fitting.causes.extended import Point, motion_of
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.layout import FREQUENCY
 from ...fitting.causes.wave_frame import imaginary
-from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
 from ..run_tables import drive_log, loops, points, rate_course, sample_noise
@@ -42,11 +41,12 @@ def run_table(
     sample_rate_hz: float,
     change: Array,
     replayed: bool,
+    straight: bool,
 ) -> dict[str, Any]:
     """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
 
     change (5,): what is added to the start state; replayed: a logged drive stands as its log, not
-    as the loops that the log shows.
+    as the loops that the log shows; straight: the rate goes straight between the log's rows.
     """
     series, k = fit.series, own[0]
     a_A, a_B, angle, phase = (
@@ -58,7 +58,7 @@ def run_table(
     length = float(wave.time_s[-1] + wave.window_s / 2)
     run: dict[str, Any] = {
         "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},
-        "environment": _environment(fit, own, wave, length),
+        "environment": _environment(fit, own, wave, length, straight),
         "readout": {"noise": sample_noise(piece, sample_rate_hz), "units": wave.units},
         "recording": {"duration_s": length},
     }
@@ -100,10 +100,9 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
 
     rate = along(series.rate_rad_s)
     if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
-        log = course(
-            np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known]
+        rate = np.interp(
+            times, np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known]
         )
-        rate = log.at(times)
     columns: dict[str, Any] = {
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
@@ -113,7 +112,7 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
         envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
         rate_rad_s=rate,
         temperature_degc=along(series.temperature_degc, series.temperature_rate_degc_s[:, :1]),
-        table_angle_rad=along(series.table_angle_rad, (rate[:, :1] + rate) / 2),
+        table_angle_rad=along(series.table_angle_rad, rate),
         phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
         main_impulse=along(series.main_impulse, series.main_drive[:, :1]),
         quadrature_impulse=along(series.quadrature_impulse, series.quadrature_drive[:, :1]),
@@ -126,11 +125,13 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
     return motion_of(back, point)[0, -1]
 
 
-def _environment(fit: Fit, own: Sequence[int], wave: Wave, length_s: float) -> dict[str, Any]:
+def _environment(
+    fit: Fit, own: Sequence[int], wave: Wave, length_s: float, straight: bool
+) -> dict[str, Any]:
     """Rate and temperature, constant or along straight lines; the temperature is the resonator's
     where the thermometer lags."""
     series = fit.series
-    out = rate_course(wave.time_s, wave.rate_rad_s, length_s)
+    out = rate_course(wave.time_s, wave.rate_rad_s, length_s, straight)
     if series.has_temperature:
         good = [series.weight[k] > 0 for k in own]
         t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])

@@ -65,7 +65,7 @@ class Written:
 
 
 def faithful(
-    written: Callable[[Array | None, bool], str],
+    written: Callable[[Array | None, bool, bool], str],
     fit: Fit,
     origin: Sequence[int],
     extra_effects: Sequence[Effect],
@@ -73,21 +73,24 @@ def faithful(
     """The file and how it holds: the first that misses the measurement no more than the fit, or the
     one that misses least.
 
-    written: the file's text with a change of the runs' starts and frequencies, and whether driven
-    runs replay their log. Loops are the better model of an instrument, since they serve other runs
-    too, but those that are fitted to a log may not be the recorded ones: then the log stands. Last,
-    starts and frequencies are moved to where the simulation misses the fit least.
+    written: the file's text with a change of the runs' starts and frequencies, whether driven runs
+    replay their log, and whether rates go straight between their log's rows: a rate that swings
+    beside its log may be nearer to that than to the course that the fits integrate. Loops are the
+    better model of an instrument, since they serve other runs too, but those that are fitted to a
+    log may not be the recorded ones: then the log stands. Last, starts and frequencies are moved to
+    where the simulation misses the fit least.
     """
     driven = bool(np.any(fit.series.forced))
     best: tuple[str, Written | None] = "", None
-    for replayed in (False, True) if driven else (False,):
-        text = written(None, replayed)
+    ways = [(False, False), *([(True, False)] if driven else []), (driven, True)]
+    for replayed, straight in ways:
+        text = written(None, replayed, straight)
         held = hold(text, fit, origin, extra_effects)
         best = _nearer(best, (text, held))
         if held is not None and held.ratio < NEAR:
             return best
-        if held is not None and replayed == driven:
-            other = written(held.change, replayed)
+        if held is not None and replayed == driven and not straight:
+            other = written(held.change, replayed, straight)
             best = _nearer(best, (other, hold(other, fit, origin, extra_effects)))
     return best
 
