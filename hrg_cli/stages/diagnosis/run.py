@@ -13,6 +13,7 @@ from ...fitting.causes.extended import Point, motion_of
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.layout import FREQUENCY
 from ...fitting.causes.wave_frame import imaginary
+from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
 from ..run_tables import drive_log, loops, points, rate_course, sample_noise
@@ -52,7 +53,7 @@ def run_table(
     a_A, a_B, angle, phase = (
         float(v)
         for v in ellipse.wave(
-            _start(fit, k, wave) + imaginary(change[:FREQUENCY]), series.mode_number
+            _start(fit, k, wave, straight) + imaginary(change[:FREQUENCY]), series.mode_number
         )
     )
     length = float(wave.time_s[-1] + wave.window_s / 2)
@@ -86,7 +87,7 @@ def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
     )
 
 
-def _start(fit: Fit, k: int, wave: Wave) -> Array:
+def _start(fit: Fit, k: int, wave: Wave, straight: bool) -> Array:
     """Envelopes (2,) at t = 0: the whole equation integrated back from the first row, drive and
     effects included."""
     series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
@@ -100,9 +101,11 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
 
     rate = along(series.rate_rad_s)
     if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
-        rate = np.interp(
-            times, np.asarray(wave.time_s, float)[known], np.asarray(wave.rate_rad_s, float)[known]
+        at, logged = (
+            np.asarray(wave.time_s, float)[known],
+            np.asarray(wave.rate_rad_s, float)[known],
         )
+        rate = np.interp(times, at, logged) if straight else course(at, logged).at(times)
     columns: dict[str, Any] = {
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
@@ -112,7 +115,9 @@ def _start(fit: Fit, k: int, wave: Wave) -> Array:
         envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
         rate_rad_s=rate,
         temperature_degc=along(series.temperature_degc, series.temperature_rate_degc_s[:, :1]),
-        table_angle_rad=along(series.table_angle_rad, rate),
+        table_angle_rad=along(
+            series.table_angle_rad, rate if straight else (rate[:, :1] + rate) / 2
+        ),
         phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
         main_impulse=along(series.main_impulse, series.main_drive[:, :1]),
         quadrature_impulse=along(series.quadrature_impulse, series.quadrature_drive[:, :1]),
