@@ -171,8 +171,9 @@ def diagnose(
     )
     verdict = word(bool(search.found or shown), not all(check.passed for check in closing))
     gain = held_out(untouched, search.final, own, origin)
+    sized = Sized.of(search.final, remainder, noise_factor)
     report = report_of(
-        verdict, search, remainder, gain, noise_factor, resonator, candidates, untouched
+        verdict, search, sized, remainder, gain, noise_factor, resonator, candidates, untouched
     )
     report |= {
         "effects": shown + [form.amended(e) if form else e for e in report["effects"]],
@@ -188,7 +189,7 @@ def diagnose(
         },
         "suspect_runs": [],
         "stability": stability,
-        "scores": scores(search, Sized.of(search.final, remainder, noise_factor), candidates),
+        "scores": scores(search, sized, candidates),
     }  # fmt: skip
     if form is not None:
         report["remainder"] = form.completed(report["remainder"])
@@ -230,6 +231,7 @@ def _refused(
     report = report_of(
         "unexplained",
         search,
+        Sized.of(base, None, 1.0),
         None,
         held_out(base, base, origin, origin),
         1.0,

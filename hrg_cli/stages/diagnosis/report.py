@@ -53,6 +53,7 @@ WRONG = 4.0
 def report(
     verdict: str,
     search: Search,
+    sized: Sized,
     remainder: Remainder | None,
     gain: Gain,
     noise_factor: float,
@@ -60,10 +61,9 @@ def report(
     candidates: Sequence[Variant],
     untouched: Fit,
 ) -> dict[str, Any]:
-    """Everything the contract names, and the steps that led there; `untouched`: the base fit before
-    tones and steps were taken out."""
+    """Everything the contract names, and the steps that led there; `sized`: the final fit with what
+    widens its σ; `untouched`: the base fit before tones and steps were taken out."""
     by_name = {v.effect.name: v for v in candidates}
-    sized = Sized.of(search.final, remainder, noise_factor)
     return {
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
