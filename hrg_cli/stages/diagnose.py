@@ -293,10 +293,7 @@ def proven(
         reduced = leaving_out(search.final, name)
         if reduced is None:
             continue
-        left = tuple(other for other in search.found if other is not one)
-        search = replace(
-            search, final=reduced, found=left, last=tuple(s for s, _ in scored(reduced, candidates))
-        )
+        search = search.without(one, reduced, candidates)
         remainder = rest(reduced, noise_factor)
     return search, remainder
 

@@ -91,9 +91,7 @@ def _told(
     for one in judged:
         others = _rivals(search.final, one, candidates)
         if one.chance > BESIDE_MISFIT or len(others) > MOST_RIVALS:
-            left = tuple(f for f in search.found if f.variant is not one.cause.variant)
-            last = tuple(score for score, _ in scored(one.without, candidates))
-            return replace(search, final=one.without, found=left, last=last), one.without
+            return search.without(one.cause, one.without, candidates), one.without
         named = replace(one.cause, rivals=tuple(dict.fromkeys([*one.cause.rivals, *others])))
         search = replace(
             search,

@@ -64,8 +64,8 @@ def prepare(
         )
     runs = [envelope_runs.from_wave(w) for w in waves]
     free = [r for r, w in zip(runs, waves, strict=True) if w.mode != "forced"]
-    reference = float(np.median([r.reference_frequency_hz for r in runs]))
-    shift = 2 * np.pi * (np.array([r.reference_frequency_hz for r in runs]) - reference)
+    own = np.array([r.reference_frequency_hz for r in runs])
+    shift = 2 * np.pi * (own - _common_reference_hz(runs))
     p, offsets = (
         guess(runs, free, waves, _held_scale_factor(waves, runs, scale_factor))
         if along is None
@@ -174,10 +174,15 @@ def bridged(run: EnvelopeRun) -> EnvelopeRun:
     )
 
 
+def _common_reference_hz(runs: Sequence[EnvelopeRun]) -> float:
+    """The frequency that the envelopes of all runs are put against."""
+    return float(np.median([r.reference_frequency_hz for r in runs]))
+
+
 def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
     """Padded arrays against one reference frequency, with everything the effects may look at."""
     longest = max(len(r) for r in runs)
-    reference = float(np.median([r.reference_frequency_hz for r in runs]))
+    reference = _common_reference_hz(runs)
 
     def padded(values: Array) -> Array:
         return np.concatenate([values, np.repeat(values[-1:], longest - len(values), axis=0)])

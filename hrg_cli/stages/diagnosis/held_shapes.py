@@ -32,8 +32,7 @@ def one_sigma_off(fit: Fit, noise_factor: float) -> list[Fit]:
 def _moved(fit: Fit, name: str, power: float, noise_factor: float) -> Fit | None:
     below, above = (_at(fit, name, power + step) for step in (-1.0, 1.0))
     if below is None or above is None:
-        alone = above or below
-        return alone
+        return above or below
     less, more = (below.chi2 - fit.chi2) / noise_factor, (above.chi2 - fit.chi2) / noise_factor
     curvature = max((less + more) / 2, 0.0) + 1.0
     best = (less - more) / 4 / curvature

@@ -79,6 +79,12 @@ class Search:
     first: tuple[Score, ...]
     last: tuple[Score, ...]
 
+    def without(self, cause: Found, fit: Fit, candidates: Sequence[Variant]) -> Search:
+        """The search in which a cause is given up; `fit`: the fit without it."""
+        left = tuple(one for one in self.found if one.variant is not cause.variant)
+        last = tuple(score for score, _ in scored(fit, candidates))
+        return replace(self, final=fit, found=left, last=last)
+
 
 def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
     """All ways the candidates may stand beside this fit."""
