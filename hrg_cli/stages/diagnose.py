@@ -153,8 +153,8 @@ def diagnose(
     if not steps and not tones:
         untouched = search.base
     model, written = faithful(
-        lambda change, replayed, straight: simulation_file(
-            search.final, waves, pieces, origin, shown, change, replayed, straight
+        lambda change, way: simulation_file(
+            search.final, waves, pieces, origin, shown, change, way
         ),
         search.final,
         origin,

@@ -14,7 +14,7 @@ from ...fitting.causes.layout import FREQUENCY, OWN
 from ...fitting.envelopes.coordinates import physical
 from ...records import Wave
 from ...settings import to_toml
-from .run import run_table
+from .run import Way, run_table
 
 Array = np.ndarray
 SAMPLES_A_PERIOD = 8.5
@@ -27,17 +27,15 @@ def simulation_file(
     pieces: Sequence[Wave],
     origin: Sequence[int],
     effects_named: Sequence[dict[str, Any]],
-    change: Array | None = None,
-    replayed: bool = False,
-    straight: bool = False,
+    change: Array | None,
+    way: Way,
 ) -> str:
     """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start,
     rate, temperature and length.
 
     The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces
     become the run's own effect. change (R, 5): of the runs' start states and frequency offsets, by
-    what a simulation of the file missed the fit. replayed: driven runs replay the logged drive;
-    straight: rates go straight between their log's rows.
+    what a simulation of the file missed the fit.
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
@@ -116,8 +114,7 @@ def simulation_file(
             pieces[own[0]],
             table["recording"]["sample_rate_hz"],
             change[own[0]],
-            replayed,
-            straight,
+            way,
         )
         turned = [
             effect.name

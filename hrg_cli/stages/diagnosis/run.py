@@ -4,7 +4,7 @@ courses of rate and temperature, loops."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,16 @@ HELD = (
 """Columns that stay what they are at the first row."""
 
 
+@dataclass(frozen=True)
+class Way:
+    """How a file is written where there is more than one. replayed: a logged drive stands as its
+    log, not as the loops that the log shows; straight: a rate goes straight between its log's rows,
+    not along the course that the fits integrate."""
+
+    replayed: bool = False
+    straight: bool = False
+
+
 def run_table(
     fit: Fit,
     own: Sequence[int],
@@ -41,30 +51,28 @@ def run_table(
     piece: Wave,
     sample_rate_hz: float,
     change: Array,
-    replayed: bool,
-    straight: bool,
+    way: Way,
 ) -> dict[str, Any]:
     """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
 
-    change (5,): what is added to the start state; replayed: a logged drive stands as its log, not
-    as the loops that the log shows; straight: the rate goes straight between the log's rows.
+    change (5,): what is added to the start state.
     """
     series, k = fit.series, own[0]
     a_A, a_B, angle, phase = (
         float(v)
         for v in ellipse.wave(
-            _start(fit, k, wave, straight) + imaginary(change[:FREQUENCY]), series.mode_number
+            _start(fit, k, wave, way.straight) + imaginary(change[:FREQUENCY]), series.mode_number
         )
     )
     length = float(wave.time_s[-1] + wave.window_s / 2)
     run: dict[str, Any] = {
         "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},
-        "environment": _environment(fit, own, wave, length, straight),
+        "environment": _environment(fit, own, wave, length, way.straight),
         "readout": {"noise": sample_noise(piece, sample_rate_hz), "units": wave.units},
         "recording": {"duration_s": length},
     }
     if wave.mode == "forced":
-        log = drive_log(wave, length) if replayed else None
+        log = drive_log(wave, length) if way.replayed else None
         run["control"] = {"mode": "forced"}
         if log is None:
             run["control"] |= loops(_moving(fit, own, wave), max(float(fit.point.p[0]), 0.0))

@@ -29,6 +29,7 @@ from ..demodulate import demodulate
 from ..estimate import estimate
 from ..simulate import simulate_run
 from ..simulation_file import runs_of
+from .run import Way
 
 Array = np.ndarray
 MOST_SAMPLES = 30_000_000
@@ -65,7 +66,7 @@ class Written:
 
 
 def faithful(
-    written: Callable[[Array | None, bool, bool], str],
+    written: Callable[[Array | None, Way], str],
     fit: Fit,
     origin: Sequence[int],
     extra_effects: Sequence[Effect],
@@ -73,24 +74,28 @@ def faithful(
     """The file and how it holds: the first that misses the measurement no more than the fit, or the
     one that misses least.
 
-    written: the file's text with a change of the runs' starts and frequencies, whether driven runs
-    replay their log, and whether rates go straight between their log's rows: a rate that swings
-    beside its log may be nearer to that than to the course that the fits integrate. Loops are the
-    better model of an instrument, since they serve other runs too, but those that are fitted to a
-    log may not be the recorded ones: then the log stands. Last, starts and frequencies are moved to
-    where the simulation misses the fit least.
+    written: the file's text with a change of the runs' starts and frequencies, in one of the ways
+    that it may be written. Loops are the better model of an instrument, since they serve other runs
+    too, but those that are fitted to a log may not be the recorded ones: then the log stands, with
+    starts and frequencies moved to where the simulation misses the fit least. Last, rates go
+    straight: one that swings beside its log may be nearer to that than to the log's course.
     """
     driven = bool(np.any(fit.series.forced))
+    along = Way(replayed=driven)
+    ways = [*([Way()] if driven else []), along, Way(replayed=driven, straight=True)]
     best: tuple[str, Written | None] = "", None
-    ways = [(False, False), *([(True, False)] if driven else []), (driven, True)]
-    for replayed, straight in ways:
-        text = written(None, replayed, straight)
+    told: set[str] = set()
+    for way in ways:
+        text = written(None, way)
+        if text in told:  # constant rates are written alike in every way
+            continue
+        told.add(text)
         held = hold(text, fit, origin, extra_effects)
         best = _nearer(best, (text, held))
         if held is not None and held.ratio < NEAR:
             return best
-        if held is not None and replayed == driven and not straight:
-            other = written(held.change, replayed, straight)
+        if held is not None and way == along:
+            other = written(held.change, way)
             best = _nearer(best, (other, hold(other, fit, origin, extra_effects)))
     return best
 
