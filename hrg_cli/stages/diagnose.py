@@ -11,7 +11,8 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -33,13 +34,14 @@ from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import strangers
 from .diagnosis.data import averaged_well, freedom_of, prepare
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
-from .diagnosis.form import better
+from .diagnosis.form import Form, better
 from .diagnosis.gain import held_out
+from .diagnosis.lost_samples import PhaseStep
 from .diagnosis.model import simulation_file
 from .diagnosis.orientation import oriented
 from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder
-from .diagnosis.report import Sized
+from .diagnosis.report import Sized, undescribed
 from .diagnosis.report import report as report_of
 from .diagnosis.scores import scores
 from .diagnosis.search import (
@@ -91,76 +93,38 @@ def diagnose(
     """
     of_one_gyro(waves, "diagnose")
     waves = [_with_clipped(w) for w in waves]
-
     searched = [e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"]
+    fitted = partial(_fitted, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase)
 
-    def fitted(pieces: Sequence[Wave], coarser: int = 1) -> Fit:
-        def along(motion: Point | None) -> tuple[Fit, Point]:
-            series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
-            series = replace(series, free_phase=free_phase)
-            freedom = freedom_of(series, point, scale_factor)
-            return started(extended_fit.fit(series, point, freedom)), point
-
-        first, guessed = along(None)
-        if not gross(first) and not averaged_well(first.series, guessed, first.point):
-            first, _ = along(first.point)
-        return settled(first)
-
-    steps = phase_steps(waves)
-    pieces, origin = split_at(waves, steps)
-    try:
-        base = fitted(pieces)
-    except extended_fit.DivergedError as error:
-        raise HrgError(
-            f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs"
-            " together; diagnose free and forced runs apart, or leave out the run that differs"
-            " most"
-        ) from error
-    untouched, own = base, origin
-    if steps:
-        with contextlib.suppress(extended_fit.DivergedError):
-            untouched, own = fitted(waves), list(range(len(waves)))
-            if not _needs_cuts(base, untouched):
-                steps, pieces, origin, base = [], list(waves), own, untouched
-    if suspicions := suspect_runs(waves, fitted, untouched, variants(searched, untouched)):
-        return _refused(waves, untouched, searched, suspicions, resonator)
-    if contradiction := strangers(base):
+    cut = _cut_at_losses(waves, fitted)
+    if suspicions := suspect_runs(waves, fitted, cut.untouched, variants(searched, cut.untouched)):
+        return _refused(waves, cut.untouched, searched, suspicions, resonator)
+    if contradiction := strangers(cut.base):
         raise HrgError(contradiction)
-    base, pieces, tones = taken_out(base, pieces, fitted)
+    base, pieces, tones = taken_out(cut.base, cut.pieces, fitted)
     candidates = variants(searched, base)
-    base = oriented(base, candidates)
-
-    search, remainder, noise_factor = explain(base, candidates, most_effects)
-    level = noise_level(search.final, remainder)
-    if level is not None:
-        base, untouched = reweighted(base, level), reweighted(untouched, level)
-        search, remainder, noise_factor = explain(base, candidates, most_effects)
-    search, frequencies = between_runs(search, candidates, noise_factor)
-    search, remainder = concluded(search, remainder, noise_factor, candidates)
-    search, form = better(search, candidates, noise_factor, most_effects)
-    if form is not None:
-        remainder = rest(search.final, noise_factor)
-    search, remainder = proven(search, remainder, noise_factor, candidates)
-    search, remainder = standing(search, remainder, noise_factor, candidates)
+    sought = _sought(oriented(base, candidates), cut.untouched, candidates, most_effects)
+    search, remainder, noise_factor = sought.search, sought.remainder, sought.noise_factor
 
     shown, lines = causes(
         waves,
-        steps,
+        cut.steps,
         tones,
         float(np.mean(search.final.frequency_hz)),
         [f.variant.effect.name for f in search.found],
     )
-    if not steps and not tones:
-        untouched = search.base
+    untouched = sought.untouched if cut.steps or tones else search.base
     model, written = faithful(
         lambda change, way: simulation_file(
-            search.final, waves, pieces, origin, shown, change, way
+            search.final, waves, pieces, cut.origin, shown, change, way
         ),
         search.final,
-        origin,
+        cut.origin,
         extra_effects,
     )
-    closing = closing_checks(search, remainder, form, level or 1.0, written, shown, frequencies)
+    closing = closing_checks(
+        search, remainder, sought.form, sought.level, written, shown, sought.frequencies
+    )
     ahead = (
         forecast(search, candidates, noise_factor, most_effects, waves[0].units)
         if search.found
@@ -170,15 +134,15 @@ def diagnose(
         search, candidates, noise_factor, most_effects, ahead, lambda: fitted(pieces, coarser=2)
     )
     verdict = word(bool(search.found or shown), not all(check.passed for check in closing))
-    gain = held_out(untouched, search.final, own, origin)
+    gain = held_out(untouched, search.final, cut.own, cut.origin)
     sized = Sized.of(search.final, remainder, noise_factor)
     report = report_of(
         verdict, search, sized, remainder, gain, noise_factor, resonator, candidates, untouched
     )
     report |= {
-        "effects": shown + [form.amended(e) if form else e for e in report["effects"]],
+        "effects": shown + [_in_form(e, sought.form) for e in report["effects"]],
         "lines": lines,
-        "frequencies": frequencies,
+        "frequencies": sought.frequencies,
         "wander": wander(search.final),
         "forecast": ahead,
         "checks": [check.table() for check in closing],
@@ -190,22 +154,118 @@ def diagnose(
         "suspect_runs": [],
         "stability": stability,
         "scores": scores(search, sized, candidates),
+        "remainder": _left_over(report["remainder"], sought.form, checks.failures(closing)),
     }  # fmt: skip
-    if form is not None:
-        report["remainder"] = form.completed(report["remainder"])
-    failed = checks.failures(closing)
-    if failed and report["remainder"] is None:
-        report["remainder"] = {
-            "description": "; ".join(failed),
-            "covariate": None,
-            "harmonic": None,
-            "formula": None,
-            "terms": [],
-        }
     report, shares = switched_off(report, search.base, search.final)
     return _with_shares(_record(search, waves, verdict, report, model), shares).judged(
-        _doubts(verdict, failed)
+        _doubts(verdict, checks.failures(closing))
     )
+
+
+def _fitted(
+    pieces: Sequence[Wave],
+    coarser: int = 1,
+    *,
+    scale_factor: float | None,
+    blocks: int,
+    free_phase: bool,
+) -> Fit:
+    """The base model fitted to runs, averaged along the motion that it has itself."""
+
+    def along(motion: Point | None) -> tuple[Fit, Point]:
+        series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
+        series = replace(series, free_phase=free_phase)
+        freedom = freedom_of(series, point, scale_factor)
+        return started(extended_fit.fit(series, point, freedom)), point
+
+    first, guessed = along(None)
+    if not gross(first) and not averaged_well(first.series, guessed, first.point):
+        first, _ = along(first.point)
+    return settled(first)
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """Runs cut where samples seem lost: the steps, the pieces, which run each is of, the base fit;
+    beside them the fit of whole runs, and which run each of its own is."""
+
+    steps: list[PhaseStep]
+    pieces: list[Wave]
+    origin: list[int]
+    base: Fit
+    untouched: Fit
+    own: list[int]
+
+
+def _cut_at_losses(waves: Sequence[Wave], fitted: Callable[..., Fit]) -> _Cut:
+    """The runs as they are to be diagnosed: whole where cuts are not worth it.
+
+    HrgError: the base model finds no fit to them together.
+    """
+    steps = phase_steps(waves)
+    pieces, origin = split_at(waves, steps)
+    try:
+        base = fitted(pieces)
+    except extended_fit.DivergedError as error:
+        raise HrgError(
+            f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs"
+            " together; diagnose free and forced runs apart, or leave out the run that differs"
+            " most"
+        ) from error
+    if steps:
+        with contextlib.suppress(extended_fit.DivergedError):
+            whole, runs = fitted(waves), list(range(len(waves)))
+            if not _needs_cuts(base, whole):
+                return _Cut([], list(waves), runs, whole, whole, runs)
+            return _Cut(steps, pieces, origin, base, whole, runs)
+    return _Cut(steps, pieces, origin, base, base, origin)
+
+
+@dataclass(frozen=True)
+class _Sought:
+    """What the search comes to, what it leaves over, the noise that both were judged by, and what
+    is said of the runs' frequencies and of the form of a damping."""
+
+    search: Search
+    remainder: Remainder | None
+    noise_factor: float
+    level: float
+    untouched: Fit
+    frequencies: dict[str, Any]
+    form: Form | None
+
+
+def _sought(base: Fit, untouched: Fit, candidates: Sequence[Variant], most: int) -> _Sought:
+    """The causes beside the base fit: searched, held against open terms, against other forms,
+    against data held out, and against what is left over."""
+    search, remainder, noise_factor = explain(base, candidates, most)
+    level = noise_level(search.final, remainder)
+    if level is not None:
+        base, untouched = reweighted(base, level), reweighted(untouched, level)
+        search, remainder, noise_factor = explain(base, candidates, most)
+    search, frequencies = between_runs(search, candidates, noise_factor)
+    search, remainder = concluded(search, remainder, noise_factor, candidates)
+    search, form = better(search, candidates, noise_factor, most)
+    if form is not None:
+        remainder = rest(search.final, noise_factor)
+    search, remainder = proven(search, remainder, noise_factor, candidates)
+    search, remainder = standing(search, remainder, noise_factor, candidates)
+    return _Sought(search, remainder, noise_factor, level or 1.0, untouched, frequencies, form)
+
+
+def _in_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:
+    """The report's entry of a cause, in the better form where there is one."""
+    return form.amended(effect) if form is not None else effect
+
+
+def _left_over(
+    remainder: dict[str, Any] | None, form: Form | None, failed: Sequence[str]
+) -> dict[str, Any] | None:
+    """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of
+    the checks that failed."""
+    if form is not None:
+        return form.completed(remainder)
+    return undescribed("; ".join(failed)) if failed and remainder is None else remainder
 
 
 def _with_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
@@ -251,13 +311,7 @@ def _refused(
         "suspect_runs": [one.table() for one in suspicions],
         "stability": [],
         "scores": None,
-        "remainder": {
-            "description": "; ".join(sentences),
-            "covariate": None,
-            "harmonic": None,
-            "formula": None,
-            "terms": [],
-        },
+        "remainder": undescribed("; ".join(sentences)),
     }
     return _record(search, waves, "unexplained", report, "").judged(sentences, "refused")
 

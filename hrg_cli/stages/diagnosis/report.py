@@ -76,7 +76,7 @@ def report(
         "not_separable": _not_separable(search, by_name),
         "noise_factor": noise_factor,
         "correlations": _correlations(search),
-        "remainder": None if remainder is None else describe(remainder, search.final),
+        "remainder": None if remainder is None else describe(remainder),
         "extended_model": None,
     }
 
@@ -428,16 +428,21 @@ def _correlations(search: Search) -> dict[str, Any]:
     }
 
 
-def describe(remainder: Remainder, fit: Fit) -> dict[str, Any]:
+def undescribed(description: str) -> dict[str, Any]:
+    """A remainder of which there are words alone."""
+    return {
+        "description": description,
+        "covariate": None,
+        "harmonic": None,
+        "formula": None,
+        "terms": [],
+    }
+
+
+def describe(remainder: Remainder) -> dict[str, Any]:
     """The best open term in words and as a formula; further ones behind it."""
     if not remainder.terms:
-        return {
-            "description": "a residual that is neither white nor one of the terms looked for",
-            "covariate": None,
-            "harmonic": None,
-            "formula": None,
-            "terms": [],
-        }
+        return undescribed("a residual that is neither white nor one of the terms looked for")
     rows = [_term(t) for t in remainder.terms]
     first = rows[0]
     return {
