@@ -28,8 +28,28 @@ from ..records import FLAG_GAP, FLAG_NOT_FINITE, Array, Periods
 from .columns import Roles, find
 from .envelope_signal import EnvelopeSignal
 from .envelope_windows import WindowPlan, mean_turn, plan_windows, window_means
-from .importing import Column
 from .log import ONE_DEMODULATOR, Log
+from .log_options import (
+    ClockHz,
+    Column,
+    ConstantRate,
+    ConstantTemperature,
+    Decimal,
+    FormatName,
+    FromS,
+    GyroId,
+    LotId,
+    Mode,
+    ModeNumber,
+    RateUnits,
+    RunId,
+    SamplingTolerance,
+    Separator,
+    TemperatureUnits,
+    Time,
+    TimeUnits,
+    ToS,
+)
 from .readers import guarded, open_log
 from .slow import SlowLog
 from .taken import GAP_STEPS, Taken, checked_range, moved
@@ -83,9 +103,7 @@ def import_envelope(
             ge=1, description="rows averaged to a window; by the rows' correlation where not given"
         ),
     ] = None,
-    time: Annotated[
-        Column, Field(description='column of the times; "none" to ignore times')
-    ] = None,
+    time: Time = None,
     temperature: Annotated[
         Column, Field(description="column of the temperature, by its title or 1-based number")
     ] = None,
@@ -95,72 +113,27 @@ def import_envelope(
     sample_rate_hz: Annotated[
         float | None, Field(gt=0, description="rows a second, where the log has no times")
     ] = None,
-    sampling_tolerance: Annotated[
-        float,
-        Field(ge=0, le=0.5, description="departure from an even grid, in steps, still called even"),
-    ] = 1e-3,
-    time_units: Annotated[
-        str | None,
-        Field(
-            description="unit of the times: s, ms, us, ns, min or h; the title's, or s, where not given"
-        ),
-    ] = None,
-    clock_hz: Annotated[
-        float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")
-    ] = None,
+    sampling_tolerance: SamplingTolerance = 1e-3,
+    time_units: TimeUnits = None,
+    clock_hz: ClockHz = None,
     units: Annotated[str | None, Field(description="unit of the signals")] = None,
-    rate_units: Annotated[
-        str | None,
-        Field(
-            description="unit of the rates: rad/s, deg/s, deg/h or rpm; the title's, or rad/s, where not given"
-        ),
-    ] = None,
-    temperature_units: Annotated[
-        str | None,
-        Field(
-            description="unit of the temperatures: degC, K or degF; the title's, or degC, where not given"
-        ),
-    ] = None,
-    constant_rate_rad_s: Annotated[
-        float | None, Field(description="rate of the whole run, where the log has none")
-    ] = None,
-    constant_temperature_degc: Annotated[
-        float | None, Field(description="temperature of the whole run, where the log has none")
-    ] = None,
-    mode: Annotated[Literal["free", "forced"], Field(description="run-down or driven")] = "free",
-    mode_number: Annotated[
-        int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")
-    ] = 2,
-    gyro_id: Annotated[str, Field(description="name of the gyro")] = "",
-    run_id: Annotated[str, Field(description="name of the run; the file's where not given")] = "",
-    lot_id: Annotated[str, Field(description="name of the lot")] = "",
+    rate_units: RateUnits = None,
+    temperature_units: TemperatureUnits = None,
+    constant_rate_rad_s: ConstantRate = None,
+    constant_temperature_degc: ConstantTemperature = None,
+    mode: Mode = "free",
+    mode_number: ModeNumber = 2,
+    gyro_id: GyroId = "",
+    run_id: RunId = "",
+    lot_id: LotId = "",
     start_time: Annotated[
         str, Field(description="ISO 8601 time of the first row; from the log where it has one")
     ] = "",
-    format: Annotated[
-        str, Field(description="name of a format, where its content is not to decide")
-    ] = "",
-    separator: Annotated[
-        str | None,
-        Field(
-            min_length=1,
-            max_length=1,
-            description="what separates a text log's columns; a blank for any run of blanks",
-        ),
-    ] = None,
-    decimal: Annotated[
-        Literal[".", ","] | None,
-        Field(description="decimal sign of a text log; found where not given"),
-    ] = None,
-    from_s: Annotated[
-        float | None,
-        Field(
-            ge=0, description="first time to take, from the log's first row on; it becomes t = 0"
-        ),
-    ] = None,
-    to_s: Annotated[
-        float | None, Field(gt=0, description="time from the log's first row on at which to end")
-    ] = None,
+    format: FormatName = "",
+    separator: Separator = None,
+    decimal: Decimal = None,
+    from_s: FromS = None,
+    to_s: ToS = None,
 ) -> Periods | Iterator[Periods]:
     """A log of demodulated signals as periods: one record when it fits one block, else a stream of
     them.

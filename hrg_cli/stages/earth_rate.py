@@ -3,10 +3,20 @@ latitude and how the axis stands."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
+from pydantic import Field
 
 from ..errors import HrgError
 from ..physics.environment import EARTH_RATE_RAD_S
+
+Latitude = Annotated[
+    float | None, Field(description="latitude from which the Earth's rate is taken instead")
+]
+AxisTilt = Annotated[float, Field(description="tilt of the sensitive axis from the vertical")]
+AxisAzimuth = Annotated[float, Field(description="direction of that tilt from north")]
+"""Options of the stages that take the Earth's rate into account."""
 
 
 def earth_rate_rad_s(

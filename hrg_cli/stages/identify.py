@@ -15,7 +15,7 @@ from ..fitting.envelopes import condensed, free_windows
 from ..fitting.envelopes.base_fit import Known, check
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
-from .earth_rate import earth_rate_rad_s
+from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
 from .identification.methods import (
     RegressionMethod,
     by_likelihood,
@@ -92,15 +92,9 @@ def identify(
         float | None,
         Field(description="Earth's rate about the axis, °/h, added to the logged rates"),
     ] = None,
-    latitude_deg: Annotated[
-        float | None, Field(description="latitude from which the Earth's rate is taken instead")
-    ] = None,
-    axis_tilt_deg: Annotated[
-        float, Field(description="tilt of the sensitive axis from the vertical")
-    ] = 0.0,
-    axis_azimuth_deg: Annotated[
-        float, Field(description="direction of that tilt from north")
-    ] = 0.0,
+    latitude_deg: Latitude = None,
+    axis_tilt_deg: AxisTilt = 0.0,
+    axis_azimuth_deg: AxisAzimuth = 0.0,
 ) -> Resonator:
     """Resonator parameters from free runs; every run keeps its own start and frequency.
 

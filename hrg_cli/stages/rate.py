@@ -22,7 +22,7 @@ from ..fitting.envelopes.rate_from_model import (
     rate_from_model,
 )
 from ..records import Compensated, Resonator, Wave
-from .earth_rate import earth_rate_rad_s
+from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
 
 Array = np.ndarray
 
@@ -44,15 +44,9 @@ def rate(
     earth_rate_deg_h: Annotated[
         float | None, Field(description="Earth's rate about the axis, °/h, taken off the answer")
     ] = None,
-    latitude_deg: Annotated[
-        float | None, Field(description="latitude from which the Earth's rate is taken instead")
-    ] = None,
-    axis_tilt_deg: Annotated[
-        float, Field(description="tilt of the sensitive axis from the vertical")
-    ] = 0.0,
-    axis_azimuth_deg: Annotated[
-        float, Field(description="direction of that tilt from north")
-    ] = 0.0,
+    latitude_deg: Latitude = None,
+    axis_tilt_deg: AxisTilt = 0.0,
+    axis_azimuth_deg: AxisAzimuth = 0.0,
     main_phase_error_rad: Annotated[
         float, Field(description="known phase error of the main force of a driven run")
     ] = 0.0,
