@@ -7,6 +7,9 @@ first, at the old angles; then the three angles step together with the fresh A a
 = 0, where J is singular, is allowed (this is Kaufman's variable projection step).
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,24 +128,31 @@ def gauss_newton(
     Evaluations of the residual are counted, k + 1 for k steps. With `carrier_known` ψ keeps its
     start.
     """
-    rows = len(signals)
+    settings = residual_tolerance, step_tolerance, max_iterations, carrier_known
+    return by_chunks(_iterate, signals, start, settings)
+
+
+Settings = tuple[float, float, int, bool]
+"""Tolerances of the residual and of the step, most iterations, whether ψ is known."""
+
+
+def by_chunks(
+    iterate: Callable[[Array, Solution, slice, float, float, int, bool], None],
+    signals: Array,
+    start: Array,
+    settings: Settings,
+) -> Solution:
+    """What `iterate` makes of the signals, some rows at a time; untouched rows count as failed."""
+    rows, most = len(signals), settings[2]
     solution = Solution(
         np.array(start, float),
         np.full(rows, np.nan),
-        np.full(rows, -max_iterations, np.int16),
+        np.full(rows, -most, np.int16),
         np.ones(rows, bool),
     )
     with np.errstate(all="ignore"):
         for first in range(0, rows, CHUNK_ROWS):
-            _iterate(
-                signals,
-                solution,
-                slice(first, first + CHUNK_ROWS),
-                residual_tolerance,
-                step_tolerance,
-                max_iterations,
-                carrier_known,
-            )
+            iterate(signals, solution, slice(first, first + CHUNK_ROWS), *settings)
     return solution
 
 

@@ -9,7 +9,14 @@ Nielsen & Tingleff, Methods for Non-Linear Least Squares Problems, 2004).
 
 import numpy as np
 
-from .gauss_newton import CHUNK_ROWS, Solution, amplitudes, half_products, modelled, projections
+from .gauss_newton import (
+    Solution,
+    amplitudes,
+    by_chunks,
+    half_products,
+    modelled,
+    projections,
+)
 
 Array = np.ndarray
 FIRST_DAMPING = 1e-3
@@ -26,25 +33,8 @@ def levenberg_marquardt(
 ) -> Solution:
     """Least-squares solutions from `start` (n, 5) for `signals` (n, 8); tolerances and the result
     as in `gauss_newton`."""
-    rows = len(signals)
-    solution = Solution(
-        np.array(start, float),
-        np.full(rows, np.nan),
-        np.full(rows, -max_iterations, np.int16),
-        np.ones(rows, bool),
-    )
-    with np.errstate(all="ignore"):
-        for first in range(0, rows, CHUNK_ROWS):
-            _iterate(
-                signals,
-                solution,
-                slice(first, first + CHUNK_ROWS),
-                residual_tolerance,
-                step_tolerance,
-                max_iterations,
-                carrier_known,
-            )
-    return solution
+    settings = residual_tolerance, step_tolerance, max_iterations, carrier_known
+    return by_chunks(_iterate, signals, start, settings)
 
 
 def _evaluate(z: Array, angles: Array) -> tuple[Array, tuple[Array, ...], Array]:

@@ -255,16 +255,7 @@ def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equat
     a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ + KΩ·(−sin Δφ))(a_S² − a_C²) + Δν_s sin Δφ (a_C² +
     a_S²), Δφ = φ_C − φ_S.
     """
-    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
-    return _channel_products(
-        run,
-        cross.real,
-        cross.imag,
-        np.abs(run.envelope[:, 0]) ** 2,
-        np.abs(run.envelope[:, 1]) ** 2,
-        eliminate_rate,
-        False,
-    )
+    return _fixed_axes(run, eliminate_rate)
 
 
 def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
@@ -274,6 +265,11 @@ def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equatio
     wave on one of them: cos Δφ → 0, sin Δφ → ±1. Rows in between are left out; the printed a_C a_S
     Δφ̇ → 0 would leave the frequency split unknown and is kept.
     """
+    return _fixed_axes(run, eliminate_rate, grouped=True)
+
+
+def _fixed_axes(run: EnvelopeRun, eliminate_rate: bool, grouped: bool = False) -> Equations:
+    """The channels' products as they are, whole or in two groups."""
     cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
     return _channel_products(
         run,
@@ -283,7 +279,7 @@ def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equatio
         np.abs(run.envelope[:, 1]) ** 2,
         eliminate_rate,
         False,
-        grouped=True,
+        grouped=grouped,
     )
 
 
