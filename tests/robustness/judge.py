@@ -47,7 +47,7 @@ WARM = (
             "info",
             "report",
             "import_",
-            "ledgering",
+            "ledger",
             "simulate",
             "batch",
             "plan",
