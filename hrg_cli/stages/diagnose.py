@@ -60,7 +60,7 @@ from .diagnosis.thresholds import WORTH
 from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wander
-from .diagnosis.waveform import causes, phase_steps, split_at
+from .diagnosis.waveform import causes, near_tones, phase_steps, split_at
 from .diagnosis.written import faithful
 from .one_gyro import of_one_gyro
 
@@ -106,21 +106,25 @@ def diagnose(
     sought = _sought(oriented(base, candidates), cut.untouched, candidates, most_effects)
     search, remainder, noise_factor = sought.search, sought.remainder, sought.noise_factor
 
+    frequency_hz = float(np.mean(search.final.frequency_hz))
     shown, lines = causes(
         waves,
         cut.steps,
         tones,
-        float(np.mean(search.final.frequency_hz)),
+        frequency_hz,
         [f.variant.effect.name for f in search.found],
     )
+    beating = near_tones(tones, waves, frequency_hz)
+    tone = beating[0] if beating else None
     untouched = sought.untouched if cut.steps or tones else search.base
     model, written = faithful(
         lambda change, way: simulation_file(
-            search.final, waves, pieces, cut.origin, shown, change, way
+            search.final, waves, pieces, cut.origin, shown, change, way, tone
         ),
         search.final,
         cut.origin,
         extra_effects,
+        tone,
     )
     closing = closing_checks(
         search, remainder, sought.form, sought.level, written, shown, sought.frequencies

@@ -41,6 +41,25 @@ def test_a_tone_keeps_its_size_where_the_windows_damp_it(offset_hz):
     )
 
 
+@pytest.mark.parametrize("same_phase", (True, False))
+def test_a_tone_within_short_windows_explains_all_and_is_in_the_file(same_phase):
+    """At three periods a window the tone colours the samples' residual, and σ states it as noise
+    until it is taken out; the file has it at the phase of every run."""
+    table = programme(5, runs=4, duration_s=0.4)
+    tone = {"frequency_hz": table["device"]["frequency_hz"] - 310.0}
+    vectors = 1e-4 * np.exp(1j * np.array([0.3, 0.3, 0.3, 0.3] if same_phase else [0.3, 2, 4, 5]))
+    for run, vector in zip(table["run"], vectors, strict=True):
+        parts = {"c_cos": vector.real, "c_sin": -vector.imag, "s_cos": 0.5 * vector.real}
+        run["effects"] = {"mains_tone": tone | parts}
+    out = summary(diagnose(waves(table, periods_per_window=3.0)))
+    assert [e["name"] for e in out["effects"]] == ["mains_tone"]
+    assert out["effects"][0]["same_phase_in_all_runs"] is same_phase
+    assert out["verdict"] == "explained", out["status_reasons"]
+    checks = {check["name"]: check["value"] for check in out["checks"]}
+    assert abs(checks["chi2_per_dof"] - 1) < 0.08
+    assert checks["written_model"] < 1.05
+
+
 def test_the_size_of_a_far_tone_is_known_and_its_phase_is_not():
     table = programme(5, runs=4)
     table["effects"] = {"mains_tone": {"frequency_hz": 50.0, "c_cos": -2e-4, "s_sin": 1e-4}}

@@ -15,6 +15,7 @@ from ...fitting.envelopes.coordinates import physical
 from ...records import Wave
 from ...settings import to_toml
 from .run import Way, run_table
+from .tones import Tone, channel_parts
 
 Array = np.ndarray
 SAMPLES_A_PERIOD = 8.5
@@ -29,13 +30,15 @@ def simulation_file(
     effects_named: Sequence[dict[str, Any]],
     change: Array | None,
     way: Way,
+    tone: Tone | None = None,
 ) -> str:
     """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start,
     rate, temperature and length.
 
     The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces
     become the run's own effect. change (R, 5): of the runs' start states and frequency offsets, by
-    what a simulation of the file missed the fit.
+    what a simulation of the file missed the fit. tone: one near the resonance, at its true size;
+    each run its own where its phase is not the same in all.
     """
     values, _ = physical(fit.point.p, fit.series.mode_number)
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
@@ -71,7 +74,7 @@ def simulation_file(
         if e["name"] == "dropped_samples"
         for run in e["runs"]
     }
-    tone = [
+    far_tone = [
         {k: v["value"] for k, v in e["parameters"].items()}
         for e in effects_named
         if e["name"] == "mains_tone"
@@ -85,8 +88,10 @@ def simulation_file(
         if given.get(RUN, OF_EVERY_RUN) != OF_EVERY_RUN
     }
     struck = {name: effects.pop(name) for name in of_one}
-    if tone:
-        effects["mains_tone"] = tone[0]
+    if tone is not None and tone.common:
+        effects["mains_tone"] = _of_file(tone, tone.mean)
+    elif tone is None and far_tone:
+        effects["mains_tone"] = far_tone[0]
     for e in effects_named:
         # a cubic whose sign the spectrum does not tell is a size, and no model
         if (
@@ -127,10 +132,16 @@ def simulation_file(
             lost.get(wave.run_id, {}).get("lost_s", 0.0) > 0
         ):  # repeated samples have no effect in the engine
             own_effects["dropped_samples"] = lost[wave.run_id]
+        if tone is not None and not tone.common:
+            own_effects["mains_tone"] = _of_file(tone, tone.vector[own[0]])
         if own_effects:
             run["effects"] = own_effects
         table["run"].append(run)
     return to_toml(table)
+
+
+def _of_file(tone: Tone, vector: Array) -> dict[str, float]:
+    return {**channel_parts(vector), "frequency_hz": tone.frequency_hz}
 
 
 def _turned(fit: Fit, k: int, run: dict[str, Any]) -> bool:

@@ -9,11 +9,13 @@ sidebands and is left to the open search.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...fitting.causes.extended_fit import DivergedError, Fit
+from ...fitting.samples.spectrum import floor
+from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
 from ...records import Wave
 from .thresholds import GROSS
@@ -24,12 +26,19 @@ NEAREST_CYCLES = 4.0
 for."""
 ONE_SIDED = 6.0
 FINE = 41
+LINE = 8.0
+"""Power over a spectrum's floor from which a bin is a line's and no noise."""
 MOST_TONES = 4
 DIES, SURE = 0.7, 4.0
 """Part of its power that a tone has in the second half of the runs at least, and σ by which less
 must be sure."""
 TONE_LEAVES = 0.8
 """Part of a gross misfit's χ² that a tone may leave."""
+SHOWN = 0.05
+"""Part of a tone that a window must show for its true size to be told from what is seen."""
+SCATTER = 0.2
+"""Part of a tone's χ² that its vectors' scatter from run to run may have where its phase is the
+same in all of them."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,56 @@ class Tone:
     std: Array
     gain: float
     standing: bool = True
+
+    @property
+    def mean(self) -> Array:
+        """Mean vector (2,) of the runs, weighed by their noise."""
+        weight = 1 / self.std[:, None] ** 2
+        return np.asarray(np.sum(self.vector * weight, axis=0) / weight.sum())
+
+    @property
+    def common(self) -> bool:
+        """Whether its phase at t = 0 is the same in all runs."""
+        scatter = np.abs(self.vector - self.mean) ** 2 / self.std[:, None] ** 2
+        return bool(np.sum(scatter) < SCATTER * self.gain)
+
+    def in_windows(self, frequency_hz: float, window_s: float) -> Tone:
+        """What windows of an oscillation show of a true tone."""
+        part = response((self.frequency_hz - frequency_hz) * window_s)
+        return replace(self, vector=self.vector * part, std=self.std * abs(part))
+
+    def true(self, frequency_hz: float, window_s: float) -> Tone:
+        """The tone whose part is seen; as seen where windows show next to nothing of it."""
+        part = response((self.frequency_hz - frequency_hz) * window_s)
+        if abs(part) <= SHOWN:
+            return self
+        return replace(self, vector=self.vector / part, std=self.std / abs(part))
+
+    def envelope(self, k: int, time_s: Array, reference_hz: float) -> Array:
+        """Its envelopes (n, 2) in run k against a reference: e e^{j2π(f − f_ref)t}."""
+        turn = np.exp(2j * np.pi * (self.frequency_hz - reference_hz) * time_s)
+        return np.asarray(self.vector[k] * turn[:, None])
+
+
+def channel_parts(vector: Array) -> dict[str, float]:
+    """A tone's complex amplitudes (2,) as the cosine and sine of each channel."""
+    return {
+        "c_cos": float(vector[0].real),
+        "c_sin": float(-vector[0].imag),
+        "s_cos": float(vector[1].real),
+        "s_sin": float(-vector[1].imag),
+    }
+
+
+def response(turns: float) -> float:
+    """Part that a window shows of what beats by so many turns in it: sin(πx)/(πx)·(1 + E(1 +
+    cE)/24).
+
+    The second factor is the curvature that demodulate puts back, from h windows on either side: E =
+    (2 sin(πhx)/h)².
+    """
+    bend = float((2 * np.sin(np.pi * BEND * turns) / BEND) ** 2)
+    return float(np.sinc(turns)) * (1 + bend * (1 + CURVED * bend) / 24)
 
 
 def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array]]:
@@ -169,7 +228,7 @@ def _floor(power: Array, width: int = 101) -> Array:
 def without(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
     """The waves with the tone taken out of every run."""
     out = []
-    for wave, e in zip(waves, tone.vector, strict=True):
+    for k, wave in enumerate(waves):
         t = np.asarray(wave.time_s, float)
         u = ellipse.envelopes(
             wave.main_amplitude,
@@ -178,19 +237,44 @@ def without(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
             wave.phase_rad,
             wave.mode_number,
         )
-        u = (
-            u
-            - e
-            * np.exp(2j * np.pi * (tone.frequency_hz - wave.reference_frequency_hz) * t)[:, None]
-        )
+        u = u - tone.envelope(k, t, float(wave.reference_frequency_hz))
         a_A, a_B, angle, phase = ellipse.wave(u, wave.mode_number)
         angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)
         out.append(
             wave.replace(
-                main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase
+                main_amplitude=a_A,
+                quadrature_amplitude=a_B,
+                wave_angle_rad=angle,
+                phase_rad=phase,
+                signal_std=_std_without(wave, tone.vector[k]),
             )
         )
     return out
+
+
+def _std_without(wave: Wave, vector: Array) -> Array:
+    """σ (n,) of a coefficient less what the tone e has in it, √(σ² − (|e_C|² + |e_S|²)/4), not
+    below what the spectrum's floor beside the oscillation promises, √(S/T).
+
+    The demodulation weighs the residual's colour and takes a tone for noise that every window draws
+    anew: A²/2 of it in each coefficient of its channel, two of which a channel has.
+    """
+    std = np.asarray(wave.signal_std, float)
+    if wave.spectrum_density is None or wave.spectrum_frequency_hz is None:
+        return std
+    frequency = np.asarray(wave.spectrum_frequency_hz, float)
+    density = np.asarray(wave.spectrum_density, float)
+    level = floor(density)
+    at = int(np.argmin(np.abs(frequency - wave.reference_frequency_hz)))
+    white = float((level[at] * _mean_over_median(density / level)).mean()) / wave.window_s
+    quiet = std**2 - float(np.sum(np.abs(vector) ** 2)) / 4
+    return np.asarray(np.sqrt(np.maximum(quiet, np.minimum(std**2, white))))
+
+
+def _mean_over_median(ratio: Array) -> Array:
+    """Mean of a noise spectrum over its running median, of each channel, lines left out: an average
+    of few segments has its median below its mean."""
+    return np.array([one[one < LINE].mean() for one in ratio.T])
 
 
 def taken_out(

@@ -10,20 +10,18 @@ a line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ...fitting.samples.windows import BEND, CURVED
 from ...records import Wave
 from .harmonics import below_the_codes, nonlinear
 from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
 from .lost_samples import PhaseStep, lost, phase_steps, split_at, together
 from .offered import UNMEASURED, entry, sound
-from .tones import MOST_TONES, Tone
+from .tones import MOST_TONES, Tone, channel_parts
 
-__all__ = ["causes", "phase_steps", "split_at"]
+__all__ = ["causes", "near_tones", "phase_steps", "split_at"]
 
 
 def causes(
@@ -37,7 +35,7 @@ def causes(
     effects named by the dynamics."""
     sampling, cell, far = sampling_hz(waves), cell_hz(waves), lines(waves)
     direct = all(w.readout == "direct" for w in waves)
-    near, strange, listed = [], [], []
+    near, listed = [], []
     for tone in tones:
         line = _as_line(tone)
         if sampling and (multiple := harmonic_of(line, frequency_hz, sampling, cell)):
@@ -50,8 +48,7 @@ def causes(
                     0, "it dies away beside the wave: a partial of the resonator and no tone"
                 )
             )
-        elif not any(_folded(other, tone, waves) for other in far):
-            strange.append(tone)
+    strange = near_tones(tones, waves, frequency_hz)
     everywhere = [*(line for line, _ in near), *far]
     wander = float(np.std([frequency_of(w) for w in waves]))
     codes = spurs(everywhere, frequency_hz, wander, sampling, cell) if direct else []
@@ -95,7 +92,7 @@ def causes(
         for group in together(steps, waves)
         if (offer := lost(group, waves, frequency_hz)) is not None
     ]
-    offered += [_beating(tone, waves, frequency_hz) for tone in strange]
+    offered += [_beating(tone, waves) for tone in strange]
     offered += [_tone(line, waves) for line in named]
     offered += nonlinear(waves, harmonics, codes, found) if direct else []
     return [offer for offer in offered if sound(offer)], listed
@@ -114,40 +111,34 @@ def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
     return abs(windows) > 0.5 and abs(windows - round(windows)) < 0.05 + 0.02 * abs(windows)
 
 
-def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str, Any]:
-    """A tone near the resonance; a window of length T shows sin(πx)/(πx)·(1 + E(1 + cE)/24), x =
-    Tδ, of what beats at δ.
+def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float) -> list[Tone]:
+    """Of the tones seen at the windows' rate those that stand on their own there, at their true
+    size."""
+    sampling, cell, far = sampling_hz(waves), cell_hz(waves), lines(waves)
+    window = float(np.median([w.window_s for w in waves]))
+    return [
+        tone.true(frequency_hz, window)
+        for tone in tones
+        if tone.standing
+        and not (sampling and harmonic_of(_as_line(tone), frequency_hz, sampling, cell))
+        and not any(_folded(other, tone, waves) for other in far)
+    ]
 
-    The second factor is the curvature that demodulate puts back, from h windows on either side: E =
-    (2 sin(πhx)/h)².
+
+def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
+    """A tone near the resonance, at its true size.
 
     σ of its frequency over runs of length T: √(12/χ²)/2πT, the Cramér–Rao bound with the phases
     free.
     """
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
-    turns = (tone.frequency_hz - frequency_hz) * float(np.median([w.window_s for w in waves]))
-    bend = float((2 * np.sin(np.pi * BEND * turns) / BEND) ** 2)
-    response = float(np.sinc(turns)) * (1 + bend * (1 + CURVED * bend) / 24)
-    tone = (
-        replace(tone, vector=tone.vector / response, std=tone.std / abs(response))
-        if abs(response) > 0.05
-        else tone
-    )
-    weight = 1 / tone.std**2
-    mean = np.sum(tone.vector * weight[:, None], axis=0) / weight.sum()
-    scatter = np.sum(np.abs(tone.vector - mean) ** 2 * weight[:, None])
-    common = scatter < 0.2 * tone.gain
-    vector, std = (mean, weight.sum() ** -0.5) if common else (tone.vector[0], tone.std[0])
+    vector = tone.mean if tone.common else tone.vector[0]
+    std = float(np.sum(tone.std**-2.0) ** -0.5) if tone.common else float(tone.std[0])
     frequency_std = float(np.sqrt(12 / tone.gain) / (2 * np.pi * longest))
     turn = (
         np.pi * longest * frequency_std
     )  # phase at t = 0 that goes with the frequency's error, known best in the middle of the run
-    parts = {
-        "c_cos": vector[0].real,
-        "c_sin": -vector[0].imag,
-        "s_cos": vector[1].real,
-        "s_sin": -vector[1].imag,
-    }
+    parts = channel_parts(vector)
     beside = {"c_cos": "c_sin", "c_sin": "c_cos", "s_cos": "s_sin", "s_sin": "s_cos"}
     parameters = {
         name: (float(v), float(np.hypot(std, parts[beside[name]] * turn)), "amplitude")
@@ -155,7 +146,7 @@ def _beating(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> dict[str
     }
     parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
     return entry("mains_tone", float(np.sqrt(tone.gain)), parameters, tone.gain) | {
-        "same_phase_in_all_runs": bool(common)
+        "same_phase_in_all_runs": tone.common
     }
 
 

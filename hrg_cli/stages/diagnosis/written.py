@@ -24,12 +24,13 @@ from ...fitting.causes.layout import OWN
 from ...fitting.causes.wave_frame import real
 from ...fitting.samples.demodulator import MOVING_PERIODS
 from ...physics import ellipse
-from ...records import collect
+from ...records import Wave, collect
 from ..demodulate import demodulate
 from ..estimate import estimate
 from ..simulate import simulate_run
 from ..simulation_file import runs_of
 from .run import Way
+from .tones import Tone
 
 Array = np.ndarray
 MOST_SAMPLES = 30_000_000
@@ -70,6 +71,7 @@ def faithful(
     fit: Fit,
     origin: Sequence[int],
     extra_effects: Sequence[Effect],
+    tone: Tone | None = None,
 ) -> tuple[str, Written | None]:
     """The file and how it holds: the first that misses the measurement no more than the fit, or the
     one that misses least.
@@ -79,6 +81,7 @@ def faithful(
     too, but those that are fitted to a log may not be the recorded ones: then the log stands, with
     starts and frequencies moved to where the simulation misses the fit least. Last, rates go
     straight: one that swings beside its log may be nearer to that than to the log's course.
+    tone: the one that was taken out of the measurement and is in the file.
     """
     driven = bool(np.any(fit.series.forced))
     along = Way(replayed=driven)
@@ -90,13 +93,13 @@ def faithful(
         if text in told:  # constant rates are written alike in every way
             continue
         told.add(text)
-        held = hold(text, fit, origin, extra_effects)
+        held = hold(text, fit, origin, extra_effects, tone)
         best = _nearer(best, (text, held))
         if held is not None and held.ratio < NEAR:
             return best
         if held is not None and way == along:
             other = written(held.change, way)
-            best = _nearer(best, (other, hold(other, fit, origin, extra_effects)))
+            best = _nearer(best, (other, hold(other, fit, origin, extra_effects, tone)))
     return best
 
 
@@ -110,11 +113,16 @@ def _nearer(
 
 
 def hold(
-    text: str, fit: Fit, origin: Sequence[int], extra_effects: Sequence[Effect]
+    text: str,
+    fit: Fit,
+    origin: Sequence[int],
+    extra_effects: Sequence[Effect],
+    tone: Tone | None = None,
 ) -> Written | None:
     """Simulate a written model and compare it at the fit's rows; None where it cannot be simulated.
 
-    origin: the file's run of each piece.
+    origin: the file's run of each piece. tone: the one that the rows were freed of; the simulation
+    is freed of the same, so that one which the file has wrong is left in it.
     """
     table = tomllib.loads(text)
     try:
@@ -123,17 +131,18 @@ def hold(
         return None
     wanted = sum(run.recording.sample_rate_hz * run.recording.duration_s for run in runs)
     share = min(1.0, MOST_SAMPLES / wanted)
+    order = list(dict.fromkeys(origin))
     simulated = []
-    for run in runs:
+    for number, run in enumerate(runs):
         short = run.recording.model_copy(update={"duration_s": run.recording.duration_s * share})
         quiet = run.model_copy(
             update={"recording": short, "readout": run.readout.model_copy(update={"noise": 0.0})}
         )
         try:
-            simulated.append(_envelopes(collect(simulate_run(quiet, extra_effects)), fit))
+            wave = _estimated(collect(simulate_run(quiet, extra_effects)))
         except HrgError:
             return None
-    order = list(dict.fromkeys(origin))
+        simulated.append(_envelopes(wave, fit, tone, origin.index(order[number])))
     series = fit.series
     missed, fitted = np.zeros((2, *series.weight.shape, 4))
     change = np.zeros((len(series.names), OWN))
@@ -163,10 +172,14 @@ def hold(
     return Written(figures[0], figures[1], share, change) if fitted.any() else None
 
 
-def _envelopes(recording: Any, fit: Fit) -> tuple[Array, Array, float]:
-    """Times, envelopes against the fit's reference less their mean turn (n, 2), and that turn, of a
-    simulated recording."""
-    wave = collect(estimate(collect(demodulate(recording, periods_per_window=PERIODS))))
+def _estimated(recording: Any) -> Wave:
+    """The simulated recording's wave, by the chain that a measurement goes through."""
+    return collect(estimate(collect(demodulate(recording, periods_per_window=PERIODS))))
+
+
+def _envelopes(wave: Wave, fit: Fit, tone: Tone | None, k: int) -> tuple[Array, Array, float]:
+    """Times, envelopes against the fit's reference less their mean turn (n, 2), and that turn, of
+    the simulated wave of piece k; freed of the tone that the measured one was freed of."""
     good = wave.good()
     t = np.asarray(wave.time_s, float)[good]
     u = ellipse.envelopes(
@@ -176,6 +189,9 @@ def _envelopes(recording: Any, fit: Fit) -> tuple[Array, Array, float]:
         wave.phase_rad,
         wave.mode_number,
     )[good]
+    if tone is not None:
+        seen = tone.in_windows(float(fit.frequency_hz[k]), float(wave.window_s))
+        u = u - seen.envelope(k, t, float(wave.reference_frequency_hz))
     phase = np.asarray(wave.phase_rad, float)[good]
     shift = 2 * np.pi * (float(wave.reference_frequency_hz) - fit.series.reference_frequency_hz)
     own = float((phase[-1] - phase[0]) / (t[-1] - t[0]))
