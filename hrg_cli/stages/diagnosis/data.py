@@ -192,7 +192,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
         t = run.time_s
         shift = 2 * np.pi * (run.reference_frequency_hz - reference) * t
         rate = (
-            np.interp(t, *_finite(wave.time_s, wave.rate_rad_s))
+            course(*_finite(wave.time_s, wave.rate_rad_s)).at(t)
             if _has(wave.rate_rad_s)
             else np.zeros(len(t))
         )
