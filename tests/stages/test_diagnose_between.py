@@ -48,6 +48,17 @@ def test_frequencies_follow_temperatures_that_stand_still_in_every_run():
     assert abs(found["value"] - 3e-7) < 4 * found["std"]
 
 
+def test_too_few_runs_name_no_cause_of_their_frequencies_but_say_which_would_do():
+    """Four offsets less their mean lie by chance along one of eighteen directions too often."""
+    table = programme(3, {"centrifugal_stiffness": {"coefficient": 1.5}}, runs=4, noise=3e-3)
+    for run, rate in zip(table["run"], (0.0, 3.0, -6.0, 9.0), strict=True):
+        run["environment"]["rate_rad_s"] = rate
+    _, out = verdict(table)
+    assert out["effects"] == [] and out["verdict"] == "unexplained"
+    assert "centrifugal_stiffness" in out["frequencies"]["would_follow"]
+    assert "by chance with p = 0.0" in out["frequencies"]["sentence"]
+
+
 def test_a_wander_that_nothing_follows_is_said_and_blamed_on_nothing():
     table = programme(5, runs=6)
     random = np.random.default_rng(5)

@@ -3,8 +3,10 @@ there is none."""
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from synthetic_waves import as_wave, envelope
 
+from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.diagnosis.jumps import jumps
 
@@ -27,6 +29,31 @@ def turning(seed, rate, lost_s=0.0):
 @pytest.mark.parametrize("rate", [0.0, 9.0, -24.0])
 def test_a_wave_that_turns_fast_has_no_jump(rate):
     assert [jumps(turning(seed, rate)) for seed in range(4)] == [[]] * 4
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize("width_s", [0.01, 0.02, 0.03])
+def test_a_rate_that_changes_within_some_windows_makes_no_jump(ratio, width_s):
+    """Two steps of the rate within the rows about an instant, as a table makes them; the log has
+    them."""
+    gyro = Mechanics(660.0, 3.0, 0.25, 0.35, 2.0, 0.9, 0.29)
+    fine, random = 10, np.random.default_rng(0)
+    step = WINDOW_S / fine
+    at = step * (np.arange(WINDOWS * fine) + 0.5)
+    rate = (
+        -15.0
+        - 5.75 * (1 + np.tanh((at - 0.35 * at[-1]) / width_s))
+        + 9.25 * (1 + np.tanh((at - 0.65 * at[-1]) / width_s))
+    )
+    u = np.empty((len(at), 2), complex)
+    state = envelope(gyro, 0.3, 0.0, np.zeros(1), ratio=ratio)[0]
+    for k, value in enumerate(rate):
+        half = expm(resonator.generator(gyro, float(value)) * step / 2)
+        u[k], state = half @ state, half @ half @ state
+    rows = np.arange(WINDOWS) * fine + fine // 2
+    means = rate.reshape(WINDOWS, fine).mean(axis=1)
+    wave = as_wave(u[rows], at[rows], NOISE, gyro, random, rate=means)
+    assert [jump for jump in jumps(wave) if jump.alike] == []
 
 
 @pytest.mark.parametrize("rate", [0.0, 9.0, -24.0])

@@ -133,6 +133,7 @@ def between_runs(
     frequencies."""
     fit, found = search.final, list(search.found)
     follows: list[str] = []
+    ranked: list[Pattern] = []
     while len(follows) < MOST:
         offsets, index = offsets_of(fit, noise_factor)
         if len(offsets.value) - offsets.means.shape[1] < SPARE + 1 or scatter(offsets)[1] > SCATTER:
@@ -147,7 +148,8 @@ def between_runs(
         fit, one = _adopted(fit, best, ranked, offsets)
         found.append(one)
         follows.append(one.variant.effect.name)
-    said = _said(fit, noise_factor, follows)
+        ranked = []
+    said = _said(fit, noise_factor, follows, [o for o in ranked if o.left_p > QUIET], len(ranked))
     return replace(search, final=fit, found=tuple(found)), said
 
 
@@ -204,8 +206,11 @@ def _freed(fit: Fit, follows: Sequence[str]) -> Fit:
     )
 
 
-def _said(fit: Fit, noise_factor: float, follows: Sequence[str]) -> dict[str, Any]:
-    """The runs' frequencies with errors, their scatter, and one sentence."""
+def _said(
+    fit: Fit, noise_factor: float, follows: Sequence[str], fitting: Sequence[Pattern], tried: int
+) -> dict[str, Any]:
+    """The runs' frequencies with errors, their scatter, and one sentence. fitting: causes, of so
+    many tried, that leave no more than noise, which chance does too often in so few runs."""
     free = _freed(fit, follows) if follows else fit
     offsets, _ = offsets_of(free, noise_factor)
     hz = 1 / (2 * np.pi)
@@ -214,6 +219,7 @@ def _said(fit: Fit, noise_factor: float, follows: Sequence[str]) -> dict[str, An
         "hz": free.frequency_hz.tolist(),
         "std_hz": std.tolist(),
         "follow": list(follows),
+        "would_follow": [],
     }
     if len(offsets.value) <= offsets.means.shape[1]:
         return out | {
@@ -233,11 +239,24 @@ def _said(fit: Fit, noise_factor: float, follows: Sequence[str]) -> dict[str, An
             )
         }
     beside = f"beside {' and '.join(follows)} " if follows else ""
+    differ = (
+        f"{beside}the frequencies of the runs differ by {wander:.3g} Hz from run to run ({z:.3g}"
+        " sigma); "
+    )
+    if fitting:
+        names = [one.variant.effect.name for one in fitting]
+        chance = evidence.corrected(fitting[0].p_value, tried)
+        return out | {
+            "would_follow": names,
+            "sentence": (
+                f"{differ}{' or '.join(names)} would make them so, but so few runs line up with one"
+                f" of {tried} causes by chance with p = {chance:.2g}: record more runs;"
+                f" {fitting[0].variant.effect.next_experiment}"
+            ),
+        }
     return out | {
         "sentence": (
-            f"{beside}the frequencies of the runs differ by {wander:.3g} Hz from run to run"
-            f" ({z:.3g} sigma); nothing in the catalogue follows it, every run keeps a frequency of"
-            " its own; "
+            f"{differ}nothing in the catalogue follows it, every run keeps a frequency of its own; "
             + (
                 "log the temperature of every run"
                 if not fit.series.has_temperature

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...fitting.envelopes.envelope_runs import turned
 from ...physics import ellipse
 from ...records import Array, Wave
 
@@ -100,7 +101,8 @@ def jumps(wave: Wave) -> list[Jump]:
     places = _peaks((size / usual).max(axis=1))
     if len(places) > MOST_A_RUN:
         return []
-    found = (_between(time, z, noise, first, last, rows) for first, last in places)
+    table = _turned(wave, rows)
+    found = (_between(time, z, noise, table, first, last, rows) for first, last in places)
     return [jump for jump in found if jump is not None]
 
 
@@ -122,11 +124,24 @@ def circular(u: Array) -> Array:
     return np.stack([u[:, 0] + 1j * u[:, 1], u[:, 0] - 1j * u[:, 1]], axis=-1) / np.sqrt(2)
 
 
+def _turned(wave: Wave, rows: Array) -> Array:
+    """The table's angle at the rows, by the logged rate; nought where none is logged."""
+    rate = wave.rate_rad_s
+    return turned(
+        np.asarray(wave.time_s, float)[rows],
+        None if rate is None else np.asarray(rate, float)[rows],
+    )
+
+
 def _between(
-    time: Array, z: Array, noise: Array, first: int, last: int, rows: Array
+    time: Array, z: Array, noise: Array, table: Array, first: int, last: int, rows: Array
 ) -> Jump | None:
     """The jump between rows `first` and `last` of the good ones; None where it is none or the run
-    begins or ends there."""
+    begins or ends there.
+
+    table: its angle at the rows. A rate that changes bends the course: what it leaves between two
+    smooth ones, at a scale factor of 1, is part of what is not known of the jump.
+    """
     left = np.arange(max(0, first + 1 - TOUCHED - 2 * NEIGHBOURS), max(0, first + 1 - TOUCHED))
     right = np.arange(
         min(len(time), last + TOUCHED), min(len(time), last + TOUCHED + 2 * NEIGHBOURS)
@@ -153,9 +168,10 @@ def _between(
         np.sqrt(max(spread.max(), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3])
         * np.linalg.cond(modes)
     )
+    size = float(np.sqrt(np.sum(np.abs(before) ** 2)))
+    std = float(np.hypot(std, size * (inverse @ table[near])[3]))
     if not float(np.abs(after - before).max()) > JUMP_SIGMA * std:
         return None
-    size = float(np.sqrt(np.sum(np.abs(before) ** 2)))
     rate = float(np.sum(slope * np.conj(before)).imag) / size**2
     slope = slope - 1j * rate * before  # without the oscillation, which the turn is
     turn, shift = float(np.angle(np.sum(after * np.conj(before)))), 0.0
