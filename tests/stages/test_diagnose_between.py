@@ -48,6 +48,22 @@ def test_frequencies_follow_temperatures_that_stand_still_in_every_run():
     assert abs(found["value"] - 3e-7) < 4 * found["std"]
 
 
+def test_a_cause_of_the_runs_motion_takes_their_frequencies_too():
+    """Ramps of one slope each: within a run a gradient shows its splits alone, its frequency is the
+    run's own; no second cause is asked for what it does between the runs."""
+    true = {"frequency_s_k": 2e-7, "split_cos_rad_k": 0.02, "split_sin_rad_k": -0.03}
+    table = programme(8, {"thermal_gradient": true}, runs=6)
+    for run, slope in zip(table["run"], (1.0, -0.8, 0.5, -1.2, 0.7, -0.4), strict=True):
+        ramp = {"kind": "ramp", "start_degc": 22.0, "stop_degc": 22.0 + 2 * slope}
+        run["environment"]["temperature"] = ramp
+    _, out = verdict(table)
+    assert [e["name"] for e in out["effects"]] == ["thermal_gradient"]
+    assert out["verdict"] == "explained" and out["frequencies"]["follow"] == ["thermal_gradient"]
+    for name, found in out["effects"][0]["parameters"].items():
+        assert abs(found["value"] - true[name]) < 4 * found["std"], name
+    assert out["effects"][0]["parameters"]["frequency_s_k"]["std"] < 1e-7
+
+
 def test_too_few_runs_name_no_cause_of_their_frequencies_but_say_which_would_do():
     """Four offsets less their mean lie by chance along one of eighteen directions too often."""
     table = programme(3, {"centrifugal_stiffness": {"coefficient": 1.5}}, runs=4, noise=3e-3)

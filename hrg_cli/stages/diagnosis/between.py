@@ -98,18 +98,25 @@ class Pattern:
     gain: float
     wander: float
     left_p: float
+    stands: bool
+    """Whether the cause stands already, and this is what its runs alone do not show of it."""
 
 
 def patterns(
     fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[Variant]
 ) -> list[Pattern]:
-    """Every cause that changes the runs' frequencies differently, the least likely by chance
-    first."""
+    """Every cause that changes the runs' frequencies differently, the least likely by chance first;
+    before all, one that stands already and leaves no more than noise."""
     from scipy.special import chdtrc, fdtrc
 
     active = {effect.name for effect, _ in fit.point.active}
     out: dict[str, Pattern] = {}
-    open_ones = [v for v in candidates if v.effect.name not in active and not v.secants]
+    open_ones = [
+        one
+        for v in candidates
+        if not v.secants
+        and (one := v if v.effect.name not in active else _unshown(v, fit)) is not None
+    ]
     for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):
         response = (fit.covariance @ fit.design.along(S))[index]
         if not np.all(np.isfinite(response)) or not response.any():
@@ -122,8 +129,25 @@ def patterns(
             continue
         p = float(fdtrc(rank, dof, (before - after) / rank / max(1.0, after / dof)))
         left = float(chdtrc(dof, offsets.misfit(0.0, response)[0]))
-        out[variant.effect.name] = Pattern(variant, response, p, before - after, wander, left)
-    return sorted(out.values(), key=lambda one: (one.p_value, -one.gain))
+        stands = variant.effect.name in active
+        out[variant.effect.name] = Pattern(
+            variant, response, p, before - after, wander, left, stands
+        )
+    return sorted(
+        out.values(),
+        key=lambda one: (not (one.stands and one.left_p > QUIET), one.p_value, -one.gain),
+    )
+
+
+def _unshown(variant: Variant, fit: Fit) -> Variant | None:
+    """A cause that stands, with those of its parameters that its runs alone did not show; None
+    where they showed all."""
+    effect, values = next(pair for pair in fit.point.active if pair[0].name == variant.effect.name)
+    fitted = {p.name for p in effect.fitted()}
+    steps = {name: step for name, step in variant.steps.items() if name not in fitted}
+    if not steps or any(values[name] != variant.values[name] for name in steps):
+        return None
+    return Variant(variant.effect, dict(values), steps)
 
 
 def between_runs(
@@ -146,6 +170,7 @@ def between_runs(
         if p > (BESIDE_NOISE if best.left_p > QUIET else SIGNIFICANT):
             break
         fit, one = _adopted(fit, best, ranked, offsets)
+        found = [f for f in found if f.variant.effect.name != one.variant.effect.name]
         found.append(one)
         follows.append(one.variant.effect.name)
         ranked = []
