@@ -60,7 +60,7 @@ from .diagnosis.thresholds import WORTH
 from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wander
-from .diagnosis.waveform import causes, near_tones, phase_steps, split_at
+from .diagnosis.waveform import causes, near_tones, phase_steps, split_at, unnamed
 from .diagnosis.written import faithful
 from .one_gyro import of_one_gyro
 
@@ -107,12 +107,13 @@ def diagnose(
     search, remainder, noise_factor = sought.search, sought.remainder, sought.noise_factor
 
     frequency_hz = float(np.mean(search.final.frequency_hz))
+    named = [f.variant.effect.name for f in search.found]
     shown, lines = causes(
         waves,
         cut.steps,
         tones,
         frequency_hz,
-        [f.variant.effect.name for f in search.found],
+        named,
     )
     beating = near_tones(tones, waves, frequency_hz)
     tone = beating[0] if beating else None
@@ -127,7 +128,14 @@ def diagnose(
         tone,
     )
     closing = closing_checks(
-        search, remainder, sought.form, sought.level, written, shown, sought.frequencies
+        search,
+        remainder,
+        sought.form,
+        sought.level,
+        written,
+        shown,
+        sought.frequencies,
+        [t.frequency_hz for t in unnamed(tones, shown, named)],
     )
     ahead = (
         forecast(search, candidates, noise_factor, most_effects, waves[0].units)

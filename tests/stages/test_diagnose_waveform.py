@@ -60,6 +60,24 @@ def test_a_tone_within_short_windows_explains_all_and_is_in_the_file(same_phase)
     assert checks["written_model"] < 1.05
 
 
+@pytest.mark.parametrize("seed", (5, 6, 7))
+def test_a_tone_of_fifteen_sigma_is_named_whatever_noise_its_mirror_has(seed):
+    """Five runs, 6003 samples each: σ of a part is 1.5e-3·√(2/6003), and |e|²/σ² of all 225. Its
+    mirror beside the resonance has a fifth of its power from noise alone."""
+    table = programme(seed, runs=5, duration_s=0.3, noise=1.5e-3)
+    size = 15 * 1.5e-3 * np.sqrt(2 / 6003 / 5)
+    table["effects"] = {
+        "mains_tone": {
+            "frequency_hz": table["device"]["frequency_hz"] + 271.0,
+            "c_cos": 0.8 * size,
+            "s_sin": 0.6 * size,
+        }
+    }
+    out = summary(diagnose(waves(table, periods_per_window=3.0)))
+    assert [e["name"] for e in out["effects"]] == ["mains_tone"]
+    assert out["verdict"] == "explained", out["checks"]
+
+
 def test_the_size_of_a_far_tone_is_known_and_its_phase_is_not():
     table = programme(5, runs=4)
     table["effects"] = {"mains_tone": {"frequency_hz": 50.0, "c_cos": -2e-4, "s_sin": 1e-4}}

@@ -55,12 +55,13 @@ def closing_checks(
     written: Written | None,
     waveform: Sequence[dict[str, object]],
     frequencies: Mapping[str, Any],
+    lines_hz: Sequence[float] = (),
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
     frequencies: what is said of the runs' own (`between`); level: noise over the stated one that
     the last fit was weighted with; waveform: entries of the causes that the samples show before any
-    dynamics.
+    dynamics; lines_hz: what was taken out of the waves and is no named cause's.
     """
     final = search.final
     return [
@@ -71,6 +72,12 @@ def closing_checks(
         ),
         checks.holds(
             "catalogued_form", form is None, "a cause has another form than the catalogue's"
+        ),
+        checks.holds(
+            "lines_named",
+            not lines_hz,
+            "a line that nothing named makes was taken out of the waves, at "
+            + " and ".join(f"{hz:.6g} Hz" for hz in lines_hz),
         ),
         checks.goodness(
             final.chi2 * level**2,

@@ -156,12 +156,19 @@ def folded(frequency_hz: float | Array, sampling: float | None) -> Any:
     )
 
 
-def harmonic_of(line: Line, frequency_hz: float, sampling: float | None, cell: float) -> int:
+def harmonic_of(
+    line: Line,
+    frequency_hz: float,
+    sampling: float | None,
+    cell: float,
+    wander_hz: float | None = None,
+) -> int:
     """Which multiple of the oscillation (2 … `HARMONICS`) a line is, folded at half the sampling
-    rate where that is known; 0: none."""
+    rate where that is known; 0: none. wander_hz: how far the runs' frequencies may lie apart."""
     orders = np.arange(2, HARMONICS + 1)
+    wander_hz = 2 * WANDER * frequency_hz if wander_hz is None else wander_hz
     off = np.abs(line.frequency_hz - folded(orders * frequency_hz, sampling))
-    near = np.flatnonzero(off < WIDTH_CELLS * cell + 2 * WANDER * orders * frequency_hz)
+    near = np.flatnonzero(off < WIDTH_CELLS * cell + orders * wander_hz)
     return int(orders[near[0]]) if len(near) else 0
 
 

@@ -24,7 +24,9 @@ Array = np.ndarray
 NEAREST_CYCLES = 4.0
 """Cycles of beat with every run's own frequency in the shortest run from which a tone is looked
 for."""
-ONE_SIDED = 6.0
+ONE_SIDED, MIRRORED = 6.0, 2.0
+"""Power of a tone over its mirror's beside the resonance, less the floor in both, and σ of the
+mirror's noise allowed beside."""
 FINE = 41
 LINE = 8.0
 """Power over a spectrum's floor from which a bin is a line's and no noise."""
@@ -164,8 +166,8 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
         return None
     offset = float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi)
     frequency = np.fft.fftfreq(size, step)
-    floor = _floor(np.fft.fftshift(power))
-    relative = np.fft.ifftshift(np.fft.fftshift(power) / floor)
+    level = np.fft.ifftshift(_floor(np.fft.fftshift(power)))
+    relative = power / level
     distance = frequency - offset
     mirror = np.interp(
         offset - distance, np.fft.fftshift(frequency), np.fft.fftshift(power), period=1 / step
@@ -174,9 +176,10 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
     expected = 4 * used * np.maximum(relative, 0)
     own = fit.point.offset_rad_s / (2 * np.pi)
     nearest = np.min(np.abs(frequency[:, None] - own), axis=1)
+    noise = MIRRORED * level / np.sqrt(2 * used)  # of a sum of 2·used exponentials
     wanted = (
         (nearest * shortest > NEAREST_CYCLES)
-        & (power > ONE_SIDED * mirror)
+        & (mirror - level < (power - level) / ONE_SIDED + noise)
         & (chdtrc(4 * used, expected) < 1e-6 / size)
     )
     if not wanted.any():

@@ -21,7 +21,11 @@ from .lost_samples import PhaseStep, lost, phase_steps, split_at, together
 from .offered import UNMEASURED, entry, sound
 from .tones import MOST_TONES, Tone, channel_parts
 
-__all__ = ["causes", "near_tones", "phase_steps", "split_at"]
+__all__ = ["causes", "near_tones", "phase_steps", "split_at", "unnamed"]
+MAKE_LINES = frozenset(
+    ("mains_tone", "pickoff_nonlinearity", "converter_nonlinearity", "saturation")
+)
+"""Effects of the catalogue that put lines into the samples' spectrum."""
 
 
 def causes(
@@ -38,10 +42,12 @@ def causes(
     near, listed = [], []
     for tone in tones:
         line = _as_line(tone)
-        if sampling and (multiple := harmonic_of(line, frequency_hz, sampling, cell)):
-            near.append(
-                (line, multiple)
-            )  # a harmonic that the sampling folds beside the resonance is no tone from outside
+        if multiple := _multiple(tone, waves, frequency_hz):
+            # a harmonic that the sampling folds beside the resonance is no tone from outside
+            near.append((line, multiple))
+            listed.append(
+                line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
+            )
         elif not tone.standing:
             listed.append(
                 line.listed(
@@ -103,6 +109,28 @@ def _as_line(tone: Tone) -> Line:
     return Line(tone.frequency_hz, size, tone.gain / 2, len(tone.vector), np.ones((1, 2)))
 
 
+def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
+    """Which multiple of the oscillation a tone beside the resonance is, folded; 0: none, or the
+    sampling is not known.
+
+    Runs of length T tell it to 1/T, and the oscillation's own frequency from run to run apart.
+    """
+    sampling = sampling_hz(waves)
+    longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
+    wander = float(np.ptp([frequency_of(w) for w in waves]))
+    if not sampling:
+        return 0
+    return harmonic_of(_as_line(tone), frequency_hz, sampling, 1 / longest, wander)
+
+
+def unnamed(
+    tones: Sequence[Tone], shown: Sequence[dict[str, Any]], found: Sequence[str]
+) -> list[Tone]:
+    """Tones that were taken out of the waves where nothing that is named makes a line."""
+    named = {str(entry["name"]) for entry in shown} | set(found)
+    return [] if named & MAKE_LINES else [tone for tone in tones if tone.standing]
+
+
 def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
     """Whether the tone seen at the windows' rate is a line of the samples, folded."""
     windows = (line.frequency_hz - tone.frequency_hz) * float(
@@ -114,13 +142,13 @@ def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
 def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float) -> list[Tone]:
     """Of the tones seen at the windows' rate those that stand on their own there, at their true
     size."""
-    sampling, cell, far = sampling_hz(waves), cell_hz(waves), lines(waves)
+    far = lines(waves)
     window = float(np.median([w.window_s for w in waves]))
     return [
         tone.true(frequency_hz, window)
         for tone in tones
         if tone.standing
-        and not (sampling and harmonic_of(_as_line(tone), frequency_hz, sampling, cell))
+        and not _multiple(tone, waves, frequency_hz)
         and not any(_folded(other, tone, waves) for other in far)
     ]
 
