@@ -3,14 +3,21 @@
 Physics: leakage into a forcer, or base vibration coherent with the wave, pushes along a fixed
 direction.
 Equation: u' += f e^{jφ}, f complex (C, S); mθ̇ = Re(f·e_B)/a, ṙ = −Im(f·e_B)/a   (PHYSICS C11).
+A drive's leakage ends with the drive; a reference that goes on beside it (a phase-locked loop's
+oscillator on the forcers) pushes in free runs, too: in_free_runs = 1.
 Size: 1e-4 ν a. Mistaken for: coherent offset and feed-through (angle errors; this is an error of
-the rate, independent of Ω). What separates it: a free run and two rates of rotation.
+the rate, independent of Ω). What separates it: a free run, where it grows as 1/a, and two rates of
+rotation.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..physics.plant import Control, SlowState
-from .effect import Array, Effect, Parameter, Values, frame
+from .effect import Array, Effect, Parameter, Runs, Values, frame
+
+ALWAYS = "in_free_runs"
 
 
 def vector(p: Values) -> Array:
@@ -24,29 +31,40 @@ def vector(p: Values) -> Array:
 
 
 def control(p: Values, control: Control) -> None:
-    """f."""
+    """f; in a free run beside a drive whose commands are replayed, and are nought."""
     control.parasitic_force = control.parasitic_force + vector(p)
+    if p[ALWAYS] and not control.forced:
+        control.forced, control.log = True, np.zeros((1, 3))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
-    """f e^{jφ} while the drive is on."""
-    return vector(p) * (state.forced * frame(u, state.phase_rad)[0])[..., None]
+    """f e^{jφ} while the drive is on, or always."""
+    acting = np.where(p[ALWAYS], 1.0, state.forced)
+    return vector(p) * (acting * frame(u, state.phase_rad)[0])[..., None]
+
+
+def both(_: Runs) -> Sequence[Values]:
+    """With the drive alone, and always."""
+    return ({}, {ALWAYS: 1.0})
 
 
 EFFECT = Effect(
     name="parasitic_force",
     family="control",
     page=__doc__,
-    parameters=tuple(
-        Parameter(
-            f"{part}_{channel}_1_s",
-            "amplitude s-1",
-            3e-4,
-            f"force on {channel.upper()}, {part.replace('_', ' ')}",
-            amplitude_power=1,
-        )
-        for part in ("in_phase", "quadrature")
-        for channel in "cs"
+    parameters=(
+        *(
+            Parameter(
+                f"{part}_{channel}_1_s",
+                "amplitude s-1",
+                3e-4,
+                f"force on {channel.upper()}, {part.replace('_', ' ')}",
+                amplitude_power=1,
+            )
+            for part in ("in_phase", "quadrature")
+            for channel in "cs"
+        ),
+        Parameter(ALWAYS, "1", 0.0, "1: it pushes in free runs, too", fitted=False),
     ),
     mistaken_for=("coherent_offset", "drive_feedthrough"),
     next_experiment=(
@@ -57,4 +75,5 @@ EFFECT = Effect(
     slow=slow,
     coherent=True,
     shown_by=("drive",),
+    starts=both,
 )

@@ -134,6 +134,19 @@ def test_fast_and_slow_agree(effect):
     )
 
 
+def test_a_reference_that_leaks_pushes_in_a_free_run_alike_in_both_engines():
+    """A force without a drive; and none where it is the drive's."""
+    given = {"parasitic_force": SIZES["parasitic_force"] | {"in_free_runs": 1.0}}
+    fast, slow, plain = envelopes(
+        wave("fast", given, False), wave("slow", given, False), wave("fast", {}, False)
+    )
+    size = np.sqrt(np.mean(np.abs(fast - plain) ** 2))
+    assert size > 1e-4
+    assert np.sqrt(np.mean(np.abs(fast - slow) ** 2)) < USUAL * size
+    without = envelopes(wave("fast", {"parasitic_force": SIZES["parasitic_force"]}, False))[0]
+    assert np.array_equal(without, plain)
+
+
 @pytest.mark.parametrize("power", (1.0, 3.0, -1.0, -2.0))
 def test_a_damping_of_another_power_is_the_same_in_both_engines(power):
     given = {"nonlinear_damping": {"damping_1_s": 0.2, "power": power}}

@@ -78,6 +78,24 @@ def hidden(effect, seed):
     )
 
 
+@pytest.mark.parametrize("forced", (False, True))
+def test_a_reference_that_leaks_onto_the_forcers_is_named_in_free_runs(forced):
+    """It pushes with and without a drive, so that no drive's leakage is blamed."""
+    true = {"in_phase_c_1_s": 1.5e-4, "quadrature_s_1_s": -1e-4}
+    table = programme(11, {"parasitic_force": true | {"in_free_runs": 1.0}}, forced=forced)
+    diagnosis, out = verdict(table)
+    assert [e["name"] for e in out["effects"]] == ["parasitic_force"]
+    assert out["verdict"] == "explained", out["checks"]
+    assert (
+        tomllib.loads(diagnosis.extended_model)["effects"]["parasitic_force"]["in_free_runs"] == 1.0
+    )
+    sizes = np.array([p["value"] for p in out["effects"][0]["parameters"].values()])
+    stds = np.array([p["std"] for p in out["effects"][0]["parameters"].values()])
+    wanted = np.array([true.get(name, 0.0) for name in out["effects"][0]["parameters"]])
+    # its sign is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave
+    assert min(np.abs((sizes - sign * wanted) / stds).max() for sign in (1, -1)) < 4
+
+
 def check(effect, seed):
     values, table = hidden(effect, seed)
     _, out = verdict(table)
