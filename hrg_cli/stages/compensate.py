@@ -14,7 +14,7 @@ from ..errors import HrgError
 from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
-from .calibration.table import in_range, measured_drift, values
+from .calibration.table import in_range, measured_drift
 from .figures_of_merit import allan_figures
 
 Array = np.ndarray
@@ -137,8 +137,8 @@ def _stream(
         )
         blocks = path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
         in_range(calibration, blocks, name)
-        drift, scale = values(
-            calibration, path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad)
+        drift, scale = calibration.values_at(
+            path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad)
         )
         drift = drift + measured_drift(calibration, path)
         time = path.interval_s

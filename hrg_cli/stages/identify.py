@@ -26,7 +26,7 @@ from .identification.methods import (
     resampled,
     unknown_rate,
 )
-from .identification.verdict import Verdict
+from .identification.outcome import Verdict
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray

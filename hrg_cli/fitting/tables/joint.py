@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from .fourier import monotone_weights, node_weights
+from ...harmonics import monotone_weights, node_weights
 from .increments import Noise, Path, Whitener, covariance_bands, estimate_noise, whiten
 
 Array = np.ndarray
