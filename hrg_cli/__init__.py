@@ -78,6 +78,29 @@ _PUBLIC = {
 }
 
 
+__all__ = [
+    "Calibration",
+    "Compensated",
+    "Diagnosis",
+    "HrgError",
+    "Periods",
+    "Recording",
+    "Resonator",
+    "Wave",
+    "answer",
+    "calibrate",
+    "collect",
+    "compensate",
+    "demodulate",
+    "diagnose",
+    "estimate",
+    "identify",
+    "plan",
+    "simulate",
+    "store",
+]
+
+
 def __getattr__(name: str) -> Any:
     """Public names load on first use, so that `hrg --help` stays fast."""
     if name in _PUBLIC:

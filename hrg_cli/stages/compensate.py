@@ -68,6 +68,26 @@ def compensate(
     HrgError
         Another gyro or mode number, refused tables, a temperature outside the tables, a run that was
         compensated before, a rate log of the wrong sign.
+
+    Examples
+    --------
+    >>> from hrg_cli import calibrate, collect, compensate, demodulate, estimate, simulate
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "control": {"mode": "forced"},
+    ...     "readout": {"noise": 1e-5},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 8.0},
+    ...     "run": [
+    ...         {"run_id": "left", "environment": {"rate_rad_s": 2.0}},
+    ...         {"run_id": "right", "environment": {"rate_rad_s": -2.0}},
+    ...     ],
+    ... }
+    >>> samples = [collect(simulate(config, model="slow", run=run)) for run in ("left", "right")]
+    >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=50)))) for r in samples]
+    >>> tables = calibrate(waves, harmonics=1, scale_factor_harmonics=0, model="table")
+    >>> rate = collect(compensate(waves[0], tables)).rate_estimate_rad_s
+    >>> len(rate), float(rate.mean().round(4))
+    (159, 2.0)
     """
     _guard(wave, calibration)
     return _stream(wave, calibration, windows_per_increment, earth_rate_rad_s)
