@@ -28,7 +28,7 @@ COMMANDS = {
     ),
     "demodulate": (
         "demodulate",
-        "Samples to signals a window: least squares at the oscillation frequency, which is found"
+        "Samples to signals per window: least squares at the oscillation frequency, which is found"
         " and followed.",
     ),
     "estimate": (

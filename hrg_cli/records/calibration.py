@@ -15,7 +15,7 @@ from .record import Record
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Calibration(Record):
-    """Drift D(T, θ) and scale factor K(T, θ): m·dθ/dt = −K·Ω + D, as Fourier coefficients a
+    """Drift D(T, θ) and scale factor K(T, θ): m·dθ/dt = −K·Ω + D, as Fourier coefficients per
     temperature node and as tables.
 
     Harmonics are of 2mθ: value(θ) = h₀ + Σ_k h_{2k−1} cos(2mkθ) + h_{2k} sin(2mkθ). Nodes are

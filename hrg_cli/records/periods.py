@@ -11,7 +11,7 @@ from .windowed import Windowed
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Periods(Windowed):
-    """Signals a window: the least-squares coefficients of both channels at the window's centre.
+    """Signals per window: the least-squares coefficients of both channels at the window's centre.
 
     Direct read-out, 4 signals c_cos, c_sin, s_cos, s_sin: C = c_cos·cos ω_r t + c_sin·sin ω_r t, so
     C0 = c_cos − j·c_sin. Carrier read-out, 8 signals: the a (cosine) and b (sine) coefficients at
@@ -29,7 +29,7 @@ class Periods(Windowed):
         "any", "rms of what the fit leaves, channel C and S", ("row", "channel"), valid=FLAGGED_STD
     )
     periods_per_window: float = attribute(
-        "oscillation periods a window", dtype="f8", valid=POSITIVE
+        "oscillation periods per window", dtype="f8", valid=POSITIVE
     )
     carrier_hz: float | None = attribute(
         "carrier frequency", default=None, dtype="f8", valid=POSITIVE

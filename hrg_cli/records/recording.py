@@ -154,7 +154,7 @@ class Recording(Record):
     )
     drive_main: Array | None = column(
         "any",
-        "commanded drive of the main wave, force/(2ω) a second",
+        "commanded drive of the main wave, force/(2ω) per second",
         ("auxiliary_row",),
         group="/auxiliary",
         optional=True,

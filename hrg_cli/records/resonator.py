@@ -28,7 +28,7 @@ class Resonator(Record):
     gyro_id: str = attribute("the gyro", default="")
     lot_id: str = attribute("the lot", default="")
     chi2_per_dof: float = attribute(
-        "χ² a degree of freedom of the fit",
+        "χ² per degree of freedom of the fit",
         default=float("nan"),
         dtype="f8",
         valid=Valid(missing="anywhere", infinite=True, at_least=0),
@@ -56,7 +56,7 @@ class Resonator(Record):
     )
     run_chi2_per_dof: Array | None = column(
         "1",
-        "χ² a degree of freedom of the run",
+        "χ² per degree of freedom of the run",
         ("run",),
         group="/fit",
         name="chi2_per_dof",

@@ -13,7 +13,7 @@ from .windowed import Windowed
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Wave(Windowed):
-    """The standing wave a window: main amplitude, quadrature, wave angle, phases, with standard
+    """The standing wave per window: main amplitude, quadrature, wave angle, phases, with standard
     deviations.
 
     C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ); θ and φ

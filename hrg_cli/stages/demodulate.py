@@ -1,4 +1,4 @@
-"""demodulate: samples of the two channels -> least-squares signals a window, against one constant
+"""demodulate: samples of the two channels -> least-squares signals per window, against one constant
 reference frequency.
 
 C = c_cos·cos ω_r t + c_sin·sin ω_r t (CONTRACT), so C0 = c_cos − j·c_sin at the window's centre.
@@ -45,14 +45,14 @@ def demodulate(
     recording: Recording,
     *,
     periods_per_window: Annotated[
-        float, Field(gt=0, description="oscillation periods a window, any fraction")
+        float, Field(gt=0, description="oscillation periods per window, any fraction")
     ] = 1.0,
     moving_envelope: Annotated[
         bool | None,
         Field(
             description=(
                 "let the envelope move linearly within a window (t·cos, t·sin); by default from 3"
-                " periods a window"
+                " periods per window"
             )
         ),
     ] = None,

@@ -44,7 +44,7 @@ class Layout:
 
     @property
     def drift_size(self) -> int:
-        """Drift coefficients a node."""
+        """Drift coefficients per node."""
         return 1 + 2 * self.drift_harmonics
 
     @property
