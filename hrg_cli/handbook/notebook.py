@@ -68,7 +68,8 @@ def _outputs(code: str, namespace: dict[str, Any], count: int) -> Iterator[dict[
 def page_of(notebook: Notebook, name: str) -> tuple[str, dict[str, bytes]]:
     """The notebook as a page in Markdown, and its figures by file name; `name`: the notebook's,
     without its ending."""
-    parts, figures = [], {}
+    parts: list[str] = []
+    figures: dict[str, bytes] = {}
     for cell in notebook["cells"]:
         text = _text(cell["source"]).strip()
         parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")

@@ -89,14 +89,14 @@ class Recording(Record):
     c_units: str = attribute("unit of channel C", default="1", group="/recording/c", name="units")
     s_units: str = attribute("unit of channel S", default="1", group="/recording/s", name="units")
     c_scale_factor: float = attribute(
-        "unit of channel C a raw count",
+        "unit of channel C per raw count",
         default=1.0,
         dtype="f8",
         group="/recording/c",
         name="scale_factor",
     )
     s_scale_factor: float = attribute(
-        "unit of channel S a raw count",
+        "unit of channel S per raw count",
         default=1.0,
         dtype="f8",
         group="/recording/s",
