@@ -21,7 +21,7 @@ from recordings import GYRO, hrg, measured, run_down
 from hrg_cli import pipeline, settings, store
 
 PERIODS = 10
-"""Oscillation periods a window: about 200 samples."""
+"""Oscillation periods per window: about 200 samples."""
 SHORT = 100_000
 STAGES = ("demodulate", "estimate", "identify")
 GIVEN = {

@@ -114,7 +114,7 @@ def as_processes(path: Path) -> None:
         ]
         reading, whole = min(pairs, key=lambda pair: pair[1])
         ratio = f"{whole / reading:.1f} x a process that only reads ({reading:.2f} s)"
-        print(f"  whole process, {periods} periods a window: {whole:.2f} s, {ratio}")
+        print(f"  whole process, {periods} periods per window: {whole:.2f} s, {ratio}")
 
 
 def main(millions: float) -> None:
@@ -131,7 +131,7 @@ def main(millions: float) -> None:
             for periods in (1.0, 50.0):
                 taken = best(partial(run, path, periods), 2)
                 print(
-                    f"  {periods:g} periods a window: {taken:.3f} s, {taken / reading:.1f} x"
+                    f"  {periods:g} periods per window: {taken:.3f} s, {taken / reading:.1f} x"
                     f" reading, {taken / size * 1e9:.1f} ns a pair"
                 )
             as_processes(path)

@@ -22,6 +22,8 @@ As a library:
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .version import __version__ as __version__
+
 if TYPE_CHECKING:  # what a type checker and an editor see; the names load on first use (PEP 562), a test holds both lists together
     from . import store as store
     from .errors import HrgError as HrgError
@@ -42,8 +44,6 @@ if TYPE_CHECKING:  # what a type checker and an editor see; the names load on fi
     from .stages.identify import identify as identify
     from .stages.plan import plan as plan
     from .stages.simulate import simulate as simulate
-
-__version__ = "0.1.0"
 
 _PUBLIC = {
     "store": ("hrg_cli.store", None),
@@ -76,6 +76,29 @@ _PUBLIC = {
         )
     },
 }
+
+
+__all__ = [
+    "Calibration",
+    "Compensated",
+    "Diagnosis",
+    "HrgError",
+    "Periods",
+    "Recording",
+    "Resonator",
+    "Wave",
+    "answer",
+    "calibrate",
+    "collect",
+    "compensate",
+    "demodulate",
+    "diagnose",
+    "estimate",
+    "identify",
+    "plan",
+    "simulate",
+    "store",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -28,7 +28,7 @@ COMMANDS = {
     ),
     "demodulate": (
         "demodulate",
-        "Samples to signals a window: least squares at the oscillation frequency, which is found"
+        "Samples to signals per window: least squares at the oscillation frequency, which is found"
         " and followed.",
     ),
     "estimate": (
@@ -211,7 +211,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from . import __version__
+        from .version import __version__
 
         print(f"hrg {__version__}")
         raise typer.Exit()

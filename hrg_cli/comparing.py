@@ -13,7 +13,6 @@ from .errors import HrgError
 from .limit_values import unit_of
 from .limits import figures_of
 from .records import Calibration, Diagnosis, Record
-from .stages.calibration.table import values
 
 
 @dataclass(frozen=True)
@@ -156,7 +155,7 @@ def of_tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
     reached = (node >= low) & (node <= high)
     if not reached.any():
         return []
-    there = values(new, node[reached], angle[reached])
+    there = new.values_at(node[reached], angle[reached])
     # σ of the new table at the old one's nodes: that of its nearest node and angle
     near = np.abs(np.asarray(new.node, float)[None] - node[reached][:, None]).argmin(axis=1)
     turn = np.abs(np.asarray(new.wave_angle_rad, float)[None] - angle[reached][:, None]).argmin(

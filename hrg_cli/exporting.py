@@ -16,7 +16,6 @@ from .errors import HrgError
 from .measured_export import MEASURED_FORMULA, c_measured, csv_measured
 from .records import Calibration
 from .reporting.text import c_comment
-from .stages.calibration.table import values
 
 Array = np.ndarray
 LARGEST_ANGLES, LARGEST_NODES = 192, 33
@@ -144,9 +143,9 @@ def _header(calibration: Calibration, bits: int, precision: float) -> Exported:
     nodes, angles = _grid(calibration, precision)
     period = np.pi / calibration.mode_number
     x, theta = np.meshgrid(nodes, np.arange(angles) * period / angles, indexing="ij")
-    exact = [v.reshape(x.shape) for v in values(calibration, x.ravel(), theta.ravel())]
+    exact = [v.reshape(x.shape) for v in calibration.values_at(x.ravel(), theta.ravel())]
     probe_x, probe_theta = _probe(nodes, angles, period)
-    truth = values(calibration, probe_x, probe_theta)
+    truth = calibration.values_at(probe_x, probe_theta)
     errors: dict[str, float] = {}
     parts = []
     for name, table, true in zip(("drift_rad_s", "scale_factor"), exact, truth):
@@ -187,7 +186,7 @@ def _grid(calibration: Calibration, precision: float) -> tuple[Array, int]:
         px, pt = _probe(nodes, angles, period)
         worst = 0.0
         for table, true, limit in zip(
-            values(calibration, x.ravel(), theta.ravel()), values(calibration, px, pt), limits
+            calibration.values_at(x.ravel(), theta.ravel()), calibration.values_at(px, pt), limits
         ):
             worst = max(
                 worst,

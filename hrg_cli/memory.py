@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import __version__, store
+from . import store
+from .version import __version__
 
 
 def key_of(content: Sequence[Any], inputs: Sequence[Path]) -> str:

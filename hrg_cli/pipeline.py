@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from . import __version__, settings, store
+from . import settings, store
 from .errors import HrgError
 from .origins import overlap, part_of, samples_of
 from .records import KINDS, Provenance, Record, Recording, Source
 from .store import AnyRecord
+from .version import __version__
 
 Progress = Callable[[float | None], None]
 """Called with the share done (0…1), or None where it is unknown."""

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import __version__, pipeline, settings, store
+from . import pipeline, settings, store
 from .errors import HrgError
 from .executors import local_processes, run_tasks
 from .records import (
@@ -24,6 +24,7 @@ from .records import (
 )
 from .stages.rehearse import Rehearsal, Rehearsed, Work, once, rehearse, with_verdict
 from .stages.twin import Measured
+from .version import __version__
 
 STAGE_OF = {Resonator: "identify", Calibration: "calibrate", Diagnosis: "diagnose"}
 """The stage that made a result, for every kind that is rehearsed."""

@@ -1,8 +1,11 @@
 """Imports run one way, and what must stay light stays light."""
 
 import ast
+import fnmatch
+import functools
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -10,68 +13,155 @@ import pytest
 import hrg_cli
 
 PACKAGE = Path(hrg_cli.__file__).parent
-MAY_IMPORT = {
+BASE = {"units", "errors", "version"}
+FITS = {*BASE, "harmonics", "records", "physics", "effects"}
+STAGES = {*FITS, "fitting", "settings"}
+FILES = {*BASE, "records", "settings", "store"}
+PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits"}
+CHAIN = {*PAGES, "formats", "origins", "executors", "extended", "memory", "rehearsal"}
+RESULTS = {"measured_export", "exporting_records", "exporting", "comparing", "verification"}
+MAY_IMPORT: dict[str, set[str]] = {
     "units": set(),
     "errors": set(),
+    "version": set(),
+    "harmonics": set(),
+    "settings": {"errors"},
+    "notebook": {"errors"},
+    "executors": {"errors"},
+    "limit_values": {"units", "errors"},
     "physics": {"units", "errors"},
     "effects": {"units", "errors", "physics"},
-    "fitting": {"units", "errors", "records", "physics", "effects"},
-    "notebook": {"errors"},
-    "records": {"units", "errors", "notebook"},
-    "store": {"units", "errors", "records"},
-    "settings": {"errors"},
-    "stages": {"units", "errors", "physics", "effects", "fitting", "records", "settings"},
-    "formats": {"units", "errors", "records", "settings", "store"},
-    "ledger": {
-        *("errors", "records", "store", "origins", "limit_values", "limits", "comparing"),
-        *("exporting_records", "lots", "reporting"),
-    },
-    "studies": {
-        "units",
-        "errors",
-        "physics",
-        "effects",
-        "fitting",
-        "records",
-        "stages",
-        "executors",
-    },
+    "records": {"units", "errors", "harmonics", "notebook"},
+    "fitting": FITS,
+    "store": {*BASE, "records"},
+    "stages": STAGES,
+    "studies": {*STAGES, "stages", "executors"},
+    "formats": FILES,
+    "origins": FILES,
+    "memory": FILES,
+    "verification": FILES,
+    "exporting_records": FILES,
+    "limits": {*STAGES, "stages", "limit_values"},
+    "measured_export": {*STAGES, "stages"},
+    "extended": {*STAGES, "stages", "store"},
+    "pipeline": {*FILES, "stages", "origins"},
+    "comparing": {*BASE, "records", "limit_values", "limits"},
+    "reporting": PAGES,
+    "exporting": {*BASE, "records", "stages", "measured_export", "reporting"},
+    "rehearsal": {*FILES, "stages", "executors", "pipeline"},
+    "chain": CHAIN,
+    "gyro": {*CHAIN, "chain"},
+    "lots": {*CHAIN, "chain", "reporting"},
+    "ledger": {*FILES, *RESULTS, "origins", "limit_values", "limits", "lots", "reporting"},
+    "commands": {*CHAIN, *RESULTS, "chain", "gyro", "reporting", "lots", "ledger", "studies"},
+    "cli": {*BASE, "commands"},
+    "__main__": {"cli"},
+    "__init__": {*BASE, "records", "store", "stages", "reporting"},
+    "handbook": {*CHAIN, *RESULTS, "reporting", "lots", "ledger", "studies", "commands", "cli"},
 }
+"""Room (folder or module of the package) -> the rooms below it that it may import."""
+LIVES_IN = {"reporting/lot_page.py": "lots", "reporting/ledger_tables.py": "ledger"}
+"""Pages and tables of one room alone, kept beside the others for what they share with them."""
 NUMPY_ONLY = {"physics", "effects"}
 
+MODULES = {
+    ".".join((PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(
+        ".__init__"
+    ): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
+Graph = Mapping[str, set[str]]
 
-def imported(path):
-    """(names inside the package, names outside) that a module imports."""
-    inside, outside = set(), set()
+
+def room_of(name: str) -> str:
+    """The room of a module: its folder in the package, or itself."""
+    inside = MODULES[name].relative_to(PACKAGE)
+    return LIVES_IN.get(inside.as_posix(), inside.parts[0].removesuffix(".py"))
+
+
+def imported_modules(name: str) -> Iterator[str]:
+    """Every module of the package that a module imports, wherever in it: at its top, in a function,
+    for a type checker alone, or by `import_module` of a text."""
+    path = MODULES[name]
+    package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            package = path.relative_to(PACKAGE).parts[:-1]
-            base = package[: len(package) - node.level + 1]
-            for name in (
-                [node.module.split(".")[0]] if node.module else [a.name for a in node.names]
-            ):
-                inside.add((*base, name)[0])
-        elif isinstance(node, ast.ImportFrom):
-            outside.add((node.module or "").split(".")[0])
+        if isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            for alias in node.names:
+                whole = f"{module}.{alias.name}"
+                yield from [whole] if whole in MODULES else [module] if module in MODULES else []
         elif isinstance(node, ast.Import):
-            outside |= {a.name.split(".")[0] for a in node.names}
-    return inside, outside
+            yield from (alias.name for alias in node.names if alias.name in MODULES)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            yield from fnmatch.filter(MODULES, _pattern(node.args[0]))
 
 
-@pytest.mark.parametrize(
-    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE))
-)
-def test_imports_run_one_way(path):
-    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-    if room not in MAY_IMPORT:
-        return
-    inside, outside = imported(path)
-    assert inside - {room} - {"__version__"} <= MAY_IMPORT[room], (
-        f"{room} may import {MAY_IMPORT[room]} only"
-    )
+def _pattern(text: ast.expr) -> str:
+    """The modules that a text may name, as a pattern; none where it is a variable."""
+    if isinstance(text, ast.JoinedStr):
+        parts = (p.value if isinstance(p, ast.Constant) else "*" for p in text.values)
+        return "".join(map(str, parts))
+    return str(text.value) if isinstance(text, ast.Constant) else ""
+
+
+def outside(path: Path) -> set[str]:
+    """Packages from outside that a module imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and not node.level:
+            found.add((node.module or "").split(".")[0])
+        elif isinstance(node, ast.Import):
+            found |= {a.name.split(".")[0] for a in node.names}
+    return found
+
+
+@functools.cache
+def module_graph() -> Graph:
+    """Module -> the modules it imports."""
+    return {name: set(imported_modules(name)) - {name} for name in MODULES}
+
+
+def find_circles(edges: Graph) -> dict[str, set[str]]:
+    """What is left of a graph when all that points nowhere, or that nothing points at, is taken off
+    again and again: its circles, and what lies between them."""
+    left = {node: set(there) & edges.keys() for node, there in edges.items()}
+    while True:
+        pointed_at = set().union(*left.values())
+        circling = {node for node, there in left.items() if there and node in pointed_at}
+        if len(circling) == len(left):
+            return left
+        left = {node: left[node] & circling for node in circling}
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_run_one_way(name: str) -> None:
+    room = room_of(name)
+    rooms = {room_of(there) for there in module_graph()[name]} - {room}
+    assert rooms <= MAY_IMPORT[room], f"{room} may import {sorted(MAY_IMPORT[room])} only"
+    packages = outside(MODULES[name])
     if room in NUMPY_ONLY:
-        assert outside - set(sys.stdlib_module_names) <= {"numpy", "numba"}
-    assert "h5py" not in outside or room in ("store", "formats")
+        assert packages - set(sys.stdlib_module_names) <= {"numpy", "numba"}
+    assert "h5py" not in packages or room in ("store", "formats")
+
+
+def test_no_module_imports_one_that_imports_it() -> None:
+    """A circle hidden in a function or from all but a type checker is one too."""
+    assert find_circles(module_graph()) == {}
+
+
+def test_rooms_are_floors() -> None:
+    """The rules themselves hold no circle, and speak of every room."""
+    assert find_circles(MAY_IMPORT) == {}
+    assert {room_of(name) for name in MODULES} == set(MAY_IMPORT)
+
+
+def test_circles_and_late_imports_are_seen() -> None:
+    assert find_circles({"a": {"b"}, "b": {"c"}, "c": set()}) == {}
+    circle = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}
+    assert find_circles(circle) == {"b": {"c"}, "c": {"b"}}
+    assert "hrg_cli.stages.identify" in set(imported_modules("hrg_cli.pipeline"))  # by its name
+    assert "hrg_cli.formats" in set(imported_modules("hrg_cli.gyro"))  # in a function
 
 
 def test_help_loads_nothing_heavy():

@@ -2,14 +2,10 @@
 and Markdown."""
 
 import json
-import sys
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 import records_by_hand as by_hand
 
 from hrg_cli import store

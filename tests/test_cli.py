@@ -11,9 +11,9 @@ from conftest import ringing
 
 from hrg_cli import store
 from hrg_cli.cli import app
+from hrg_cli.handbook.man_page import commands_of
 from hrg_cli.pipeline import STAGES
 from hrg_cli.records import Periods, Wave
-from hrg_cli.reporting.manual import commands_of
 
 COMMANDS = commands_of(typer.main.get_command(app))
 

@@ -22,8 +22,8 @@ from forced_runs import Truth, programme
 from hrg_cli import store
 from hrg_cli.cli import app
 from hrg_cli.gyro import run_gyro
+from hrg_cli.handbook.man_page import commands_of
 from hrg_cli.records import Recording
-from hrg_cli.reporting.manual import commands_of
 from hrg_cli.stages.calibrate import calibrate
 
 ROOT = Path(__file__).parent.parent

@@ -17,8 +17,8 @@ from conftest import ringing
 
 from hrg_cli import store
 from hrg_cli.cli import app
+from hrg_cli.handbook.man_page import commands_of
 from hrg_cli.ledger import database
-from hrg_cli.reporting.manual import commands_of
 
 ROOT = Path(__file__).parent.parent
 CONFIGS = ROOT / "configs"

@@ -13,9 +13,8 @@ from forced_runs import Truth, programme
 
 from hrg_cli.errors import HrgError
 from hrg_cli.exporting import export
-from hrg_cli.fitting.tables.fourier import evaluate
+from hrg_cli.harmonics import evaluate
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import values
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +41,7 @@ def test_json_is_enough_to_apply_the_tables(tables):
         tree["mode_number"],
         tree["interpolation"],
     )
-    assert found == pytest.approx(values(tables, x, theta)[0])
+    assert found == pytest.approx(tables.values_at(x, theta)[0])
     assert tree["correction"] == tables.correction and tree["node_range"] == [-10.0, 40.0]
 
 
@@ -70,7 +69,7 @@ def test_header_compiles_and_agrees_within_its_stated_errors(tables, bits, tmp_p
         ["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True
     ).stdout
     table = np.array([[float(v) for v in line.split()] for line in out.splitlines()])
-    drift, scale = values(tables, x, theta)
+    drift, scale = tables.values_at(x, theta)
     for column, truth, name in ((0, drift, "drift_rad_s"), (1, scale, "scale_factor")):
         stated = exported.errors[f"{name}_interpolation"] + exported.errors[f"{name}_rounding"]
         worst = np.abs(table[:-1, column] - truth).max()

@@ -15,7 +15,7 @@ from forced_runs import wave_of
 from hrg_cli.exporting import export
 from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import measured_at, measured_drift, values
+from hrg_cli.stages.calibration.table import measured_at, measured_drift
 
 VARIANTS = ("table", "parametric", "quadrature", "phase", "combined", "physical")
 
@@ -105,7 +105,7 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
     ).stdout
     found = np.array([[float(v) for v in line.split()] for line in out.splitlines()])
     measured = measured_drift(calibration, path)
-    drift, scale = values(calibration, x, angle)
+    drift, scale = calibration.values_at(x, angle)
     stated = exported.errors["drift_rad_s_interpolation"] + exported.errors["drift_rad_s_rounding"]
     assert len(found) == 1000
     assert (model in ("table", "parametric")) == (np.abs(measured).max() == 0)

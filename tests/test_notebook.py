@@ -2,13 +2,10 @@
 checker sees."""
 
 import ast
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 import records_by_hand as by_hand
 
 import hrg_cli

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import records_by_hand
 from conftest import ringing
 
 from hrg_cli import store
@@ -18,9 +19,6 @@ from hrg_cli.errors import HrgError, UsageError
 from hrg_cli.exporting import export
 from hrg_cli.lots.lot_table import write_table
 from hrg_cli.reporting.text import c_comment, plain, spreadsheet
-
-sys.path[:0] = [str(Path(__file__).parent / "reporting")]
-import records_by_hand  # noqa: E402
 
 ATTACKS = (
     "*/ int owned(void){return 1;} /*",

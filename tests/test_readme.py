@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from hrg_cli import Calibration, Recording, store
-from hrg_cli.reporting import handbook
+from hrg_cli.handbook import pages
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
@@ -70,14 +70,12 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_generated_parts_are_fresh(page):
     text = page.read_text(encoding="utf-8")
-    assert handbook.renewed(text) == text, (
-        "run `python -m hrg_cli.reporting.handbook README.md docs`"
-    )
+    assert pages.renewed(text) == text, "run `python -m hrg_cli.handbook README.md docs`"
 
 
 def test_every_generated_part_stands_somewhere():
     written = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    for part in handbook.PARTS:
+    for part in pages.PARTS:
         assert f"<!-- generated: {part} -->" in written
 
 
@@ -197,7 +195,7 @@ def renew() -> None:
                         + "\n"
                     )
                 text = text[: found.start("output")] + printed + text[found.end("output") :]
-        page.write_text(handbook.renewed(text), encoding="utf-8")
+        page.write_text(pages.renewed(text), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 import records_by_hand as by_hand
 from conftest import ringing
 

@@ -1,4 +1,4 @@
-"""`hrg demodulate`: a recording's samples to signals a window."""
+"""`hrg demodulate`: a recording's samples to signals per window."""
 
 from __future__ import annotations
 
@@ -17,6 +17,6 @@ from .options import flags_of
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(run: Common, /, recording: OneFile = None, **flags: Any) -> None:
-    """Samples to signals a window: least squares at the oscillation frequency, which is found and
+    """Samples to signals per window: least squares at the oscillation frequency, which is found and
     followed."""
     run_stage_on_files(run, "demodulate", [recording] if recording else [], **flags)

@@ -168,7 +168,7 @@ def show(report: Mapping[str, Any]) -> None:
     noise = report.get("noise")
     if noise:
         facts.append(("rows of noise that count as one", noise["correlated_rows"]))
-        facts.append(("rows a window", noise["rows_per_window"]))
+        facts.append(("rows per window", noise["rows_per_window"]))
         facts.append(
             ("noise of a window, C and S", " and ".join(f"{v:.3g}" for v in noise["window_std"]))
         )

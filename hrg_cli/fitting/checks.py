@@ -17,7 +17,7 @@ Array = np.ndarray
 CHANCE = 1e-4
 """Probability with which a right result fails one of the statistical checks."""
 NOISE_KNOWN = 0.1
-"""Part of the noise's variance to which the windows know it: χ² a degree of freedom cannot be
+"""Part of the noise's variance to which the windows know it: χ² per degree of freedom cannot be
 judged more sharply."""
 FEWEST_BLOCKS = 6
 """Blocks from which the scatter of block sums is judged."""
@@ -71,7 +71,7 @@ def failures(checks: Iterable[Check]) -> list[str]:
 
 
 def largest_chi2_per_dof(dof: int) -> float:
-    """χ² a degree of freedom that a right model exceeds with probability `CHANCE`, the noise known
+    """χ² per degree of freedom that a right model exceeds with probability `CHANCE`, the noise known
     to `NOISE_KNOWN`."""
     from scipy.special import chdtri
 
@@ -79,7 +79,7 @@ def largest_chi2_per_dof(dof: int) -> float:
 
 
 def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_dof") -> Check:
-    """χ² a degree of freedom at the *stated* noise, against what a right model leaves."""
+    """χ² per degree of freedom at the *stated* noise, against what a right model leaves."""
     return at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
 
 

@@ -109,7 +109,7 @@ class WindowPlan:
 def plan_windows(
     path: Path, blocks: Iterable[tuple[Array, Array]], asked: int | None
 ) -> WindowPlan:
-    """Noise and correlation of rows (times, envelopes), and rows a window: as asked, or by the
+    """Noise and correlation of rows (times, envelopes), and rows per window: as asked, or by the
     correlation. HrgError: too few rows."""
     looks: list[Array] = []
     steps: list[float] = []

@@ -10,9 +10,10 @@ auxiliary log, averaged over groups of rows where the log is long, so that it st
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -105,10 +106,10 @@ def import_log(
     clock_hz: ClockHz = None,
     units: Annotated[str | None, Field(description="unit of both channels")] = None,
     c_scale_factor: Annotated[
-        float, Field(description="unit of channel C a raw count, on top of the log's own")
+        float, Field(description="unit of channel C per raw count, on top of the log's own")
     ] = 1.0,
     s_scale_factor: Annotated[
-        float, Field(description="unit of channel S a raw count, on top of the log's own")
+        float, Field(description="unit of channel S per raw count, on top of the log's own")
     ] = 1.0,
     rate_units: RateUnits = None,
     temperature_units: TemperatureUnits = None,
@@ -153,12 +154,9 @@ def import_log(
     HrgError: not readable, no such column, times that do not rise, a broken line, fewer samples
     than claimed; each names the row.
     """
-    path = Path(path)
     checked_range(from_s, to_s)
-    files = [path, *([] if s_file is None else [second_file(path, s_file)])]
-    before = _state(files)
-    log = open_log(path, format, separator, decimal)
-    where = str(path)
+    if readout == "carrier" and carrier_hz is None:
+        raise HrgError('readout is "carrier": give carrier_hz too')
     asked: dict[str, str | int | None] = {
         "time": time,
         "c": c,
@@ -169,20 +167,10 @@ def import_log(
         "drive_quadrature": drive_quadrature,
         "auxiliary_time": auxiliary_time,
     }
-    if s_file is not None:
-        log, asked = paired(
-            path, log, files[1], open_log(files[1], format, separator, decimal), asked
-        )
-    roles = find(log, where, asked)
-    _same_length(log, roles, where)
-    unit = _channel_unit(log, roles, units, where)
-    for name, value in (("c_scale_factor", c_scale_factor), ("s_scale_factor", s_scale_factor)):
-        if not np.isfinite(value) or value == 0:
-            raise HrgError(f"{name} is {value}, a finite number other than 0 was expected")
-    timing = timing_of(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
-    if readout == "carrier" and carrier_hz is None:
-        raise HrgError('readout is "carrier": give carrier_hz too')
-    first, second = log.channels[roles.c], log.channels[roles.c if roles.s is None else roles.s]
+    opened = _open(Path(path), s_file, asked, format, separator, decimal)
+    log, roles, where = opened.log, opened.roles, opened.files[0]
+    unit = _channel_unit(log, roles, units, str(where))
+    timing = timing_of(log, roles, where, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     blank = Recording(
         c=np.empty(0),
         s=np.empty(0),
@@ -192,24 +180,14 @@ def import_log(
         carrier_hz=carrier_hz,
         mode_number=mode_number,
         gyro_id=gyro_id,
-        run_id=run_id or path.stem,
+        run_id=run_id or where.stem,
         lot_id=lot_id,
         start_time=start_time or log.start_time,
         nominal_frequency_hz=nominal_frequency_hz,
         c_units=unit,
         s_units=unit,
-        c_scale_factor=first.scale_factor * c_scale_factor,
-        s_scale_factor=second.scale_factor * s_scale_factor,
-        c_add_offset=first.add_offset * c_scale_factor,
-        s_add_offset=second.add_offset * s_scale_factor,
-    ).judged(log.reasons + timing.reasons)
-    if roles.s is None:
-        blank = blank.judged(
-            [
-                "only one channel was recorded and S is set to 0: wave angle, quadrature and splits"
-                " cannot be seen in this run"
-            ]
-        )
+        **_scales(log, roles, c_scale_factor, s_scale_factor),
+    ).judged(_first_reasons(opened, timing))
     slow = SlowLog(
         log,
         roles,
@@ -220,11 +198,70 @@ def import_log(
         most=auxiliary_rows,
     )
     columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
-    told = {"c": unit, "s": unit, "time": time_units} if time_units else {"c": unit, "s": unit}
+    told = {"c": unit, "s": unit} | ({"time": time_units} if time_units else {})
     taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
-    stream = _stream(files, log, roles, blank, timing, slow, before, taken)
+    stream = _stream(opened, blank, timing, slow, taken)
     head = list(itertools.islice(stream, 2))
     return head[0] if len(head) == 1 else itertools.chain(head, stream)
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """A log with its columns' roles, and its files as they were before it was read."""
+
+    files: Sequence[Path]
+    log: Log
+    roles: Roles
+    before: States
+
+
+def _open(
+    path: Path,
+    s_file: str | None,
+    asked: Mapping[str, str | int | None],
+    format: str,
+    separator: str | None,
+    decimal: str | None,
+) -> _Opened:
+    """The log of one file, or of one file per channel, and which of its columns is what."""
+    files = [path, *([] if s_file is None else [second_file(path, s_file)])]
+    before = _state(files)
+    log = open_log(path, format, separator, decimal)
+    asked = dict(asked)
+    if s_file is not None:
+        other = open_log(files[1], format, separator, decimal)
+        log, asked = paired(path, log, files[1], other, asked)
+    roles = find(log, str(path), asked)
+    _same_length(log, roles, str(path))
+    return _Opened(files, log, roles, before)
+
+
+def _scales(log: Log, roles: Roles, c_factor: float, s_factor: float) -> dict[str, Any]:
+    """Scale and offset of both channels: what is asked for on top of the log's own. HrgError: a
+    factor that is 0 or not finite."""
+    found: dict[str, Any] = {}
+    for name, index, factor in (
+        ("c", roles.c, c_factor),
+        ("s", roles.c if roles.s is None else roles.s, s_factor),
+    ):
+        if not np.isfinite(factor) or factor == 0:
+            raise HrgError(
+                f"{name}_scale_factor is {factor}, a finite number other than 0 was expected"
+            )
+        found[f"{name}_scale_factor"] = log.channels[index].scale_factor * factor
+        found[f"{name}_add_offset"] = log.channels[index].add_offset * factor
+    return found
+
+
+def _first_reasons(opened: _Opened, timing: Timing) -> list[str]:
+    """What is wrong with the recording, as far as it can be told before its rows are read."""
+    reasons = [*opened.log.reasons, *timing.reasons]
+    if opened.roles.s is None:
+        reasons.append(
+            "only one channel was recorded and S is set to 0: wave angle, quadrature and splits"
+            " cannot be seen in this run"
+        )
+    return reasons
 
 
 def _state(files: Sequence[Path]) -> States:
@@ -287,18 +324,11 @@ def _channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
 
 
 def _stream(
-    files: Sequence[Path],
-    log: Log,
-    roles: Roles,
-    blank: Recording,
-    timing: Timing,
-    slow: SlowLog,
-    before: States,
-    taken: Taken,
+    opened: _Opened, blank: Recording, timing: Timing, slow: SlowLog, taken: Taken
 ) -> Iterator[Recording]:
     """Blocks of the recording; the last one bears what only the whole log tells: what was taken,
     what was left out or is not finite."""
-    path = files[0]
+    path, log, roles = opened.files[0], opened.log, opened.roles
     rows = 0
     fast = 1 if roles.s is None else 2
     with guarded(path, log.format):
@@ -329,7 +359,7 @@ def _stream(
                 block = block.replace(time_s=times)
             rows += len(c)
             if following is None:
-                if _state(files) != before:
+                if _state(opened.files) != opened.before:
                     raise HrgError(
                         f"{path}: changed while it was read; wait until it is written and import it"
                         " again"

@@ -51,7 +51,7 @@ def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any
         "model (* written)",
         "drift left out, °/h",
         "scale factor, ppm",
-        "χ² a row",
+        "χ² per row",
         "coefficients",
         "checks",
     ), rows

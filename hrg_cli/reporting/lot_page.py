@@ -18,9 +18,9 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from .. import __version__
 from ..limits import bounds
 from ..lots.groups import GROUPED_BY
+from ..version import __version__
 from .figures.drawing import Plot, style, svg
 from .figures.lot import Limits, caterpillar, distribution, in_words, pareto, unit_of
 from .page import SHADES

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from .. import __version__
 from ..records import Calibration, Diagnosis, Record, Resonator
+from ..version import __version__
 from .json_text import entries, json_list, json_object
 
 CITATIONS = (

@@ -20,7 +20,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from .. import __version__, store
+from .. import store
 from ..errors import HrgError
 from ..limits import Row
 from ..records import (
@@ -34,6 +34,7 @@ from ..records import (
     Resonator,
     Wave,
 )
+from ..version import __version__
 from .answer import Answer, answer
 from .figures import calibration, diagnosis, recording, result, wave
 from .figures.answer import before_and_after

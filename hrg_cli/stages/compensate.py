@@ -14,7 +14,7 @@ from ..errors import HrgError
 from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
-from .calibration.table import in_range, measured_drift, values
+from .calibration.table import in_range, measured_drift
 from .figures_of_merit import allan_figures
 
 Array = np.ndarray
@@ -68,6 +68,26 @@ def compensate(
     HrgError
         Another gyro or mode number, refused tables, a temperature outside the tables, a run that was
         compensated before, a rate log of the wrong sign.
+
+    Examples
+    --------
+    >>> from hrg_cli import calibrate, collect, compensate, demodulate, estimate, simulate
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "control": {"mode": "forced"},
+    ...     "readout": {"noise": 1e-5},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 8.0},
+    ...     "run": [
+    ...         {"run_id": "left", "environment": {"rate_rad_s": 2.0}},
+    ...         {"run_id": "right", "environment": {"rate_rad_s": -2.0}},
+    ...     ],
+    ... }
+    >>> samples = [collect(simulate(config, model="slow", run=run)) for run in ("left", "right")]
+    >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=50)))) for r in samples]
+    >>> tables = calibrate(waves, harmonics=1, scale_factor_harmonics=0, model="table")
+    >>> rate = collect(compensate(waves[0], tables)).rate_estimate_rad_s
+    >>> len(rate), float(rate.mean().round(4))
+    (159, 2.0)
     """
     _guard(wave, calibration)
     return _stream(wave, calibration, windows_per_increment, earth_rate_rad_s)
@@ -137,8 +157,8 @@ def _stream(
         )
         blocks = path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
         in_range(calibration, blocks, name)
-        drift, scale = values(
-            calibration, path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad)
+        drift, scale = calibration.values_at(
+            path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad)
         )
         drift = drift + measured_drift(calibration, path)
         time = path.interval_s

@@ -1,4 +1,4 @@
-"""demodulate: samples of the two channels -> least-squares signals a window, against one constant
+"""demodulate: samples of the two channels -> least-squares signals per window, against one constant
 reference frequency.
 
 C = c_cos·cos ω_r t + c_sin·sin ω_r t (CONTRACT), so C0 = c_cos − j·c_sin at the window's centre.
@@ -45,14 +45,14 @@ def demodulate(
     recording: Recording,
     *,
     periods_per_window: Annotated[
-        float, Field(gt=0, description="oscillation periods a window, any fraction")
+        float, Field(gt=0, description="oscillation periods per window, any fraction")
     ] = 1.0,
     moving_envelope: Annotated[
         bool | None,
         Field(
             description=(
                 "let the envelope move linearly within a window (t·cos, t·sin); by default from 3"
-                " periods a window"
+                " periods per window"
             )
         ),
     ] = None,
@@ -78,14 +78,44 @@ def demodulate(
         Field(gt=0, description="samples worked on at once; memory depends on it, results do not"),
     ] = 1 << 20,
 ) -> Iterator[Periods]:
-    """Signals a window as a stream of Periods; memory does not grow with the recording; the last
-    block holds spectrum and status.
+    """The signals of every window: least-squares coefficients of both channels at one reference
+    frequency.
 
-    With `from_s`, `to_s` the rest is as if it had not been recorded, but rows keep the times of the
-    whole recording, to which the reference phase, the auxiliary log and `start_time` belong.
+    C = c_cos·cos ω_r t + c_sin·sin ω_r t and the same of S, fitted about each window's centre; with
+    a carrier the coefficients at both side bands |ω_c ∓ ω| (seed B (1), PHYSICS §3). Memory does not
+    grow with the recording. With `from_s`, `to_s` the rest is as if it had not been recorded, but
+    rows keep the times of the whole recording, to which the reference phase, the auxiliary log and
+    `start_time` belong.
 
-    HrgError: an empty part, no samples, unequal or constant channels, a nominal frequency not below
-    half the sampling rate, times that do not increase, too short for one window.
+    Parameters
+    ----------
+    recording
+        Samples (n,) of both channels, raw; it may be open on disk.
+
+    Returns
+    -------
+    Iterator[Periods]
+        Blocks of windows: signals (windows, 4), with a carrier (windows, 8), and their standard
+        deviations, in the channels' unit; the last block holds spectrum and status.
+
+    Raises
+    ------
+    HrgError
+        An empty part, no samples, unequal or constant channels, a nominal frequency not below half
+        the sampling rate, times that do not increase, too short for one window.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> recording = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    >>> periods = collect(demodulate(recording, periods_per_window=20))
+    >>> periods.signals.shape, round(periods.reference_frequency_hz, 2)
+    ((50, 4), 1000.0)
+    >>> float(np.hypot(*periods.signals[0, :2]).round(3))
+    1.0
     """
     name = _checked(recording)
     recording, notes = _part(recording, name, from_s, to_s)

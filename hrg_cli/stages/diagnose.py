@@ -88,8 +88,50 @@ def diagnose(
 ) -> Diagnosis:
     """Name what the base model gets wrong in these runs, or say that nothing fits and describe it.
 
-    waves: runs of one gyro, free and forced together; resonator: the values the user believes.
-    HrgError: no usable run, several gyros.
+    The base model is the linear gyro of PHYSICS §0, u' = L u + drive; a cause is an effect of the
+    catalogue whose sensitivity ∂u/∂p, beside those of the base model, takes from the residual more
+    than chance and the choice among many would (Rao's score, then refits; page "verdict").
+
+    Parameters
+    ----------
+    waves
+        Runs of one gyro, free and forced together, each (n,) rows with angles in rad and logged rate
+        [rad/s] and temperature [°C] where they were logged.
+    resonator
+        The values that are believed; the report says which of them the runs contradict.
+    extra_effects
+        `Effect` objects looked for beside the catalogue's.
+
+    Returns
+    -------
+    Diagnosis
+        The verdict, its report as JSON, the extended model as TOML, and the residual series
+        (rows, 4) before and after.
+
+    Raises
+    ------
+    HrgError
+        No usable run, several gyros, runs that contradict each other.
+
+    Examples
+    --------
+    >>> import json
+    >>> from hrg_cli import collect, demodulate, diagnose, estimate, simulate
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "effects": {"gain_mismatch": {"gain": 0.01}},
+    ...     "readout": {"noise": 1e-4},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 4.0},
+    ...     "run": [
+    ...         {"run_id": name, "environment": {"rate_rad_s": rate}}
+    ...         for name, rate in (("left", 1.0), ("right", -1.0), ("slow", 0.5))
+    ...     ],
+    ... }
+    >>> samples = [collect(simulate(config, model="slow", run=run["run_id"])) for run in config["run"]]
+    >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in samples]
+    >>> found = diagnose(waves, most_effects=1)
+    >>> found.verdict, [cause["name"] for cause in json.loads(found.report)["effects"]]
+    ('explained', ['gain_mismatch'])
     """
     of_one_gyro(waves, "diagnose")
     waves = [_with_clipped(w) for w in waves]

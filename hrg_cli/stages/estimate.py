@@ -78,12 +78,39 @@ def estimate(
         Field(ge=1, le=1000, description="windows on each side whose phases give the frequency"),
     ] = 16,
 ) -> Iterator[Wave]:
-    """The wave of every window, as a stream of blocks.
+    """The standing wave of every window: amplitude, quadrature, angle and phases.
 
-    (2) of seed B or its closed-form global solution on signals (n, 4 | 8), mapped to a_A ≥ |a_B|
-    with θ, φ, ψ continuous through the run. `start`: the solution of the window before; the
-    window's own closed form; or seed B's (A₀, 0, 0, φ₋₁, ψ₋₁). HrgError: the number of signals does
-    not fit the read-out, or there are no rows.
+    C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ) (PHYSICS §1),
+    solved by the iteration (2) of seed B or in closed form, and mapped to a_A ≥ |a_B| with θ, φ, ψ
+    continuous through the run. `start`: the solution of the window before; the window's own closed
+    form; or seed B's (A₀, 0, 0, φ₋₁, ψ₋₁).
+
+    Parameters
+    ----------
+    periods
+        Signals (n, 4), of a carrier (n, 8), with standard deviations; it may be open on disk.
+
+    Returns
+    -------
+    Iterator[Wave]
+        Blocks of windows (n,): amplitudes in the signals' unit, angles and phases [rad], frequency
+        [Hz], their standard deviations; the last block holds the status.
+
+    Raises
+    ------
+    HrgError
+        The number of signals does not fit the read-out, or there are no rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate, estimate
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> recording = Recording(c=c, s=c, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
+    >>> wave = collect(estimate(collect(demodulate(recording, periods_per_window=20))))
+    >>> float(wave.main_amplitude[0].round(3)), float(np.degrees(wave.wave_angle_rad[0]).round(2))
+    (1.414, 22.5)
     """
     _check(periods, carrier_phase_rad)
     how = _How(

@@ -16,7 +16,6 @@ import numpy as np
 from ..errors import HrgError
 from ..fitting.tables.increments import Path, path_of
 from ..records import Calibration, Wave
-from .calibration.table import values
 
 Array = np.ndarray
 
@@ -83,8 +82,8 @@ def scale_factor_figures(
             x = path.middle(
                 path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
             )
-            drift, scale = values(
-                calibration, x, path.middle(path.angle_rad), np.diff(path.angle_rad)
+            drift, scale = calibration.values_at(
+                x, path.middle(path.angle_rad), np.diff(path.angle_rad)
             )
             turn = (turn - drift * time) / scale
         span = abs(path.angle_rad[-1] - path.angle_rad[0]) / (np.pi / path.mode_number)

@@ -26,7 +26,7 @@ from .identification.methods import (
     resampled,
     unknown_rate,
 )
-from .identification.verdict import Verdict
+from .identification.outcome import Verdict
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray
@@ -86,7 +86,7 @@ def identify(
     seed: Annotated[int, Field(ge=0, description="seed of the bootstrap")] = 0,
     blocks: Annotated[
         int,
-        Field(ge=20, description="fewest averaged rows a run; more are taken as the wave turns"),
+        Field(ge=20, description="fewest averaged rows per run; more are taken as the wave turns"),
     ] = 300,
     earth_rate_deg_h: Annotated[
         float | None,

@@ -64,7 +64,7 @@ def inject(
         dict[str, dict[str, float]], Field(description="effects to hide, each with its parameters")
     ] = {},  # noqa: B006
     periods_per_window: Annotated[
-        float, Field(gt=0, description="oscillation periods a window of the envelope")
+        float, Field(gt=0, description="oscillation periods per window of the envelope")
     ] = 4.0,
     block_samples: Annotated[
         int, Field(ge=1, description="samples worked on at once; they do not depend on it")

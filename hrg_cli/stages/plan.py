@@ -110,6 +110,21 @@ def plan(
     ------
     HrgError
         An unknown cause, a wrong menu, nothing to separate.
+
+    Examples
+    --------
+    >>> from hrg_cli import collect, demodulate, estimate, identify, plan, simulate
+    >>> common = {
+    ...     "readout": {"noise": 1e-4},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 4.0},
+    ... }
+    >>> config = {"device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0}, **common}
+    >>> recording = collect(simulate(config, model="slow"))
+    >>> known = identify([collect(estimate(collect(demodulate(recording, periods_per_window=20))))])
+    >>> turning = {"run_id": "turning", "environment": {"rate_rad_s": 2.0}}
+    >>> menu = {**common, "run": [{"run_id": "still"}, turning]}
+    >>> [run.run_id for run in plan(known, menu, runs=1).runs]
+    ['turning']
     """
     mechanics = mechanics_of(known)
     sizes, groups = _open(known, causes)

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.tables.fourier import coefficients_at, node_weights
+from ..harmonics import coefficients_at, node_weights
 from ..records import Calibration
 
 Array = np.ndarray
@@ -30,7 +30,7 @@ FEWEST_FOR_SPIKES = 8
 LARGEST_SHARE = 0.2
 """Share of the rows that may be spikes; if more stand out, it is the curve that is wrong."""
 ROWS_A_NODE = 5
-"""Rows a coefficient from which the spacing of the nodes alone decides their number."""
+"""Rows per coefficient from which the spacing of the nodes alone decides their number."""
 LARGEST_CONDITION = 1e6
 ON_GRID = 0.02
 """Part of a step by which rounded values may miss its multiples."""

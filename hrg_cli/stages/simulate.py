@@ -67,7 +67,7 @@ def simulate(
         int, Field(ge=0, description="seed of the noise; each run has its own stream")
     ] = 0,
     block_samples: Annotated[
-        int, Field(ge=1, description="samples a block of the stream; they do not depend on it")
+        int, Field(ge=1, description="samples per block of the stream; they do not depend on it")
     ] = 1_000_000,
 ) -> Iterator[Recording]:
     """One run of a simulation file as a stream of recording blocks.

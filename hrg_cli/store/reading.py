@@ -13,10 +13,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .. import __version__
 from ..errors import HrgError
 from ..records import Column, Provenance, Record, Source
 from ..units import canonical
+from ..version import __version__
 from . import checksums
 from .handles import Handle, reading
 from .layout import BY_NAME, FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of

@@ -233,7 +233,7 @@ def _calibration_problem(record: Calibration) -> str | None:
     for name, count in (("drift_harmonics", drift), ("scale_factor_harmonics", scale)):
         if count % 2 == 0:
             return (
-                f"/calibration/{name} has {count} coefficients a node; a constant and pairs of cos"
+                f"/calibration/{name} has {count} coefficients per node; a constant and pairs of cos"
                 " and sin were expected"
             )
     coefficients = len(nodes) * (drift + scale)

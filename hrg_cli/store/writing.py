@@ -24,9 +24,9 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .. import __version__
 from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
+from ..version import __version__
 from .atomic import atomic_path, quiet
 from .checksums import Running, seal
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of

@@ -5,7 +5,7 @@ What the recordings show without any injection is the background: its causes are
 false names, and its size of an effect is taken off the one found. A size is in σ of an ideal
 detector that knows the effect and its direction, with the base model and the background's causes as
 free as these runs and weak priors leave them; where these leave more than noise, σ is larger by the
-root of χ² a degree of freedom.
+root of χ² per degree of freedom.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def recovery_study(
     ] = [5.0, 10.0, 20.0],  # noqa: B006
     draws: Annotated[int, Field(ge=1, description="random directions and instants an effect")] = 1,
     periods_per_window: Annotated[
-        float, Field(gt=0, description="oscillation periods a window")
+        float, Field(gt=0, description="oscillation periods per window")
     ] = 5.0,
     scale_factor: Annotated[
         float | None, Field(gt=0, description="known scale factor K, held")

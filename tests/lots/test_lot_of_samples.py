@@ -2,13 +2,9 @@
 lot does, and whose it is; `hrg batch` says so on the screen, in JSON, table and page."""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "stages"))
 from diagnosis_programme import programme, waves
 
 from hrg_cli import store

@@ -3,9 +3,7 @@ limits in the distributions, hostile names harmless, the same bytes for the same
 it sorts and filters by mouse and keyboard."""
 
 import re
-import sys
 from html.parser import HTMLParser
-from pathlib import Path
 
 import lots_by_hand
 import numpy as np
@@ -239,7 +237,6 @@ def test_a_page_of_many_gyros_takes_time_in_proportion():
 
 @pytest.fixture(scope="module")
 def window(page, tmp_path_factory):
-    sys.path.insert(0, str(Path(__file__).parent))
     import browser
 
     if browser.programs() is None:

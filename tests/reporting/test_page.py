@@ -5,13 +5,9 @@ from __future__ import annotations
 
 import html.parser
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 import records_by_hand as by_hand
 
 from hrg_cli import store

@@ -4,18 +4,13 @@ keyboard, narrow screens."""
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import re
-import sys
-from pathlib import Path
-
-import numpy as np
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-import itertools
 
 import browser
+import numpy as np
+import pytest
 import records_by_hand
 
 from hrg_cli import store

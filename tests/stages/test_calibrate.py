@@ -10,7 +10,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import joint
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration import chosen
-from hrg_cli.stages.calibration.table import standard_deviations, values
+from hrg_cli.stages.calibration.table import standard_deviations
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "bootstrap": 0}
 
@@ -37,7 +37,7 @@ def normalised_errors(
         draw.uniform(temperatures[0], temperatures[-1], points),
         draw.uniform(0, np.pi, points),
     )
-    found, std = values(record, x, theta), standard_deviations(record, x, theta)
+    found, std = record.values_at(x, theta), standard_deviations(record, x, theta)
     return [
         (f - t) / s for f, t, s in zip(found, (truth.drift(x, theta), truth.scale(x, theta)), std)
     ]
@@ -80,7 +80,7 @@ def test_without_noise_the_tables_are_the_truth():
         programme(truth, (0, 20, 40), (-0.3, 0.3), duration=30, noise=1e-12), **FIXED
     )
     x, theta = np.linspace(0, 40, 50), np.linspace(0, 1.5, 50)
-    drift, scale = values(record, x, theta)
+    drift, scale = record.values_at(x, theta)
     assert np.abs(drift - truth.drift(x, theta)).max() < 2e-5 * np.abs(truth.d[0]).max()
     assert np.abs(scale - truth.scale(x, theta)).max() < 1e-7
 
@@ -240,7 +240,7 @@ def test_sweeps_over_temperature(interpolation):
     record = calibrate(waves, interpolation=interpolation, **FIXED)
     assert record.status == "valid" and len(record.node) == 6
     x, theta = np.linspace(-15, 55, 40), np.linspace(0, 3, 40)
-    drift, _ = values(record, x, theta)
+    drift, _ = record.values_at(x, theta)
     std = standard_deviations(record, x, theta)[0]
     assert np.sqrt(np.mean(((drift - truth.drift(x, theta)) / std) ** 2)) < 2.5
 
@@ -343,6 +343,6 @@ def test_doubt_from_interpolation_is_in_the_stated_error(interpolation):
         waves = programme(truth, (-20, 0, 20, 40, 60), (-0.5, 0.5), seed=seed, duration=15)
         record = calibrate(waves, interpolation=interpolation, **FIXED)
         x, theta = np.linspace(-20, 60, 200), np.linspace(0, 40, 200)
-        drift, std = values(record, x, theta)[0], standard_deviations(record, x, theta)[0]
+        drift, std = record.values_at(x, theta)[0], standard_deviations(record, x, theta)[0]
         square.append(np.mean(((drift - truth.drift(x, theta)) / std) ** 2))
     assert 0.3 < np.sqrt(np.mean(square)) < 1.2

@@ -9,7 +9,7 @@ from drawn_gyros import Drawn
 
 from hrg_cli.errors import HrgError
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import standard_deviations, values
+from hrg_cli.stages.calibration.table import standard_deviations
 
 VARIANTS = ("auto", "table", "parametric", "quadrature", "phase", "combined")
 
@@ -31,7 +31,7 @@ def tried(seed):
             record = calibrate(waves, model=model, bootstrap=0)
         except HrgError:
             continue  # a gyro without a quadrature has no part to be measured
-        error = values(record, x, theta)[0] - truth
+        error = record.values_at(x, theta)[0] - truth
         z = error / standard_deviations(record, x, theta)[0]
         out[model] = (
             record.status == "valid",
@@ -92,7 +92,7 @@ def test_a_first_harmonic_alone_does_not_deny_the_harmonics_it_leaves_out():
         theta = np.linspace(0, np.pi, 60, endpoint=False)
         for node in gyro.temperatures:
             at = np.full_like(theta, node)
-            error = values(record, at, theta)[0] - gyro.tables(at, theta)[0]
+            error = record.values_at(at, theta)[0] - gyro.tables(at, theta)[0]
             z.append(np.mean((error / standard_deviations(record, at, theta)[0]) ** 2))
         assert np.all(record.drift_harmonics_std[:, 3:5] > 0)
     assert np.sqrt(np.mean(z)) < 1.5

@@ -11,7 +11,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.physics.drift import drift
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import measured_drift, standard_deviations, values
+from hrg_cli.stages.calibration.table import measured_drift, standard_deviations
 from hrg_cli.stages.update import summary, update
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
@@ -49,7 +49,7 @@ def drift_error(record, device, temperature):
     )
     path = path_of(wave, harmonics=1)
     x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
-    found = values(record, x, theta)[0] + measured_drift(record, path)
+    found = record.values_at(x, theta)[0] + measured_drift(record, path)
     error = found - drift(device(temperature), theta, path.middle(path.ratio))
     return float(np.sqrt(np.mean(error**2))), float(
         np.sqrt(np.mean((error / standard_deviations(record, x, theta)[0]) ** 2))

@@ -33,7 +33,7 @@ SECOND_ORDER_REACH = 3.0
 """Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at
 1."""
 MISFIT = 1.5
-"""χ² a degree of freedom above which something else than noise moves the scale of the second
+"""χ² per degree of freedom above which something else than noise moves the scale of the second
 order."""
 SECOND_ORDER_DECIDED = 16.0
 """Difference of χ² between the scales 0 and 1 for which the better one is held, and distance² up to

@@ -18,7 +18,7 @@ Array = np.ndarray
 DECAY_POWERS = {"viscous_1_s": 0, "dry": -1, "per_amplitude": 1, "per_amplitude2": 2}
 FREQUENCY_POWERS = {"zero_amplitude_rad_s": 0, "per_amplitude2_rad_s": 2, "per_amplitude4_rad_s": 4}
 GAIN = 30.0
-"""Fall of χ², in units of χ² a degree of freedom, for which a further term is taken in."""
+"""Fall of χ², in units of χ² per degree of freedom, for which a further term is taken in."""
 CLEAR = 6.0
 """Amplitude over its noise below which a row's logarithm and phase are no longer Gaussian."""
 

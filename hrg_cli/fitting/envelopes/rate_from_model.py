@@ -34,7 +34,7 @@ ROWS, ROWS_OF_A_NODE = 2000, 12
 """Averaged rows of the run that are fitted, at least, and for each node: a row must not span what
 the nodes follow."""
 HOPELESS = 1000.0
-"""χ² a degree of freedom from which the fit has not found the rate at all (another resonator,
+"""χ² per degree of freedom from which the fit has not found the rate at all (another resonator,
 another gyro)."""
 TOO_COARSE = 5.0
 """Standard deviations of a fall of χ² with twice as many nodes from which the rate changes faster
@@ -50,7 +50,7 @@ may still move."""
 @dataclass(frozen=True)
 class RateEstimate:
     """Nodes (k,), rate [rad/s] with covariance (k, k), the plain estimate −m·dθ/dt/K on the nodes,
-    and the fit's χ² a degree of freedom."""
+    and the fit's χ² per degree of freedom."""
 
     time_s: Array
     rate_rad_s: Array

@@ -126,11 +126,13 @@ def one_run(
             np.sin(2 * moved.angle[rows]),
             moved.b[rows] / moved.a[rows],
         )
-        split, damping = p[3] * s - p[4] * c, p[1] * c + p[2] * s
-        growth = moved.a_dot[rows] / moved.a[rows] + split * r + p[0] + damping
-        quadrature = moved.b_dot[rows] / moved.a[rows] + (p[0] - damping) * r - split
-        drift = ((p[1] * s - p[2] * c) * (1 + r**2) - 2 * r * (p[3] * c + p[4] * s)) / (1 - r**2)
-        turning = np.full(n, p[5] * turned / n)
+        nu, nu_cos, nu_sin, split_cos, split_sin, scale_factor = p
+        split, damping = split_cos * s - split_sin * c, nu_cos * c + nu_sin * s
+        along = split_cos * c + split_sin * s
+        growth = moved.a_dot[rows] / moved.a[rows] + split * r + nu + damping
+        quadrature = moved.b_dot[rows] / moved.a[rows] + (nu - damping) * r - split
+        drift = ((nu_cos * s - nu_sin * c) * (1 + r**2) - 2 * r * along) / (1 - r**2)
+        turning = np.full(n, scale_factor * turned / n)
         turning[:-1] -= drift[:-1] * step / 2
         turning[1:] -= drift[1:] * step / 2
         turning[-1] += moved.angle[n - 1] - angle[0]

@@ -44,7 +44,7 @@ PROBE = 16
 """One row of so many tells whether the curvature within short windows is worth its correction."""
 
 MOVING_PERIODS = 3.0
-"""From so many periods a window the basis holds t·cos, t·sin, which then cost no precision."""
+"""From so many periods per window the basis holds t·cos, t·sin, which then cost no precision."""
 
 
 @dataclass

@@ -50,7 +50,7 @@ class Coefficient:
 @dataclass(frozen=True)
 class AllanTerms:
     """Averaging times [s], Allan deviations, what the terms make of them, the coefficients by name,
-    and χ² a degree of freedom."""
+    and χ² per degree of freedom."""
 
     time_s: Array
     deviation: Array

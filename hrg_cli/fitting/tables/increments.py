@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
+from ...harmonics import harmonic_basis
 from ...records import Wave
-from .fourier import harmonic_basis
 
 Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from .fourier import monotone_weights, node_weights
+from ...harmonics import monotone_weights, node_weights
 from .increments import Noise, Path, Whitener, covariance_bands, estimate_noise, whiten
 
 Array = np.ndarray
@@ -44,7 +44,7 @@ class Layout:
 
     @property
     def drift_size(self) -> int:
-        """Drift coefficients a node."""
+        """Drift coefficients per node."""
         return 1 + 2 * self.drift_harmonics
 
     @property

@@ -115,7 +115,7 @@ def _gain(report: dict[str, Any]) -> Plot:
             axes[0, 0],
             as_float(child(report, "baseline").get("chi2_per_dof")),
             as_float(child(report, "after").get("chi2_per_dof")),
-            "χ² a degree of freedom",
+            "χ² per degree of freedom",
             4,
         ),
         (

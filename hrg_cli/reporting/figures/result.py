@@ -94,10 +94,10 @@ def _runs(record: Resonator) -> Plot:
         rotation=38 if len(names) > 6 else 0,
         ha="right" if len(names) > 6 else "center",
     )
-    labels(ax, x="run", y="χ² a degree of freedom")
+    labels(ax, x="run", y="χ² per degree of freedom")
     worst = int(np.nanargmax(values)) if np.isfinite(values).any() else 0
     words = (
-        f"χ² a degree of freedom of {len(names)} runs: {spread(values)}; the worst is"
+        f"χ² per degree of freedom of {len(names)} runs: {spread(values)}; the worst is"
         f" {names[worst]}. One is expected of noise alone."
     )
     return Plot("runs", "How each run agrees with the fit", words, figure)

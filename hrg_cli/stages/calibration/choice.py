@@ -311,7 +311,7 @@ def told(
         why = f"{written.name} is written as asked, --model auto would take another: {why}"
     return {
         "model": chosen.name,
-        "why": f"{why}; held-out χ² a row: {words}",
+        "why": f"{why}; held-out χ² per row: {words}",
         "fitting": fitting,
         "not_tried": not_tried,
     }

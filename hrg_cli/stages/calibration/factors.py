@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...fitting.tables.fourier import node_weights
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import Factor
+from ...harmonics import node_weights
 
 Array = np.ndarray
 

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.fourier import node_weights
 from ...fitting.tables.increments import Path
+from ...harmonics import node_weights
 
 Array = np.ndarray
 ANGLE_BINS = 36

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.fourier import harmonic_basis
 from ...fitting.tables.joint import Fitted, Solution
+from ...harmonics import harmonic_basis
 from ...records import Calibration, Wave
 
 Array = np.ndarray

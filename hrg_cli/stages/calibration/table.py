@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.fourier import evaluate, harmonic_basis, node_weights
 from ...fitting.tables.increments import Path
+from ...harmonics import harmonic_basis, node_weights
 from ...records import Calibration
 from .factors import ellipticity, flattening, phase_ratio, quadrature
 
@@ -34,19 +34,6 @@ def in_range(calibration: Calibration, x: Array, where: str) -> None:
             f" {calibration.node_min:.6g} to {calibration.node_max:.6g} {unit} and are not"
             " extrapolated; calibrate over the wider range"
         )
-
-
-def values(
-    calibration: Calibration, x: Array, wave_angle_rad: Array, travel_rad: Array | float = 0.0
-) -> tuple[Array, Array]:
-    """(D [rad/s], K) (n,) at (x, θ); averaged along `travel_rad` of wave angle."""
-    common = (calibration.mode_number, calibration.interpolation, travel_rad)
-    drift = evaluate(
-        x, wave_angle_rad, calibration.node, np.asarray(calibration.drift_harmonics), *common
-    )
-    return drift, evaluate(
-        x, wave_angle_rad, calibration.node, np.asarray(calibration.scale_factor_harmonics), *common
-    )
 
 
 def standard_deviations(

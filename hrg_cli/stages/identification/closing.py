@@ -4,7 +4,6 @@ they give."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,7 @@ from ...fitting.checks import Check, at_least, at_most, failures, holds
 from ...fitting.envelopes import rows
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
-
-if TYPE_CHECKING:
-    from .verdict import Verdict
+from .outcome import Verdict
 
 Array = np.ndarray
 SURE = 3.0

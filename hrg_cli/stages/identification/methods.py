@@ -33,7 +33,8 @@ from ...physics import ellipse
 from ...records import Wave
 from . import closing
 from .modes import free_modes, one_channel
-from .verdict import ORDER, POOR_FIT, Verdict, contradictions, from_fit, judged, one_rate
+from .outcome import Verdict
+from .verdict import ORDER, POOR_FIT, contradictions, from_fit, judged, one_rate
 
 Array = np.ndarray
 RegressionMethod = Literal[

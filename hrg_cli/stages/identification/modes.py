@@ -16,7 +16,8 @@ from ...fitting.envelopes.envelope_runs import EnvelopeRun, averaged
 from ...fitting.envelopes.one_mode import OneMode
 from ...fitting.envelopes.two_modes import Modes
 from . import closing
-from .verdict import ORDER, Verdict
+from .outcome import Verdict
+from .verdict import ORDER
 
 Array = np.ndarray
 ROWS = 2000

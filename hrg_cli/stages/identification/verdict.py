@@ -5,14 +5,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from ...errors import HrgError
 from ...fitting import checks
-from ...fitting.checks import Check
 from ...fitting.envelopes import inference
 from ...fitting.envelopes.base_fit import Known, nominal_scale_factor, scale_factor_spread
 from ...fitting.envelopes.coordinates import COORDINATES
@@ -21,6 +18,7 @@ from ...fitting.envelopes.likelihood import Fit
 from ...physics import ellipse
 from ...physics.resonator import PARAMETERS
 from . import closing
+from .outcome import Verdict
 
 Array = np.ndarray
 POOR_FIT = 1.5
@@ -41,28 +39,6 @@ WORDS = {
     "split_sin": "the frequency split between the electrodes",
     "scale_factor": "the scale factor",
 }
-
-
-@dataclass
-class Verdict:
-    """Parameters by name, their covariance in `order`, and every sentence about them."""
-
-    values: dict[str, float]
-    std: dict[str, float]
-    order: list[str]
-    covariance: Array
-    chi2_per_dof: float
-    condition: float
-    run_chi2_per_dof: Array
-    run_residual_rms: Array
-    run_rows: Array
-    flat: list[str] = field(default_factory=list)
-    suspect: list[str] = field(default_factory=list)
-    refused: list[str] = field(default_factory=list)
-    details: dict[str, Any] = field(default_factory=dict)
-    mode_number: int = 2
-    fit: Fit | None = None
-    checks: list[Check] = field(default_factory=list)
 
 
 def from_fit(

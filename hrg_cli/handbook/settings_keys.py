@@ -3,31 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from importlib import import_module
 from typing import Any
 
+from ..cli import COMMANDS
+from ..commands.report import report
+from ..exporting import export
+from ..formats import import_envelope, import_log
+from ..limit_values import QUANTITIES, SUFFIXES, UNITS
+from ..lots.lot_settings import LotSettings
+from ..pipeline import STAGES
+from ..reporting.text import first_paragraph
 from ..settings import model_of
-from .text import first_paragraph
+from ..stages.calibrate import calibrate
+from ..stages.forecast import forecast
+from ..stages.mismatch import mismatch
+from ..stages.plan import plan
+from ..stages.rate_table import rate_table
+from ..stages.rehearse import rehearse
+from ..stages.simulate import simulate
+from ..stages.simulation_file import SimulationFile
+from ..studies.diagnosis import diagnosis_study
+from ..studies.gauss_newton import gauss_newton_study
+from ..studies.identification import identification_study
+from ..studies.recovery import recovery_study
+from ..studies.redundancy import redundancy_study
 
-FUNCTIONS = {
-    "import": [("import", "formats", "import_log"), ("envelope", "formats", "import_envelope")],
-    "simulate": [("simulate", "stages.simulate", "simulate")],
-    "calibrate": [
-        ("calibrate", "stages.calibrate", "calibrate"),
-        ("calibrate", "stages.rate_table", "rate_table"),
-    ],
-    "plan": [("plan", "stages.plan", "plan")],
-    "forecast": [("forecast", "stages.forecast", "forecast")],
-    "mismatch": [("mismatch", "stages.mismatch", "mismatch")],
-    "export": [("export", "exporting", "export")],
-    "report": [("report", "commands.report", "report")],
-    "rehearse": [("rehearse", "stages.rehearse", "rehearse")],
+FUNCTIONS: dict[str, list[tuple[str, Callable[..., Any]]]] = {
+    "import": [("import", import_log), ("envelope", import_envelope)],
+    "simulate": [("simulate", simulate)],
+    "calibrate": [("calibrate", calibrate), ("calibrate", rate_table)],
+    "plan": [("plan", plan)],
+    "forecast": [("forecast", forecast)],
+    "mismatch": [("mismatch", mismatch)],
+    "export": [("export", export)],
+    "report": [("report", report)],
+    "rehearse": [("rehearse", rehearse)],
     "study": [
-        (f"{name}_study", f"studies.{name}", f"{name}_study")
-        for name in ("gauss_newton", "redundancy", "identification", "diagnosis", "recovery")
+        ("gauss_newton_study", gauss_newton_study),
+        ("redundancy_study", redundancy_study),
+        ("identification_study", identification_study),
+        ("diagnosis_study", diagnosis_study),
+        ("recovery_study", recovery_study),
     ],
 }
-"""Command -> its tables: (name in the TOML, module, function whose signature is the model)."""
+"""Command -> its tables: (name in the TOML, function whose signature is the model)."""
 ALTERNATIVES = {
     "import_envelope": "with `--envelope`",
     "rate_table": "of a table of dwells of any rate gyro",
@@ -38,20 +57,13 @@ ALTERNATIVES = {
 def tables_of_command(name: str) -> list[tuple[str, Callable[..., Any]]]:
     """(Table, function) of every table of settings that a command reads; none: it has no
     settings."""
-    from ..pipeline import STAGES
-
     if name in FUNCTIONS:
-        return [
-            (table, getattr(import_module(f"hrg_cli.{module}"), function))
-            for table, module, function in FUNCTIONS[name]
-        ]
+        return FUNCTIONS[name]
     return [(name, STAGES[name].function())] if name in STAGES else []
 
 
 def command_settings() -> str:
     """Every key of every command's table."""
-    from ..cli import COMMANDS
-
     parts = []
     for command in COMMANDS:
         for table, function in tables_of_command(command):
@@ -68,15 +80,11 @@ def command_settings() -> str:
 
 def simulation_file() -> str:
     """Every table and key of a simulation file."""
-    from ..stages.simulation_file import SimulationFile
-
     return _tables(SimulationFile)
 
 
 def lot_file() -> str:
     """Every table and key of a lot's file."""
-    from ..lots.lot_settings import LotSettings
-
     return _tables(LotSettings)
 
 
@@ -198,8 +206,6 @@ def _default(entry: Mapping[str, Any], needed: bool) -> str:
 
 def limits_file() -> str:
     """What may limit a figure: its quantities, told by the end of its name, with their units."""
-    from ..limit_values import QUANTITIES, SUFFIXES, UNITS
-
     rows = ["| a figure's name ends in | it is | in | and may be written in |", "|---|---|---|---|"]
     for suffix, quantity in [*SUFFIXES, ("anything else", "a ratio")]:
         base = quantity.partition(" in ")[0]

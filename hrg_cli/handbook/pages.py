@@ -1,28 +1,27 @@
-"""The generated parts of the documentation, so that its tables cannot lie: `python -m
-hrg_cli.reporting.handbook README.md docs` renews them in the files named and in every page of a
-folder named."""
+"""The generated parts of the documentation, so that its tables cannot lie."""
 
 from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
+import typer.main
+
+from ..cli import app
+from ..effects import EFFECTS
+from ..fitting import checks
 from ..records import KINDS
-from . import handbook_json, handbook_settings
-from .text import first_paragraph
+from ..reporting.text import first_paragraph
+from ..stages.diagnosis import thresholds as diagnosis
+from . import json_keys, settings_keys
+from .man_page import commands_of
 
 
 def commands() -> str:
     """Every command with its help and example."""
-    import typer.main
-
-    from ..cli import app
-    from .manual import commands_of
-
     group = typer.main.get_command(app)
     rows = ["| command | what it does | example |", "|---|---|---|"]
     for name, entry in commands_of(group).items():
@@ -51,8 +50,6 @@ def file_format() -> str:
 
 def effects() -> str:
     """Every effect of the catalogue with its parameters."""
-    from ..effects import EFFECTS
-
     rows = ["| effect | parameter | unit | typical size |", "|---|---|---|---|"]
     for effect in EFFECTS:
         for parameter in effect.parameters:
@@ -88,9 +85,6 @@ def constants(path: Path) -> Iterator[tuple[str, str, str]]:
 def thresholds() -> str:
     """Every constant that decides a verdict: those of the diagnosis, then those of the checks that
     all stages share."""
-    from ..fitting import checks
-    from ..stages.diagnosis import thresholds as diagnosis
-
     rows = ["| name | value | meaning |", "|---|---|---|"]
     for module in (diagnosis, checks):
         rows += [
@@ -102,13 +96,13 @@ def thresholds() -> str:
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands": commands,
-    "settings of the commands": handbook_settings.command_settings,
-    "simulation file": handbook_settings.simulation_file,
-    "lot file": handbook_settings.lot_file,
-    "limits file": handbook_settings.limits_file,
-    "common keys": handbook_json.common_keys,
-    "JSON of the commands": handbook_json.commands,
-    "tables of the JSON": handbook_json.tables,
+    "settings of the commands": settings_keys.command_settings,
+    "simulation file": settings_keys.simulation_file,
+    "lot file": settings_keys.lot_file,
+    "limits file": settings_keys.limits_file,
+    "common keys": json_keys.common_keys,
+    "JSON of the commands": json_keys.commands,
+    "tables of the JSON": json_keys.tables,
     "file format": file_format,
     "effects": effects,
     "thresholds": thresholds,
@@ -134,16 +128,18 @@ def pages(places: Iterable[Path]) -> list[Path]:
     ]
 
 
-WHOLE: dict[str, Callable[[], str]] = {"json.schema.json": handbook_json.schemas}
+WHOLE: dict[str, Callable[[], str]] = {"json.schema.json": json_keys.schemas}
 """Files of a folder `reference` that are generated whole."""
 
 
-if __name__ == "__main__":
-    for place in map(Path, sys.argv[1:]):
+def renew(places: Iterable[Path]) -> None:
+    """Write the generated parts again: in the files named, and in every page of a folder named."""
+    places = list(places)
+    for place in places:
         for name, make in WHOLE.items():
             if (place / "reference").is_dir():
                 (place / "reference" / name).write_text(make(), encoding="utf-8")
-    for page in pages(map(Path, sys.argv[1:])):
+    for page in pages(places):
         text = page.read_text(encoding="utf-8")
         if renewed(text) != text:
             page.write_text(renewed(text), encoding="utf-8")

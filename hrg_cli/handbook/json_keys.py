@@ -1,5 +1,5 @@
 """The documentation of what commands print with --json, and its JSON schema, made from the models
-of `json_shapes`."""
+of `reporting.json_shapes`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, Union
 
 from pydantic import TypeAdapter
 
-from .json_shapes import SHAPES, Common
-from .text import first_paragraph
+from ..reporting.json_shapes import SHAPES, Common
+from ..reporting.text import first_paragraph
 
 WORDS = {
     "number": "number",

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
-from hrg_cli.fitting.tables.fourier import (
+from hrg_cli.harmonics import (
     amplitude_and_angle,
     coefficients_at,
     evaluate,

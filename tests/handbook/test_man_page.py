@@ -10,14 +10,14 @@ import pytest
 import typer.main
 
 from hrg_cli.cli import app
-from hrg_cli.reporting.manual import commands_of, manual
+from hrg_cli.handbook.man_page import commands_of, manual
 
 COMMANDS = commands_of(typer.main.get_command(app))
 
 
 def test_manual_is_fresh():
     packed = (resources.files("hrg_cli") / "hrg.1").read_text(encoding="utf-8")
-    assert packed == manual(), "run `python -m hrg_cli.reporting.manual hrg_cli/hrg.1`"
+    assert packed == manual(), "run `python -m hrg_cli.handbook.man_page hrg_cli/hrg.1`"
 
 
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")

@@ -1,4 +1,4 @@
-"""The man page, made from the commands themselves: `python -m hrg_cli.reporting.manual
+"""The man page, made from the commands themselves: `python -m hrg_cli.handbook.man_page
 hrg_cli/hrg.1` renews it."""
 
 from __future__ import annotations
@@ -7,6 +7,12 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import typer.main
+
+from ..cli import app
+from ..commands import frame
+from ..version import __version__
 
 EXIT_STATUSES = (
     ("0", "Done, and the result is valid (or suspect, without --strict)."),
@@ -45,11 +51,6 @@ ENVIRONMENT = (
 
 def manual() -> str:
     """The page in the language of man(7)."""
-    import typer.main
-
-    from .. import __version__
-    from ..cli import app
-
     group: Any = typer.main.get_command(app)
     return "\n".join(_lines(group, __version__)) + "\n"
 
@@ -127,12 +128,11 @@ def _command(name: str, command: Any) -> Iterator[str]:
 
 def _common() -> Any:
     """A command that has nothing but the options of every command."""
-    from ..commands.frame import command
 
     def nothing(run: Any) -> None:
         """Nothing."""
 
-    return command("bare", "")(nothing)
+    return frame.command("bare", "")(nothing)
 
 
 def _option(command: Any, parameter: Any) -> Iterator[str]:

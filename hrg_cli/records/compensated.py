@@ -1,0 +1,35 @@
+"""Rate and angle after the tables: what `hrg compensate` and `hrg rate` make of a wave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from .columns import JSON_OBJECT, ORDER, RISING, SCATTER, Array, attribute, column
+from .record import Record
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Compensated(Record):
+    """Rate and angle of one run after the tables, with what was left before and after where the
+    rate was known."""
+
+    kind: ClassVar[str] = "compensated"
+    made_by: ClassVar[str] = "hrg compensate"
+    time_s: Array = column("s", "middle of the increment", valid=RISING)
+    rate_estimate_rad_s: Array = column("rad s-1", "rate after the tables")
+    rate_estimate_rad_s_std: Array | None = column(
+        "rad s-1", "its standard deviation, where it is known", optional=True, valid=SCATTER
+    )
+    angle_estimate_rad: Array = column("rad", "its integral from the run's start")
+    residual_before_rad_s: Array | None = column(
+        "rad s-1", "rate error with a constant scale factor only", optional=True
+    )
+    residual_after_rad_s: Array | None = column(
+        "rad s-1", "rate error after the tables", optional=True
+    )
+    gyro_id: str = attribute("the gyro", default="")
+    run_id: str = attribute("the run", default="")
+    lot_id: str = attribute("the lot", default="")
+    mode_number: int = attribute("angular mode number m", default=2, dtype="i8", valid=ORDER)
+    details: str = attribute("JSON: rms figures", default="{}", valid=JSON_OBJECT)

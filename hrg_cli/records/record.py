@@ -1,0 +1,142 @@
+"""What all kinds of records have in common: validity with its reasons, provenance, rows in pieces,
+and one record made of a stream of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self, TypeVar
+
+import numpy as np
+
+from ..errors import HrgError
+from ..notebook import Shown
+from .columns import GROWING, Column
+
+R = TypeVar("R", bound="Record")
+
+Status = Literal["valid", "suspect", "refused"]
+
+REHEARSAL = "rehearsal: "
+"""Beginning of every sentence that a rehearsal leaves in a file's status."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One input of a command, as kept in the root attribute `sources`.
+
+    samples: fingerprints of the recorded samples it goes back to (`origins`), so that a copied
+    recording is known at any later stage.
+    """
+
+    name: str
+    kind: str
+    sha256: str
+    samples: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a record comes from: the commands behind it, its whole settings as TOML, and its
+    inputs."""
+
+    history: tuple[str, ...] = ()
+    settings: str = ""
+    sources: tuple[Source, ...] = ()
+    created: str = ""
+    generated_by: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Record(Shown):
+    """Common to all kinds: validity with its reasons, and provenance."""
+
+    kind: ClassVar[str]
+    made_by: ClassVar[str]
+    status: Status = "valid"
+    status_reasons: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance)
+
+    @classmethod
+    @functools.cache
+    def columns(cls) -> dict[str, Column]:
+        """Field name -> its declaration, in order."""
+        return {
+            f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata
+        }
+
+    def __len__(self) -> int:
+        for name, spec in self.columns().items():
+            if spec.dims and spec.dims[0] == "row" and getattr(self, name) is not None:
+                return len(getattr(self, name))
+        return 0
+
+    def rows(self, start: int, stop: int) -> Self:
+        """The same record with only rows [start, stop), read into memory."""
+        cut = {
+            name: getattr(self, name)[start:stop]
+            for name, spec in self.columns().items()
+            if spec.dims and spec.dims[0] == "row" and getattr(self, name) is not None
+        }
+        return dataclasses.replace(self, **cut)
+
+    def blocks(self, rows: int) -> Iterator[Self]:
+        """The record in pieces of at most `rows` rows; a lazily opened file is read piece by
+        piece."""
+        for start in range(0, len(self), rows):
+            yield self.rows(start, min(start + rows, len(self)))
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some fields changed."""
+        return dataclasses.replace(self, **changes)
+
+    def judged(self, reasons: Iterable[str], status: Status = "suspect") -> Self:
+        """A copy whose status is at least as bad as `status` for these further reasons (none:
+        unchanged)."""
+        reasons = tuple(reasons)
+        if not reasons:
+            return self
+        order: list[Status] = ["valid", "suspect", "refused"]
+        worst = max(self.status, status, key=order.index)
+        return dataclasses.replace(self, status=worst, status_reasons=self.status_reasons + reasons)
+
+
+def collect(stream: R | Iterable[R]) -> R:
+    """One record in memory from a stream of blocks.
+
+    Parameters
+    ----------
+    stream
+        Records of one kind whose rows follow each other, or one record.
+
+    Returns
+    -------
+    Record
+        The blocks' rows joined; everything else is the last block's.
+
+    Raises
+    ------
+    HrgError
+        The stream is empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect
+    >>> block = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> len(collect([block, block]))
+    6
+    """
+    if isinstance(stream, Record):
+        return stream
+    parts = list(stream)
+    if not parts:
+        raise HrgError("an empty stream holds no record; the stage before it produced nothing")
+    last = parts[-1]
+    joined: dict[str, Any] = {}
+    for name, spec in last.columns().items():
+        if spec.dims and spec.dims[0] in GROWING and getattr(last, name) is not None:
+            joined[name] = np.concatenate([getattr(p, name) for p in parts])
+    return dataclasses.replace(last, **joined)
