@@ -33,7 +33,16 @@ from ...physics import ellipse
 from ...records import Wave
 from . import closing
 from .modes import free_modes, one_channel
-from .verdict import ORDER, POOR_FIT, Verdict, contradictions, from_fit, judged, one_rate
+from .verdict import (
+    ORDER,
+    POOR_FIT,
+    Verdict,
+    contradictions,
+    from_fit,
+    judged,
+    one_rate,
+    second_order_std,
+)
 
 Array = np.ndarray
 RegressionMethod = Literal[
@@ -87,6 +96,9 @@ class Prepared:
     p: Array
     covariance: Array
     space: Freedom
+    beside: Prepared | None = None
+    """The same with the scale of the second order one of its standard deviations larger; None where
+    that scale is held."""
 
     def noiseless(self, p: Array) -> list[EnvelopeRun]:
         """The rows as a resonator of coordinates p (7,) would show them, started as the runs
@@ -123,17 +135,29 @@ def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
 
     Seed A's equations are of first order in |L|/ω. What the second order (rate times split or
     damping over ω) does to the envelopes is taken off them by the likelihood's model, with the
-    scale the likelihood found.
+    scale the likelihood found; where it is known no better than its standard deviation, the rows
+    `beside` have one more of it taken off.
     """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
+    ready = _first_order(runs, known, best, float(best.p[6]))
+    std = second_order_std(best)
+    if std == 0:
+        return ready
+    return dataclasses.replace(
+        ready, beside=_first_order(runs, known, best, float(best.p[6]) + std)
+    )
+
+
+def _first_order(runs: Sequence[EnvelopeRun], known: Known, best: Fit, scale: float) -> Prepared:
+    """The likelihood's rows less `scale` times what the second order does to them."""
     data, state = best.response.batch, best.response.state
     x = data.time_s / data.span_s[:, None]
     phase = sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1))
     none = np.zeros((len(data.runs), 1))
     first, second = (
         respond(data, State(np.append(best.p[:6], order), state.start, none)).model
-        for order in (0.0, best.p[6])
+        for order in (0.0, scale)
     )
     # the mean frequency's shift by the second order is the run's own and stays
     envelope = data.envelope * np.exp(-1j * phase)[..., None] - (second - first)
@@ -154,7 +178,20 @@ def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
 
 
 def regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) -> Regression:
-    """One method's answer."""
+    """One method's answer; how far the scale of the second order is unknown is in its
+    covariance."""
+    answer = _regression(method, ready, best, eliminate_rate)
+    if answer.refused or ready.beside is None:
+        return answer
+    moved = _regression(method, ready.beside, best, eliminate_rate)
+    if moved.refused:
+        return moved
+    change = moved.p - answer.p
+    return dataclasses.replace(answer, covariance=answer.covariance + np.outer(change, change))
+
+
+def _regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) -> Regression:
+    """One method's answer on rows of the first order."""
     if method == "propagator":
         space = ready.space
         return Regression(

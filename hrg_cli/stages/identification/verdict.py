@@ -178,7 +178,7 @@ def judged(
         "runs_differ_in_frequency": differ,
         "run_frequency_drift_hz": [float(d) for d in runs_hz.drift_hz],
         "frequency_note": _frequency_note(differ, drift),
-        "second_order": {"value": float(fit.p[6]), "std": _second_order_std(fit)},
+        "second_order": {"value": float(fit.p[6]), "std": second_order_std(fit)},
         "iterations": fit.iterations,
         "variance_factor": factor,
         "colour": colour,
@@ -228,7 +228,7 @@ def _frequency_note(differ: bool, drift_hz: float) -> str:
     return "; ".join(parts)
 
 
-def _second_order_std(fit: Fit) -> float:
+def second_order_std(fit: Fit) -> float:
     """Standard deviation of the second-order scale, 0 where it is held."""
     return (
         float(np.sqrt(fit.covariance_z()[-1, -1]))
