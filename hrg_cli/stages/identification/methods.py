@@ -142,11 +142,22 @@ def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
     ready = _first_order(runs, known, best, float(best.p[6]))
     std = second_order_std(best)
-    if std == 0:
+    if std == 0 or _size_of_second_order(best) * std < closing.SETTLED:
         return ready
     return dataclasses.replace(
         ready, beside=_first_order(runs, known, best, float(best.p[6]) + std)
     )
+
+
+def _size_of_second_order(best: Fit) -> float:
+    """What the second order does to all rows, in their noise: no linear answer moves by more of its
+    own standard deviations (Cauchy and Schwarz)."""
+    data, state = best.response.batch, best.response.state
+    first, second = (
+        respond(data, State(np.append(best.p[:6], order), state.start, state.phase)).model
+        for order in (0.0, 1.0)
+    )
+    return float(np.linalg.norm((second - first) * data.weight[..., None]))
 
 
 def _first_order(runs: Sequence[EnvelopeRun], known: Known, best: Fit, scale: float) -> Prepared:
@@ -183,15 +194,22 @@ def regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) ->
     answer = _regression(method, ready, best, eliminate_rate)
     if answer.refused or ready.beside is None:
         return answer
-    moved = _regression(method, ready.beside, best, eliminate_rate)
+    moved = _regression(method, ready.beside, best, eliminate_rate, answer.spread)
     if moved.refused:
         return moved
     change = moved.p - answer.p
     return dataclasses.replace(answer, covariance=answer.covariance + np.outer(change, change))
 
 
-def _regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) -> Regression:
-    """One method's answer on rows of the first order."""
+def _regression(
+    method: str,
+    ready: Prepared,
+    best: Fit,
+    eliminate_rate: bool,
+    spread: regressions.Spread | None = None,
+) -> Regression:
+    """One method's answer on rows of the first order; what noise does to it may be known
+    (`spread`)."""
     if method == "propagator":
         space = ready.space
         return Regression(
@@ -203,7 +221,7 @@ def _regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) -
     if method == "rotation-integrals":
         return rotation_integrals.solve(ready.rows, ready.noiseless, start)
     return regressions.solve(
-        ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start
+        ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start, spread
     )
 
 
