@@ -534,7 +534,7 @@ def solve(
     """
     reason = out_of_range(runs, method)
     if reason:
-        return Regression(np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan), refused=reason)
+        return _none(reason)
     published = [METHODS[method](run, eliminate_rate) for run in runs]
     corrected = model is not None and start is not None and not eliminate_rate
     here = np.zeros(COUNT) if start is None else np.array(start, float)
@@ -548,6 +548,8 @@ def solve(
             for e, t in zip(published, left_out, strict=True)
         ]
         solution = _least_squares(runs, equations, freedom)
+        if solution is None:
+            return _none(f"no row of these runs is one that {method} takes; use likelihood")
         if spread is None or (turn > 1 and change >= SETTLED):
             spread = _spread(runs, equations, left_out, solution, method, eliminate_rate)
         chi2, rows = _misfits(runs, equations, left_out, solution.p, spread, method, eliminate_rate)
@@ -575,6 +577,11 @@ def solve(
     )
 
 
+def _none(reason: str) -> Regression:
+    """No answer, and why."""
+    return Regression(np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan), refused=reason)
+
+
 @dataclass(frozen=True)
 class Solution:
     """Coordinates p (7,), NaN where the equations say nothing; z = inverse (k, N)·targets, p =
@@ -588,8 +595,8 @@ class Solution:
 
 def _least_squares(
     runs: Sequence[EnvelopeRun], equations: Sequence[Equations], freedom: Freedom
-) -> Solution:
-    """The equations' weighted least squares."""
+) -> Solution | None:
+    """The equations' weighted least squares; None where no equation weighs anything."""
     parts = [weighted(run, e, freedom) for run, e in zip(runs, equations, strict=True)]
     design, target = (
         np.concatenate([p.design for p in parts]),
@@ -597,6 +604,8 @@ def _least_squares(
     )
     scale = np.linalg.norm(design, axis=0)
     used = scale > 0
+    if not used.any():
+        return None
     matrix = design[:, used] / scale[used]
     U, size, Vt = np.linalg.svd(matrix, full_matrices=False)
     keep = size > 1e-8 * size[0]
