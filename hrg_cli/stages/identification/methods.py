@@ -42,6 +42,7 @@ from .verdict import (
     judged,
     one_rate,
     second_order_std,
+    split_components,
 )
 
 Array = np.ndarray
@@ -271,6 +272,7 @@ def _verdict(
         rows,
         mode_number=mode,
     )
+    verdict.details["split_components"] = split_components(answer.p, answer.covariance)
     verdict.suspect = list(answer.warnings)
     refusing, doubting = closing.physical(verdict)
     assert likelihood.fit is not None
