@@ -4,7 +4,7 @@ quiet, and whether a quiet answer is right.
 Most programmes are envelopes of the exact slow model with noise, a part of them raw samples of the
 second-order equations, demodulated and estimated. An answer is quiet where neither the stages
 before, nor the method, nor the closing checks say a word. Errors are in the method's own standard deviations, those of axes
-modulo their period; the likelihood's standard deviations are also held against the Cramér–Rao
+modulo their period, those of a split lost in noise of its components; the likelihood's standard deviations are also held against the Cramér–Rao
 bound.
 """
 
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from ..errors import HrgError
 from ..executors import local_processes, run_tasks
 from ..records import Resonator
 from ..stages.identify import identify
+from ..stages.rehearse import SPLITS
 from .run_downs import Programme, draw
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ WRONG = 5.0
 """Standard deviations from which a quiet answer is wrong."""
 LEVELS = {"68": 1.0, "95": 1.96}
 """Percentage of an interval -> half its width in standard deviations."""
+CLEAR = 8.0
+"""Standard deviations from which a split's size and axis are Gaussian."""
 UNKNOWN_RATE = "unknown rate"
 """Answers to programmes whose logs leave out a rate that nobody tells: its offset is fitted."""
 
@@ -90,7 +94,7 @@ def answers_of(task: tuple[int, bool]) -> list[dict[str, Any]]:
                     **mark,
                     "method": row["method"],
                     "said": said,
-                    "errors": errors(cells, drawn),
+                    "errors": errors(cells, row.get("split_components", {}), drawn),
                     "over_bound": {},
                     "why": "; ".join([*row["warnings"], *before]) or row["refused"],
                 }
@@ -102,33 +106,42 @@ def _of_record(record: Resonator, drawn: Programme, before: list[str]) -> dict[s
     """The likelihood's answer: what it says, its errors, its standard deviations over the bound;
     before: what was said of its waves."""
     cells = {name: (value, std) for name, (value, std, _) in record.parameters().items()}
-    bound = json.loads(record.details).get("cramer_rao_std", {})
+    details = json.loads(record.details)
+    bound = details.get("cramer_rao_std", {})
     said = {"valid": "doubted" if before else "quiet", "suspect": "doubted"}
     return {
         "said": said.get(record.status, "refused"),
-        "errors": errors(cells, drawn),
+        "errors": errors(cells, details.get("split_components", {}), drawn),
         "over_bound": {n: cells[n][1] / b for n, b in bound.items() if n in cells and b > 0},
         "why": "; ".join([*record.status_reasons, *before]),
     }
 
 
-def errors(cells: dict[str, tuple[float, float]], drawn: Programme) -> dict[str, float]:
-    """(value − true)/σ of parameters {name: (value, σ)}; the axis of a split that is not there has
-    none."""
+def errors(
+    cells: Mapping[str, tuple[float, float]],
+    components: Mapping[str, Mapping[str, float]],
+    drawn: Programme,
+) -> dict[str, float]:
+    """(value − true)/σ of parameters {name: (value, σ)}; of a split below 8 of its σ, whose size
+    and axis are not Gaussian, that of its components."""
     true = dataclasses.asdict(drawn.gyro)
     period = np.pi / drawn.gyro.mode_number
+    lost = set()
     found = {}
+    for size, axis, names in SPLITS:
+        if size in cells and not cells[size][0] >= CLEAR * cells[size][1]:
+            lost |= {size, axis}
+            vector = true[size] * np.exp(2j * np.pi * true[axis] / period)
+            found |= {
+                name: float((components[name]["value"] - put_in) / components[name]["std"])
+                for name, put_in in zip(names, (vector.real, vector.imag), strict=True)
+                if name in components and components[name]["std"] > 0
+            }
     for name, (value, std) in cells.items():
-        size = {
-            "damping_axis_rad": "damping_split_1_s",
-            "stiffness_axis_rad": "frequency_split_rad_s",
-        }
-        if std <= 0 or true.get(size.get(name, ""), 1.0) == 0:
-            continue
-        off = value - true[name]
-        if name in size:
-            off -= period * np.round(off / period)
-        found[name] = float(off / std)
+        if std > 0 and name not in lost:
+            off = value - true[name]
+            off -= period * np.round(off / period) * name.endswith("axis_rad")
+            found[name] = float(off / std)
     return found
 
 

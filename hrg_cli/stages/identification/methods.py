@@ -322,14 +322,17 @@ def _verdict(
 
 def _apart(answer: Regression, best: Fit) -> float:
     """Largest distance of a method's coordinates from the likelihood's, in the standard deviations
-    of their difference.
+    of their difference; of the splits that of the vectors, whatever way they lie.
 
     The likelihood is efficient, so the variance of the difference is the difference of the
     variances, at most the method's own.
     """
-    std = np.sqrt(np.maximum(0.0, np.diag(answer.covariance)[:6]))
-    known = np.isfinite(answer.p[:6]) & (std > 0)
-    return float(np.max(np.abs(answer.p[:6] - best.p[:6])[known] / std[known], initial=0.0))
+    distance = [0.0]
+    for part in ([0], [1, 2], [3, 4], [5]):
+        off, covariance = answer.p[part] - best.p[part], answer.covariance[np.ix_(part, part)]
+        if np.all(np.isfinite(off)) and np.all(np.isfinite(covariance)):
+            distance.append(float(np.sqrt(off @ np.linalg.pinv(covariance, hermitian=True) @ off)))
+    return max(distance)
 
 
 def _physical(
@@ -375,7 +378,8 @@ def compared(
             " give --method likelihood for them"
         )
     ready = prepared(runs, known, best.fit)
-    table = [_row("likelihood", best.values, best.std, best, [], "")]
+    own = {"split_components": best.details["split_components"]}
+    table = [_row("likelihood", best.values, best.std, best, [], "") | own]
     for method in ALL:
         answer = regression(method, ready, best.fit, eliminate_rate)
         if answer.refused:
@@ -387,6 +391,7 @@ def compared(
             _row(
                 method, verdict.values, verdict.std, best, [*verdict.refused, *verdict.suspect], ""
             )
+            | {"split_components": verdict.details["split_components"]}
         )
     return table
 
