@@ -24,7 +24,14 @@ FUNCTIONS = {
     "rehearse": [("rehearse", "stages.rehearse", "rehearse")],
     "study": [
         (f"{name}_study", f"studies.{name}", f"{name}_study")
-        for name in ("gauss_newton", "redundancy", "identification", "diagnosis", "recovery")
+        for name in (
+            "gauss_newton",
+            "redundancy",
+            "identification",
+            "programmes",
+            "diagnosis",
+            "recovery",
+        )
     ],
 }
 """Command -> its tables: (name in the TOML, module, function whose signature is the model)."""

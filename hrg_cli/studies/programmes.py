@@ -3,9 +3,9 @@ quiet, and whether a quiet answer is right.
 
 Most programmes are envelopes of the exact slow model with noise, a part of them raw samples of the
 second-order equations, demodulated and estimated. An answer is quiet where neither the stages
-before, nor the method, nor the closing checks say a word. Errors are in the method's own standard deviations, those of axes
-modulo their period, those of a split lost in noise of its components; the likelihood's standard deviations are also held against the Cramér–Rao
-bound.
+before, nor the method, nor the closing checks say a word. Errors are in the method's own standard
+deviations: those of axes modulo their period, those of a split lost in noise of its components; the
+likelihood's standard deviations are also held against the Cramér–Rao bound.
 """
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from identify_programmes import draw
 from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
 
 from hrg_cli import store
@@ -389,48 +388,6 @@ def test_few_windows_carry_a_quick_rate_or_name_the_windows_that_do(cycles):
     assert cycles != 2 or rate(wave, resonator).status == "valid"
     with pytest.raises(HrgError, match=r"320 .* 80 nodes; ask for fewer, or .* at most 0.013 s"):
         rate(wave, resonator, nodes=80)
-
-
-def quiet(seeds, methods):
-    """(worst |error|/σ of valid answers by method, all (error/σ) of valid likelihoods, their σ over
-    the bound)."""
-    worst, scores, ratios = {m: 0.0 for m in methods}, [], []
-    for seed in seeds:
-        drawn = draw(seed)
-        told = {"earth_rate_deg_h": np.degrees(drawn.earth_rad_s) * 3600}
-        for method in methods:
-            try:
-                record = identify(drawn.waves, method=method, **told)
-            except HrgError:
-                continue
-            if record.status != "valid":
-                continue
-            found = errors(record, drawn.gyro)
-            worst[method] = max(worst[method], *map(abs, found.values()))
-            if method == "likelihood":
-                scores += list(found.values())
-                bound = json.loads(record.details)["cramer_rao_std"]
-                ratios += [
-                    record.parameters()[n][1] / bound[n]
-                    for n in ("damping_rate_1_s", "frequency_split_rad_s")
-                ]
-    return worst, np.abs(scores), np.array(ratios)
-
-
-def test_no_quiet_answer_over_the_range():
-    worst, scores, ratios = quiet(range(5), ("likelihood", "increments", "products"))
-    assert max(worst.values()) < 5, worst
-    assert 0.5 < np.mean(scores < 1) < 0.85 and np.median(ratios) < 1.05
-
-
-@pytest.mark.slow
-def test_no_quiet_answer_in_five_hundred_programmes():
-    worst, scores, ratios = quiet(range(500), ("likelihood",))
-    assert worst["likelihood"] < 5
-    assert 0.65 < np.mean(scores < 1) < 0.71 and 0.93 < np.mean(scores < 1.96) < 0.97
-    assert np.median(ratios) < 1.05
-    worst, _, _ = quiet(range(500), ALL)
-    assert max(worst.values()) < 5, worst
 
 
 @pytest.mark.parametrize("course", [2.0, lambda t: 2 * np.sin(3 * t) + 1])
