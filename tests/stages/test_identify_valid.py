@@ -187,6 +187,21 @@ def test_a_method_that_disagrees_with_its_data_says_so():
         assert not all(c["passed"] for c in summary(record)["checks"]) or record.status_reasons
 
 
+def test_an_ellipse_on_a_changing_rate_is_no_drift_of_its_frequency():
+    """It runs ahead by KΩ·S₃/S₀: its phase bends by 15 rad on a ramp of the table, which was taken
+    off as if the frequency moved, and a right programme was refused with χ² of millions."""
+    gyro = Mechanics(318.3, 1.2e-3, 5e-6, 0.95, 3.9e-3, 0.93, 0.41)
+    ramp = lambda t: 0.56 - 1.7e-3 * np.asarray(t)  # noqa: E731
+    waves = [
+        run_down(
+            angle, rate_, mechanics=gyro, std=1.6e-4, seconds=445.0, window=0.95, ratio=r, seed=i
+        )
+        for i, (angle, rate_, r) in enumerate(((0.2, 0.56, 0.05), (0.7, ramp, 0.44)))
+    ]
+    record = identify(waves)
+    assert record.status == "valid" and within(record, gyro), record.status_reasons
+
+
 def test_windows_that_blur_the_wave_are_noticed():
     waves = programme(
         Mechanics(5000.0, 0.01, 1e-3, 0.35, 0.11, 0.9, 0.55),
