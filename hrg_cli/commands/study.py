@@ -25,6 +25,7 @@ STUDIES = {
     "gauss-newton": "gauss_newton",
     "redundancy": "redundancy",
     "identification": "identification",
+    "programmes": "programmes",
     "diagnosis": "diagnosis",
     "recovery": "recovery",
 }
@@ -43,8 +44,8 @@ def _study_names(incomplete: str) -> list[str]:
     idle={"strict": "a study has no validity of its own"},
     says={
         "jobs": (
-            "Processes that share the draws of the diagnosis and the recovery study; the others use"
-            " one."
+            "Processes that share the draws of the programmes, diagnosis and recovery studies; the others"
+            " use one."
         )
     },
 )

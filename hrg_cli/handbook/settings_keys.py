@@ -25,6 +25,7 @@ from ..stages.simulation_file import SimulationFile
 from ..studies.diagnosis import diagnosis_study
 from ..studies.gauss_newton import gauss_newton_study
 from ..studies.identification import identification_study
+from ..studies.programmes import programmes_study
 from ..studies.recovery import recovery_study
 from ..studies.redundancy import redundancy_study
 
@@ -42,6 +43,7 @@ FUNCTIONS: dict[str, list[tuple[str, Callable[..., Any]]]] = {
         ("gauss_newton_study", gauss_newton_study),
         ("redundancy_study", redundancy_study),
         ("identification_study", identification_study),
+        ("programmes_study", programmes_study),
         ("diagnosis_study", diagnosis_study),
         ("recovery_study", recovery_study),
     ],

@@ -16,6 +16,7 @@ from ..fitting.checks import Check
 from ..fitting.envelopes.rate_driven import rate_driven
 from ..fitting.envelopes.rate_from_model import (
     HOPELESS,
+    MOST_NODES,
     SETTLED,
     TOO_COARSE,
     RateEstimate,
@@ -113,11 +114,11 @@ def rate(
 
 def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
     """The closing checks of a rate: (what refuses it, what makes it suspect)."""
-    count = len(found.time_s)
+    count, more = len(found.time_s), _more_nodes(found)
     poor = (
         f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise"
-        f" (another resonator, or a rate that changes faster than {count} nodes follow); the errors"
-        " are inflated by it"
+        f" (another resonator, or a rate that changes faster than {count} nodes follow: then"
+        f" {more}); the errors are inflated by it"
     )
     impossible = [
         *checks.sound(
@@ -135,8 +136,8 @@ def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
             sentence=poor,
             coloured=(
                 f"what the reference model leaves is coloured: the rate changes within {count}"
-                " nodes' distance, or the resonator is another; the errors are those of white"
-                " noise"
+                f" nodes' distance ({more}), or the resonator is another; the errors are those of"
+                " white noise"
             ),
         ),
         checks.at_most(
@@ -151,10 +152,21 @@ def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
             TOO_COARSE,
             f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by"
             f" {found.finer_z:.2g} of its standard deviations more than by chance, so the errors"
-            " hold at smooth places only; ask for more nodes",
+            f" hold at smooth places only; {more}",
         ),
     ]
     return impossible, doubtful
+
+
+def _more_nodes(found: RateEstimate) -> str:
+    """What to do for twice as many nodes: ask for them, or give shorter windows or runs."""
+    wanted = 2 * len(found.time_s) - 1
+    if wanted <= found.most_nodes:
+        return f"ask for more nodes, {wanted} say"
+    if wanted > MOST_NODES:
+        return "cut the run into shorter ones"
+    shorter = found.window_s * found.most_nodes / wanted
+    return f"demodulate with windows of at most {shorter:.2g} s, which carry {wanted} nodes"
 
 
 def summary(record: Compensated) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from ..records import Calibration, Diagnosis, Record, Resonator, Wave, collect
 from . import twin_colour
 from .demodulate import demodulate
 from .estimate import estimate
+from .identification.verdict import SPLIT_COMPONENTS
 from .simulate import simulate
 from .twin import Measured, Twin, effects_of, twin_of
 from .twin_diagnosis import base_values, causes, diagnosed, held, same_sign
@@ -49,6 +50,14 @@ cause may be."""
 MATCHED = (0.2, 5.0)
 """Factors by which the noise of the twin's samples is changed at most to match the measured
 windows'."""
+CLEAR = 4.0
+"""Standard deviations from which a split's size is Gaussian, and its axis; below, its components are
+judged instead, for a size lost in noise is Rice's and never comes out as small as it is."""
+SPLITS = (
+    ("damping_split_1_s", "damping_axis_rad", SPLIT_COMPONENTS[:2]),
+    ("frequency_split_rad_s", "stiffness_axis_rad", SPLIT_COMPONENTS[2:]),
+)
+"""Size, axis and components of a split."""
 STREAMS = 1_000_003
 """Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
 
@@ -318,6 +327,17 @@ def _parameters(record: Resonator, truth: Resonator) -> dict[str, Estimate]:
         for name, (value, std, _) in record.parameters().items()
         if name in true and np.isfinite(std) and std > 0
     }
+    for size, axis, components in SPLITS:
+        if size in true and axis in true and not true[size][0] >= CLEAR * true[size][1]:
+            found.pop(size, None)
+            found.pop(axis, None)
+            vector = true[size][0] * np.exp(2j * truth.mode_number * true[axis][0])
+            seen = json.loads(record.details).get("split_components", {})
+            found |= {
+                name: Estimate(seen[name]["value"], seen[name]["std"], put_in)
+                for name, put_in in zip(components, (vector.real, vector.imag), strict=True)
+                if name in seen and seen[name]["std"] > 0
+            }
     rate, true_rate = (json.loads(r.details).get("rate_rad_s") for r in (record, truth))
     if rate and true_rate and rate["std"] > 0:
         found["rate_rad_s"] = Estimate(rate["value"], rate["std"], true_rate["value"])
@@ -336,8 +356,14 @@ def _sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str, Estimat
                 found[f"{name} {key}"] = Estimate(sign * value, std, true[key][0])
     period = np.pi / int(json.loads(truth.report).get("mode_number", 2))
     beside = base_values(truth)
+    lost = {
+        name
+        for size, axis, _ in SPLITS
+        if size in beside and not beside[size][0] >= CLEAR * beside[size][1]
+        for name in (size, axis)
+    }
     for name, (value, std) in base_values(record).items():
-        if name in beside and np.isfinite(std) and std > 0:
+        if name in beside and name not in lost and np.isfinite(std) and std > 0:
             axis = period if name.endswith("axis_rad") else 0.0
             found[name] = Estimate(value, std, beside[name][0], axis)
     return found

@@ -73,6 +73,13 @@ def test_stated_errors_are_the_scatter(method):
     assert 0.35 < np.mean(squares) < 2.2  # χ² of 48 within 1e-5 of either side
 
 
+def test_groups_without_a_row_are_refused():
+    """A wave that is nowhere between the electrodes' axes, nor on one: both groups are empty."""
+    wave = run_down(0.1, 0.0, ratio=0.6, std=1e-5)
+    answer = regressions.solve(*thin([wave]), "fixed-axes-groups")
+    assert "no row of these runs" in answer.refused and not np.isfinite(answer.p).any()
+
+
 def test_increments_and_stokes_come_near_the_bound(noisy):
     """Integrated along the run they lose little against the likelihood."""
     runs, space = noisy

@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from identify_programmes import draw
 from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
 
 from hrg_cli import store
@@ -98,6 +97,36 @@ def test_differences_are_corrected_in_short_runs(method):
     assert np.mean(squares) < 4.5
 
 
+@pytest.mark.parametrize("seed", [0, 2])
+def test_what_is_not_known_of_the_second_order_is_in_every_method(seed):
+    """A quick decay at rest: νδω/ω is many σ, its scale is found to 0.3 only, and the likelihood's
+    split is as wide as that; the regressions took the scale as exact and were off by 17 σ."""
+    gyro = Mechanics(1302.3, 6.61, 0.33, 1.2, 0.528, 1.57, 1.0, 1)
+    waves = [
+        run_down(
+            angle,
+            mechanics=gyro,
+            std=3e-6,
+            seconds=0.24,
+            window=2.3e-3,
+            ratio=ratio,
+            seed=10 * seed + i,
+        )
+        for i, (angle, ratio) in enumerate(((0.3, 0.0), (1.1, -0.07), (2.2, 0.0)))
+    ]
+    record = identify(waves, method="all")
+    scale = json.loads(record.details)["second_order"]
+    assert 0.1 < scale["std"] < 0.5
+    for row in json.loads(record.details)["methods"]:
+        if row["warnings"] or row["refused"]:
+            continue
+        for name, cell in row["parameters"].items():
+            if name != "frequency_hz":
+                off = cell["value"] - getattr(gyro, name)
+                off -= np.pi * np.round(off / np.pi) * name.endswith("axis_rad")
+                assert abs(off) < 4.5 * cell["std"], (row["method"], name, off / cell["std"])
+
+
 def test_a_drifting_frequency_does_not_turn_the_axes_of_fixed_axes():
     """30 ppm of drift within a run moved θ_ω by 19 σ."""
     waves = []
@@ -156,6 +185,21 @@ def test_a_method_that_disagrees_with_its_data_says_so():
         record = identify(waves, method=method)
         assert record.status != "valid", method
         assert not all(c["passed"] for c in summary(record)["checks"]) or record.status_reasons
+
+
+def test_an_ellipse_on_a_changing_rate_is_no_drift_of_its_frequency():
+    """It runs ahead by KΩ·S₃/S₀: its phase bends by 15 rad on a ramp of the table, which was taken
+    off as if the frequency moved, and a right programme was refused with χ² of millions."""
+    gyro = Mechanics(318.3, 1.2e-3, 5e-6, 0.95, 3.9e-3, 0.93, 0.41)
+    ramp = lambda t: 0.56 - 1.7e-3 * np.asarray(t)  # noqa: E731
+    waves = [
+        run_down(
+            angle, rate_, mechanics=gyro, std=1.6e-4, seconds=445.0, window=0.95, ratio=r, seed=i
+        )
+        for i, (angle, rate_, r) in enumerate(((0.2, 0.56, 0.05), (0.7, ramp, 0.44)))
+    ]
+    record = identify(waves)
+    assert record.status == "valid" and within(record, gyro), record.status_reasons
 
 
 def test_windows_that_blur_the_wave_are_noticed():
@@ -342,46 +386,23 @@ def test_a_rate_of_two_hertz_takes_the_nodes_it_needs():
     assert rate(wave, resonator, nodes=20).status != "valid"
 
 
-def quiet(seeds, methods):
-    """(worst |error|/σ of valid answers by method, all (error/σ) of valid likelihoods, their σ over
-    the bound)."""
-    worst, scores, ratios = {m: 0.0 for m in methods}, [], []
-    for seed in seeds:
-        drawn = draw(seed)
-        told = {"earth_rate_deg_h": np.degrees(drawn.earth_rad_s) * 3600}
-        for method in methods:
-            try:
-                record = identify(drawn.waves, method=method, **told)
-            except HrgError:
-                continue
-            if record.status != "valid":
-                continue
-            found = errors(record, drawn.gyro)
-            worst[method] = max(worst[method], *map(abs, found.values()))
-            if method == "likelihood":
-                scores += list(found.values())
-                bound = json.loads(record.details)["cramer_rao_std"]
-                ratios += [
-                    record.parameters()[n][1] / bound[n]
-                    for n in ("damping_rate_1_s", "frequency_split_rad_s")
-                ]
-    return worst, np.abs(scores), np.array(ratios)
-
-
-def test_no_quiet_answer_over_the_range():
-    worst, scores, ratios = quiet(range(5), ("likelihood", "increments", "products"))
-    assert max(worst.values()) < 5, worst
-    assert 0.5 < np.mean(scores < 1) < 0.85 and np.median(ratios) < 1.05
-
-
-@pytest.mark.slow
-def test_no_quiet_answer_in_five_hundred_programmes():
-    worst, scores, ratios = quiet(range(500), ("likelihood",))
-    assert worst["likelihood"] < 5
-    assert 0.65 < np.mean(scores < 1) < 0.71 and 0.93 < np.mean(scores < 1.96) < 0.97
-    assert np.median(ratios) < 1.05
-    worst, _, _ = quiet(range(500), ALL)
-    assert max(worst.values()) < 5, worst
+@pytest.mark.parametrize("cycles", [2, 3, 5, 9])
+def test_few_windows_carry_a_quick_rate_or_name_the_windows_that_do(cycles):
+    """80 windows, a sine of the table: 13 nodes were "valid" at rms 3 and 7 σ at most, and more were
+    refused without a word on windows."""
+    gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, 0.3, 0.9, 0.55)
+    resonator = identify(programme(gyro, std=1e-5, window=4e-3))
+    course = lambda t: 0.5 * np.sin(2 * np.pi * cycles * t / 4) + 0.2  # noqa: E731
+    wave = run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11, window=0.05)
+    for nodes in (None, 13, 20):
+        found = rate(wave, resonator, nodes=nodes)
+        off = (found.rate_estimate_rad_s - course(found.time_s)) / found.rate_estimate_rad_s_std
+        assert found.status != "valid" or np.mean(off**2) < 4, (nodes, off)
+        more = " ".join(found.status_reasons)
+        assert found.status == "valid" or "windows of at most" in more or "ask for more" in more
+    assert cycles != 2 or rate(wave, resonator).status == "valid"
+    with pytest.raises(HrgError, match=r"320 .* 80 nodes; ask for fewer, or .* at most 0.013 s"):
+        rate(wave, resonator, nodes=80)
 
 
 @pytest.mark.parametrize("course", [2.0, lambda t: 2 * np.sin(3 * t) + 1])

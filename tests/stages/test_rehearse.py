@@ -19,6 +19,7 @@ from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.estimate import estimate
+from hrg_cli.stages.identification.verdict import SPLIT_COMPONENTS
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.rehearse import (
     PREFIX,
@@ -89,6 +90,31 @@ def test_a_clean_programme_stays_valid(inputs):
     assert 0.6 < t_rms < 1.5
     judged = with_verdict(result, told)
     assert judged.status == result.status and json.loads(judged.details)["rehearsal"]["times"] == 6
+
+
+def test_a_split_lost_in_noise_is_judged_by_its_components():
+    """Without splits the sizes come out at 1 σ and never below zero, their axes anywhere: right
+    errors, and no reason to doubt them."""
+    device = {**DEVICE, "damping_split": 0.0, "frequency_split_hz": 0.0}
+    toml = {**TOML, "device": device}
+    measured = [
+        Measured(
+            collect(
+                estimate(collect(demodulate(collect(simulate(toml, run=run, seed=9)), **WINDOWS)))
+            ),
+            RATE_HZ,
+            None,
+            dict(WINDOWS),
+        )
+        for run in ("up", "down")
+    ]
+    result = identify([m.wave for m in measured])
+    told = rehearse(result, measured, own(), times=12)
+    assert told.status == "valid", told.reasons
+    names = {figure.name for figure in told.figures}
+    assert {*SPLIT_COMPONENTS} <= names and not {"damping_axis_rad", "stiffness_axis_rad"} & names
+    components = [f for f in told.figures if f.name in SPLIT_COMPONENTS]
+    assert 0.6 < np.sqrt(np.mean([f.error_over_std_rms**2 for f in components])) < 1.4
 
 
 def test_rows_too_few_for_the_turning_wave_become_suspect(inputs, monkeypatch):

@@ -170,7 +170,7 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
 
 
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
-    courses = phase_course.bends(runs)
+    courses = phase_course.bends(runs, _rough_scale_factor(runs, known))
     result = _first_fit(
         runs if courses is None else phase_course.straightened(runs, courses), known, blocks
     )
@@ -193,6 +193,15 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
             blocks,
         )
     return result
+
+
+def _rough_scale_factor(runs: Sequence[EnvelopeRun], known: Known) -> float:
+    """K as told, or roughly as the runs show it, within what any resonator may have."""
+    if known.scale_factor is not None:
+        return known.scale_factor
+    if max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
+        return 0.0
+    return float(np.clip(propagator.rough(runs)[0][5], -1.0, 1.0))
 
 
 def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:

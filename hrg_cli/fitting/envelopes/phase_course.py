@@ -28,10 +28,14 @@ WRAPS_RAD = 3.0
 Course = np.polynomial.Polynomial
 
 
-def bends(runs: Sequence[EnvelopeRun]) -> list[Course] | None:
-    """Each run's phase [rad] over the time from its first row [s], less its straight line; None
-    where no run's phase bends so far."""
-    found = [_bend(run) for run in runs]
+def bends(runs: Sequence[EnvelopeRun], scale_factor: float) -> list[Course] | None:
+    """Each run's phase [rad] over the time from its first row [s], less its straight line and what
+    the table's turning does to it; None where no run's phase bends so far.
+
+    A turning ellipse runs ahead by KΩ·S₃/S₀, so a rate that changes bends its phase, and that is
+    the model's own: each row is turned back by K (roughly known) times the table's turn.
+    """
+    found = [_bend(run, scale_factor) for run in runs]
     times = [run.time_s - run.time_s[0] for run in runs]
     most = max(
         (float(np.ptp(course(t))) for course, t in zip(found, times, strict=True)), default=0.0
@@ -39,7 +43,7 @@ def bends(runs: Sequence[EnvelopeRun]) -> list[Course] | None:
     return found if most > WRAPS_RAD else None
 
 
-def _bend(run: EnvelopeRun) -> Course:
+def _bend(run: EnvelopeRun, scale_factor: float) -> Course:
     if len(run) < FEWEST_ROWS:
         return Course([0.0])
     clear = np.linalg.norm(run.envelope, axis=1) > CLEAR * run.std
@@ -48,7 +52,10 @@ def _bend(run: EnvelopeRun) -> Course:
     t = run.time_s - run.time_s[0]
     step = np.diff(t)
     near = (step < 1.5 * np.median(step)) & clear[1:] & clear[:-1]
-    product = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]), axis=1)
+    turn = scale_factor * np.diff(run.turn_rad)[:, None]
+    later = run.envelope[1:]
+    back = np.cos(turn) * later + np.sin(turn) * later[:, ::-1] * [-1.0, 1.0]
+    product = np.sum(back * np.conj(run.envelope[:-1]), axis=1)
     mean = np.angle(np.sum(product[near]))
     rate = np.angle(product * np.exp(-1j * mean)) / step
     middle = (t[1:] + t[:-1]) / 2

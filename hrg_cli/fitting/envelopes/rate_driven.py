@@ -21,12 +21,11 @@ from ...physics import drift as law
 from ...physics.resonator import Mechanics
 from ...records import Resonator, Wave
 from .rate_from_model import (
-    FEWEST_NODES,
     MOST_NODES,
-    ROWS_A_NODE,
+    ROWS_A_FINER_NODE,
     TOO_COARSE,
-    USUAL_NODES,
     RateEstimate,
+    node_count,
 )
 from .resonator_spread import from_vector, mechanics_of, moved, vector_covariance, vector_of
 
@@ -70,20 +69,16 @@ def rate_driven(
         )
     g = mechanics_of(resonator)
     run = _run(wave, g)
-    most = len(run.time_s) // ROWS_A_NODE
-    count = nodes if nodes is not None else int(np.clip(most // 2, FEWEST_NODES, USUAL_NODES))
-    if count > most or count < FEWEST_NODES:
-        asked = max(count, FEWEST_NODES)
-        raise HrgError(
-            f"{wave.run_id or 'the run'}: {len(run.time_s)} good windows, at least"
-            f" {ROWS_A_NODE * asked} were expected for {asked} nodes; ask for fewer or record"
-            " longer"
-        )
+    windows = len(run.time_s)
+    count, most = node_count(wave.run_id or "the run", windows, float(wave.window_s), nodes)
     errors = (main_phase_error_rad, quadrature_phase_error_rad)
     found = _fitted(run, resonator, g, count, errors)
     while True:
+        found = dataclasses.replace(
+            found, most_nodes=min(most, MOST_NODES), window_s=float(wave.window_s)
+        )
         finer_count = 2 * len(found.time_s) - 1
-        if finer_count > min(most, MOST_NODES):
+        if finer_count > min(windows // ROWS_A_FINER_NODE, MOST_NODES):
             return found
         finer = _fitted(run, resonator, g, finer_count, errors)
         fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(
@@ -91,7 +86,7 @@ def rate_driven(
         )
         extra = found.dof - finer.dof
         found = dataclasses.replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
-        if nodes is not None or found.finer_z < TOO_COARSE:
+        if nodes is not None or found.finer_z < TOO_COARSE or finer_count > most:
             return found
         found = finer
 

@@ -26,7 +26,9 @@ from .likelihood import Response, State, batch, real, respond, triangle
 
 Array = np.ndarray
 ITERATIONS = 20
-ROWS_A_NODE = 6
+ROWS_A_NODE, ROWS_A_FINER_NODE = 4, 2
+"""Windows for each node of an answer at least, and of the fit with twice as many nodes that checks
+it: so every answer can be checked."""
 START_ROWS = 8000
 """Rows from which the start is taken at most."""
 FEWEST_NODES, USUAL_NODES, MOST_NODES = 4, 20, 640
@@ -66,6 +68,10 @@ class RateEstimate:
     """What averaging along the better motion still moved, in standard deviations of a node."""
     residual: Array = field(default_factory=lambda: np.zeros((0, 4)))
     """What is left of the rows over their noise, (n, 4)."""
+    most_nodes: int = MOST_NODES
+    """Nodes that the run's windows carry at most."""
+    window_s: float = 0.0
+    """Length of a window."""
 
     @property
     def adequate(self) -> bool:
@@ -78,13 +84,28 @@ class RateEstimate:
         return np.sqrt(np.diag(self.covariance))
 
 
+def node_count(name: str, windows: int, window_s: float, nodes: int | None) -> tuple[int, int]:
+    """(Nodes asked for, or to begin with; the most that so many windows carry); HrgError: more are
+    asked for than that."""
+    most = windows // ROWS_A_NODE
+    usual = int(np.clip(most // 2, FEWEST_NODES, USUAL_NODES))
+    count = nodes if nodes is not None else usual
+    if count > most:
+        shorter = window_s * windows / (ROWS_A_NODE * count)
+        raise HrgError(
+            f"{name}: {windows} good windows, at least {ROWS_A_NODE * count} were expected for"
+            f" {count} nodes; ask for fewer, or demodulate with windows of at most {shorter:.2g} s"
+        )
+    return count, most
+
+
 def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) -> RateEstimate:
     """Ω(t) of a free run on `nodes` even times, given the resonator; its standard deviations are
     those of the noise alone.
 
     nodes None: 20, fewer for a short run, and twice as many again and again until χ² agrees with
-    the stated noise and asks for no more. HrgError: the resonator has no scale factor, or too few
-    windows for the nodes.
+    the stated noise and asks for no more, as far as the windows carry them. HrgError: the resonator
+    has no scale factor, or too few windows for the nodes.
     """
     values = {name: value for name, (value, _, _) in resonator.parameters().items()}
     if "scale_factor" not in values:
@@ -93,28 +114,27 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
             " identify it with rotated runs"
         )
     run = from_wave(wave, 0.0)
-    most = len(run) // ROWS_A_NODE
-    count = nodes if nodes is not None else int(np.clip(most // 2, FEWEST_NODES, USUAL_NODES))
-    if count > most:
-        raise HrgError(
-            f"{wave.run_id or 'the run'}: {len(run)} windows, at least {ROWS_A_NODE * count} were"
-            f" expected for {count} nodes; ask for fewer"
-        )
+    count, most = node_count(wave.run_id or "the run", len(run), run.window_s, nodes)
+    checked = min(len(run) // ROWS_A_FINER_NODE, MOST_NODES)
     mechanics = Mechanics(
         **{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number
     )
     p = coordinates.from_mechanics(mechanics)
     p[6] = details_number(resonator.details, "second_order", "value", default=1.0)
+
+    def told(found: RateEstimate) -> RateEstimate:
+        return replace(found, most_nodes=min(most, MOST_NODES), window_s=run.window_s)
+
     if nodes is not None:
         found = _best(run, count, p)
         finer_count = 2 * count - 1
-        return (
+        return told(
             found
-            if finer_count > min(most, MOST_NODES)
+            if finer_count > checked
             else _asked(found, _fitted(run, *_again(run, found, finer_count, p[5]), p))
         )
     found = _first(run, count, p)
-    while 2 * len(found.time_s) - 1 <= min(most, MOST_NODES):
+    while 2 * len(found.time_s) - 1 <= checked:
         finer_count = 2 * len(found.time_s) - 1
         # what too few nodes found is no start for more
         finer = (
@@ -123,12 +143,13 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
             else _first(run, finer_count, p)
         )
         found = _asked(found, finer)
-        if found.finer_z < TOO_COARSE and (
+        enough = found.finer_z < TOO_COARSE and (
             found.adequate or finer.chi2_per_dof > NO_BETTER * found.chi2_per_dof
-        ):
+        )
+        if enough or finer_count > most:
             break
         found = finer
-    return (
+    return told(
         found
         if found.adequate
         else min(found, _best(run, len(found.time_s), p), key=lambda e: e.chi2_per_dof)

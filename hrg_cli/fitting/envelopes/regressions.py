@@ -79,6 +79,8 @@ class Regression:
     """Equations of each run in it, (R,)."""
     unsettled: float = 0.0
     """What the last correction of the truncation moved, in the method's own standard deviations."""
+    spread: Spread | None = None
+    """What the envelopes' noise does to the method, where it was carried through its equations."""
 
 
 @dataclass(frozen=True)
@@ -504,6 +506,15 @@ def truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Arra
     return out
 
 
+@dataclass(frozen=True)
+class Spread:
+    """What the envelopes' noise does to a method: covariance (k, k) of its coordinates by the
+    stated noise, and each run's predicted variance of every misfit."""
+
+    covariance: Array
+    variances: list[Array]
+
+
 def solve(
     runs: Sequence[EnvelopeRun],
     freedom: Freedom,
@@ -511,32 +522,39 @@ def solve(
     eliminate_rate: bool = False,
     model: Noiseless | None = None,
     start: Array | None = None,
+    spread: Spread | None = None,
 ) -> Regression:
     """Pooled weighted least squares of one method over all runs, its covariance from the envelopes'
     noise.
 
     model, start: noiseless rows for any coordinates, and the coordinates (7,) at which the
-    truncation is first taken from them; None: the equations stay as published. The noise's level is
-    the stated one, or what the residuals say where that is more.
+    truncation is first taken from them; None: the equations stay as published. spread: the noise's
+    where it is known already, from runs that hardly differ. The noise's level is the stated one, or
+    what the residuals say where that is more.
     """
     reason = out_of_range(runs, method)
     if reason:
-        return Regression(np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan), refused=reason)
+        return _none(reason)
     published = [METHODS[method](run, eliminate_rate) for run in runs]
     corrected = model is not None and start is not None and not eliminate_rate
     here = np.zeros(COUNT) if start is None else np.array(start, float)
     left_out = [np.zeros(len(e.target)) for e in published]
     change = 0.0
-    for _ in range(CORRECTIONS if corrected else 1):
+    for turn in range(CORRECTIONS if corrected else 1):
         if model is not None and corrected:
             left_out = truncation(model(here), here, method)
         equations = [
             dataclasses.replace(e, target=e.target - t)
             for e, t in zip(published, left_out, strict=True)
         ]
-        p, covariance, chi2, rows = _least_squares(
-            runs, freedom, method, eliminate_rate, equations, left_out
-        )
+        solution = _least_squares(runs, equations, freedom)
+        if solution is None:
+            return _none(f"no row of these runs is one that {method} takes; use likelihood")
+        if spread is None or (turn > 1 and change >= SETTLED):
+            spread = _spread(runs, equations, left_out, solution, method, eliminate_rate)
+        chi2, rows = _misfits(runs, equations, left_out, solution.p, spread, method, eliminate_rate)
+        p = solution.p
+        covariance = spread.covariance * max(1.0, chi2.sum() / max(1, rows.sum()))
         known = np.isfinite(p) & (np.diag(covariance) > 0)
         change = (
             float(
@@ -555,18 +573,30 @@ def solve(
         run_chi2=chi2,
         run_rows=rows,
         unsettled=change,
+        spread=spread,
     )
 
 
+def _none(reason: str) -> Regression:
+    """No answer, and why."""
+    return Regression(np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan), refused=reason)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coordinates p (7,), NaN where the equations say nothing; z = inverse (k, N)·targets, p =
+    origin + directions (7, k)·z; the rows of every run."""
+
+    p: Array
+    inverse: Array
+    directions: Array
+    parts: list[Rows]
+
+
 def _least_squares(
-    runs: Sequence[EnvelopeRun],
-    freedom: Freedom,
-    method: str,
-    eliminate_rate: bool,
-    equations: Sequence[Equations],
-    left_out: Sequence[Array],
-) -> tuple[Array, Array, Array, Array]:
-    """Coordinates (7,), covariance (7, 7), and each run's χ² and number of equations (R,)."""
+    runs: Sequence[EnvelopeRun], equations: Sequence[Equations], freedom: Freedom
+) -> Solution | None:
+    """The equations' weighted least squares; None where no equation weighs anything."""
     parts = [weighted(run, e, freedom) for run, e in zip(runs, equations, strict=True)]
     design, target = (
         np.concatenate([p.design for p in parts]),
@@ -574,56 +604,77 @@ def _least_squares(
     )
     scale = np.linalg.norm(design, axis=0)
     used = scale > 0
+    if not used.any():
+        return None
     matrix = design[:, used] / scale[used]
     U, size, Vt = np.linalg.svd(matrix, full_matrices=False)
     keep = size > 1e-8 * size[0]
     inverse = (Vt[keep].T / size[keep]) @ U[:, keep].T / scale[used, None]
-    z, cov = np.full(len(scale), np.nan), np.full((len(scale),) * 2, np.nan)
-    z[used] = inverse @ target
-    present = np.flatnonzero(used)
-    D = freedom.directions[:, present]
-    p = freedom.origin + D @ z[present]
-    total, chi2, rows = _covariance(
-        runs, equations, left_out, parts, inverse, p, method, eliminate_rate
-    )
-    cov[np.ix_(used, used)] = total
+    D = freedom.directions[:, used]
+    p = freedom.origin + D @ (inverse @ target)
     p[~(np.abs(D).sum(axis=1) > 0) & (np.abs(freedom.directions).sum(axis=1) > 0)] = np.nan
-    return p, D @ cov[np.ix_(present, present)] @ D.T, chi2, rows
+    return Solution(p, inverse, D, parts)
 
 
-def _covariance(
+def _misfit(
+    e: Equations, known: Array, p: Array, method: str, eliminate_rate: bool
+) -> Callable[[EnvelopeRun], Array]:
+    """The misfits (N,) of a run's equations at p, its own frequency taken off, as a function of the
+    run's envelopes."""
+    p = np.nan_to_num(p)  # no column asks for what a method does not give
+    left, own = (e.target - e.columns @ p) * e.weight, e.offset * e.weight
+    offset = float(own @ left / (own @ own)) if np.any(own) else 0.0
+
+    def misfit(moved: EnvelopeRun) -> Array:
+        trial = METHODS[method](moved, eliminate_rate)
+        return trial.target - known - trial.columns @ p - trial.offset * offset
+
+    return misfit
+
+
+def _spread(
     runs: Sequence[EnvelopeRun],
     equations: Sequence[Equations],
     left_out: Sequence[Array],
-    parts: Sequence[Rows],
-    inverse: Array,
-    p: Array,
+    solution: Solution,
     method: str,
     eliminate_rate: bool,
-) -> tuple[Array, Array, Array]:
-    """Covariance (k, k) of z = inverse·target by the noise of every row of every run, and each
-    run's χ² and its equations (R,)."""
-    total, chi2, rows = np.zeros((len(inverse),) * 2), [], []
-    ends = np.cumsum([len(part.target) for part in parts])
-    for run, e, known, part, end in zip(runs, equations, left_out, parts, ends, strict=True):
-        influence = inverse[:, end - len(part.target) : end] * part.weight
+) -> Spread:
+    """The noise of every row of every run carried to the coordinates."""
+    total, variances = np.zeros((len(solution.inverse),) * 2), []
+    ends = np.cumsum([len(part.target) for part in solution.parts])
+    for run, e, known, part, end in zip(
+        runs, equations, left_out, solution.parts, ends, strict=True
+    ):
+        influence = solution.inverse[:, end - len(part.target) : end] * part.weight
         if e.levels is not None:  # an increment moves every sum after it
             nodes = influence.reshape(len(influence), len(e.levels), -1)
             influence = np.cumsum(nodes[:, :, :0:-1], axis=2)[:, :, ::-1].reshape(
                 len(influence), -1
             )
-        left, own = (e.target - e.columns @ p) * e.weight, e.offset * e.weight
-        offset = float(own @ left / (own @ own)) if np.any(own) else 0.0
-
-        def misfit(moved: EnvelopeRun, offset: float = offset, known: Array = known) -> Array:
-            trial = METHODS[method](moved, eliminate_rate)
-            return trial.target - known - trial.columns @ p - trial.offset * offset
-
+        misfit = _misfit(e, known, solution.p, method, eliminate_rate)
         covariance, variance = noise_propagation.covariance(
             run, misfit, e.first, e.reach, influence
         )
         total += covariance
+        variances.append(variance)
+    return Spread(solution.directions @ total @ solution.directions.T, variances)
+
+
+def _misfits(
+    runs: Sequence[EnvelopeRun],
+    equations: Sequence[Equations],
+    left_out: Sequence[Array],
+    p: Array,
+    spread: Spread,
+    method: str,
+    eliminate_rate: bool,
+) -> tuple[Array, Array]:
+    """Each run's χ² and its number of equations (R,)."""
+    chi2, rows = [], []
+    for run, e, known, variance in zip(runs, equations, left_out, spread.variances, strict=True):
         seen = variance > 0
-        chi2.append(float(np.sum(misfit(run)[seen] ** 2 / variance[seen])))
+        left = _misfit(e, known, p, method, eliminate_rate)(run)
+        chi2.append(float(np.sum(left[seen] ** 2 / variance[seen])))
         rows.append(int(seen.sum()))
-    return total * max(1.0, sum(chi2) / max(1, sum(rows))), np.array(chi2), np.array(rows)
+    return np.array(chi2), np.array(rows)

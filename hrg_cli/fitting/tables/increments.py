@@ -22,6 +22,7 @@ import numpy as np
 from ...errors import HrgError
 from ...harmonics import harmonic_basis
 from ...records import Wave
+from ..samples.course import course
 
 Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6
@@ -29,6 +30,8 @@ LARGEST_PHASE_STEP = 0.6
 sinc² (exact at even speed)."""
 FEWEST_BLOCKS, MOST_BLOCKS = 600, 20_000
 ROWS_AT_ONCE = 1 << 16
+BESIDE = 4
+"""Rows beside a piece of a rate log that its course between rows hangs on."""
 SPEED_COLUMNS = ("time_s", "wave_angle_rad", "rate_rad_s")
 BLOCK_COLUMNS = (
     *SPEED_COLUMNS, "wave_angle_rad_std", "main_amplitude", "quadrature_amplitude", "frequency_hz", "temperature_degc", "drive_main",
@@ -149,26 +152,26 @@ def path_of(
         rate_rad_s = 0.0
     per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
     pieces: list[dict[str, Array]] = []
-    last: tuple[float, float] | None = None
     turned = 0.0
     step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
-    for block in _only(wave, BLOCK_COLUMNS).blocks(step):
-        time = np.asarray(block.time_s, float)
-        if len(time) == 0:
-            continue
-        rate = _rate(block, rate_rad_s) + earth_rate_rad_s
-        first_time, first_rate = last if last is not None else (time[0], rate[0])
-        steps = np.diff(time, prepend=first_time)
-        if (steps[1:] <= 0).any() or (last is not None and steps[0] <= 0):
+    whole = _only(wave, BLOCK_COLUMNS)
+    for start in range(0, rows, step):
+        stop = min(start + step, rows)
+        first = max(start - BESIDE, 0)
+        log = _only(wave, SPEED_COLUMNS).rows(first, min(stop + BESIDE, rows))
+        time = np.asarray(log.time_s, float)
+        standing = np.diff(time) <= 0
+        if standing.any():
             raise HrgError(
                 f"run {wave.run_id or '?'}: time_s stands or goes back at"
-                f" {time[int(np.argmin(steps))]:g} s; times must increase"
+                f" {time[1 + int(np.argmax(standing))]:g} s; times must increase"
             )
-        integral = turned + np.cumsum(
-            steps * (rate + np.concatenate([[first_rate], rate[:-1]])) / 2
-        )
-        turned, last = float(integral[-1]), (float(time[-1]), float(rate[-1]))
-        pieces.append(_block_means(block, time, integral, per_block))
+        integral = course(time, _rate(log, rate_rad_s) + earth_rate_rad_s).integral()
+        before = integral[start - first - 1] if start else 0.0
+        integral = turned + integral[start - first : stop - first] - before
+        turned = float(integral[-1])
+        time = time[start - first : stop - first]
+        pieces.append(_block_means(whole.rows(start, stop), time, integral, per_block))
     joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]} if pieces else {}
     if not joined or len(joined["time_s"]) < 2:
         raise HrgError(

@@ -34,7 +34,16 @@ from ...records import Wave
 from . import closing
 from .modes import free_modes, one_channel
 from .outcome import Verdict
-from .verdict import ORDER, POOR_FIT, contradictions, from_fit, judged, one_rate
+from .verdict import (
+    ORDER,
+    POOR_FIT,
+    contradictions,
+    from_fit,
+    judged,
+    one_rate,
+    second_order_std,
+    split_components,
+)
 
 Array = np.ndarray
 RegressionMethod = Literal[
@@ -88,6 +97,9 @@ class Prepared:
     p: Array
     covariance: Array
     space: Freedom
+    beside: Prepared | None = None
+    """The same with the scale of the second order one of its standard deviations larger; None where
+    that scale is held."""
 
     def noiseless(self, p: Array) -> list[EnvelopeRun]:
         """The rows as a resonator of coordinates p (7,) would show them, started as the runs
@@ -124,17 +136,40 @@ def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
 
     Seed A's equations are of first order in |L|/ω. What the second order (rate times split or
     damping over ω) does to the envelopes is taken off them by the likelihood's model, with the
-    scale the likelihood found.
+    scale the likelihood found; where it is known no better than its standard deviation, the rows
+    `beside` have one more of it taken off.
     """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
+    ready = _first_order(runs, known, best, float(best.p[6]))
+    std = second_order_std(best)
+    if std == 0 or _size_of_second_order(best) * std < closing.SETTLED:
+        return ready
+    return dataclasses.replace(
+        ready, beside=_first_order(runs, known, best, float(best.p[6]) + std)
+    )
+
+
+def _size_of_second_order(best: Fit) -> float:
+    """What the second order does to all rows, in their noise: no linear answer moves by more of its
+    own standard deviations (Cauchy and Schwarz)."""
+    data, state = best.response.batch, best.response.state
+    first, second = (
+        respond(data, State(np.append(best.p[:6], order), state.start, state.phase)).model
+        for order in (0.0, 1.0)
+    )
+    return float(np.linalg.norm((second - first) * data.weight[..., None]))
+
+
+def _first_order(runs: Sequence[EnvelopeRun], known: Known, best: Fit, scale: float) -> Prepared:
+    """The likelihood's rows less `scale` times what the second order does to them."""
     data, state = best.response.batch, best.response.state
     x = data.time_s / data.span_s[:, None]
     phase = sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1))
     none = np.zeros((len(data.runs), 1))
     first, second = (
         respond(data, State(np.append(best.p[:6], order), state.start, none)).model
-        for order in (0.0, best.p[6])
+        for order in (0.0, scale)
     )
     # the mean frequency's shift by the second order is the run's own and stays
     envelope = data.envelope * np.exp(-1j * phase)[..., None] - (second - first)
@@ -155,7 +190,27 @@ def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
 
 
 def regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) -> Regression:
-    """One method's answer."""
+    """One method's answer; how far the scale of the second order is unknown is in its
+    covariance."""
+    answer = _regression(method, ready, best, eliminate_rate)
+    if answer.refused or ready.beside is None:
+        return answer
+    moved = _regression(method, ready.beside, best, eliminate_rate, answer.spread)
+    if moved.refused:
+        return moved
+    change = moved.p - answer.p
+    return dataclasses.replace(answer, covariance=answer.covariance + np.outer(change, change))
+
+
+def _regression(
+    method: str,
+    ready: Prepared,
+    best: Fit,
+    eliminate_rate: bool,
+    spread: regressions.Spread | None = None,
+) -> Regression:
+    """One method's answer on rows of the first order; what noise does to it may be known
+    (`spread`)."""
     if method == "propagator":
         space = ready.space
         return Regression(
@@ -167,7 +222,7 @@ def regression(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) ->
     if method == "rotation-integrals":
         return rotation_integrals.solve(ready.rows, ready.noiseless, start)
     return regressions.solve(
-        ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start
+        ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start, spread
     )
 
 
@@ -217,6 +272,7 @@ def _verdict(
         rows,
         mode_number=mode,
     )
+    verdict.details["split_components"] = split_components(answer.p, answer.covariance)
     verdict.suspect = list(answer.warnings)
     refusing, doubting = closing.physical(verdict)
     assert likelihood.fit is not None
@@ -266,14 +322,17 @@ def _verdict(
 
 def _apart(answer: Regression, best: Fit) -> float:
     """Largest distance of a method's coordinates from the likelihood's, in the standard deviations
-    of their difference.
+    of their difference; of the splits that of the vectors, whatever way they lie.
 
     The likelihood is efficient, so the variance of the difference is the difference of the
     variances, at most the method's own.
     """
-    std = np.sqrt(np.maximum(0.0, np.diag(answer.covariance)[:6]))
-    known = np.isfinite(answer.p[:6]) & (std > 0)
-    return float(np.max(np.abs(answer.p[:6] - best.p[:6])[known] / std[known], initial=0.0))
+    distance = [0.0]
+    for part in ([0], [1, 2], [3, 4], [5]):
+        off, covariance = answer.p[part] - best.p[part], answer.covariance[np.ix_(part, part)]
+        if np.all(np.isfinite(off)) and np.all(np.isfinite(covariance)):
+            distance.append(float(np.sqrt(off @ np.linalg.pinv(covariance, hermitian=True) @ off)))
+    return max(distance)
 
 
 def _physical(
@@ -319,7 +378,8 @@ def compared(
             " give --method likelihood for them"
         )
     ready = prepared(runs, known, best.fit)
-    table = [_row("likelihood", best.values, best.std, best, [], "")]
+    own = {"split_components": best.details["split_components"]}
+    table = [_row("likelihood", best.values, best.std, best, [], "") | own]
     for method in ALL:
         answer = regression(method, ready, best.fit, eliminate_rate)
         if answer.refused:
@@ -331,6 +391,7 @@ def compared(
             _row(
                 method, verdict.values, verdict.std, best, [*verdict.refused, *verdict.suspect], ""
             )
+            | {"split_components": verdict.details["split_components"]}
         )
     return table
 

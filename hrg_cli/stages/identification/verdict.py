@@ -21,6 +21,13 @@ from . import closing
 from .outcome import Verdict
 
 Array = np.ndarray
+SPLIT_COMPONENTS = (
+    "damping_split_cos_1_s",
+    "damping_split_sin_1_s",
+    "frequency_split_cos_rad_s",
+    "frequency_split_sin_rad_s",
+)
+"""Components of the two splits along their electrical axes 0 and 90°."""
 POOR_FIT = 1.5
 """χ² a degree of freedom above which the model does not hold within the noise."""
 CONTRADICTION = 30.0
@@ -154,7 +161,10 @@ def judged(
         "runs_differ_in_frequency": differ,
         "run_frequency_drift_hz": [float(d) for d in runs_hz.drift_hz],
         "frequency_note": _frequency_note(differ, drift),
-        "second_order": {"value": float(fit.p[6]), "std": _second_order_std(fit)},
+        "second_order": {"value": float(fit.p[6]), "std": second_order_std(fit)},
+        "split_components": split_components(
+            fit.p, _of_coordinates(fit, inference.covariance_z(fit, factor) + between)
+        ),
         "iterations": fit.iterations,
         "variance_factor": factor,
         "colour": colour,
@@ -165,6 +175,22 @@ def judged(
     }
     _reasons(verdict, fit, runs, colour)
     return verdict
+
+
+def split_components(p: Array, covariance: Array) -> dict[str, dict[str, float]]:
+    """The splits as vectors, νδμ·(cos, sin)2mθ_μ and δω·(cos, sin)2mθ_ω, of coordinates (7,) with
+    covariance (7, 7): Gaussian where size and axis, lost in noise, are not."""
+    std = np.sqrt(np.maximum(0.0, np.diag(covariance)))
+    return {
+        name: {"value": float(p[k]), "std": float(std[k])}
+        for k, name in enumerate(SPLIT_COMPONENTS, 1)
+        if np.isfinite(p[k])
+    }
+
+
+def _of_coordinates(fit: Fit, z: Array) -> Array:
+    """Covariance (7, 7) of the coordinates by that of z (k, k)."""
+    return np.asarray(fit.freedom.directions @ z @ fit.freedom.directions.T)
 
 
 def _with_frequency(
@@ -204,7 +230,7 @@ def _frequency_note(differ: bool, drift_hz: float) -> str:
     return "; ".join(parts)
 
 
-def _second_order_std(fit: Fit) -> float:
+def second_order_std(fit: Fit) -> float:
     """Standard deviation of the second-order scale, 0 where it is held."""
     return (
         float(np.sqrt(fit.covariance_z()[-1, -1]))

@@ -1,0 +1,244 @@
+"""What every method of identification answers over the whole range of programmes: how often it is
+quiet, and whether a quiet answer is right.
+
+Most programmes are envelopes of the exact slow model with noise, a part of them raw samples of the
+second-order equations, demodulated and estimated. An answer is quiet where neither the stages
+before, nor the method, nor the closing checks say a word. Errors are in the method's own standard
+deviations: those of axes modulo their period, those of a split lost in noise of its components; the
+likelihood's standard deviations are also held against the Cramér–Rao bound.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import HrgError
+from ..executors import local_processes, run_tasks
+from ..records import Resonator
+from ..stages.identify import identify
+from ..stages.rehearse import SPLITS
+from .run_downs import Programme, draw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+WRONG = 5.0
+"""Standard deviations from which a quiet answer is wrong."""
+LEVELS = {"68": 1.0, "95": 1.96}
+"""Percentage of an interval -> half its width in standard deviations."""
+CLEAR = 8.0
+"""Standard deviations from which a split's size and axis are Gaussian."""
+UNKNOWN_RATE = "unknown rate"
+"""Answers to programmes whose logs leave out a rate that nobody tells: its offset is fitted."""
+
+
+def programmes_study(
+    *,
+    programmes: Annotated[int, Field(ge=1, description="programmes drawn")] = 500,
+    raw: Annotated[
+        float, Field(ge=0, le=1, description="part of them simulated sample by sample")
+    ] = 0.1,
+    seed: Annotated[int, Field(ge=0, description="seed of programmes and noise")] = 0,
+    jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
+) -> dict[str, Any]:
+    """{programmes, raw, seed, rows, wrong}: for every method how many answers are quiet, doubted
+    and refused, and of the quiet ones the largest and rms error and the coverage.
+
+    wrong: every quiet answer beyond 5 standard deviations, with its programme.
+    """
+    every = round(1 / raw) if raw > 0 else 0
+    tasks = [
+        (seed * 1_000_003 + k, bool(every and k % every == every - 1)) for k in range(programmes)
+    ]
+    found = run_tasks(answers_of, tasks, lambda: local_processes(jobs))
+    answers = [row for rows in found if rows is not None for row in rows]
+    return assembled(answers) | {"programmes": programmes, "raw": raw, "seed": seed}
+
+
+def answers_of(task: tuple[int, bool]) -> list[dict[str, Any]]:
+    """{programme, raw, method, said, errors, over_bound} of every method on one programme; said:
+    "quiet", "doubted" or "refused"."""
+    seed, raw = task
+    drawn = draw(seed, raw)
+    told = drawn.earth_told or drawn.earth_rad_s == 0
+    mark = {"programme": seed, "raw": raw}
+    before = [reason for wave in drawn.waves for reason in wave.status_reasons]
+    try:
+        if not told:
+            record = identify(drawn.waves, fit_rate=True, scale_factor=drawn.scale_factor)
+            return [{**mark, "method": UNKNOWN_RATE, **_of_record(record, drawn, before)}]
+        record = identify(
+            drawn.waves,
+            method="all",
+            scale_factor=drawn.scale_factor,
+            earth_rate_deg_h=np.degrees(drawn.earth_rad_s) * 3600,
+        )
+    except HrgError as error:
+        refused = {"said": "refused", "errors": {}, "over_bound": {}, "why": str(error)}
+        return [{**mark, "method": "likelihood" if told else UNKNOWN_RATE, **refused}]
+    rows = [{**mark, "method": "likelihood", **_of_record(record, drawn, before)}]
+    for row in json.loads(record.details).get("methods", []):
+        if row["method"] != "likelihood":
+            said = "doubted" if before or row["warnings"] else "quiet"
+            said = "refused" if row["refused"] else said
+            cells = {n: (c["value"], c["std"]) for n, c in row["parameters"].items()}
+            rows.append(
+                {
+                    **mark,
+                    "method": row["method"],
+                    "said": said,
+                    "errors": errors(cells, row.get("split_components", {}), drawn),
+                    "over_bound": {},
+                    "why": "; ".join([*row["warnings"], *before]) or row["refused"],
+                }
+            )
+    return rows
+
+
+def _of_record(record: Resonator, drawn: Programme, before: list[str]) -> dict[str, Any]:
+    """The likelihood's answer: what it says, its errors, its standard deviations over the bound;
+    before: what was said of its waves."""
+    cells = {name: (value, std) for name, (value, std, _) in record.parameters().items()}
+    details = json.loads(record.details)
+    bound = details.get("cramer_rao_std", {})
+    said = {"valid": "doubted" if before else "quiet", "suspect": "doubted"}
+    return {
+        "said": said.get(record.status, "refused"),
+        "errors": errors(cells, details.get("split_components", {}), drawn),
+        "over_bound": {n: cells[n][1] / b for n, b in bound.items() if n in cells and b > 0},
+        "why": "; ".join([*record.status_reasons, *before]),
+    }
+
+
+def errors(
+    cells: Mapping[str, tuple[float, float]],
+    components: Mapping[str, Mapping[str, float]],
+    drawn: Programme,
+) -> dict[str, float]:
+    """(value − true)/σ of parameters {name: (value, σ)}; of a split below 8 of its σ, whose size
+    and axis are not Gaussian, that of its components."""
+    true = dataclasses.asdict(drawn.gyro)
+    period = np.pi / drawn.gyro.mode_number
+    lost = set()
+    found = {}
+    for size, axis, names in SPLITS:
+        if size in cells and not cells[size][0] >= CLEAR * cells[size][1]:
+            lost |= {size, axis}
+            vector = true[size] * np.exp(2j * np.pi * true[axis] / period)
+            found |= {
+                name: float((components[name]["value"] - put_in) / components[name]["std"])
+                for name, put_in in zip(names, (vector.real, vector.imag), strict=True)
+                if name in components and components[name]["std"] > 0
+            }
+    for name, (value, std) in cells.items():
+        if std > 0 and name not in lost:
+            off = value - true[name]
+            off -= period * np.round(off / period) * name.endswith("axis_rad")
+            found[name] = float(off / std)
+    return found
+
+
+def assembled(answers: list[dict[str, Any]]) -> dict[str, Any]:
+    """Rows a method, and the quiet answers that are wrong."""
+    methods = list(dict.fromkeys(a["method"] for a in answers))
+    wrong = [
+        {key: a[key] for key in ("programme", "raw", "method")} | {"parameter": n, "error": e}
+        for a in answers
+        if a["said"] == "quiet"
+        for n, e in a["errors"].items()
+        if not abs(e) < WRONG
+    ]
+    return {
+        "rows": [_row(m, [a for a in answers if a["method"] == m]) for m in methods],
+        "wrong": wrong,
+    }
+
+
+def _row(method: str, answers: list[dict[str, Any]]) -> dict[str, Any]:
+    """One method's figures over all programmes."""
+    said = [a["said"] for a in answers]
+    quiet = [a for a in answers if a["said"] == "quiet"]
+    scores = np.abs([e for a in quiet for e in a["errors"].values()])
+    over = [x for a in quiet for x in a["over_bound"].values()]
+    worst = [max(map(abs, a["errors"].values()), default=0.0) for a in quiet]
+    return {
+        "method": method,
+        **{word: said.count(word) for word in ("quiet", "doubted", "refused")},
+        "beyond_5": sum(not w < WRONG for w in worst),
+        "worst": max(worst, default=None),
+        "rms": float(np.sqrt(np.mean(scores**2))) if len(scores) else None,
+        **{
+            f"coverage_{level}": float(100 * np.mean(scores < width)) if len(scores) else None
+            for level, width in LEVELS.items()
+        },
+        "std_over_bound": float(np.median(over)) if over else None,
+    }
+
+
+def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Headings and rows for a person."""
+
+    def number(value: float | None, form: str) -> str:
+        return "" if value is None else f"{value:{form}}"
+
+    rows = [
+        (
+            r["method"],
+            r["quiet"],
+            r["doubted"],
+            r["refused"],
+            r["beyond_5"],
+            number(r["worst"], ".1f"),
+            number(r["rms"], ".2f"),
+            number(r["coverage_68"], ".1f"),
+            number(r["coverage_95"], ".1f"),
+            number(r["std_over_bound"], ".2f"),
+        )
+        for r in study["rows"]
+    ]
+    return (
+        "method",
+        "quiet",
+        "doubted",
+        "refused",
+        "beyond 5 σ",
+        "largest error/σ",
+        "rms error/σ",
+        "68 % covers",
+        "95 % covers",
+        "σ / bound",
+    ), rows
+
+
+def figure(study: dict[str, Any]) -> Figure:
+    """What each method says, and the errors of its quiet answers."""
+    from matplotlib.figure import Figure
+
+    drawing = Figure(figsize=(11, 5), layout="constrained")
+    left, right = drawing.subplots(1, 2, sharey=True)
+    rows = study["rows"][::-1]
+    place = np.arange(len(rows))
+    start = np.zeros(len(rows))
+    for k, word in enumerate(("quiet", "doubted", "refused")):
+        count = np.array([r[word] for r in rows], float)
+        left.barh(place, count, left=start, color=("C2", "C1", "0.7")[k], label=word)
+        start = start + count
+    left.set_yticks(place, [r["method"] for r in rows])
+    left.set(xlabel="answers", title=f"{study['programmes']} programmes")
+    left.legend(fontsize=8)
+    nothing = float("nan")
+    for key, mark in (("rms", "o"), ("worst", "x")):
+        values = [nothing if r[key] is None else r[key] for r in rows]
+        right.plot(values, place, mark, color="0.2", label={"rms": "rms", "worst": "largest"}[key])
+    right.axvline(1.0, color="0.5", linewidth=0.8)
+    right.axvline(WRONG, color="C3", linewidth=0.8)
+    right.set(xlabel="error/σ of the quiet answers", xlim=(0, None))
+    right.legend(fontsize=8)
+    return drawing
