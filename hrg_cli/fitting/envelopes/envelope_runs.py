@@ -200,7 +200,7 @@ def averaged(
         return np.add.reduceat(values * weight, starts) / total
 
     time = mean(run.time_s)
-    turn = np.interp(time, run.time_s, run.turn_rad)
+    turn = course(run.time_s, run.turn_rad).at(time)
     c, s = applied(
         carry(time[which] - run.time_s, turn[which] - run.turn_rad),
         (run.envelope[:, 0], run.envelope[:, 1]),

@@ -107,15 +107,9 @@ def simulation_file(
             "run_id": _unused(fit.series.names[own[0]], names),
             "device": {"frequency_hz": float(frequency[own[0]])},
         }
-        run |= run_table(
-            fit,
-            own,
-            wave,
-            pieces[own[0]],
-            table["recording"]["sample_rate_hz"],
-            change[own[0]],
-            way,
-        )
+        loss_s = lost.get(wave.run_id, {}).get("lost_s", 0.0)
+        sampling = _sampling(table["recording"]["sample_rate_hz"], loss_s)
+        run |= run_table(fit, own, wave, pieces[own[0]], sampling, change[own[0]], way)
         turned = [
             effect.name
             for effect, _ in fit.point.active
@@ -123,14 +117,20 @@ def simulation_file(
         ]
         own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
         own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
-        if (
-            lost.get(wave.run_id, {}).get("lost_s", 0.0) > 0
-        ):  # repeated samples have no effect in the engine
+        if loss_s > 0:  # repeated samples have no effect in the engine
             own_effects["dropped_samples"] = lost[wave.run_id]
+            run["recording"]["sample_rate_hz"] = sampling
+            run["recording"]["duration_s"] += loss_s  # the run lasted longer than its samples tell
         if own_effects:
             run["effects"] = own_effects
         table["run"].append(run)
     return to_toml(table)
+
+
+def _sampling(least_hz: float, loss_s: float) -> float:
+    """The sampling of a run: the least rate wanted, or the next at which what was lost is a whole
+    number of samples, since a simulation loses no others."""
+    return float(np.ceil(least_hz * loss_s - 1e-6) / loss_s) if loss_s > 0 else least_hz
 
 
 def _turned(fit: Fit, k: int, run: dict[str, Any]) -> bool:
