@@ -55,7 +55,7 @@ from .diagnosis.search import (
     variants,
 )
 from .diagnosis.shares import Shares, switched_off
-from .diagnosis.suspects import Suspicion, suspect_runs
+from .diagnosis.suspects import Suspicion, stuck_columns, suspect_runs
 from .diagnosis.thresholds import WORTH
 from .diagnosis.tones import taken_out
 from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
@@ -138,6 +138,11 @@ def diagnose(
     searched = [e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"]
     fitted = partial(_fitted, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase)
 
+    if stuck := stuck_columns(waves):
+        try:
+            return _refused(waves, _together(waves, fitted), searched, stuck, resonator)
+        except HrgError as error:
+            raise HrgError("; ".join(one.sentence for one in stuck)) from error
     cut = _cut_at_losses(waves, fitted)
     if suspicions := suspect_runs(waves, fitted, cut.untouched, variants(searched, cut.untouched)):
         return _refused(waves, cut.untouched, searched, suspicions, resonator)
@@ -258,14 +263,7 @@ def _cut_at_losses(waves: Sequence[Wave], fitted: Callable[..., Fit]) -> _Cut:
     """
     steps = phase_steps(waves)
     pieces, origin = split_at(waves, steps)
-    try:
-        base = fitted(pieces)
-    except extended_fit.DivergedError as error:
-        raise HrgError(
-            f"{', '.join(w.run_id for w in waves)}: the base model finds no fit to these runs"
-            " together; diagnose free and forced runs apart, or leave out the run that differs"
-            " most"
-        ) from error
+    base = _together(pieces, fitted)
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):
             whole, runs = fitted(waves), list(range(len(waves)))
@@ -273,6 +271,18 @@ def _cut_at_losses(waves: Sequence[Wave], fitted: Callable[..., Fit]) -> _Cut:
                 return _Cut([], list(waves), runs, whole, whole, runs)
             return _Cut(steps, pieces, origin, base, whole, runs)
     return _Cut(steps, pieces, origin, base, base, origin)
+
+
+def _together(pieces: Sequence[Wave], fitted: Callable[..., Fit]) -> Fit:
+    """The base model's fit to runs. HrgError: there is none."""
+    try:
+        return fitted(pieces)
+    except extended_fit.DivergedError as error:
+        raise HrgError(
+            f"{', '.join(dict.fromkeys(w.run_id for w in pieces))}: the base model finds no fit to these runs"
+            " together; diagnose free and forced runs apart, or leave out the run that differs"
+            " most"
+        ) from error
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.envelopes import condensed, free_windows
 from ..fitting.envelopes.base_fit import Known, check
+from ..fitting.envelopes.frozen import CORRECTION, frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
@@ -191,7 +192,14 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
     )
     if not names or not all(np.isfinite(resonator.value)):
         raise HrgError("the fit gives no finite parameters; look at the runs' envelopes")
-    return resonator.judged(verdict.suspect, "suspect").judged(verdict.refused, "refused")
+    stuck = [
+        f"{wave.run_id}: {one.what} stuck ({one.evidence}); {CORRECTION}"
+        for wave, found in zip(waves, frozen(waves), strict=True)
+        for one in found
+    ]
+    return resonator.judged(verdict.suspect, "suspect").judged(
+        [*verdict.refused, *stuck], "refused"
+    )
 
 
 def _temperature(waves: Sequence[Wave]) -> tuple[float | None, float | None]:

@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from wrong_runs import estimated, recordings, table_of
 
 from hrg_cli.fitting.samples.course import course
 from hrg_cli.records import Recording, collect
@@ -150,3 +151,28 @@ def test_a_drive_that_no_loop_of_the_file_makes_is_replayed():
     held = out["written_model"]
     assert held["rms_over_noise"] < 1.1 * held["fitted_rms_over_noise"], held
     assert out["verdict"] == "adequate", out["checks"]
+
+
+def test_samples_lost_are_given_back_whole_at_the_sampling_of_the_file():
+    """Losses of 3 and 7 of the measured samples are no whole numbers of others."""
+    lost = {1: (3, 0.9), 2: (7, 1.1)}
+    table = table_of(3, runs=4, duration_s=2.0)
+    records = recordings(table, 3)
+    for k, (count, at_s) in lost.items():
+        keep = np.ones(len(records[k].c), bool)
+        first = round(at_s * records[k].sample_rate_hz)
+        keep[first : first + count] = False
+        records[k] = records[k].replace(
+            c=np.asarray(records[k].c)[keep], s=np.asarray(records[k].s)[keep]
+        )
+    diagnosis = diagnose(estimated(records))
+    out = summary(diagnosis)
+    assert [e["name"] for e in out["effects"]] == ["dropped_samples"] * 2
+    assert sorted(e["samples"] for e in out["effects"]) == [3, 7]
+    for run in tomllib.loads(diagnosis.extended_model)["run"]:
+        if "dropped_samples" in run.get("effects", {}):
+            count = run["effects"]["dropped_samples"]["lost_s"] * run["recording"]["sample_rate_hz"]
+            assert count == pytest.approx(round(count), abs=1e-6)
+    held = out["written_model"]
+    assert held["rms_over_noise"] < 1.1 * held["fitted_rms_over_noise"], held
+    assert out["verdict"] == "explained", out["checks"]

@@ -7,7 +7,16 @@ import sys
 
 import numpy as np
 import pytest
-from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
+from synthetic_waves import (
+    GYRO,
+    NAMES,
+    PROGRAMME,
+    as_wave,
+    envelope,
+    errors,
+    programme,
+    run_down,
+)
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
@@ -465,3 +474,19 @@ def test_memory_does_not_grow_with_the_windows(tmp_path):
             / 1024
         )
     assert peak[400_000] < 300 and peak[400_000] < 1.3 * peak[100_000], peak
+
+
+def test_a_phase_that_stands_still_is_no_measurement_though_the_fit_is_good():
+    times = 0.01 * (0.5 + np.arange(200))
+    rng = np.random.default_rng(4)
+    runs = [
+        as_wave(envelope(GYRO, angle, 0.0, times), times, 1e-4, GYRO, rng, run_id=f"run{k}")
+        for k, angle in enumerate((0.1, 0.5))
+    ]
+    assert identify(runs).status == "valid"
+    for column, words in (("phase_rad", "phase"), ("wave_angle_rad", "wave angle")):
+        values = np.array(getattr(runs[1], column))
+        values[150:] = values[150]
+        judged = identify([runs[0], runs[1].replace(**{column: values})])
+        assert judged.status == "refused"
+        assert any(f"run1: {words} stuck (50 of 200" in said for said in judged.status_reasons)

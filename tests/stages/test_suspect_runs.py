@@ -7,6 +7,7 @@ from wrong_runs import KINDS, estimated, knocked, recordings, table_of, wrong
 
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
 from hrg_cli.stages.diagnosis.rate_steps import settled
 from hrg_cli.stages.diagnosis.search import variants
@@ -79,6 +80,30 @@ def test_the_unit_of_time_and_of_amplitude_change_nothing(factor):
         one = timed(wave, factor).replace(rate_rad_s=np.asarray(wave.rate_rad_s) / factor)
         other.append(one.replace(**{name: getattr(one, name) * size for name in scaled}))
     assert told(other) == told(waves) == [(culprit, "channels swapped")]
+
+
+@pytest.mark.parametrize("column", ("wave_angle_rad", "phase_rad"))
+def test_a_column_that_stands_still_is_refused_whatever_the_fit_says(column):
+    table = table_of(2, runs=2, turning=0)
+    for run in table["run"]:
+        run["environment"]["rate_rad_s"] = 0.0
+    waves = estimated(recordings(table, 2))
+    values = np.array(getattr(waves[1], column))
+    values[-40:] = values[-40]
+    diagnosis = diagnose([waves[0], waves[1].replace(**{column: values})])
+    words = {"wave_angle_rad": "wave angle stuck", "phase_rad": "phase stuck"}[column]
+    (one,) = summary(diagnosis)["suspect_runs"]
+    assert (one["run_id"], one["what"]) == (waves[1].run_id, words)
+    assert f"40 of {len(waves[1])} windows" in one["evidence"] and diagnosis.status == "refused"
+
+
+def test_a_channel_whose_samples_stand_still_is_refused():
+    records = recordings(table_of(1, runs=2), 1)
+    c = np.array(records[0].c)
+    c[round(0.7 * len(c)) :] = c[round(0.7 * len(c))]
+    diagnosis = diagnose(estimated([records[0].replace(c=c), records[1]]))
+    told_of = [(one["run_id"], one["what"]) for one in summary(diagnosis)["suspect_runs"]]
+    assert told_of == [("run0", "channel C stuck")] and diagnosis.status == "refused"
 
 
 def test_two_wrong_runs_of_six_are_both_named():

@@ -108,30 +108,23 @@ def simulation_file(
         own = [k for k, o in enumerate(origin) if o == number]
         if not own:
             continue
-        run = {
+        run: dict[str, Any] = {
             "run_id": _unused(fit.series.names[own[0]], names),
             "device": {"frequency_hz": float(frequency[own[0]])},
         }
-        run |= run_table(
-            fit,
-            own,
-            wave,
-            pieces[own[0]],
-            table["recording"]["sample_rate_hz"],
-            change[own[0]],
-            way,
-        )
-        turned = [
-            effect.name
-            for effect, _ in fit.point.active
+        loss_s = lost.get(wave.run_id, {}).get("lost_s", 0.0)
+        sampling = _sampling(table["recording"]["sample_rate_hz"], loss_s)
+        run |= run_table(fit, own, wave, pieces[own[0]], sampling, change[own[0]], way)
+        own_effects = {
+            effect.name: effects[effect.name] | {p.name: -values[p.name] for p in effect.fitted()}
+            for effect, values in fit.point.active
             if effect.coherent and effect.name in effects and _turned(fit, own[0], run)
-        ]
-        own_effects = {name: {k: -v for k, v in effects[name].items()} for name in turned}
+        }
         own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
-        if (
-            lost.get(wave.run_id, {}).get("lost_s", 0.0) > 0
-        ):  # repeated samples have no effect in the engine
+        if loss_s > 0:  # repeated samples have no effect in the engine
             own_effects["dropped_samples"] = lost[wave.run_id]
+            run["recording"]["sample_rate_hz"] = sampling
+            run["recording"]["duration_s"] += loss_s  # the run lasted longer than its samples tell
         if tone is not None and not tone.common:
             own_effects["mains_tone"] = _of_file(tone, tone.vector[own[0]])
         if own_effects:
@@ -142,6 +135,12 @@ def simulation_file(
 
 def _of_file(tone: Tone, vector: Array) -> dict[str, float]:
     return {**channel_parts(vector), "frequency_hz": tone.frequency_hz}
+
+
+def _sampling(least_hz: float, loss_s: float) -> float:
+    """The sampling of a run: the least rate wanted, or the next at which what was lost is a whole
+    number of samples, since a simulation loses no others."""
+    return float(np.ceil(least_hz * loss_s - 1e-6) / loss_s) if loss_s > 0 else least_hz
 
 
 def _turned(fit: Fit, k: int, run: dict[str, Any]) -> bool:
