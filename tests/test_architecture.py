@@ -13,15 +13,16 @@ PACKAGE = Path(hrg_cli.__file__).parent
 MAY_IMPORT = {
     "units": set(),
     "errors": set(),
+    "extras": set(),
     "physics": {"units", "errors"},
     "effects": {"units", "errors", "physics"},
     "fitting": {"units", "errors", "records", "physics", "effects"},
-    "notebook": {"errors"},
+    "notebook": {"errors", "extras"},
     "records": {"units", "errors", "notebook"},
     "store": {"units", "errors", "records"},
     "settings": {"errors"},
     "stages": {"units", "errors", "physics", "effects", "fitting", "records", "settings"},
-    "formats": {"units", "errors", "records", "settings", "store"},
+    "formats": {"units", "errors", "extras", "records", "settings", "store"},
     "ledger": {
         *("errors", "records", "store", "origins", "limit_values", "limits", "comparing"),
         *("exporting_records", "lots", "reporting"),
