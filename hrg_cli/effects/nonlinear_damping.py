@@ -5,12 +5,13 @@ Physics: z'' = … − 2ν₂|z|² v (gap squeeze film, contact, nonlinear loss)
 Equation: u' = −ν₂[½(u†u) u − ¼(uᵀu) u*]; d ln a_A/dt = −ν₂(a_A² + 3a_B²)/4, d ln a_B/dt = −ν₂(3a_A² + a_B²)/4   (PHYSICS M6);
 of any power, u' = 2jc⟨|z|^p v e^{−jτ}⟩ over a period, z = Re u e^{jτ}, v = Re ju e^{jτ}, so
 u' = −c[⟨|z|^p⟩ u − ⟨|z|^p e^{−2jτ}⟩ u*], which is −c N_p a^p u for a_B = 0,
-N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter is the damping c N_p it adds at unit amplitude (ν₂/4 for p = 2). A negative power stands for a
-regulator, which knows the amplitude and not the instant: z'' = … − 2c ρ^p v, ρ² = |z|² + |v|²/ω² =
-u†u, u' = −c ρ^p u. With c < 0 it is a supply that no log tells of: of constant power for p = −2, a
-constant push for p = −1. Size: 1e-4 … 1e-2 of ν. Mistaken for: drift of the damping in time or with
-temperature, cubic of the pick-off. What separates it: a long ring-down: curvature of ln a in a²,
-not in t; ring-downs from two amplitudes.
+N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter is the damping c N_p it
+adds at unit amplitude (ν₂/4 for p = 2). A negative power stands for a regulator, which knows the
+amplitude and not the instant: z'' = … − 2c ρ^p v, ρ² = |z|² + |v|²/ω² = u†u, u' = −c ρ^p u. With c
+< 0 it is a supply that no log tells of: of constant power for p = −2, a constant push for p = −1.
+Size: 1e-4 … 1e-2 of ν. Mistaken for: drift of the damping in time or with temperature, cubic of the
+pick-off. What separates it: a long ring-down: curvature of ln a in a², not in t; ring-downs from
+two amplitudes.
 """
 
 import functools
