@@ -6,6 +6,7 @@ JOBS ?= 2
 TRIALS ?= 20000
 FAILURES ?= 200
 READY := $(VENV)/.ready
+INSTALLED := $(VENV)/.installed
 
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
@@ -15,13 +16,16 @@ export OPENBLAS_NUM_THREADS ?= 1
 help:  ## Print this help
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 22
 
-$(READY): pyproject.toml
+$(INSTALLED): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet -e '.[all]'
+	@touch $@
+
+$(READY): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet -e '.[dev]'
 	@touch $@
 
-run: $(READY)  ## Demonstrate: a gyro with a hidden fault, free and forced, through the whole chain; results in build/run
+run: $(INSTALLED)  ## Demonstrate: a gyro with a hidden fault, free and forced, through the whole chain; results in build/run
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/run_chain.sh build/run
 
 test: $(READY)  ## Run the tests (quick samples of the long studies included)

@@ -26,6 +26,7 @@ from concurrent.futures import (
 from typing import Any, TypeVar
 
 from .errors import HrgError
+from .extras import how_to_install
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -138,9 +139,7 @@ def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise HrgError(
-            "sharing work with Dask needs the library distributed; run pip install 'hrg-cli[lots]'"
-        ) from error
+        raise HrgError(f"sharing work with Dask needs {how_to_install('distributed')}") from error
     cluster = None
     with _quiet_distributed(), contextlib.ExitStack() as closing:
         if address is None:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .errors import HrgError, UsageError
+from .extras import how_to_install
 from .records import Array, Calibration, Record, Recording
 
 FORMATS = (".csv", ".json", ".parquet", ".xlsx", ".mat")
@@ -117,7 +118,7 @@ def _json(record: Record) -> bytes:
 
 
 def _parquet(record: Record) -> bytes:
-    pyarrow, parquet = package_for("pyarrow", "labs"), package_for("pyarrow.parquet", "labs")
+    pyarrow, parquet = package_for("pyarrow"), package_for("pyarrow.parquet")
     table = pyarrow.Table.from_pandas(_frame(record), preserve_index=False)
     about = json.dumps(_finite(attributes_of(record)), ensure_ascii=False).encode()
     table = table.replace_schema_metadata({**(table.schema.metadata or {}), b"hrg": about})
@@ -127,7 +128,7 @@ def _parquet(record: Record) -> bytes:
 
 
 def _xlsx(record: Record) -> bytes:
-    openpyxl = package_for("openpyxl", "labs")
+    openpyxl = package_for("openpyxl")
     columns = columns_of(record)
     rows = len(next(iter(columns.values()), ()))
     if rows > EXCEL_ROWS:
@@ -189,17 +190,14 @@ def _frame(record: Record) -> Any:
     return pd.DataFrame(columns_of(record))
 
 
-def package_for(package: str, extra: str) -> Any:
+def package_for(package: str) -> Any:
     """A package that a format needs. HrgError: it is not installed."""
     from importlib import import_module
 
     try:
         return import_module(package)
     except ImportError as error:
-        name = package.split(".")[0]
-        raise HrgError(
-            f"this format needs {name}, which is not installed; run pip install 'hrg-cli[{extra}]'"
-        ) from error
+        raise HrgError(f"this format needs {how_to_install(package.split('.')[0])}") from error
 
 
 def _listed(values: Array) -> list[Any]:

@@ -9,34 +9,70 @@ from collections.abc import Iterable
 from typing import Any
 
 from .errors import UsageError
-from .units import DEGREE, DEGREE_PER_HOUR
+from .units import DEGREE, DEGREE_PER_HOUR, canonical
+
+TURN = 2 * math.pi
+RATES = {
+    "rad/s": 1.0, "mrad/s": 1e-3, "urad/s": 1e-6, "µrad/s": 1e-6, "deg/s": DEGREE, "°/s": DEGREE, "deg/h": DEGREE_PER_HOUR,
+    "deg/hr": DEGREE_PER_HOUR, "°/h": DEGREE_PER_HOUR, "rpm": TURN / 60,
+}  # fmt: skip
+FREQUENCIES = {"Hz": 1.0, "mHz": 1e-3, "uHz": 1e-6, "µHz": 1e-6, "kHz": 1e3}
+
+
+def _times(units: dict[str, float], factor: float) -> dict[str, float]:
+    return {spelling: factor * value for spelling, value in units.items()}
+
 
 QUANTITIES: dict[str, dict[str, float]] = {
-    "a rate": {
-        "rad/s": 1.0, "mrad/s": 1e-3, "deg/s": DEGREE, "°/s": DEGREE, "deg/h": DEGREE_PER_HOUR, "deg/hr": DEGREE_PER_HOUR,
-        "°/h": DEGREE_PER_HOUR, "rpm": 2 * math.pi / 60,
-    },
+    "a rate": RATES | _times(FREQUENCIES, TURN),
+    "half the difference of two frequencies": RATES | _times(FREQUENCIES, TURN / 2),
     "an angle": {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": DEGREE, "°": DEGREE, "arcsec": DEGREE / 3600},
-    "a frequency": {"Hz": 1.0, "mHz": 1e-3, "uHz": 1e-6, "µHz": 1e-6, "kHz": 1e3},
+    "a frequency": FREQUENCIES | _times(RATES, 1 / TURN),
     "a time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0},
-    "a decay rate": {"1/s": 1.0, "1/h": 1 / 3600, "rad/s": 1.0, "deg/s": DEGREE, "deg/h": DEGREE_PER_HOUR, "°/h": DEGREE_PER_HOUR},
+    "a decay rate": {"1/s": 1.0, "1/min": 1 / 60, "1/h": 1 / 3600} | RATES,
+    "an angle random walk": {
+        "rad/√s": 1.0, "rad/sqrt(s)": 1.0, "°/√h": DEGREE / 60, "deg/√h": DEGREE / 60, "deg/sqrt(h)": DEGREE / 60,
+        "deg/sqrt(hr)": DEGREE / 60, "deg/rt-h": DEGREE / 60,
+    },
+    "a rate random walk": {
+        "rad/s/√s": 1.0, "rad/s/sqrt(s)": 1.0, "°/h/√h": DEGREE_PER_HOUR / 60, "deg/h/√h": DEGREE_PER_HOUR / 60,
+        "deg/h/sqrt(h)": DEGREE_PER_HOUR / 60,
+    },
     "a temperature": {"degC": 1.0, "°C": 1.0},
     "a ratio": {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6, "ppb": 1e-9},
 }  # fmt: skip
 SUFFIXES = (
+    ("_rad_s_sqrt_s", "a rate random walk"),
+    ("_rad_sqrt_s", "an angle random walk"),
+    ("_frequency_split_rad_s", "half the difference of two frequencies"),
     ("_rad_s", "a rate"),
     ("_1_s", "a decay rate"),
     ("_deg_h", "a rate in °/h"),
     ("_ppm", "a ratio in ppm"),
+    ("_ppm_per_node_unit", "a ratio in ppm"),
+    ("_percent", "a ratio in %"),
+    ("_deg", "an angle in °"),
     ("_rad", "an angle"),
     ("_hz", "a frequency"),
     ("_degc", "a temperature"),
     ("_s", "a time"),
 )
-"""End of a figure's name -> what it is; the first that fits."""
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+"""End of a figure's name -> what it is; the first that fits. A frequency split δω = (ω_p − ω_q)/2
+is told, and limited, as Δf = δω/π where it is in Hz."""
+SCALED = {
+    "a rate in °/h": ("a rate", DEGREE_PER_HOUR),
+    "a ratio in ppm": ("a ratio", 1e-6),
+    "a ratio in %": ("a ratio", 1e-2),
+    "an angle in °": ("an angle", DEGREE),
+}
+"""A figure that its name says is not in SI -> what it is, and its unit in SI."""
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
+_OF_FILES = {"rad s-1": "rad/s", "s-1": "1/s"}
 UNITS = {
     "a rate": "rad s-1",
+    "half the difference of two frequencies": "rad s-1",
+    "an angle random walk": "rad s-1/2",
+    "a rate random walk": "rad s-3/2",
     "an angle": "rad",
     "a frequency": "Hz",
     "a time": "s",
@@ -45,6 +81,8 @@ UNITS = {
     "a ratio": "",
     "a rate in °/h": "deg/h",
     "a ratio in ppm": "ppm",
+    "a ratio in %": "%",
+    "an angle in °": "deg",
 }
 """What a figure is -> its unit as files spell it."""
 
@@ -55,7 +93,7 @@ def quantity_of(name: str) -> str:
     for part in reversed(name.split(".")):
         stem = part.removesuffix("_std")
         for suffix, quantity in SUFFIXES:
-            if stem.endswith(suffix):
+            if f"_{stem}".endswith(suffix):
                 return quantity
     return "a ratio"
 
@@ -100,7 +138,7 @@ def limit_value(name: str, value: Any) -> float:
                 f'limit {name} = {value!r}: a finite number, or one with a unit such as "5 deg/h",'
                 " was expected"
             )
-        number, unit = float(match[1]), match[2]
+        number, unit = float(match[1]), canonical(match[2]) if match[2] else ""
     if not math.isfinite(number):
         raise UsageError(f"limit {name} = {value!r}: a finite number was expected")
     return number * _factor(name, unit) if unit else number
@@ -108,14 +146,10 @@ def limit_value(name: str, value: Any) -> float:
 
 def _factor(name: str, unit: str) -> float:
     quantity = quantity_of(name)
-    within, scale = quantity, 1.0
-    if quantity == "a rate in °/h":
-        within, scale = "a rate", 1 / DEGREE_PER_HOUR
-    elif quantity == "a ratio in ppm":
-        within, scale = "a ratio", 1e6
-    known = QUANTITIES[within]
+    within, size = SCALED.get(quantity, (quantity, 1.0))
+    known, unit = QUANTITIES[within], _OF_FILES.get(unit, unit)
     if unit in known:
-        return known[unit] * scale
+        return known[unit] / size
     every = {spelling for table in QUANTITIES.values() for spelling in table if spelling}
     what = f"{unit} is no unit of {within}" if unit in every else f"{unit} is no unit"
     raise UsageError(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import HrgError
+from .extras import how_to_install
 
 if TYPE_CHECKING:
     import xarray
@@ -48,10 +49,7 @@ def needed(package: str, what: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        raise HrgError(
-            f"{what} needs {package.split('.')[0]}, which is not installed; run pip install"
-            " 'hrg-cli[notebook]'"
-        ) from error
+        raise HrgError(f"{what} needs {how_to_install(package.split('.')[0])}") from error
 
 
 class Shown:

@@ -13,7 +13,7 @@ import pytest
 import hrg_cli
 
 PACKAGE = Path(hrg_cli.__file__).parent
-BASE = {"units", "errors", "version"}
+BASE = {"units", "errors", "version", "extras"}
 FITS = {*BASE, "harmonics", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
@@ -23,11 +23,12 @@ RESULTS = {"measured_export", "exporting_records", "exporting", "comparing", "ve
 MAY_IMPORT: dict[str, set[str]] = {
     "units": set(),
     "errors": set(),
+    "extras": set(),
     "version": set(),
     "harmonics": set(),
     "settings": {"errors"},
-    "notebook": {"errors"},
-    "executors": {"errors"},
+    "notebook": {"errors", "extras"},
+    "executors": {"errors", "extras"},
     "limit_values": {"units", "errors"},
     "physics": {"units", "errors"},
     "effects": {"units", "errors", "physics"},

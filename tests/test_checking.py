@@ -11,7 +11,8 @@ import records_by_hand as by_hand
 from hrg_cli import store
 from hrg_cli.comparing import compare, of_tables
 from hrg_cli.errors import UsageError
-from hrg_cli.limit_values import limit_value, meant, quantity_of
+from hrg_cli.limit_values import limit_value, meant, quantity_of, unit_of
+from hrg_cli.reporting.quantities import quantity
 from hrg_cli.units import DEGREE_PER_HOUR
 
 
@@ -40,6 +41,20 @@ def limits(folder, text):
         ("frequency_hz", "3 mHz", 3e-3),
         ("damping_split_1_s", "1 deg/h", DEGREE_PER_HOUR),
         ("chi2_per_dof", 2, 2.0),
+        ("frequency_split_rad_s", "127.3 mHz", np.pi * 0.1273),  # Δf, as it is told
+        ("frequency_split_rad_s", "23 deg/s", np.radians(23)),
+        ("parameters.frequency_split_rad_s.value", "1 Hz", np.pi),
+        ("effects.cubic_stiffness.pull_rad_s", "3 mHz", 2 * np.pi * 3e-3),
+        ("frequency_hz", "6.283185307179586 rad/s", 1.0),
+        ("frequencies.hz.0", "2 kHz", 2000.0),
+        ("bias_rad_s", "1 rad s-1", 1.0),
+        ("damping_rate_1_s", "2 s-1", 2.0),
+        ("angle_random_walk_rad_sqrt_s", "6 deg/sqrt(h)", np.radians(0.1)),
+        ("rate_random_walk_rad_s_sqrt_s", "60 °/h/√h", DEGREE_PER_HOUR),
+        ("forecast.parts.after.angle_deg", "60 arcsec", 1 / 60),
+        ("forecast.parts.after.amplitude_percent", "100 ppm", 0.01),
+        ("trade.scale_factor_coefficient_ppm_per_node_unit", "20 ppm", 20.0),
+        ("chi2_per_dof", "2", 2.0),
     ],
 )
 def test_limits_with_units(name, written, value):
@@ -52,6 +67,8 @@ def test_limits_with_units(name, written, value):
         ("bias_rad_s", "5 deg"),
         ("bias_rad_s", "five"),
         ("frequency_hz", "5 ppm"),
+        ("angle_random_walk_rad_sqrt_s", "5 s"),
+        ("frequency_split_rad_s", "5 s"),
         ("chi2", float("inf")),
     ],
 )
@@ -60,14 +77,30 @@ def test_units_of_something_else(name, written):
         limit_value(name, written)
 
 
+@pytest.mark.parametrize("size", (3e-9, 4e-5, 0.0123, 0.4, 700.0))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("bias_rad_s", "frequency_split_rad_s", "values.frequency_split_rad_s", "pull_rad_s"),
+        *("damping_rate_1_s", "damping_axis_rad", "frequency_hz", "window_s", "gain", "x_ppm"),
+        *("gain.drift_error_deg_h.after", "angle_random_walk_rad_sqrt_s", "parts.angle_deg"),
+        *("rate_random_walk_rad_s_sqrt_s", "flatness_degc", "parts.amplitude_percent"),
+    ],
+)
+def test_what_the_screen_shows_is_understood_as_a_limit(name, size):
+    shown = quantity(name, size, None, unit_of(name))
+    number, _, unit = shown.partition(" ")
+    if "×10" in number:
+        return  # powers of ten are written otherwise in a limit
+    assert limit_value(name, f"{number} {unit}") == pytest.approx(size, rel=1e-5)
+
+
 def test_what_was_meant():
     assert (
         meant("adeqate", ("adequate", "explained")) == "did you mean adequate?"
         and meant("xyz", ("adequate",)) == ""
     )
-    assert (
-        quantity_of("rows") == "a ratio" and quantity_of("values.frequency_split_rad_s") == "a rate"
-    )
+    assert quantity_of("rows") == "a ratio" and quantity_of("values.bias_rad_s") == "a rate"
 
 
 def test_many_files_verdict_and_causes(hrg, results):

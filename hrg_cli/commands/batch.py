@@ -95,7 +95,7 @@ def batch_file(
 def show(report: Mapping[str, Any], folder: Path) -> None:
     """The lot in a sentence, what its gyros have in common, the worst of them, and where the page
     is."""
-    from ..reporting.lot_page import WORST, sentence
+    from ..reporting.lot_words import WORST, sentence
 
     console.say(sentence(report))
     for one in report["lot_causes"]:

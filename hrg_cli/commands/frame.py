@@ -17,6 +17,7 @@ import typer
 import typer.main
 
 from ..errors import InterruptedRunError, UsageError
+from ..extras import without_compiler
 from ..reporting.text import first_paragraph
 from .guard import DONE, REFUSED, guarded, unread_is_no_failure
 
@@ -263,6 +264,8 @@ JOBS_OF_REHEARSAL = {
 }
 NO_DRAWS = {"seed": "nothing is drawn at random"}
 ONE_PROCESS = {"jobs": "the work is done by one process"}
+SIMULATING = frozenset({"batch", "diagnose", "inject", "rehearse", "run", "simulate", "study"})
+"""Commands that run the engine over samples, which without a compiler takes long."""
 _SETTINGS = ("config", "assignments", "show_config")
 
 
@@ -345,6 +348,10 @@ def _piped(
             raise UsageError("-o - prints the name of a file, --json an object; choose one of them")
         common = replace(common, output=piped_output(name), piped=True)
     given, names = taken(name, arguments)
+    if name in SIMULATING and not common.quiet and (slow := without_compiler()):
+        from ..reporting.console import message
+
+        message(slow)
     try:
         function(common, **given)
     except KeyboardInterrupt:

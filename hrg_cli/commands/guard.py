@@ -9,10 +9,12 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from typing import NoReturn
 
 import typer
 
 from ..errors import DiskFullError, HrgError, InterruptedRunError, UsageError
+from ..extras import how_to_install, optional
 from ..reporting.text import plain
 
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -104,18 +106,25 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
     except typer.Exit:
         raise
     except Exception as error:
-        if verbose:
-            import traceback
-
-            traceback.print_exc()
-        leave(
-            f"internal error: {type(error).__name__}: {str(error)[:200]}; run again with -v and"
-            " report it",
-            FAILED,
-        )
+        _unforeseen(error, verbose)
 
 
-def leave(text: str, status: int) -> None:
+def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
+    """An optional package that is missing, or an error of the program's own."""
+    if gone := optional(error):
+        leave(f"this needs {how_to_install(gone)}", FAILED)
+    if verbose:
+        import traceback
+
+        traceback.print_exception(error)
+    leave(
+        f"internal error: {type(error).__name__}: {str(error)[:200]}; run again with -v and"
+        " report it",
+        FAILED,
+    )
+
+
+def leave(text: str, status: int) -> NoReturn:
     """One line on standard error, then the exit status."""
     print(f"hrg: {plain(' '.join(text.split()))}", file=sys.stderr, flush=True)
     raise typer.Exit(status) from None

@@ -12,7 +12,6 @@ from pydantic import Field
 
 from .. import pipeline, settings, store
 from ..limits import check
-from ..reporting.page import build_report, status_of, write_figures
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
 from .options import flags_of
 
@@ -35,6 +34,8 @@ def report(
 ) -> list[Path]:
     """Write the page or the figures; the files written. HrgError: a file is damaged or not of hrg,
     the output exists."""
+    from ..reporting.page import build_report, write_figures
+
     if format == "png":
         return write_figures(files, output, truth=truth)
     store.check_output(output, force)
@@ -70,6 +71,8 @@ def report_files(
     files: Sequence[Path], run: Common, limits: Path | None = None, **flags: Any
 ) -> dict[str, Any]:
     """Report on files; the command's JSON."""
+    from ..reporting.page import status_of
+
     started = time.monotonic()
     values = run.settings(report, **flags)
     paths = existing(files, "the files to report on")

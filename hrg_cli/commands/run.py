@@ -15,6 +15,7 @@ import typer
 from .. import settings, store
 from ..chain import Step
 from ..errors import HrgError
+from ..extras import without_pages
 from ..gyro import gyro_of, inputs_of, planned, run_gyro
 from ..limits import Row, check
 from ..pipeline import STAGES
@@ -142,13 +143,15 @@ def run_files(
         )
     )
     found, rows = _answer(made, wanted)
-    _write_page(
-        page,
-        [*(p for p in files if p.suffix == ".h5" and p.exists()), *made],
-        rows,
-        full,
-        run.force or ours,
-    )
+    pageless = without_pages()
+    if not pageless:
+        _write_page(
+            page,
+            [*(p for p in files if p.suffix == ".h5" and p.exists()), *made],
+            rows,
+            full,
+            run.force or ours,
+        )
     deciding = [step for step in steps if step.name != "identify"] if _explained(steps) else steps
     missed = [row.sentence() for row in rows if not row.passed]
     worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
@@ -159,7 +162,7 @@ def run_files(
         "output": str(folder),
         "answer": found.json() if found else None,
         "steps": [dataclasses.asdict(step) for step in steps],
-        "report": str(page) if made else None,
+        "report": str(page) if made and not pageless else None,
     }
     with store.atomic_path(folder / MARK, force=True) as temporary:
         temporary.write_text(
@@ -170,7 +173,7 @@ def run_files(
     def show() -> None:
         if found is not None:
             answer_text.show(found)
-        print(f"page: {page}")
+        print(f"page: {page}" if not pageless else f"no page: {pageless}")
 
     return report, show
 

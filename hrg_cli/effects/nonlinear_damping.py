@@ -3,14 +3,15 @@
 Physics: z'' = … − 2ν₂|z|² v (gap squeeze film, contact, nonlinear loss); another `power` p: z'' = …
 − 2c|z|^p v (p = 1: drag that grows with the swing).
 Equation: u' = −ν₂[½(u†u) u − ¼(uᵀu) u*]; d ln a_A/dt = −ν₂(a_A² + 3a_B²)/4, d ln a_B/dt = −ν₂(3a_A² + a_B²)/4   (PHYSICS M6);
-of any power, u' = 2jc⟨|z|^p v e^{−jτ}⟩ over a period, z = Re u e^{jτ}, v = Re ju e^{jτ}, which is
-−c N_p a^p u for a_B = 0, N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter
-is the damping c N_p it adds at unit amplitude (ν₂/4 for p = 2). A negative power stands for a
-regulator, which knows the amplitude and not the instant: z'' = … − 2c ρ^p v, ρ² = |z|² + |v|²/ω² =
-u†u, u' = −c ρ^p u. With c < 0 it is a supply that no log tells of: of constant power for p = −2, a
-constant push for p = −1. Size: 1e-4 … 1e-2 of ν. Mistaken for: drift of the damping in time or with
-temperature, cubic of the pick-off. What separates it: a long ring-down: curvature of ln a in a²,
-not in t; ring-downs from two amplitudes.
+of any power, u' = 2jc⟨|z|^p v e^{−jτ}⟩ over a period, z = Re u e^{jτ}, v = Re ju e^{jτ}, so
+u' = −c[⟨|z|^p⟩ u − ⟨|z|^p e^{−2jτ}⟩ u*], which is −c N_p a^p u for a_B = 0,
+N_p = 2⟨|cos|^p sin²⟩ = 2Γ((p+1)/2)/√π(p+2)Γ(p/2+1), N₂ = ¼. The parameter is the damping c N_p it
+adds at unit amplitude (ν₂/4 for p = 2). A negative power stands for a regulator, which knows the
+amplitude and not the instant: z'' = … − 2c ρ^p v, ρ² = |z|² + |v|²/ω² = u†u, u' = −c ρ^p u. With c
+< 0 it is a supply that no log tells of: of constant power for p = −2, a constant push for p = −1.
+Size: 1e-4 … 1e-2 of ν. Mistaken for: drift of the damping in time or with temperature, cubic of the
+pick-off. What separates it: a long ring-down: curvature of ln a in a², not in t; ring-downs from
+two amplitudes.
 """
 
 import functools
@@ -21,8 +22,10 @@ import numpy as np
 from ..physics.plant import POLYNOMIAL, Acceleration, Environment, Plant, SlowState
 from .effect import Array, Effect, Parameter, Values
 
-TURNS = np.exp(1j * np.pi * (np.arange(32) + 0.5) / 32)
-"""e^{jτ} over half a period, after which |z|^p v e^{−jτ} repeats."""
+_EVEN = np.pi * (np.arange(16) + 0.5) / 16
+TURNS, WEIGHTS = np.cos(_EVEN + np.sin(_EVEN)), (1 + np.cos(_EVEN)) / 16
+"""cos x over half a turn of x = 2τ + arg uᵀu, in which |z|² = ½(u†u + |uᵀu| cos x) is even, and
+shares of the mean; closest about x = π, where |z|^p of a line has its cusp."""
 
 
 def mean(power: float) -> float:
@@ -69,6 +72,10 @@ def against(factor: float, half: float) -> Acceleration:
     return acceleration
 
 
+def _mean(over_turns: Array) -> Array:
+    return np.sum(WEIGHTS * over_turns, axis=-1, keepdims=True)
+
+
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """−ν₂[½(u†u) u − ¼(uᵀu) u*] for the square, −c(u†u)^{p/2} u for a negative power, else the mean
     over a period."""
@@ -78,19 +85,19 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
             * np.sum(np.abs(u) ** 2, axis=-1, keepdims=True) ** (p["power"] / 2)
             * u
         )
-    if p["power"] != 2:
-        turned = u[..., None] * TURNS
-        size = np.sum(turned.real**2, axis=-2, keepdims=True) ** (p["power"] / 2)
-        return (
-            -2j
-            * p["damping_1_s"]
-            / mean(p["power"])
-            * np.mean(size * turned.imag * np.conj(TURNS), axis=-1)
-        )
     size, square = (
         np.sum(np.abs(u) ** 2, axis=-1, keepdims=True),
         np.sum(u**2, axis=-1, keepdims=True),
     )
+    if p["power"] != 2:
+        flat = np.abs(square)
+        swing = ((size + flat * TURNS) / 2) ** (p["power"] / 2)
+        direction = square / np.where(flat > 0, flat, 1.0)
+        return (
+            -p["damping_1_s"]
+            / mean(p["power"])
+            * (_mean(swing) * u - _mean(swing * TURNS) * direction * np.conj(u))
+        )
     return -p["damping_1_s"] * (2 * size * u - square * np.conj(u))
 
 

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import HrgError
+from ..extras import how_to_install
 from .left_out import LeftOut
 
 Array = np.ndarray
@@ -109,9 +110,6 @@ def _rises(values: Array) -> bool:
     return len(head) > 2 and bool(np.all(np.diff(head) > 0))
 
 
-def need_library(name: str, path: Path, extra: str = "labs") -> HrgError:
+def need_library(name: str, path: Path) -> HrgError:
     """The sentence for an optional library that is not installed."""
-    return HrgError(
-        f"{path}: reading it needs the library {name}, which is not installed; run pip install"
-        f" 'hrg-cli[{extra}]'"
-    )
+    return HrgError(f"{path}: reading it needs {how_to_install(name)}")

@@ -40,7 +40,7 @@ def csv_table(entries: Sequence[Entry]) -> bytes:
 
 def parquet_table(entries: Sequence[Entry]) -> bytes:
     """The same rows, typed. HrgError: pyarrow is not installed."""
-    pyarrow, parquet = package_for("pyarrow", "labs"), package_for("pyarrow.parquet", "labs")
+    pyarrow, parquet = package_for("pyarrow"), package_for("pyarrow.parquet")
     rows = _rows(entries)
     columns = {
         name: pyarrow.array(

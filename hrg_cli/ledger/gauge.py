@@ -11,6 +11,7 @@ degree of freedom.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,6 +28,8 @@ NAMES = ("gyro", "interaction", "station", "repeat")
 """The components that are estimated."""
 LEAST, LARGEST = 1e-8, 1e2
 """A component is looked for between so many times the spread of all values."""
+STEP = 1e-5
+"""Difference of a component's logarithm from which the likelihood's slope is taken."""
 
 
 @dataclass(frozen=True)
@@ -175,64 +178,88 @@ def log_likelihood(design: _Design, std: dict[str, float]) -> float:
 
 
 def _terms(design: _Design, std: dict[str, float]) -> tuple[float, float]:
-    """(restricted log-likelihood, the mean μ) by generalized least squares.
+    """(restricted log-likelihood, the mean μ) by generalized least squares."""
+    level, mean = likelihoods(design, {name: np.array([value]) for name, value in std.items()})
+    return float(level[0]), float(mean[0])
+
+
+def likelihoods(design: _Design, std: dict[str, Array]) -> tuple[Array, Array]:
+    """(restricted log-likelihood (p,), the mean μ (p,)) at p points, whose standard deviations (p,)
+    are given by name.
 
     Rows become cells and cells gyros by weighted means: what lies within a group has the level's
     weights, its mean the variance 1/Σw + σ². This loses no digits where gyros differ far more than
     repeats, and the work grows with n for any number of gyros.
     """
-    rows = design.columns
-    variance = np.maximum(design.own + std.get("repeat", 0.0) ** 2, LEAST**2)
-    weight = 1 / variance
-    logarithm = float(np.log(variance).sum())
-    gram = np.zeros((rows.shape[1], rows.shape[1]))
-    for name, group, first in design.levels:
-        power = std.get(name, 0.0) ** 2
-        whole = np.add.reduceat(weight, first)
-        means = np.add.reduceat(rows * weight[:, None], first, axis=0) / whole[:, None]
-        left = rows - means[group]
-        gram += left.T @ (left * weight[:, None])
-        logarithm += float(np.log1p(power * whole).sum())
-        rows, weight = means, 1 / (1 / whole + power)
-    gram += rows.T @ (rows * weight[:, None])
-    power = std.get("station", 0.0) ** 2
-    if power > 0:
-        gram, more = _with_stations(gram, power)
-        logarithm += more
-    mean = gram[0, 1] / gram[1, 1]
-    rest = gram[0, 0] - mean * gram[0, 1]
-    return -0.5 * (logarithm + math.log(gram[1, 1]) + float(rest)), float(mean)
+    points = max(map(np.size, std.values()), default=1)
+    power = {name: np.broadcast_to(std.get(name, 0.0), points) ** 2 for name in NAMES}
+    variance = np.maximum(design.own + power["repeat"][:, None], LEAST**2)
+    logarithm = np.log(variance).sum(axis=1)
+    (_, *cells), (_, *gyros) = design.levels
+    values = np.broadcast_to(design.values, variance.shape)[..., None]
+    means, within, weight, more = _gathered(values, 1 / variance, *cells, power["interaction"])
+    logarithm += more
+    # within a cell only the values differ: ones and stations are the same in its rows
+    rows = np.array(np.broadcast_to(design.columns[cells[1]], (*weight.shape, 2 + design.stations)))
+    rows[..., :1] = means
+    rows, gram, weight, more = _gathered(rows, weight, *gyros, power["gyro"])
+    logarithm += more
+    gram += rows.swapaxes(1, 2) @ (rows * weight[..., None])
+    gram[:, 0, 0] += within[:, 0, 0]
+    gram, more = _with_stations(gram, power["station"])
+    mean = gram[:, 0, 1] / gram[:, 1, 1]
+    rest = gram[:, 0, 0] - mean * gram[:, 0, 1]
+    return -0.5 * (logarithm + more + np.log(gram[:, 1, 1]) + rest), mean
 
 
-def _with_stations(gram: Array, power: float) -> tuple[Array, float]:
-    """(products of values and ones with V⁻¹, what the stations add to log |V|), by Woodbury's
-    formula, in a basis of the stations whose first direction is their sum: that one, which is also
-    the ones', keeps its digits beside the others, which may be far larger."""
-    count = len(gram) - 2
+def _gathered(
+    rows: Array, weight: Array, group: Array, first: Array, power: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Rows (p, n, c) of weights (p, n) as the means of their groups: those, the products (p, c, c)
+    of what is left within the groups, the means' weights with the groups' own variance, and what
+    that adds to log |V|."""
+    whole = np.add.reduceat(weight, first, axis=1)
+    means = np.add.reduceat(rows * weight[..., None], first, axis=1) / whole[..., None]
+    left = rows - means[:, group]
+    within = left.swapaxes(1, 2) @ (left * weight[..., None])
+    more = np.log1p(power[:, None] * whole).sum(axis=1)
+    return means, within, 1 / (1 / whole + power[:, None]), more
+
+
+def _with_stations(gram: Array, power: Array) -> tuple[Array, Array]:
+    """(products (p, 2, 2) of values and ones with V⁻¹, what the stations add to log |V| (p,)), by
+    Woodbury's formula, in a basis of the stations whose first direction is their sum: that one,
+    which is also the ones', keeps its digits beside the others, which may be far larger."""
+    count = gram.shape[1] - 2
     first = np.eye(count)
     first[:, 0] = 1.0
     basis = np.linalg.qr(first)[0] * -1.0
-    inner = basis.T @ gram[2:, 2:] @ basis
-    inner[0] = inner[:, 0] = gram[1, 2:] @ basis / math.sqrt(count)
-    inner = np.eye(count) + power * inner
-    across = gram[:2, 2:] @ basis
-    scale = 1 / np.sqrt(np.diag(inner))
-    even = inner * scale * scale[:, None]
-    taken = (across * scale) @ np.linalg.solve(even, (across * scale).T)
-    logarithm = float(np.linalg.slogdet(even)[1] - 2 * np.log(scale).sum())
-    return gram[:2, :2] - power * taken, logarithm
+    inner = basis.T @ gram[:, 2:, 2:] @ basis
+    inner[:, 0] = inner[:, :, 0] = gram[:, 1, 2:] @ basis / math.sqrt(count)
+    inner = np.eye(count) + power[:, None, None] * inner
+    across = gram[:, :2, 2:] @ basis
+    scale = 1 / np.sqrt(np.diagonal(inner, axis1=1, axis2=2))
+    even = inner * scale[:, None] * scale[:, :, None]
+    scaled = across * scale[:, None]
+    taken = scaled @ np.linalg.solve(even, scaled.swapaxes(1, 2))
+    logarithm = np.linalg.slogdet(even)[1] - 2 * np.log(scale).sum(axis=1)
+    return gram[:, :2, :2] - power[:, None, None] * taken, logarithm
 
 
 def _climbed(design: _Design, names: Sequence[str], start: Array, fixed: dict[str, float]) -> Any:
-    """The largest likelihood over the logarithms of the named components, the others fixed."""
+    """The largest likelihood over the logarithms of the named components, the others fixed; its
+    slopes by differences, all points at once."""
+    shifts = STEP * np.vstack([np.zeros(len(names)), np.eye(len(names))])
+    held = {name: np.array([value]) for name, value in fixed.items()}
 
-    def falling(logarithms: Array) -> float:
-        free = dict(zip(names, np.exp(logarithms)))
-        return -log_likelihood(design, {**fixed, **free})
+    def falling(logarithms: Array) -> tuple[float, Array]:
+        free = dict(zip(names, np.exp(logarithms + shifts).T))
+        level, _ = likelihoods(design, {**held, **free})
+        return -float(level[0]), (level[0] - level[1:]) / STEP
 
     bounds = [(math.log(LEAST), math.log(LARGEST))] * len(names)
     inside = np.clip(start, *bounds[0])
-    return optimize.minimize(falling, inside, bounds=bounds, method="L-BFGS-B")
+    return optimize.minimize(falling, inside, jac=True, bounds=bounds, method="L-BFGS-B")
 
 
 def _most_likely(design: _Design, names: Sequence[str]) -> tuple[dict[str, float], float]:
@@ -267,31 +294,30 @@ def _interval(
     floor = 0.3 * min((best[n] for n in names if best[n] > 0), default=0.1)
     start = np.log([max(best[n], floor) for n in others]) if others else np.zeros(0)
 
+    @functools.cache
     def short_of(value: float) -> float:
         if not others:
             return log_likelihood(design, {name: value}) - wanted
         return -float(_climbed(design, others, start, {name: value}).fun) - wanted
 
-    def root(inside: float, outside: float) -> float:
-        """Between a value within and one without, by the logarithm; the second if it is none."""
-        low, high = math.log(inside), math.log(outside)
-        if short_of(inside) <= 0 or short_of(outside) >= 0:
+    def edge(outside: float, factor: float) -> float:
+        """From the best value outwards to one that falls short, then back to where it does."""
+        inside = middle
+        while short_of(outside) >= 0:
+            if not LEAST < outside < LARGEST:
+                return outside
+            inside, outside, factor = outside, outside * factor, factor**2
+        ends = math.log(inside), math.log(outside)
+        if short_of(inside) <= 0:
             return outside
-        function = lambda u: short_of(math.exp(u))  # noqa: E731
-        return math.exp(optimize.brentq(function, low, high, xtol=2e-3))
+        return math.exp(optimize.brentq(lambda u: short_of(math.exp(u)), *ends, xtol=5e-3))
 
     middle = max(best[name], LEAST)
-    high = max(2 * middle, floor)
-    while short_of(high) > 0:
-        if high > LARGEST:
-            high = math.inf
-            break
-        high *= 3
-    if math.isfinite(high):
-        high = root(middle, high)
+    high = edge(1.5 * middle if best[name] > 0 else floor, 2.0)
+    high = high if high < LARGEST else math.inf
     if best[name] <= 0 or short_of(0.0) >= 0:
         return 0.0, high
-    return root(middle, LEAST), high
+    return max(edge(middle / 1.5, 0.5), LEAST), high
 
 
 def _scatter(design: _Design, cells: int, confidence: float) -> tuple[float, float, float] | None:

@@ -28,6 +28,7 @@ from typing import Any
 from .. import settings, store
 from ..errors import DiskFullError, HrgError, InterruptedRunError
 from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
+from ..extras import without_pages
 from ..formats import partners
 from ..formats.hdf5 import SIGNATURE
 from .groups import Origin
@@ -68,8 +69,6 @@ def run_lot(
     result), valid. HrgError: a wrong lot file, no recordings, a folder that holds something else
     (unless `force`).
     """
-    from ..reporting.lot_page import lot_page
-
     started = time.monotonic()
     path, folder = Path(path), Path(folder)
     lot = read_lot(path, assignments, over)
@@ -105,7 +104,10 @@ def run_lot(
             for gyro, place in folders.items()
             if (place / PAGE).is_file()
         }
-        _write_text(folder / "lot.html", lot_page(report, pages, lot.limits))
+        if not without_pages():
+            from ..reporting.lot_page import lot_page
+
+            _write_text(folder / "lot.html", lot_page(report, pages, lot.limits))
         _write_text(
             folder / MARK, json.dumps(report, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
         )

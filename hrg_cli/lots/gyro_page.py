@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import memory, store
+from ..extras import without_pages
 from ..limits import check
 from ..reporting.answer import Answer, answer
 from ..reporting.quantities import LABELS
@@ -25,16 +26,19 @@ def answered(files: Sequence[Path], limits: Mapping[str, Any], epoch: int | None
     done = memory.remembered(note, key)
     if done is not None:
         return done
-    from ..reporting.page import build_report
-
     records = [store.read_any(path) for path in files]
     rows = [row for record in records if record.kind in limits for row in check(record, limits)]
-    text = build_report(files, rows=rows)
-    with store.atomic_path(page, force=True) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    pageless = without_pages()
+    if not pageless:
+        from ..reporting.page import build_report
+
+        text = build_report(files, rows=rows)
+        with store.atomic_path(page, force=True) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     found = answer(records, rows, {r.kind: p.name for r, p in zip(records, files, strict=True)})
     result = {} if found is None else _short(found) | {"missed": _missed(found)}
-    memory.remember(note, key, result, [page])
+    if not pageless:
+        memory.remember(note, key, result, [page])
     return result
 
 

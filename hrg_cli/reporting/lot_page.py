@@ -23,13 +23,12 @@ from ..lots.groups import GROUPED_BY
 from ..version import __version__
 from .figures.drawing import Plot, style, svg
 from .figures.lot import Limits, caterpillar, distribution, in_words, pareto, unit_of
+from .lot_words import WORST, sentence
 from .page import SHADES
 from .quantities import rounded, unit_for
 from .text import number, plain
 
 FOLDER = Path(__file__).parent
-WORST = 3
-"""Gyros that are told first."""
 LONGEST = 220
 """Characters of a reason before it is folded."""
 Row = Mapping[str, Any]
@@ -118,30 +117,6 @@ def lot_page(
         number=lambda value, digits=6: "–" if value is None else number(float(value), digits),
         cut=_cut,
     )
-
-
-def sentence(report: Mapping[str, Any]) -> str:
-    """The lot in one or two sentences."""
-    rows, passed = report["rows"], report["passed"]
-    failed = len(rows) - passed
-    faulty = [r for r in rows if r["health"] not in ("", "sound", "not examined")]
-    text = (
-        ("The gyro passed" if len(rows) == 1 else f"All {len(rows)} gyros passed")
-        if not failed
-        else f"{failed} of {len(rows)} gyros did not pass"
-    )
-    if faulty:
-        text += f"; {len(faulty)} {'has' if len(faulty) == 1 else 'have'} a fault or are in doubt"
-    if off := len(report["outliers"]):
-        text += f"; {off} {'stands' if off == 1 else 'stand'} off the lot"
-    text += "."
-    common = report.get("lot_causes", [])
-    told = "; ".join(plain(one["sentence"]) for one in common[:3])
-    if common:
-        text += f" In common: {told}{f' and {len(common) - 3} more' if len(common) > 3 else ''}."
-    elif (report.get("lot_tests") or {}).get("gyros_diagnosed", 0) and report["lot_tests"]["pairs"]:
-        text += " No cause is common to the gyros or to a group of them."
-    return text
 
 
 def parameters(rows: Sequence[Row]) -> list[str]:

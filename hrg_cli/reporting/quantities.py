@@ -65,6 +65,7 @@ def quantity(name: str, value: Any, std: Any, units: str) -> str:
 def unit_for(name: str, value: float, units: str) -> tuple[float, str]:
     """Factor and unit in which people say a quantity of this name, size and unit."""
     size = abs(value)
+    name = next((n for n in reversed(name.split(".")) if n not in ("value", "std")), name)
     if name == "frequency_split_rad_s":
         return 1e3 / math.pi, "mHz"
     if name == "pull_rad_s":
@@ -100,6 +101,9 @@ _BY_UNIT: dict[str, Callable[[float], tuple[float, str]]] = {
     "s": _time,
     "": lambda size: (1.0, ""),
     "deg/h": lambda size: (1.0, "°/h"),
+    "deg": lambda size: (1.0, "°"),
+    "rad s-1/2": lambda size: (60 / DEGREE, "°/√h"),
+    "rad s-3/2": lambda size: (60 / DEGREE_PER_HOUR, "°/h/√h"),
     "degC": lambda size: (1.0, "°C"),
     "K-1": lambda size: (1e6, "ppm/K") if size < 1e-2 else (1e2, "%/K"),
     "amplitude": lambda size: (1e6, "ppm of the unit amplitude"),

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli import effects
-from hrg_cli.effects import EFFECTS
+from hrg_cli.effects import EFFECTS, nonlinear_damping
 from hrg_cli.physics import ellipse
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
@@ -156,6 +156,23 @@ def test_a_damping_of_another_power_is_the_same_in_both_engines(power):
     changed_fast, changed_slow = fast - plain_fast, slow - plain_slow
     assert np.abs(changed_fast).max() > 1e-3
     assert np.abs(changed_fast - changed_slow).max() < 2e-3 * np.abs(changed_fast).max()
+
+
+@pytest.mark.parametrize("power", (0.5, 1.0, 3.0))
+def test_a_damping_of_another_power_is_its_mean_over_a_period(power):
+    """Against 2jc⟨|z|^p v e^{−jτ}⟩ over many instants, for lines, slim ellipses and circles."""
+    random = np.random.default_rng(5)
+    quadrature = np.concatenate([[0.0, 1e-9, 1.0], random.uniform(-1, 1, 47) ** 5])
+    angle, phase = random.uniform(0, 2 * np.pi, (2, 50))
+    cos, sin = np.cos(angle), np.sin(angle)
+    wave = np.stack([cos - 1j * quadrature * sin, sin + 1j * quadrature * cos], -1)
+    u = np.exp(1j * phase)[:, None] * wave
+    turn = np.exp(1j * np.pi * (np.arange(20000) + 0.5) / 20000)
+    z, v = np.real(u[..., None] * turn), np.real(1j * u[..., None] * turn)
+    size = np.sum(z**2, axis=-2, keepdims=True) ** (power / 2)
+    averaged = 2j * np.mean(size * v * np.conj(turn), axis=-1) / nonlinear_damping.mean(power)
+    slow = nonlinear_damping.slow({"damping_1_s": 1.0, "power": power}, u, None)
+    assert np.abs(slow - averaged).max() < 1e-5
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)

@@ -4,6 +4,7 @@ and known components over many draws."""
 import numpy as np
 import pytest
 
+from hrg_cli.ledger import gauge
 from hrg_cli.ledger.gauge import _design, _terms, gauge_study
 
 STD = {"gyro": 0.7, "interaction": 0.3, "station": 0.5, "repeat": 0.2}
@@ -120,3 +121,16 @@ def test_intervals_hold():
     """Profile likelihood: 95 % of many draws; with four stations a little less for theirs."""
     for name, share in coverage(200, 2).items():
         assert 0.88 < share <= 0.99, (name, share)
+
+
+def test_the_study_of_a_production_takes_few_looks_at_its_results(monkeypatch):
+    """The time of `hrg ledger show`; 3600 before slopes were taken together and intervals sought
+    from inside."""
+    looks, look = [], gauge.likelihoods
+    monkeypatch.setattr(gauge, "likelihoods", lambda *given: (looks.append(1), look(*given))[1])
+    _, found = study(
+        np.random.default_rng(5), 200, 2, 2, 0.1, gyro=1.0, interaction=0.1, station=0.3, repeat=0.1
+    )
+    assert len(found.components) == 4 and len(looks) < 1000
+    for component in found.components.values():
+        assert 0 < component.low < component.std < component.high < np.inf

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
-from .search import Found, Search, Variant, adopted, as_fitted, bic, scored
+from .search import Found, Search, Variant, adopted, as_fitted, bic, pruned, scored
 from .shapes import (
     FREE,
     NAME,
@@ -159,7 +159,7 @@ def better(
     one.
     """
     place = next((f for f in search.found if f.variant.effect.name == NAME), None)
-    if place is None:
+    if place is None or _serves(search, place, noise_factor):
         return search, None
     with contextlib.suppress(extended_fit.DivergedError):
         old = (
@@ -211,6 +211,24 @@ def better(
         last = tuple(s for s, _ in scored(final, candidates))
         return replace(search, final=final, found=(own, *others), last=last), form
     return search, None
+
+
+def _serves(search: Search, place: Found, noise_factor: float) -> bool:
+    """Whether the catalogue's form stands beside the other causes found: physics allows it there,
+    and with the power free and the causes given up that are then not worth their price the data
+    are not described better.
+
+    Alone it could only be judged where nothing else was found: what a missing cause does bends the
+    damping, and the search for a form that serves alone takes many causes to come back.
+    """
+    others = [one for one in search.found if one is not place]
+    if not others or _forbidden(search.final, noise_factor):
+        return False
+    free = in_shape(search.final, FREE)
+    if free is None:
+        return False
+    freed, _ = pruned(free, others, noise_factor, {})
+    return bic(freed) > bic(search.final)
 
 
 def _forbidden(fit: Fit, noise_factor: float) -> bool:

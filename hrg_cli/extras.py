@@ -1,0 +1,59 @@
+"""The optional packages: which extra brings each, what is said where one is missing."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+EXTRAS = {
+    "numba": "fast",
+    "matplotlib": "report",
+    "jinja2": "report",
+    "nptdms": "labs",
+    "pyarrow": "labs",
+    "openpyxl": "labs",
+    "dask": "lots",
+    "distributed": "lots",
+    "xarray": "notebook",
+    "h5netcdf": "notebook",
+    "uncertainties": "notebook",
+}
+"""Package -> the extra of `pip install 'hrg-cli[EXTRA]'` that brings it."""
+
+
+def missing(extra: str) -> list[str]:
+    """The packages of an extra that are not installed."""
+    return [name for name, of in EXTRAS.items() if of == extra and not _is_there(name)]
+
+
+def optional(error: Exception) -> str | None:
+    """The optional package that an error says is not installed."""
+    package = (getattr(error, "name", None) or "").split(".")[0]
+    return package if isinstance(error, ModuleNotFoundError) and package in EXTRAS else None
+
+
+def how_to_install(package: str) -> str:
+    """What is missing and the command that brings it."""
+    return f"{package}, which is not installed; run pip install 'hrg-cli[{EXTRAS[package]}]'"
+
+
+def without_pages() -> str | None:
+    """Why no page can be made; None where it can."""
+    gone = missing("report")
+    return f"pages and figures need {how_to_install(gone[0])}" if gone else None
+
+
+def without_compiler() -> str | None:
+    """Why simulations take long; None where they do not."""
+    gone = missing("fast")
+    return (
+        f"simulating in plain Python, some hundred times as slow as with {how_to_install(gone[0])}"
+        if gone
+        else None
+    )
+
+
+def _is_there(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except (ValueError, ModuleNotFoundError):  # a name that is held back
+        return False

@@ -1,0 +1,35 @@
+"""A lot in words, for its page and the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .text import plain
+
+WORST = 3
+"""Gyros that are told first."""
+
+
+def sentence(report: Mapping[str, Any]) -> str:
+    """The lot in one or two sentences."""
+    rows, passed = report["rows"], report["passed"]
+    failed = len(rows) - passed
+    faulty = [r for r in rows if r["health"] not in ("", "sound", "not examined")]
+    text = (
+        ("The gyro passed" if len(rows) == 1 else f"All {len(rows)} gyros passed")
+        if not failed
+        else f"{failed} of {len(rows)} gyros did not pass"
+    )
+    if faulty:
+        text += f"; {len(faulty)} {'has' if len(faulty) == 1 else 'have'} a fault or are in doubt"
+    if off := len(report["outliers"]):
+        text += f"; {off} {'stands' if off == 1 else 'stand'} off the lot"
+    text += "."
+    common = report.get("lot_causes", [])
+    told = "; ".join(plain(one["sentence"]) for one in common[:3])
+    if common:
+        text += f" In common: {told}{f' and {len(common) - 3} more' if len(common) > 3 else ''}."
+    elif (report.get("lot_tests") or {}).get("gyros_diagnosed", 0) and report["lot_tests"]["pairs"]:
+        text += " No cause is common to the gyros or to a group of them."
+    return text

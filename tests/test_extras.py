@@ -1,0 +1,91 @@
+"""Without the optional packages: what can be done is done, what cannot says what to install."""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from hrg_cli.extras import EXTRAS
+
+ROOT = Path(__file__).parents[1]
+SAMPLES = [str(ROOT / "sample_data" / f"free-{k}.h5") for k in (1, 2, 3, 4)]
+BLOCKER = """
+import sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {names!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Absent())
+"""
+
+
+@pytest.fixture
+def base(tmp_path):
+    """`hrg` as a base installation runs it, in a folder of its own."""
+    (tmp_path / "absent").mkdir()
+    names = [name for name in EXTRAS if name != "numba"]  # the compiler has a test of its own
+    (tmp_path / "absent" / "sitecustomize.py").write_text(BLOCKER.format(names=names))
+    path = os.pathsep.join([str(tmp_path / "absent"), str(ROOT), os.environ.get("PYTHONPATH", "")])
+
+    def hrg(*words):
+        return subprocess.run(
+            [sys.executable, "-m", "hrg_cli", *words],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+
+    return hrg
+
+
+def test_the_project_declares_the_extras_that_messages_name():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    optional = project["optional-dependencies"]
+    for package, extra in EXTRAS.items():
+        assert any(package in one.replace("[", " ").replace(">", " ") for one in optional[extra])
+        assert not any(one.startswith(package) for one in project["dependencies"])
+    assert set(EXTRAS.values()) <= set(optional["all"][0].split("[")[1][:-1].split(","))
+
+
+def test_a_base_installation_calibrates_and_says_what_its_page_needs(base, tmp_path):
+    made = base("run", *SAMPLES, "-o", "results")
+    assert made.returncode == 0, made.stderr
+    assert (tmp_path / "results" / "diagnosis.h5").is_file()
+    assert not (tmp_path / "results" / "report.html").exists()
+    said = made.stdout
+    assert "no page: pages and figures need matplotlib" in said
+    assert "pip install 'hrg-cli[report]'" in said
+    assert json.loads((tmp_path / "results" / "run.json").read_text())["report"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "package"),
+    [
+        (("report", SAMPLES[0], "-o", "page.html"), "jinja2"),
+        (("report", SAMPLES[0], "--format", "png", "-o", "pictures"), "jinja2"),
+        (("export", SAMPLES[0], "-o", "samples.parquet"), "pyarrow"),
+        (("export", SAMPLES[0], "-o", "samples.xlsx"), "openpyxl"),
+    ],
+)
+def test_what_an_absent_package_is_needed_for_fails_with_one_sentence(
+    base, tmp_path, words, package
+):
+    there = set(tmp_path.iterdir())
+    failed = base(*words)
+    assert failed.returncode == 1 and not failed.stdout
+    (line,) = failed.stderr.splitlines()
+    assert package in line and f"pip install 'hrg-cli[{EXTRAS[package]}]'" in line
+    assert set(tmp_path.iterdir()) == there
+
+
+def test_help_needs_no_optional_package(base):
+    for words in (("--help",), ("report", "--help"), ("batch", "--help")):
+        assert base(*words).returncode == 0
