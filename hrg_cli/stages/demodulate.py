@@ -38,7 +38,8 @@ SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1
 """A settling start has a residual so many times the run's, absolutely and relative to the wave, and
 is at most this part of the run."""
 
-AUXILIARY = ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
+COMMANDS = ("drive_main", "drive_quadrature")
+AUXILIARY = ("temperature_degc", "rate_rad_s", *COMMANDS)
 
 
 def demodulate(
@@ -368,15 +369,18 @@ class _Judge:
                 self.flagged[bit] = self.flagged.get(bit, 0) + int(np.count_nonzero(flags & bit))
 
     def auxiliary(self, times: Array) -> dict[str, Any]:
-        """The log at the windows' centres; up to one of its steps beyond its ends the end value,
-        farther out NaN."""
+        """The log at the windows' centres, commands as their means over the windows, which move the
+        wave; up to one of its steps beyond its ends the end value, farther out NaN."""
         if self.log_time is None or not self.log:
             return {}
         log = self.log_time
         reach = float(np.median(np.diff(log))) if len(log) > 1 else np.inf
         outside = (times < log[0] - reach) | (times > log[-1] + reach)
         self.outside_log += int(outside.sum())
-        values = {name: series.at(times) for name, series in self.log.items()}
+        values = {
+            name: series.means(times, self.run.window_s) if name in COMMANDS else series.at(times)
+            for name, series in self.log.items()
+        }
         if outside.any():
             for series in values.values():
                 series[outside] = np.nan

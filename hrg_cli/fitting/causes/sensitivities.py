@@ -19,6 +19,7 @@ from .extended import (
     generators,
     half_turns,
     jump,
+    lead_of_force,
     running,
     second_order_force,
     times,
@@ -101,11 +102,13 @@ class Propagation:
         source += spread(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
         return running(self.step, np.zeros((4, 1)), source)
 
+    def viewed(self, change: Array) -> Array:
+        """Changes of the motion through the read-out's slope, (R, n, 4, K)."""
+        return change if self.view is None else self.view @ change
+
     def seen(self, change: Array) -> Array:
-        """Through the read-out's slope and over σ, (R, n, 4, K)."""
-        if self.view is not None:
-            change = self.view @ change
-        return self.prediction.judged(change)
+        """The same over σ of what the fit judges."""
+        return self.prediction.judged(self.viewed(change))
 
 
 def propagation(prediction: Prediction) -> Propagation:
@@ -159,7 +162,7 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
         ]
         if series.forced.any():  # the force's second order goes with the same coordinates
             hz = series.reference_frequency_hz
-            for k in range(len(coordinates.BASIS)):
+            for k in (3, 4):
                 second = second_order_force(np.eye(COUNT)[k], hz)
                 columns[k] = columns[k] + point.p[6] * times(second, drive)
             columns[6] = columns[6] + times(second_order_force(point.p, hz), drive)
@@ -180,7 +183,11 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     rows = sources(series, u, flow.rows.lit(u).drive)
     mids = sources(flow.centre, v, flow.halves.lit(v).drive)
     pad = [(0, 0)] * 3 + [(0, 4)]
-    carried = flow.seen(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
+    carried = flow.viewed(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
+    if series.forced.any():
+        lead = lead_of_force(series.reference_frequency_hz)
+        carried[..., COUNT - 1] += real(lead * flow.rows.lit(u).drive)
+    carried = prediction.judged(carried)
     own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
     return carried[..., :COUNT], own
 
@@ -305,8 +312,7 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
             np.concatenate(middles, -1),
             in_steps=None if jumps is None else np.concatenate(jumps, -1),
         )
-        if flow.view is not None:
-            carried = flow.view @ carried
+        carried = flow.viewed(carried)
         for k, part in zip(
             moving,
             np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1),

@@ -20,6 +20,10 @@ STEADY = 0.5
 """Relative change of the slope from one step to the next up to which a course counts as steady;
 noise alone changes it by more than 1."""
 
+SHARPENINGS = 3
+"""Rounds by which a course is brought to its means: each leaves at most half of what the last
+left."""
+
 
 @dataclass(frozen=True)
 class Course:
@@ -64,6 +68,34 @@ class Course:
         h = np.diff(self.time_s)
         bent = h**3 * (self.alpha / 6 + self.beta * h / 12)
         return np.concatenate([[0.0], np.cumsum(h * (self.value[1:] + self.value[:-1]) / 2 - bent)])
+
+    def area_to(self, time_s: Array) -> Array:
+        """∫ from the first row to any times: Simpson's rule is exact on the cubics, and beyond the
+        ends on what the course goes on to."""
+        t = self.time_s
+        if len(t) == 1:
+            return np.asarray(self.value[0] * (time_s - t[0]))
+        k = np.clip(np.searchsorted(t, time_s, side="right") - 1, 0, len(t) - 2)
+        part = (
+            (time_s - t[k])
+            / 6
+            * (self.at(t[k]) + 4 * self.at((t[k] + time_s) / 2) + self.at(time_s))
+        )
+        return np.asarray(self.integral()[k] + part)
+
+    def means(self, time_s: Array, width_s: float) -> Array:
+        """Means over windows of a width about times (n,)."""
+        half = width_s / 2
+        return (self.area_to(time_s + half) - self.area_to(time_s - half)) / width_s
+
+
+def through_means(time_s: Array, mean: Array, width_s: float) -> Course:
+    """The course whose means over windows about its rows are these (n,)."""
+    found = course(time_s, mean)
+    for _ in range(SHARPENINGS):
+        value = found.value + mean - found.means(found.time_s, width_s)
+        found = course(time_s, value)
+    return found
 
 
 def course(time_s: Array, value: Array) -> Course:

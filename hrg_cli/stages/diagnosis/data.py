@@ -17,7 +17,7 @@ from ...fitting.envelopes import envelope_runs, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor, start
 from ...fitting.envelopes.coordinates import COUNT
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from ...fitting.samples.course import course
+from ...fitting.samples.course import Course, through_means
 from ...physics import ellipse
 from ...records import Wave
 
@@ -253,24 +253,23 @@ def _finite(x: Array, y: Array | None) -> tuple[Array, Array]:
 
 def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """A logged drive command at times t; zero where there is none."""
-    values = getattr(wave, name)
-    if not forced.any() or not _has(values):
-        return np.zeros(len(t))
-    return course(*_finite(wave.time_s, values)).at(t)
+    logged = _logged(wave, name, forced)
+    return np.zeros(len(t)) if logged is None else logged.at(t)
 
 
 def _impulse(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """∫ of a logged drive command from the log's start to times t, along the log's course between
     its windows; zero where there is none."""
+    logged = _logged(wave, name, forced)
+    return np.zeros(len(t)) if logged is None else logged.area_to(t)
+
+
+def _logged(wave: Wave, name: str, forced: Array) -> Course | None:
+    """The course of a command of which the windows hold the means; None where none is logged."""
     values = getattr(wave, name)
     if not forced.any() or not _has(values):
-        return np.zeros(len(t))
-    log = course(*_finite(wave.time_s, values))
-    x = log.time_s
-    k = np.clip(np.searchsorted(x, t) - 1, 0, len(x) - 2)
-    # Simpson's rule is exact on the course's cubics, and beyond its ends on what it goes on to
-    part = (t - x[k]) / 6 * (log.at(x[k]) + 4 * log.at((x[k] + t) / 2) + log.at(t))
-    return log.integral()[k] + part
+        return None
+    return through_means(*_finite(wave.time_s, values), wave.window_s)
 
 
 def _bend(t: Array, *commands: Array) -> Array:
