@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.samples.course import Course, course
+from ..fitting.samples.course import Course, course, impulse, mean_of
 from ..fitting.samples.demodulator import Demodulator, Rows
 from ..fitting.samples.even import even_rows
 from ..fitting.samples.run_down import RunDown, run_down
@@ -322,7 +322,7 @@ class _Judge:
                 )
             logged = {name: getattr(recording, name) for name in AUXILIARY}
             self.log = {
-                name: course(self.log_time, values)
+                name: (impulse if name in COMMANDS else course)(self.log_time, values)
                 for name, values in logged.items()
                 if values is not None
             }
@@ -378,7 +378,9 @@ class _Judge:
         outside = (times < log[0] - reach) | (times > log[-1] + reach)
         self.outside_log += int(outside.sum())
         values = {
-            name: series.means(times, self.run.window_s) if name in COMMANDS else series.at(times)
+            name: (
+                mean_of(series, times, self.run.window_s) if name in COMMANDS else series.at(times)
+            )
             for name, series in self.log.items()
         }
         if outside.any():

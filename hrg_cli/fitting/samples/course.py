@@ -83,18 +83,35 @@ class Course:
         )
         return np.asarray(self.integral()[k] + part)
 
-    def means(self, time_s: Array, width_s: float) -> Array:
-        """Means over windows of a width about times (n,)."""
-        half = width_s / 2
-        return (self.area_to(time_s + half) - self.area_to(time_s - half)) / width_s
+
+def impulse(time_s: Array, mean: Array) -> Course:
+    """∫ of a quantity whose rows (n,) are means about their times, at the borders between them.
+
+    A row counts from half way to the row before to half way to the next one. So the course keeps
+    what a log of means says, and what one that holds each value until the next says half a step
+    later, however rough the quantity is.
+    """
+    t, y = np.asarray(time_s, float), np.asarray(mean, float)
+    if len(t) == 1:
+        t, y = t + np.array([-0.5, 0.5]), np.repeat(y, 2)
+    middle = (t[1:] + t[:-1]) / 2
+    border = np.concatenate([[2 * t[0] - middle[0]], middle, [2 * t[-1] - middle[-1]]])
+    return course(border, np.concatenate([[0.0], np.cumsum(y * np.diff(border))]))
+
+
+def mean_of(impulse: Course, time_s: Array, width_s: Array | float) -> Array:
+    """Means (n,) of a quantity over windows about times, from its integral."""
+    half = np.asarray(width_s) / 2
+    return np.asarray((impulse.at(time_s + half) - impulse.at(time_s - half)) / width_s)
 
 
 def through_means(time_s: Array, mean: Array, width_s: float) -> Course:
     """The course whose means over windows about its rows are these (n,)."""
     found = course(time_s, mean)
     for _ in range(SHARPENINGS):
-        value = found.value + mean - found.means(found.time_s, width_s)
-        found = course(time_s, value)
+        t, half = found.time_s, width_s / 2
+        area = found.area_to(t + half) - found.area_to(t - half)
+        found = course(time_s, found.value + mean - area / width_s)
     return found
 
 
