@@ -182,7 +182,7 @@ def _fitted(
     first, guessed = along(None)
     if not gross(first) and not averaged_well(first.series, guessed, first.point):
         first, _ = along(first.point)
-    return blind(settled(timed(first)[0]))
+    return blind(settled(timed(first)))
 
 
 @dataclass(frozen=True)

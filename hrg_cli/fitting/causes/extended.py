@@ -70,6 +70,8 @@ class Series:
     reference_frequency_hz: float
     mode_number: int
     has_temperature: bool = True
+    drive_late_s: float = 0.0
+    """How much later than the log says the commands act; what stands here of them is so already."""
     number: Array | None = None
     """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
     free_phase: bool = False

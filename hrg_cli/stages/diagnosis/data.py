@@ -225,9 +225,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
         }
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
-        std = np.hypot(
-            run.std, _bend(t, wave.window_s, row["main_drive"], row["quadrature_drive"])
-        )
+        std = np.hypot(run.std, _bend(t, wave.window_s, row["main_drive"], row["quadrature_drive"]))
         columns.setdefault("weight", []).append(
             np.concatenate([1 / std, np.zeros(longest - len(run))])
         )

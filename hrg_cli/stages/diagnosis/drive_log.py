@@ -8,7 +8,7 @@ as the waves show it, the same in all runs, and no cause is judged by what a cha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from ...fitting.causes.evidence import Basis
 from ...fitting.causes.extended import Series, Stage
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.wave_frame import real
+from ...fitting.samples.course import impulse, mean_of
+from ...records import Wave
 
 Array = np.ndarray
 ROUNDS = 4
@@ -29,29 +31,21 @@ STEP = 1e-3
 """Change of τ for its effect, in row lengths: the model is linear in it."""
 
 
-@dataclass(frozen=True)
-class Lateness:
-    """How much later than logged the commands act, with its standard deviation."""
-
-    late_s: float
-    std_s: float
-
-
-def timed(fit: Fit) -> tuple[Fit, Lateness | None]:
+def timed(fit: Fit) -> Fit:
     """The fit again with the commands as late as the waves show them; the same where none is
     logged."""
     if not _logged(fit.series):
-        return fit, None
-    row, late, std = _row(fit.series), 0.0, np.inf
+        return fit
+    row = _row(fit.series)
     for _ in range(ROUNDS):
         column = fit.basis.off(extended_fit.flat(fit.series, of_lateness(fit)))
         information = float(column @ column) + 1 / (REACH * row) ** 2
+        late = fit.series.drive_late_s
         step = (float(column @ fit.residual) - late / (REACH * row) ** 2) / information
-        late, std = late + step, float(1 / np.sqrt(information))
         fit = extended_fit.fit(delayed(fit.series, step), fit.point, fit.freedom)
-        if abs(step) < SETTLED * std:
+        if step**2 * information < SETTLED**2:
             break
-    return fit, Lateness(late, std)
+    return fit
 
 
 def blind(fit: Fit) -> Fit:
@@ -75,14 +69,16 @@ def of_lateness(fit: Fit) -> Array:
     motion, rows = fit.prediction.motion, Stage(later, point)
     halves = Stage(later.middle(), point)
     at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None] / small
-    at_middle = real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None] / small
+    at_middle = (
+        real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None] / small
+    )
     direct = real(rows.seen(motion) - flow.rows.seen(motion))[..., None] / small
     carried = flow.viewed(flow.carried(at_rows, at_middle))
     return fit.prediction.judged(carried + direct)[..., 0]
 
 
 def delayed(series: Series, late_s: float) -> Series:
-    """The commands later by a time that is short against the rows: f − τḟ, and ∫f − τf."""
+    """The commands later still by a time that is short against the rows: f − τḟ, and ∫f − τf."""
     width = np.gradient(series.time_s, axis=1)
     width = np.where(width > 0, width, np.inf)
     changes = {}
@@ -93,7 +89,21 @@ def delayed(series: Series, late_s: float) -> Series:
         values = getattr(series, command)
         changes[command] = values - late_s * np.gradient(values, axis=1) / width
         changes[integral] = getattr(series, integral) - late_s * values
-    return replace(series, **changes)
+    return replace(series, drive_late_s=series.drive_late_s + late_s, **changes)
+
+
+def timely(wave: Wave, late_s: float) -> Wave:
+    """The wave with the commands in its log's rows at the times at which they act."""
+
+    def at(values: Array | None) -> Array | None:
+        if values is None or late_s == 0:
+            return values
+        known = np.isfinite(values)
+        log = impulse(t[known], np.asarray(values, float)[known])
+        return np.where(known, mean_of(log, t - late_s, wave.window_s), np.nan)
+
+    t = np.asarray(wave.time_s, float)
+    return wave.replace(drive_main=at(wave.drive_main), drive_quadrature=at(wave.drive_quadrature))
 
 
 def _logged(series: Series) -> bool:

@@ -17,6 +17,7 @@ from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
 from ..run_tables import drive_log, loops, points, rate_course, sample_noise
+from .drive_log import timely
 
 Array = np.ndarray
 BACKWARD = 16
@@ -58,6 +59,7 @@ def run_table(
     change (5,): what is added to the start state.
     """
     series, k = fit.series, own[0]
+    wave = timely(wave, series.drive_late_s)
     a_A, a_B, angle, phase = (
         float(v)
         for v in ellipse.wave(
