@@ -269,8 +269,9 @@ class Stage:
         self.state = state_of(series, point)
         self.active = point.active
         self.driven = bool(np.any(series.forced))
-        self.second = point.p[6] * second_order_force(point.p, series.reference_frequency_hz)
-        self.lead = point.p[6] * lead_of_force(series.reference_frequency_hz)
+        hz = series.reference_frequency_hz
+        self.second = point.p[6] * second_order_force(point.p, hz)
+        self.lead = point.p[6] * lead_of_force(hz)
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
@@ -328,16 +329,27 @@ class Stage:
         state.drive = self.drive(u)
         return state
 
+    def ordered(self, p: Array, frequency_hz: float) -> Stage:
+        """The same with the force's second order of other coordinates."""
+        one = copy.copy(self)
+        one.second = p[6] * second_order_force(p, frequency_hz)
+        one.lead = p[6] * lead_of_force(frequency_hz)
+        return one
+
     def without(self, effect: Effect) -> Stage:
         """The same with one effect out of the equation; what it does to the environment stays."""
         one = copy.copy(self)
         one.active = tuple(pair for pair in self.active if pair[0].name != effect.name)
         return one
 
-    def beside(self, u: Array) -> Array:
-        """du/dt beside L u."""
-        state = self.lit(u)
-        total = state.drive + times(self.second, state.drive) if self.driven else np.zeros_like(u)
+    def beside(self, v: Array) -> Array:
+        """dv/dt beside L v; effects look at the displacement."""
+        state = self.lit(v)
+        if not self.driven:
+            u, total = v, np.zeros_like(v)
+        else:
+            u = v + self.lead * state.drive
+            total = state.drive + times(self.second, state.drive)
         for effect, values in self.active:
             if effect.slow is not no_term:
                 total += effect.slow(values, u, state)
