@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.samples.course import Course, course
+from ..fitting.samples.course import Course, course, impulse, mean_of
 from ..fitting.samples.demodulator import Demodulator, Rows
 from ..fitting.samples.even import even_rows
 from ..fitting.samples.run_down import RunDown, run_down
@@ -38,7 +38,8 @@ SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1
 """A settling start has a residual so many times the run's, absolutely and relative to the wave, and
 is at most this part of the run."""
 
-AUXILIARY = ("temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
+COMMANDS = ("drive_main", "drive_quadrature")
+AUXILIARY = ("temperature_degc", "rate_rad_s", *COMMANDS)
 
 
 def demodulate(
@@ -351,7 +352,7 @@ class _Judge:
                 )
             logged = {name: getattr(recording, name) for name in AUXILIARY}
             self.log = {
-                name: course(self.log_time, values)
+                name: (impulse if name in COMMANDS else course)(self.log_time, values)
                 for name, values in logged.items()
                 if values is not None
             }
@@ -398,15 +399,20 @@ class _Judge:
                 self.flagged[bit] = self.flagged.get(bit, 0) + int(np.count_nonzero(flags & bit))
 
     def auxiliary(self, times: Array) -> dict[str, Any]:
-        """The log at the windows' centres; up to one of its steps beyond its ends the end value,
-        farther out NaN."""
+        """The log at the windows' centres, commands as their means over the windows, which move the
+        wave; up to one of its steps beyond its ends the end value, farther out NaN."""
         if self.log_time is None or not self.log:
             return {}
         log = self.log_time
         reach = float(np.median(np.diff(log))) if len(log) > 1 else np.inf
         outside = (times < log[0] - reach) | (times > log[-1] + reach)
         self.outside_log += int(outside.sum())
-        values = {name: series.at(times) for name, series in self.log.items()}
+        values = {
+            name: (
+                mean_of(series, times, self.run.window_s) if name in COMMANDS else series.at(times)
+            )
+            for name, series in self.log.items()
+        }
         if outside.any():
             for series in values.values():
                 series[outside] = np.nan

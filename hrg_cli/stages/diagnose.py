@@ -33,6 +33,7 @@ from .diagnosis.between import between_runs
 from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import strangers
 from .diagnosis.data import averaged_well, freedom_of, prepare
+from .diagnosis.drive_log import blind, timed
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import Form, better
 from .diagnosis.gain import held_out
@@ -240,7 +241,7 @@ def _fitted(
     first, guessed = along(None)
     if not gross(first) and not averaged_well(first.series, guessed, first.point):
         first, _ = along(first.point)
-    return settled(first)
+    return blind(settled(timed(first)))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..fitting.samples.course import Course, course
+from ..fitting.samples.course import Course, course, through_means
 from ..records import Wave
 
 Array = np.ndarray
@@ -74,7 +74,8 @@ def drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
     columns = {name: np.asarray(getattr(wave, name), float) for name in names}
     known = np.all([np.isfinite(values) for values in columns.values()], axis=0)
     t = np.asarray(wave.time_s, float)[known]
-    times, values = chords([course(t, column[known]) for column in columns.values()], length_s)
+    logs = [through_means(t, column[known], wave.window_s) for column in columns.values()]
+    times, values = chords(logs, length_s)
     return {"time_s": times} | dict(zip(columns, values, strict=True))
 
 

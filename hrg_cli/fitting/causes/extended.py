@@ -4,6 +4,11 @@ u' = L(p, Ω) u + jδ_r u + drive(u) + Σ effects' slow terms, measured through 
 The prediction is the Runge–Kutta rule of fourth order over the rows; the Jacobian follows from the
 linearised equation along the prediction, so that any number of sensitivities costs one sweep. The
 drive of a forced run is the logged command, turned to the wave's own direction and phase.
+
+What moves under a force f is v, which demodulation shows as u = v + jf/2ω (`shown`): f makes the
+displacement lead at once, and v alone follows it in time. From z̈ + 2Γż + Wz = Re[2jωf e^{jωt}] and
+u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf, so that v̇ = Lv + f + j(Γ + L)f/ω = Lv + f − δωR f/ω: to
+second order in the rates over ω, and without ḟ, however quickly the loops change it.
 """
 
 from __future__ import annotations
@@ -65,6 +70,8 @@ class Series:
     reference_frequency_hz: float
     mode_number: int
     has_temperature: bool = True
+    drive_late_s: float = 0.0
+    """How much later than the log says the commands act; what stands here of them is so already."""
     number: Array | None = None
     """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
     free_phase: bool = False
@@ -158,7 +165,8 @@ class Point:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Envelopes at the rows before (`motion`) and after (`seen`) the read-out, (R, n, 2)."""
+    """Envelopes at the rows, (R, n, 2): what moves (`motion`), and what is `seen` of it under the
+    drive's force, behind the read-out."""
 
     series: Series
     point: Point
@@ -261,7 +269,9 @@ class Stage:
         self.state = state_of(series, point)
         self.active = point.active
         self.driven = bool(np.any(series.forced))
-        self.second = point.p[6] * second_order_force(point.p, series.reference_frequency_hz)
+        hz = series.reference_frequency_hz
+        self.second = point.p[6] * second_order_force(point.p, hz)
+        self.lead = point.p[6] * lead_of_force(hz)
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
@@ -277,7 +287,7 @@ class Stage:
             state.__dict__[name] = getattr(self.state, name)[:, k]
         state.drive = self.state.drive[:, k]
         one.state, one.active, one.driven = state, self.active, self.driven
-        one.second = self.second
+        one.second, one.lead = self.second, self.lead
         one.main, one.quadrature, one.L = self.main[:, k], self.quadrature[:, k], self.L[:, k]
         one.holds, one.held, one.held_slope, one.follow_1_s = (
             self.holds,
@@ -287,19 +297,29 @@ class Stage:
         )
         return one
 
-    def drive(self, u: Array) -> Array:
-        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B); without a log, what
-        holds the measured amplitude."""
+    def drive(self, v: Array) -> Array:
+        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B) along the wave as the
+        loops see it; without a log, what holds the measured amplitude."""
+        force = self._along(v, v)
+        return force if self.lead == 0 else self._along(v + self.lead * force, v)
+
+    def _along(self, u: Array, v: Array) -> Array:
+        """The drive along the axes of envelopes u that move as v does."""
         turn, e_A, e_B, a_A = frame(u, self.state.phase_rad)
         main = self.main
         if self.holds:
-            loss = np.real(np.sum(times(self.L, u) * e_A, axis=-1) * np.conj(turn))
+            loss = np.real(np.sum(times(self.L, v) * e_A, axis=-1) * np.conj(turn))
             main = np.where(
                 np.isfinite(self.held),
                 self.held_slope - loss + self.follow_1_s * (self.held - a_A),
                 main,
             )
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
+
+    def shown(self, v: Array) -> Array:
+        """The envelopes u = v + jf/2ω that demodulation shows of the displacement, before the
+        read-outs."""
+        return v + self.lead * self.drive(v) if self.driven else v
 
     def lit(self, u: Array) -> SlowState:
         """What the effects look at beside the envelopes u, with the drive these call for."""
@@ -309,24 +329,38 @@ class Stage:
         state.drive = self.drive(u)
         return state
 
+    def ordered(self, p: Array, frequency_hz: float) -> Stage:
+        """The same with the force's second order of other coordinates."""
+        one = copy.copy(self)
+        one.second = p[6] * second_order_force(p, frequency_hz)
+        one.lead = p[6] * lead_of_force(frequency_hz)
+        return one
+
     def without(self, effect: Effect) -> Stage:
         """The same with one effect out of the equation; what it does to the environment stays."""
         one = copy.copy(self)
         one.active = tuple(pair for pair in self.active if pair[0].name != effect.name)
         return one
 
-    def beside(self, u: Array) -> Array:
-        """du/dt beside L u."""
-        state = self.lit(u)
-        total = state.drive + times(self.second, state.drive) if self.driven else np.zeros_like(u)
+    def beside(self, v: Array) -> Array:
+        """dv/dt beside L v; effects look at the displacement."""
+        state = self.lit(v)
+        if not self.driven:
+            u, total = v, np.zeros_like(v)
+        else:
+            u = v + self.lead * state.drive
+            total = state.drive + times(self.second, state.drive)
         for effect, values in self.active:
             if effect.slow is not no_term:
                 total += effect.slow(values, u, state)
         return total
 
-    def seen(self, u: Array) -> Array:
-        """Through the read-outs."""
-        state = self.lit(u) if self.active else self.state
+    def seen(self, v: Array) -> Array:
+        """As demodulation shows it, through the read-outs."""
+        if self.idle:
+            return v
+        state = self.lit(v)
+        u = v + self.lead * state.drive if self.driven else v
         for effect, values in self.active:
             u = effect.slow_readout(values, u, state)
         return u
@@ -338,14 +372,14 @@ class Stage:
 
 
 def second_order_force(p: Array, frequency_hz: float) -> Array:
-    """(jN − δωR)/2ω (2, 2): what of a force f that turns with the wave the envelopes feel beside f
-    itself.
-
-    From (2jω + 2Γ + L) g + g' = 2jωf with u' = Lu + g, Γ = N − KΩJ, L ≈ −Γ + jδωR and f' ≈ KΩJf.
-    """
-    N = -np.tensordot(p[:3], coordinates.BASIS[:3], 1)
+    """−δωR/ω (2, 2): what of a force f the moving part of the envelopes feels beside f itself."""
     split = np.tensordot(p[3:5], coordinates.BASIS[3:], 1)
-    return 1j * (N + split) / (4 * np.pi * frequency_hz)
+    return 1j * split / (2 * np.pi * frequency_hz)
+
+
+def lead_of_force(frequency_hz: float) -> complex:
+    """j/2ω: by which part of a force the demodulated envelopes stand beside what moves."""
+    return 1j / (4 * np.pi * frequency_hz)
 
 
 def generators(series: Series, point: Point) -> Array:

@@ -26,6 +26,10 @@ from .extended import (
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
+ORDER_STEP = 1e-2
+"""Difference of the second order's scale, in which the model is nearly linear."""
+SPLIT = (3, 4)
+"""Coordinates of the frequency split, which a force feels in second order."""
 ROUNDING = 1e-14
 """Part of what a term stands beside (the drive it deflects, the signal it changes) below which it
 is rounding."""
@@ -101,11 +105,13 @@ class Propagation:
         source += spread(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
         return running(self.step, np.zeros((4, 1)), source)
 
+    def viewed(self, change: Array) -> Array:
+        """Changes of the motion through the read-out's slope, (R, n, 4, K)."""
+        return change if self.view is None else self.view @ change
+
     def seen(self, change: Array) -> Array:
-        """Through the read-out's slope and over σ, (R, n, 4, K)."""
-        if self.view is not None:
-            change = self.view @ change
-        return self.prediction.judged(change)
+        """The same over σ of what the fit judges."""
+        return self.prediction.judged(self.viewed(change))
 
 
 def propagation(prediction: Prediction) -> Propagation:
@@ -147,7 +153,10 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     point, series = prediction.point, prediction.series
     u, v = prediction.motion, flow.middle
 
-    def sources(series: Series, u: Array, drive: Array) -> Array:
+    forced, hz = bool(series.forced.any()), series.reference_frequency_hz
+    more = point.p + np.eye(COUNT)[COUNT - 1] * ORDER_STEP
+
+    def sources(series: Series, u: Array, stage: Stage) -> Array:
         omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
         plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
         full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
@@ -157,12 +166,13 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
             times(full - plain, u),
             1j * u,
         ]
-        if series.forced.any():  # the force's second order goes with the same coordinates
-            hz = series.reference_frequency_hz
-            for k in range(len(coordinates.BASIS)):
+        if forced:  # the force's second order goes with the same coordinates
+            drive = stage.lit(u).drive
+            for k in SPLIT:
                 second = second_order_force(np.eye(COUNT)[k], hz)
                 columns[k] = columns[k] + point.p[6] * times(second, drive)
-            columns[6] = columns[6] + times(second_order_force(point.p, hz), drive)
+            change = stage.ordered(more, hz).beside(u) - stage.beside(u)
+            columns[COUNT - 1] = columns[COUNT - 1] + change / ORDER_STEP
         held = np.isfinite(series.held_amplitude)
         if held.any():
             # the drive makes up for what the resonator loses along the wave, whatever its
@@ -177,10 +187,14 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     runs = len(series.names)
     start = np.zeros((runs, 4, COUNT + 1 + 4))
     start[:, :, COUNT + 1 :] = np.eye(4)
-    rows = sources(series, u, flow.rows.lit(u).drive)
-    mids = sources(flow.centre, v, flow.halves.lit(v).drive)
+    rows = sources(series, u, flow.rows)
+    mids = sources(flow.centre, v, flow.halves)
     pad = [(0, 0)] * 3 + [(0, 4)]
-    carried = flow.seen(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
+    carried = flow.viewed(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
+    if forced:
+        change = flow.rows.ordered(more, hz).seen(u) - flow.rows.seen(u)
+        carried[..., COUNT - 1] += real(change) / ORDER_STEP
+    carried = prediction.judged(carried)
     own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
     return carried[..., :COUNT], own
 
@@ -207,6 +221,7 @@ class _Seen:
     def __init__(self, flow: Propagation) -> None:
         self.flow, self.u = flow, flow.prediction.motion
         self.at_rows, self.at_middle = flow.rows.lit(self.u), flow.halves.lit(flow.middle)
+        self.shown, self.shown_middle = flow.rows.shown(self.u), flow.halves.shown(flow.middle)
 
     def terms(
         self, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
@@ -224,10 +239,10 @@ class _Seen:
         rows = middles = direct = None
         if effect.slow is not no_term:
             rows = _differences(
-                lambda p: effect.slow(p, self.u, self.at_rows), pairs, self.at_rows.drive
+                lambda p: effect.slow(p, self.shown, self.at_rows), pairs, self.at_rows.drive
             )
             middles = _differences(
-                lambda p: effect.slow(p, self.flow.middle, self.at_middle),
+                lambda p: effect.slow(p, self.shown_middle, self.at_middle),
                 pairs,
                 self.at_middle.drive,
             )
@@ -305,8 +320,7 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
             np.concatenate(middles, -1),
             in_steps=None if jumps is None else np.concatenate(jumps, -1),
         )
-        if flow.view is not None:
-            carried = flow.view @ carried
+        carried = flow.viewed(carried)
         for k, part in zip(
             moving,
             np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1),

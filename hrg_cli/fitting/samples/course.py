@@ -20,6 +20,10 @@ STEADY = 0.5
 """Relative change of the slope from one step to the next up to which a course counts as steady;
 noise alone changes it by more than 1."""
 
+SHARPENINGS = 3
+"""Rounds by which a course is brought to its means: each leaves at most half of what the last
+left."""
+
 
 @dataclass(frozen=True)
 class Course:
@@ -64,6 +68,51 @@ class Course:
         h = np.diff(self.time_s)
         bent = h**3 * (self.alpha / 6 + self.beta * h / 12)
         return np.concatenate([[0.0], np.cumsum(h * (self.value[1:] + self.value[:-1]) / 2 - bent)])
+
+    def area_to(self, time_s: Array) -> Array:
+        """∫ from the first row to any times: Simpson's rule is exact on the cubics, and beyond the
+        ends on what the course goes on to."""
+        t = self.time_s
+        if len(t) == 1:
+            return np.asarray(self.value[0] * (time_s - t[0]))
+        k = np.clip(np.searchsorted(t, time_s, side="right") - 1, 0, len(t) - 2)
+        part = (
+            (time_s - t[k])
+            / 6
+            * (self.at(t[k]) + 4 * self.at((t[k] + time_s) / 2) + self.at(time_s))
+        )
+        return np.asarray(self.integral()[k] + part)
+
+
+def impulse(time_s: Array, mean: Array) -> Course:
+    """∫ of a quantity whose rows (n,) are means about their times, at the borders between them.
+
+    A row counts from half way to the row before to half way to the next one. So the course keeps
+    what a log of means says, and what one that holds each value until the next says half a step
+    later, however rough the quantity is.
+    """
+    t, y = np.asarray(time_s, float), np.asarray(mean, float)
+    if len(t) == 1:
+        t, y = t + np.array([-0.5, 0.5]), np.repeat(y, 2)
+    middle = (t[1:] + t[:-1]) / 2
+    border = np.concatenate([[2 * t[0] - middle[0]], middle, [2 * t[-1] - middle[-1]]])
+    return course(border, np.concatenate([[0.0], np.cumsum(y * np.diff(border))]))
+
+
+def mean_of(impulse: Course, time_s: Array, width_s: Array | float) -> Array:
+    """Means (n,) of a quantity over windows about times, from its integral."""
+    half = np.asarray(width_s) / 2
+    return np.asarray((impulse.at(time_s + half) - impulse.at(time_s - half)) / width_s)
+
+
+def through_means(time_s: Array, mean: Array, width_s: float) -> Course:
+    """The course whose means over windows about its rows are these (n,)."""
+    found = course(time_s, mean)
+    for _ in range(SHARPENINGS):
+        t, half = found.time_s, width_s / 2
+        area = found.area_to(t + half) - found.area_to(t - half)
+        found = course(time_s, found.value + mean - area / width_s)
+    return found
 
 
 def course(time_s: Array, value: Array) -> Course:

@@ -17,7 +17,7 @@ from ...fitting.envelopes import envelope_runs, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor, start
 from ...fitting.envelopes.coordinates import COUNT
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from ...fitting.samples.course import course
+from ...fitting.samples.course import Course, impulse, mean_of
 from ...physics import ellipse
 from ...records import Wave
 
@@ -225,7 +225,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
         }
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
-        std = np.hypot(run.std, _bend(t, row["main_drive"], row["quadrature_drive"]))
+        std = np.hypot(run.std, _bend(t, wave.window_s, row["main_drive"], row["quadrature_drive"]))
         columns.setdefault("weight", []).append(
             np.concatenate([1 / std, np.zeros(longest - len(run))])
         )
@@ -252,32 +252,30 @@ def _finite(x: Array, y: Array | None) -> tuple[Array, Array]:
 
 
 def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
-    """A logged drive command at times t; zero where there is none."""
-    values = getattr(wave, name)
-    if not forced.any() or not _has(values):
-        return np.zeros(len(t))
-    return course(*_finite(wave.time_s, values)).at(t)
+    """A logged drive command over rows about times t; zero where there is none."""
+    logged = _logged(wave, name, forced)
+    return np.zeros(len(t)) if logged is None else mean_of(logged, t, np.gradient(t))
 
 
 def _impulse(wave: Wave, name: str, t: Array, forced: Array) -> Array:
-    """∫ of a logged drive command from the log's start to times t, along the log's course between
-    its windows; zero where there is none."""
+    """∫ of a logged drive command from the log's start to times t; zero where there is none."""
+    logged = _logged(wave, name, forced)
+    return np.zeros(len(t)) if logged is None else logged.at(t)
+
+
+def _logged(wave: Wave, name: str, forced: Array) -> Course | None:
+    """The integral of a command of which the windows hold the means; None where none is logged."""
     values = getattr(wave, name)
     if not forced.any() or not _has(values):
-        return np.zeros(len(t))
-    log = course(*_finite(wave.time_s, values))
-    x = log.time_s
-    k = np.clip(np.searchsorted(x, t) - 1, 0, len(x) - 2)
-    # Simpson's rule is exact on the course's cubics, and beyond its ends on what it goes on to
-    part = (t - x[k]) / 6 * (log.at(x[k]) + 4 * log.at((x[k] + t) / 2) + log.at(t))
-    return log.integral()[k] + part
+        return None
+    return impulse(*_finite(wave.time_s, values))
 
 
-def _bend(t: Array, *commands: Array) -> Array:
-    """By how much a row's mean may miss its middle, h²ü/24: what the commands bend of the wave
-    within a row of length h, ü their slope."""
+def _bend(t: Array, window_s: float, *commands: Array) -> Array:
+    """By how much a row's mean may miss its middle, (h² − w²)ü/24: what the commands bend of the
+    wave within a row of length h, ü their slope, beside what a window of length w allows for."""
     return (
-        np.gradient(t) ** 2
+        np.maximum(np.gradient(t) ** 2 - window_s**2, 0.0)
         / 24
         * np.sqrt(sum(np.gradient(command, t) ** 2 for command in commands))
     )

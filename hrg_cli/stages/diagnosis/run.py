@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes.extended import Point, motion_of
+from ...fitting.causes.extended import Point, Stage, motion_of
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.layout import FREQUENCY
 from ...fitting.causes.wave_frame import imaginary
@@ -17,6 +17,7 @@ from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
 from ..run_tables import drive_log, loops, points, rate_course, sample_noise
+from .drive_log import timely
 
 Array = np.ndarray
 BACKWARD = 16
@@ -58,6 +59,7 @@ def run_table(
     change (5,): what is added to the start state.
     """
     series, k = fit.series, own[0]
+    wave = timely(wave, series.drive_late_s)
     a_A, a_B, angle, phase = (
         float(v)
         for v in ellipse.wave(
@@ -87,7 +89,8 @@ def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
     and the read-out's defects."""
     good = [fit.series.weight[k] > 0 for k in own]
     times = np.concatenate([fit.series.time_s[k][g] for k, g in zip(own, good, strict=True)])
-    u = np.concatenate([fit.prediction.motion[k][g] for k, g in zip(own, good, strict=True)])
+    shown = fit.flow.rows.shown(fit.prediction.motion)
+    u = np.concatenate([shown[k][g] for k, g in zip(own, good, strict=True)])
     a_A, a_B = ellipse.wave(u, fit.series.mode_number)[:2]
     t = np.asarray(wave.time_s, float)
     return wave.replace(
@@ -96,11 +99,11 @@ def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
 
 
 def _start(fit: Fit, k: int, wave: Wave, straight: bool) -> Array:
-    """Envelopes (2,) at t = 0: the whole equation integrated back from the first row, drive and
-    effects included."""
+    """Envelopes (2,) of the displacement at t = 0: the whole equation integrated back from the first
+    row, drive and effects included."""
     series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
     if first <= 0:
-        return fit.prediction.motion[k, 0]
+        return fit.flow.rows.shown(fit.prediction.motion)[k, 0]
     times = np.linspace(first, 0.0, BACKWARD + 1)[None]
     since = times - first
 
@@ -135,7 +138,7 @@ def _start(fit: Fit, k: int, wave: Wave, straight: bool) -> Array:
     point = Point(
         fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
     )
-    return motion_of(back, point)[0, -1]
+    return Stage(back, point).shown(motion_of(back, point))[0, -1]
 
 
 def _environment(

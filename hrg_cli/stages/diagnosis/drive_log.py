@@ -1,0 +1,117 @@
+"""Diagnosis, the time of a drive's log: its rows stand for the command at an instant, over the step
+about it, or until the next row, and nobody says which.
+
+A command that is held until the next row acts half a step later than a row about its own time, and
+a converter, a filter or a delay add to that. How late the log is, τ, f(t) = f_log(t − τ), is taken
+as the waves show it, the same in all runs, and no cause is judged by what a change of τ can do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...fitting.causes import extended_fit
+from ...fitting.causes.evidence import Basis
+from ...fitting.causes.extended import Series, Stage
+from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.wave_frame import real
+from ...fitting.samples.course import impulse, mean_of
+from ...records import Wave
+
+Array = np.ndarray
+ROUNDS = 4
+REACH = 0.5
+"""Standard deviation of τ beforehand, in the shortest run's row length: what is later than a row
+would have been seen as such."""
+SETTLED = 0.03
+"""Part of its standard deviation by which τ may still move."""
+STEP = 1e-3
+"""Change of τ for its effect, in row lengths: the model is linear in it."""
+
+
+def timed(fit: Fit) -> Fit:
+    """The fit again with the commands as late as the waves show them; the same where none is
+    logged."""
+    if not _logged(fit.series):
+        return fit
+    row = _row(fit.series)
+    for _ in range(ROUNDS):
+        column = fit.basis.off(extended_fit.flat(fit.series, of_lateness(fit)))
+        information = float(column @ column) + 1 / (REACH * row) ** 2
+        late = fit.series.drive_late_s
+        step = (float(column @ fit.residual) - late / (REACH * row) ** 2) / information
+        fit = extended_fit.fit(delayed(fit.series, step), fit.point, fit.freedom)
+        if step**2 * information < SETTLED**2:
+            break
+    return fit
+
+
+def blind(fit: Fit) -> Fit:
+    """The fit again, blind to a change of the log's time beside what it is blind to already."""
+    series = fit.series
+    if not _logged(series):
+        return fit
+    column = extended_fit.flat(series, of_lateness(fit))
+    size = float(np.linalg.norm(column))
+    if size == 0:
+        return fit
+    known = series.unsettled
+    basis = Basis(() if known is None else known.own, (column / size)[:, None])
+    return extended_fit.fit(replace(series, unsettled=basis), fit.point, fit.freedom)
+
+
+def of_lateness(fit: Fit) -> Array:
+    """What is seen of a lateness of one second, over σ, (R, n, 4)."""
+    flow, point, small = fit.flow, fit.point, STEP * _row(fit.series)
+    later = delayed(fit.series, small)
+    motion, rows = fit.prediction.motion, Stage(later, point)
+    halves = Stage(later.middle(), point)
+    at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None] / small
+    at_middle = (
+        real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None] / small
+    )
+    direct = real(rows.seen(motion) - flow.rows.seen(motion))[..., None] / small
+    carried = flow.viewed(flow.carried(at_rows, at_middle))
+    return fit.prediction.judged(carried + direct)[..., 0]
+
+
+def delayed(series: Series, late_s: float) -> Series:
+    """The commands later still by a time that is short against the rows: f − τḟ, and ∫f − τf."""
+    width = np.gradient(series.time_s, axis=1)
+    width = np.where(width > 0, width, np.inf)
+    changes = {}
+    for command, integral in (
+        ("main_drive", "main_impulse"),
+        ("quadrature_drive", "quadrature_impulse"),
+    ):
+        values = getattr(series, command)
+        changes[command] = values - late_s * np.gradient(values, axis=1) / width
+        changes[integral] = getattr(series, integral) - late_s * values
+    return replace(series, drive_late_s=series.drive_late_s + late_s, **changes)
+
+
+def timely(wave: Wave, late_s: float) -> Wave:
+    """The wave with the commands in its log's rows at the times at which they act."""
+
+    def at(values: Array | None) -> Array | None:
+        if values is None or late_s == 0:
+            return values
+        known = np.isfinite(values)
+        log = impulse(t[known], np.asarray(values, float)[known])
+        return np.where(known, mean_of(log, t - late_s, wave.window_s), np.nan)
+
+    t = np.asarray(wave.time_s, float)
+    return wave.replace(drive_main=at(wave.drive_main), drive_quadrature=at(wave.drive_quadrature))
+
+
+def _logged(series: Series) -> bool:
+    commands = np.stack([series.main_drive, series.quadrature_drive])
+    return bool(np.any(np.ptp(commands, axis=-1) > 0))
+
+
+def _row(series: Series) -> float:
+    """Length of the rows, of the run that has the shortest."""
+    lengths = [np.median(h[h > 0]) for h in series.step_s if np.any(h > 0)]
+    return float(min(lengths))
