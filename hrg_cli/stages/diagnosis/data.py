@@ -17,7 +17,7 @@ from ...fitting.envelopes import envelope_runs, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor, start
 from ...fitting.envelopes.coordinates import COUNT
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from ...fitting.samples.course import Course, impulse, mean_of
+from ...fitting.samples.course import Course, course, impulse, mean_of
 from ...physics import ellipse
 from ...records import Wave
 
