@@ -61,4 +61,5 @@ class Wave(Windowed):
 
     def good(self) -> Array:
         """Rows that are neither flagged nor failed: (n,) bool."""
-        return (self.flags == 0) & (self.iterations >= 0) & np.isfinite(self.wave_angle_rad)
+        flags, iterations = np.asarray(self.flags), np.asarray(self.iterations)
+        return (flags == 0) & (iterations >= 0) & np.isfinite(np.asarray(self.wave_angle_rad))
