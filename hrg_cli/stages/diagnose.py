@@ -23,7 +23,7 @@ from ..effects.effect import Effect
 from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.causes import extended_fit
-from ..fitting.causes.extended import Point
+from ..fitting.causes.extended import Point, state_of
 from ..fitting.causes.extended_fit import Fit
 from ..fitting.causes.wave_frame import real
 from ..physics import ellipse
@@ -39,6 +39,7 @@ from .diagnosis.form import Form, better
 from .diagnosis.gain import held_out
 from .diagnosis.lost_samples import PhaseStep
 from .diagnosis.model import simulation_file
+from .diagnosis.odd_windows import told as odd_ones
 from .diagnosis.orientation import oriented
 from .diagnosis.rate_steps import settled
 from .diagnosis.remainder import Remainder
@@ -184,6 +185,7 @@ def diagnose(
         shown,
         sought.frequencies,
         [t.frequency_hz for t in unnamed(tones, shown, named)],
+        odd_ones(waves, _instants(search.final, cut), [*named, *(str(e["name"]) for e in shown)]),
     )
     ahead = (
         forecast(search, candidates, noise_factor, most_effects, waves[0].units)
@@ -316,6 +318,18 @@ def _sought(base: Fit, untouched: Fit, candidates: Sequence[Variant], most: int)
     search, remainder = proven(search, remainder, noise_factor, candidates)
     search, remainder = standing(search, remainder, noise_factor, candidates)
     return _Sought(search, remainder, noise_factor, level or 1.0, untouched, frequencies, form)
+
+
+def _instants(fit: Fit, cut: _Cut) -> list[tuple[int, float]]:
+    """(wave, time) of every instant at which samples were lost or a cause of the fit strikes."""
+    lost = [(step.run, step.time_s) for step in cut.steps]
+    state = state_of(fit.series, fit.point)
+    for effect, values in fit.point.active:
+        if effect.slow_jump is not None:
+            struck, _ = effect.slow_jump(values, state)
+            times = np.broadcast_to(np.asarray(struck, float), len(cut.origin))
+            lost += [(cut.origin[k], float(t)) for k, t in enumerate(times)]
+    return lost
 
 
 def _in_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:

@@ -56,12 +56,14 @@ def closing_checks(
     waveform: Sequence[dict[str, object]],
     frequencies: Mapping[str, Any],
     lines_hz: Sequence[float] = (),
+    odd: str = "",
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
     frequencies: what is said of the runs' own (`between`); level: noise over the stated one that
     the last fit was weighted with; waveform: entries of the causes that the samples show before any
-    dynamics; lines_hz: what was taken out of the waves and is no named cause's.
+    dynamics; lines_hz: what was taken out of the waves and is no named cause's; odd: a sentence on windows that hold
+    more than noise, empty where there are none.
     """
     final = search.final
     return [
@@ -90,6 +92,9 @@ def closing_checks(
             level,
             NOISE_LEVEL,
             f"the noise between the windows is {level:.3g} times what they state",
+        ),
+        checks.holds(
+            "windows_alike", not odd, odd or "every window's noise is like its neighbours'"
         ),
         *_whiteness(final),
         *_runs(final),

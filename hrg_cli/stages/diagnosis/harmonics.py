@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...physics import ellipse
 from ...records import Array, Wave
 from .lines import Line, amplitude_of, cell_hz
+from .odd_windows import at_the_top, channel_amplitudes, odd_windows
 from .offered import UNMEASURED, entry
 
 CUBIC_LARGEST = 0.3
@@ -29,8 +29,9 @@ def nonlinear(
     odd = [n for n in sorted(harmonics) if n % 2]
     if {"pickoff_nonlinearity", "saturation", "converter_nonlinearity"} & set(found):
         return []
-    if any(np.any(w.flags & 1) for w in waves):
-        clipping = _clipping(waves, [harmonics[n] for n in odd])
+    clipped = clipped_windows(waves)
+    if any(one.any() for one in clipped):
+        clipping = _clipping(waves, clipped, [harmonics[n] for n in odd])
         return [clipping] if clipping is not None else []
     if codes:
         return [_converter(waves, codes, harmonics)]
@@ -53,15 +54,27 @@ def nonlinear(
     return [offer | known | {"sign": UNMEASURED}]
 
 
-def _clipping(waves: Sequence[Wave], odd: Sequence[Line]) -> dict[str, Any] | None:
+def clipped_windows(waves: Sequence[Wave]) -> list[Array]:
+    """Windows (n,) of every wave in which samples were clipped: those that the demodulation
+    flagged, else odd ones that are just those of the largest signal."""
+    clipped = [(np.asarray(w.flags) & 1) > 0 for w in waves]
+    odd = [] if any(one.any() for one in clipped) else odd_windows(waves)
+    if at_the_top(waves, odd):
+        for one in odd:
+            clipped[one.run][one.row] = True
+    return clipped
+
+
+def _clipping(
+    waves: Sequence[Wave], clipped: Sequence[Array], odd: Sequence[Line]
+) -> dict[str, Any] | None:
     """The level between the largest channel that was not clipped and the smallest that was; None
     where that is no level.
 
     A channel clipped to a square shows 4/π of the level, so the level is no less than π/4 of the
     largest seen.
     """
-    seen = [np.abs(_channels(w)).max(axis=-1) for w in waves]
-    clipped = [(np.asarray(w.flags) & 1) > 0 for w in waves]
+    seen = [channel_amplitudes(w) for w in waves]
     high = np.concatenate([s[c] for s, c in zip(seen, clipped, strict=True)])
     free = np.concatenate([s[~c & np.isfinite(s)] for s, c in zip(seen, clipped, strict=True)])
     if not len(high):
@@ -94,16 +107,6 @@ def below_the_codes(line: Line, waves: Sequence[Wave]) -> bool:
         if w.spectrum_density is not None
     ]
     return bool(power) and float(np.sqrt(np.median(power))) < DITHERED * step
-
-
-def _channels(wave: Wave) -> Array:
-    return ellipse.envelopes(
-        wave.main_amplitude,
-        wave.quadrature_amplitude,
-        wave.wave_angle_rad,
-        wave.phase_rad,
-        wave.mode_number,
-    )
 
 
 def _converter(

@@ -1,0 +1,81 @@
+"""Windows that hold more than noise: told where nothing explains them, clipped tops where they are
+those of the largest signal, and none in sound runs."""
+
+import numpy as np
+import pytest
+from diagnosis_programme import programme, waves
+
+from hrg_cli.records import collect
+from hrg_cli.stages.demodulate import demodulate
+from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnosis.odd_windows import at_the_top, odd_windows
+from hrg_cli.stages.estimate import estimate
+from hrg_cli.stages.simulate import run_ids, simulate
+
+NOISE = 3e-4
+
+
+def damaged(table, damage, periods_per_window=10.0):
+    """The programme's waves, every run's samples (n,) of both channels changed by damage(k, c, s,
+    random)."""
+    random, out = np.random.default_rng(4), []
+    for k, run in enumerate(run_ids(table)):
+        recording = collect(simulate(table, run=run))
+        c, s = damage(k, np.array(recording.c), np.array(recording.s), random)
+        recording = recording.replace(c=c, s=s)
+        periods = collect(demodulate(recording, periods_per_window=periods_per_window))
+        out.append(collect(estimate(periods)))
+    return out
+
+
+def clipped(level):
+    """Tops cut before the noise comes on, so that no two samples are equal."""
+
+    def damage(_, c, s, random):
+        return tuple(
+            np.clip(x, -level, level) + NOISE * random.standard_normal(len(x)) for x in (c, s)
+        )
+
+    return damage
+
+
+def burst(k, c, s, random):
+    """Thirty samples of ten times the noise in one run."""
+    if k == 1:
+        c[9000:9030] += 40 * NOISE * random.standard_normal(30)
+    return c, s
+
+
+@pytest.mark.parametrize("periods", (3.0, 10.0, 40.0))
+def test_sound_runs_have_none(periods):
+    table = programme(2, runs=4, noise=NOISE)
+    table["run"][2]["environment"]["rate"] = {
+        "kind": "steps",
+        "levels_rad_s": [1.0, -1.0, 2.0],
+        "dwell_s": 0.4,
+    }
+    table["run"][2]["environment"].pop("rate_rad_s")
+    assert odd_windows(waves(table, periods_per_window=periods)) == []
+
+
+def test_a_burst_is_told_and_takes_the_word_away():
+    diagnosis = diagnose(damaged(programme(2, runs=4, noise=NOISE), burst))
+    out = summary(diagnosis)
+    assert out["effects"] == [] and out["verdict"] == "unexplained"
+    failed = [check["name"] for check in out["checks"] if not check["passed"]]
+    assert failed == ["windows_alike"] and "run1 at 0.4" in str(diagnosis.status_reasons)
+
+
+def test_noisy_tops_that_were_clipped_are_saturation():
+    """The first 8 ms of the runs that start at amplitude 1 and die within 200."""
+    table = programme(2, runs=4, noise=0.0, duration_s=0.5)
+    table["device"]["damping_rate_1_s"] = 5.0
+    for run in table["run"]:
+        run["start"]["wave_angle_rad"] = 0.02
+    seen = damaged(table, clipped(0.96))
+    assert len(odd := odd_windows(seen)) >= 3 and at_the_top(seen, odd)
+    out = summary(diagnose(seen))
+    assert [e["name"] for e in out["effects"]] == ["saturation"]
+    level = out["effects"][0]["parameters"]["inverse_level"]
+    assert level["value"] == pytest.approx(1 / 0.96, rel=0.03)
+    assert "windows_alike" not in [c["name"] for c in out["checks"] if not c["passed"]]
