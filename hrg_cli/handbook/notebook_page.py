@@ -1,4 +1,4 @@
-"""The documentation's notebooks: `python -m hrg_cli.handbook.notebook docs/tutorials/python.ipynb`
+"""The documentation's notebooks: `python -m hrg_cli.handbook.notebook_page docs/tutorials/python.ipynb`
 runs one from its first cell to its last, keeps what the cells show, and writes the page of the site
 beside it.
 
