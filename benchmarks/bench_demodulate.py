@@ -8,13 +8,12 @@ import resource
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import h5py
 import numpy as np
+from timing import best
 
 from hrg_cli import store
 from hrg_cli.records import Recording
@@ -59,16 +58,6 @@ def run(path: Path, periods: float) -> int:
     """Demodulate, keeping nothing; the number of rows."""
     with store.open_record(path, Recording) as recording:
         return sum(len(block) for block in demodulate(recording, periods_per_window=periods))
-
-
-def best(action: Callable[[], object], times: int = 3) -> float:
-    """Shortest of several runs [s]."""
-    taken = []
-    for _ in range(times):
-        start = time.perf_counter()
-        action()
-        taken.append(time.perf_counter() - start)
-    return min(taken)
 
 
 READ = """

@@ -5,11 +5,10 @@ python benchmarks/bench_estimate.py
 """
 
 import resource
-import time
-from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import least_squares
+from timing import best
 
 from hrg_cli.fitting.ellipse.closed_form import closed_form
 from hrg_cli.physics.signals import signals
@@ -41,16 +40,6 @@ def carrier_periods(rows: int) -> tuple[Periods, np.ndarray]:
         run_id="bench",
     )
     return record, x
-
-
-def best(action: Callable[[], object], times: int = 5) -> float:
-    """Shortest of several runs [s]."""
-    taken = []
-    for _ in range(times):
-        start = time.perf_counter()
-        action()
-        taken.append(time.perf_counter() - start)
-    return min(taken)
 
 
 def run(record: Periods, **settings: str) -> None:

@@ -52,7 +52,7 @@ def needed(package: str, what: str) -> Any:
         raise HrgError(f"{what} needs {how_to_install(package.split('.')[0])}") from error
 
 
-class Shown:
+class NotebookView:
     """The methods; `columns()`, `kind`, `status` and `status_reasons` are the record's."""
 
     def __repr__(self) -> str:

@@ -24,7 +24,7 @@ LARGEST_NOTE = 4 << 20
 
 
 @dataclass
-class Verdict:
+class FileState:
     """One file: what it is, how it stands (one of `RESULTS`), what was changed, and what else is
     worth knowing."""
 
@@ -40,7 +40,7 @@ class Verdict:
         self.findings.append(finding)
 
 
-def verify(paths: Sequence[Path]) -> list[Verdict]:
+def verify(paths: Sequence[Path]) -> list[FileState]:
     """Verdicts on files, on the hrg files of folders and on every source of theirs that lies in the
     same folders.
 
@@ -64,7 +64,7 @@ def verify(paths: Sequence[Path]) -> list[Verdict]:
     return list(work.verdicts.values())
 
 
-def report(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+def report(verdicts: Sequence[FileState]) -> dict[str, Any]:
     """The JSON: refused where anything was changed, suspect where a file keeps no checksums, else
     valid."""
     worst = max((verdict.result for verdict in verdicts), key=RESULTS.index)
@@ -91,7 +91,7 @@ class _Verification:
     """The verdicts so far, and what is known of every file that was looked at."""
 
     def __init__(self) -> None:
-        self.verdicts: dict[Path, Verdict] = {}
+        self.verdicts: dict[Path, FileState] = {}
         self._digests: dict[Path, str] = {}
         self._beside: dict[Path, list[Path]] = {}
 
@@ -103,12 +103,12 @@ class _Verification:
             place = path.resolve()
             if place in self.verdicts:
                 continue
-            verdict = self.verdicts[place] = Verdict(str(path), path.suffix.lstrip(".") or "file")
+            verdict = self.verdicts[place] = FileState(str(path), path.suffix.lstrip(".") or "file")
             record = self._own(path, verdict)
             if record is not None:
                 waiting += self._sources(path, record, verdict)
 
-    def _own(self, path: Path, verdict: Verdict) -> Record | None:
+    def _own(self, path: Path, verdict: FileState) -> Record | None:
         """The file's values against its own checksums; its record where it can be read."""
         try:
             verdict.kind = store.kind_of(path).kind
@@ -127,7 +127,7 @@ class _Verification:
             verdict.worse("damaged", str(error).removeprefix(f"{path}: "))
             return None
 
-    def _sources(self, path: Path, record: Record, verdict: Verdict) -> list[Path]:
+    def _sources(self, path: Path, record: Record, verdict: FileState) -> list[Path]:
         """Hold the file's sources against what lies in the folder now; the hrg files among those
         that are right."""
         found: list[Path] = []
@@ -156,7 +156,7 @@ class _Verification:
         self._compare(record, found, verdict)
         return found
 
-    def _compare(self, record: Record, sources: Iterable[Path], verdict: Verdict) -> None:
+    def _compare(self, record: Record, sources: Iterable[Path], verdict: FileState) -> None:
         """Note where versions differ along the chain, or settings between the sources of one
         file."""
         by_kind: dict[str, dict[str, list[str]]] = {}
@@ -200,7 +200,7 @@ class _Verification:
             output = path.parent / Path(str(name)).name
             if not output.is_file():
                 verdict = self.verdicts.setdefault(
-                    output.resolve(), Verdict(str(output), output.suffix.lstrip("."))
+                    output.resolve(), FileState(str(output), output.suffix.lstrip("."))
                 )
                 verdict.worse("changed", f"was removed; {path.name} notes it")
             elif self._digest(output) != digest:

@@ -14,7 +14,7 @@ import hrg_cli
 
 PACKAGE = Path(hrg_cli.__file__).parent
 BASE = {"units", "errors", "version", "extras"}
-FITS = {*BASE, "harmonics", "records", "physics", "effects"}
+FITS = {*BASE, "fourier", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
 PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits"}
@@ -25,14 +25,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "extras": set(),
     "version": set(),
-    "harmonics": set(),
+    "fourier": set(),
     "settings": {"errors"},
     "notebook": {"errors", "extras"},
     "executors": {"errors", "extras"},
     "limit_values": {"units", "errors"},
     "physics": {"units", "errors"},
     "effects": {"units", "errors", "physics"},
-    "records": {"units", "errors", "harmonics", "notebook"},
+    "records": {"units", "errors", "fourier", "notebook"},
     "fitting": FITS,
     "store": {*BASE, "records"},
     "stages": STAGES,

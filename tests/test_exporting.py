@@ -13,7 +13,7 @@ from forced_runs import Truth, programme
 
 from hrg_cli.errors import HrgError
 from hrg_cli.exporting import export
-from hrg_cli.harmonics import evaluate
+from hrg_cli.fourier import evaluate
 from hrg_cli.stages.calibrate import calibrate
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import HrgError
 from .columns import Roles, listing
-from .even import TimeJudge
+from .even_times import TimeJudge
 from .log import Channel, Log
 from .quantities import time_factor
 from .readers import guarded

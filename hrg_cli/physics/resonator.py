@@ -26,6 +26,8 @@ PARAMETERS = (
     ("scale_factor", "1"),
 )
 """Resonator parameters (CONTRACT) with their units, in file order."""
+OF_GENERATOR = tuple(name for name, _ in PARAMETERS if name != "frequency_hz")
+"""Those that the slow generator holds: all but the frequency, which every run has of its own."""
 
 
 @dataclass(frozen=True)

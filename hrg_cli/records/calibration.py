@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .. import harmonics
+from .. import fourier
 from ..errors import HrgError
 from .columns import JSON_OBJECT, ORDER, RISING, SCATTER, Array, Valid, attribute, column
 from .record import Record
@@ -129,7 +129,7 @@ class Calibration(Record):
         """(D [rad/s], K) (n,) at nodes x and wave angles θ, averaged along `travel_rad` of wave
         angle; no node is too far."""
         drift, scale = (
-            harmonics.evaluate(
+            fourier.evaluate(
                 *(x, wave_angle_rad, self.node, np.asarray(coefficients)),
                 *(self.mode_number, self.interpolation, travel_rad),
             )

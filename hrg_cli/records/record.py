@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal, Self, TypeVar
 import numpy as np
 
 from ..errors import HrgError
-from ..notebook import Shown
+from ..notebook import NotebookView
 from .columns import GROWING, Column
 
 R = TypeVar("R", bound="Record")
@@ -50,7 +50,7 @@ class Provenance:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Record(Shown):
+class Record(NotebookView):
     """Common to all kinds: validity with its reasons, and provenance."""
 
     kind: ClassVar[str]

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..harmonics import coefficients_at, node_weights
+from ..fourier import coefficients_at, node_weights
 from ..records import Calibration
 
 Array = np.ndarray

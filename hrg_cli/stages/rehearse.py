@@ -20,7 +20,7 @@ from pydantic import Field
 from .. import settings as checking
 from ..effects.effect import no_term
 from ..errors import HrgError
-from ..harmonics import coefficients_at
+from ..fourier import coefficients_at
 from ..records import REHEARSAL as PREFIX
 from ..records import Calibration, Diagnosis, Record, Resonator, Wave, collect
 from . import twin_colour

@@ -14,7 +14,7 @@ from ..effects.effect import Effect, Values, frame
 from ..errors import HrgError
 from ..fitting.envelopes import free_windows
 from ..fitting.envelopes.base_fit import nominal_scale_factor
-from ..harmonics import evaluate
+from ..fourier import evaluate
 from ..physics import ellipse
 from ..physics.plant import SlowState
 from ..physics.resonator import J, Mechanics, exponential, generator

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..fitting.checks import CHANCE, at_most, failures
-from ..harmonics import harmonic_basis, node_weights
+from ..fourier import harmonic_basis, node_weights
 from ..records import Calibration, Resonator
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
 from .calibration.resonators import NAMES, coefficients_of, place_of

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from ..physics.resonator import OF_GENERATOR
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.estimate import estimate
@@ -24,14 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-PARAMETERS = (
-    "damping_rate_1_s",
-    "damping_split_1_s",
-    "damping_axis_rad",
-    "frequency_split_rad_s",
-    "stiffness_axis_rad",
-    "scale_factor",
-)
 PROGRAMME = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.2, 0.0), (0.2, 2.5), (0.6, -2.5))
 """Start angle [rad] after a random one, rate [rad/s]."""
 
@@ -77,7 +70,7 @@ def identification_study(
         ]
         for row in details.get("methods", alone):
             for name, cell in row["parameters"].items():
-                if name in PARAMETERS:
+                if name in OF_GENERATOR:
                     error = _error(cell["value"], device[name], name)
                     errors.setdefault((row["method"], name), []).append(
                         (error / bound[name], error / cell["std"] if cell["std"] > 0 else np.inf)
@@ -219,7 +212,7 @@ def figure(study: dict[str, Any]) -> Figure:
     drawing = Figure(figsize=(11, 6), layout="constrained")
     left, right = drawing.subplots(1, 2, sharey=True)
     methods = list(dict.fromkeys(r["method"] for r in study["rows"]))[::-1]
-    for k, name in enumerate(PARAMETERS):
+    for k, name in enumerate(OF_GENERATOR):
         rows = {r["method"]: r for r in study["rows"] if r["parameter"] == name}
         place = [methods.index(m) + 0.1 * (k - 2.5) for m in rows]
         left.plot(

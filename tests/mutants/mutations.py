@@ -140,8 +140,8 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("np.asarray(rate, dtype=float) - np.mean(rate))]) * interval_s", "np.asarray(rate, dtype=float) - np.mean(rate))])"),
         ),
     ),
-    "harmonics.py": (
-        "tests/test_harmonics.py",
+    "fourier.py": (
+        "tests/test_fourier.py",
         (
             ("columns[:, 2 * k - 1] = np.cos(n * angle) * loss", "columns[:, 2 * k - 1] = np.sin(n * angle) * loss"),
             ("n = 2 * mode_number * k", "n = mode_number * k"),

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .envelope_runs import EnvelopeRun
+from .trapezium import integrate
 
 Array = np.ndarray
 DECAY_POWERS = {"viscous_1_s": 0, "dry": -1, "per_amplitude": 1, "per_amplitude2": 2}
@@ -63,16 +64,6 @@ class OneMode:
         return self.decay.dof + self.frequency.dof
 
 
-def integral(values: Array, time_s: Array) -> Array:
-    """∫ from the first row along the last axis, trapezium rule with its end correction."""
-    step = np.diff(time_s)
-    slope = np.gradient(values, time_s, axis=-1)
-    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(
-        slope, axis=-1
-    ) * step**2 / 12
-    return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
-
-
 def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     """The laws of one mode from its envelope z (n,); `nonlinear` False: ν and δ alone. Rows lost in
     noise are left out."""
@@ -100,7 +91,7 @@ def misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
         (found.frequency, np.unwrap(np.angle(z)), FREQUENCY_POWERS),
     ):
         model = sum(
-            value * integral(a ** powers[name], run.time_s)
+            value * integrate(a ** powers[name], run.time_s)
             for name, value in zip(law.names, law.value, strict=True)
         )
         apart = target - model
@@ -118,7 +109,7 @@ def _law(
 ) -> Law:
     """Forward selection of terms: the first always, then the one that lowers χ² most, as long as it
     does by `GAIN` of its unit."""
-    columns = {name: integral(a**power, time_s) for name, power in powers.items()}
+    columns = {name: integrate(a**power, time_s) for name, power in powers.items()}
     names = [next(iter(powers))]
     best = _fit(target, [columns[n] for n in names], weight, names)
     while nonlinear and len(names) < len(powers):

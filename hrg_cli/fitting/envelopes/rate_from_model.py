@@ -23,6 +23,7 @@ from ..checks import goodness
 from . import coordinates, rows
 from .envelope_runs import EnvelopeRun, from_wave
 from .likelihood import Response, State, batch, real, respond, triangle
+from .trapezium import integrate
 
 Array = np.ndarray
 ITERATIONS = 20
@@ -217,7 +218,7 @@ def stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
         (s2, -2 * nu * s2 - 2 * ds * s0 - 2 * wc * s3, -s1),
     ):
         rows = (
-            np.column_stack([_integrated(shape * turning, t).T, value - _integrated(known, t)])
+            np.column_stack([integrate(shape * turning, t).T, value - integrate(known, t)])
             / std[:, None]
         )
         level = (1 / std) / np.linalg.norm(1 / std)
@@ -227,16 +228,6 @@ def stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     return np.asarray(
         np.linalg.lstsq(np.concatenate(design), np.concatenate(target), rcond=1e-6)[0]
     )
-
-
-def _integrated(values: Array, time_s: Array) -> Array:
-    """∫ from the first row along the last axis, trapezium rule with its end correction."""
-    step = np.diff(time_s)
-    slope = np.gradient(values, time_s, axis=-1)
-    pieces = (values[..., 1:] + values[..., :-1]) / 2 * step - np.diff(
-        slope, axis=-1
-    ) * step**2 / 12
-    return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
 
 
 def _smooth(values: Array, width: int) -> Array:
@@ -261,7 +252,7 @@ def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array
     until that moves it no more."""
     result, moved = None, np.inf
     for _ in range(AVERAGINGS):
-        turn = _integrated(_cardinal(whole.time_s, grid).T @ rate, whole.time_s)
+        turn = integrate(_cardinal(whole.time_s, grid).T @ rate, whole.time_s)
         run = replace(whole, turn_rad=turn)
         offset = _offset(run, p)
         count = min(rows.needed(p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS)

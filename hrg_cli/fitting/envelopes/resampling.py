@@ -4,20 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...physics.resonator import OF_GENERATOR
 from . import coordinates
 from .likelihood import Fit, Freedom, fit, real
 
 Array = np.ndarray
 BLOCKS_A_RUN = 16
 PROFILE_STEPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
-PARAMETERS = (
-    "damping_rate_1_s",
-    "damping_split_1_s",
-    "damping_axis_rad",
-    "frequency_split_rad_s",
-    "stiffness_axis_rad",
-    "scale_factor",
-)
 
 
 def bootstrap(best: Fit, draws: int, seed: int) -> Array:
@@ -67,7 +60,7 @@ def profile(
     at ±1, 2, 3 standard deviations."""
     values, _ = coordinates.physical(best.p, mode_number)
     out = {}
-    for row, name in enumerate(PARAMETERS):
+    for row, name in enumerate(OF_GENERATOR):
         if name not in std or not std[name] > 0 or not _moves(best.freedom, row):
             continue
         steps, roots = [0.0], [0.0]

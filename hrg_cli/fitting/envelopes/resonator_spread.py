@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...physics.resonator import Mechanics
+from ...physics.resonator import OF_GENERATOR, Mechanics
 from ...records import Resonator
 
 Array = np.ndarray
@@ -94,7 +94,7 @@ def vector_covariance(resonator: Resonator) -> Array:
     deviation, counts as known."""
     m = resonator.mode_number
     values = resonator.parameters()
-    order = [name for name in _SLOPES_OF if name in values and np.isfinite(values[name][1])]
+    order = [name for name in OF_GENERATOR if name in values and np.isfinite(values[name][1])]
     at = [[str(n) for n in resonator.name].index(name) for name in order]
     covariance = np.asarray(resonator.covariance, float)[np.ix_(at, at)]
     J = np.zeros((6, len(order)))
@@ -113,16 +113,6 @@ def vector_covariance(resonator: Resonator) -> Array:
                 max(values[size][1], 2 * m * abs(values[size][0]) * values[axis][1]) ** 2
             )
     return moved
-
-
-_SLOPES_OF = (
-    "damping_rate_1_s",
-    "damping_split_1_s",
-    "damping_axis_rad",
-    "frequency_split_rad_s",
-    "stiffness_axis_rad",
-    "scale_factor",
-)
 
 
 def _slopes(

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...harmonics import harmonic_basis
+from ...fourier import harmonic_basis
 from ...records import Wave
 from ..samples.course import course
 
@@ -307,7 +307,7 @@ def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> d
 
 
 @dataclass(frozen=True)
-class Noise:
+class AngleNoise:
     """White angle noise: `white` scales the shape of the blocks' stated variances (rad² of mθ);
     `walk` is q, rad²/s of mθ."""
 
@@ -326,7 +326,7 @@ def noise_shape(path: Path) -> Array:
     )
 
 
-def covariance_bands(path: Path, noise: Noise) -> Array:
+def covariance_bands(path: Path, noise: AngleNoise) -> Array:
     """Lower band form (2, n) of the increments' tridiagonal covariance."""
     white, width = noise.white * noise_shape(path), path.width_s
     bands = np.zeros((2, len(path)))
@@ -385,7 +385,7 @@ NEEDED_GAIN = 6.0
 """Fall of −2 ln L that a run's own random walk must bring, the walk common to all runs apart."""
 
 
-def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> Noise:
+def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> AngleNoise:
     """White angle noise and angle random walk of a run by maximum likelihood from residual
     increments (n,).
 
@@ -398,7 +398,7 @@ def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> No
     degrees = max(len(residual) - lost_degrees, 1.0)
 
     def level(log_ratio: float) -> tuple[float, float]:
-        bands = covariance_bands(path, Noise(1.0, np.exp(log_ratio) / time))
+        bands = covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
         white, log_determinant = whiten(bands, residual)
         variance = max(float(white @ white) / degrees, 1e-300)
         return variance, degrees * np.log(variance) + log_determinant
@@ -413,6 +413,6 @@ def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> No
     )
     log_ratio = float(found.x)
     if level(-40.0)[1] <= level(log_ratio)[1] + NEEDED_GAIN:
-        return Noise(level(-40.0)[0], 0.0)
+        return AngleNoise(level(-40.0)[0], 0.0)
     variance = level(log_ratio)[0]
-    return Noise(variance, variance * float(np.exp(log_ratio)) / time)
+    return AngleNoise(variance, variance * float(np.exp(log_ratio)) / time)

@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from ...harmonics import monotone_weights, node_weights
-from .increments import Noise, Path, Whitener, covariance_bands, estimate_noise, whiten
+from ...fourier import monotone_weights, node_weights
+from .increments import AngleNoise, Path, Whitener, covariance_bands, estimate_noise, whiten
 
 Array = np.ndarray
 ROWS_AT_ONCE = 1 << 12
@@ -202,7 +202,7 @@ def piece_of(length: int) -> Array:
 
 def accumulate(
     paths: Sequence[Path],
-    noises: Sequence[Noise],
+    noises: Sequence[AngleNoise],
     layout: Layout,
     turns: Sequence[Array],
     previous: Array | None = None,
@@ -292,7 +292,7 @@ class Fitted:
 
     paths: list[Path]
     turns: list[Array]
-    noises: list[Noise]
+    noises: list[AngleNoise]
     layout: Layout
     pieces: Pieces
     solution: Solution
@@ -341,7 +341,7 @@ class Coarse:
 
 
 def coarsened(
-    path: Path, noise: Noise, turn: Array, layout: Layout, model: Model, previous: Array | None
+    path: Path, noise: AngleNoise, turn: Array, layout: Layout, model: Model, previous: Array | None
 ) -> Coarse:
     """The run's model columns and turn, averaged to some sixty blocks, a stretch at a time."""
     many = max(1, (len(path) + 1) // COARSE_BLOCKS)
@@ -432,7 +432,7 @@ def fit(
     paths = list(paths) if start is None else list(start.paths)
     turns = [p.turn for p in paths]
     noises = (
-        [Noise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths]
+        [AngleNoise(1.0, 1.0 / float(np.median(p.interval_s))) for p in paths]
         if start is None
         else list(start.noises)
     )
@@ -461,10 +461,10 @@ def fit(
         if sweep == 0 and start is None:
             # the first weights are a walk's: what such a fit leaves looks like a walk even where
             # there is none
-            noises = [Noise(n.white, 0.0) for n in noises]
+            noises = [AngleNoise(n.white, 0.0) for n in noises]
             continue
         walk = common_walk(coarse, float(np.median([p.time_s[-1] - p.time_s[0] for p in paths])))
-        noises = [Noise(n.white, max(n.walk, walk)) for n in noises]
+        noises = [AngleNoise(n.white, max(n.walk, walk)) for n in noises]
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fitting.tables.increments import covariance_bands, whiten
 from ...fitting.tables.joint import Fitted, Solution, predicted
-from ...harmonics import harmonic_basis, node_weights
+from ...fourier import harmonic_basis, node_weights
 
 Array = np.ndarray
 STRAY_PROBABILITY = 1e-6

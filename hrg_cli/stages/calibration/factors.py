@@ -13,7 +13,7 @@ import numpy as np
 
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import Factor
-from ...harmonics import node_weights
+from ...fourier import node_weights
 
 Array = np.ndarray
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...fitting.tables.increments import Path, covariance_bands
 from ...fitting.tables.joint import Fitted, Model, design, piece_of, solve, stretches
-from ...harmonics import node_weights
+from ...fourier import node_weights
 
 Array = np.ndarray
 CELLS_A_PERIOD = 16

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting.tables.increments import Path
-from ...harmonics import node_weights
+from ...fourier import node_weights
 
 Array = np.ndarray
 ANGLE_BINS = 36

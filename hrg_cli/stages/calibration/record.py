@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.joint import Fitted, Solution
-from ...harmonics import harmonic_basis
+from ...fourier import harmonic_basis
 from ...records import Calibration, Wave
 
 Array = np.ndarray

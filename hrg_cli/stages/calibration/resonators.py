@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.checks import Check, goodness
 from ...fitting.tables.joint import Layout
-from ...harmonics import node_weights
+from ...fourier import node_weights
 from ...records import Resonator
 from .programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...fitting.checks import CHANCE
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import PIECES, Fitted, Layout, Model, fit, piece_of, solve
-from ...harmonics import coefficients_at
+from ...fourier import coefficients_at
 from .ladder import solve_columns
 
 Array = np.ndarray

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting.tables.increments import Path
-from ...harmonics import harmonic_basis, node_weights
+from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
 from .factors import ellipticity, flattening, phase_ratio, quadrature
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
-from hrg_cli.harmonics import (
+from hrg_cli.fourier import (
     amplitude_and_angle,
     coefficients_at,
     evaluate,

@@ -1,4 +1,4 @@
-"""The documentation's notebooks: `python -m hrg_cli.handbook.notebook docs/tutorials/python.ipynb`
+"""The documentation's notebooks: `python -m hrg_cli.handbook.notebook_page docs/tutorials/python.ipynb`
 runs one from its first cell to its last, keeps what the cells show, and writes the page of the site
 beside it.
 
@@ -25,8 +25,10 @@ def run_notebook(notebook: Notebook) -> dict[str, Any]:
     """The notebook with its code cells run in their order, in one namespace, and their outputs
     new."""
     import matplotlib
+    from matplotlib import pyplot
 
     matplotlib.use("Agg")
+    pyplot.close("all")
     namespace: dict[str, Any] = {"__name__": "__main__"}
     cells, count = [], 0
     for cell in notebook["cells"]:
