@@ -9,7 +9,7 @@ curvature U2, about U2·T²/24. `Pull` holds these and what slope or curvature l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,15 +32,19 @@ class WindowBasis:
     """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k),
     coefficients p, q = q @ `triangle` (k, 2F).
 
+    `sloping` (n, 2F): what t·cos, t·sin add to it; empty where they stand in it already or the
+    samples are too few. `bent`: the curvature's pull, its residual taken off `sloping` too.
     `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise; `slope` and `curvature`: their
     pulls. `condition`: of the basis with its columns scaled to one.
     """
 
     orthonormal: Array
+    sloping: Array
     triangle: Array
     variance: Array
     slope: Pull
     curvature: Pull
+    bent: Pull
     condition: float
 
     @property
@@ -117,11 +121,28 @@ def window_basis(
     for motion in (tau[:, None] * matrix[:, :tones], tau[:, None] ** 2 / 2 * matrix[:, :tones]):
         taken = q.T @ motion
         pulls.append(pull((inverse @ taken)[None], (motion.T @ motion - taken.T @ taken)[None]))
+    sloping = np.empty((samples, 0))
+    if not moving:
+        sloping = _sloping(q, tau[:, None] * matrix[:, :tones])
+    taken = sloping.T @ motion
     return WindowBasis(
         np.ascontiguousarray(q),
+        sloping,
         np.ascontiguousarray(inverse.T),
         (inverse**2).sum(1),
         pulls[0],
         pulls[1],
+        replace(pulls[1], left=pulls[1].left - taken.T @ taken),
         float(singular[0] / singular[-1]),
     )
+
+
+def _sloping(q: Array, motion: Array) -> Array:
+    """Orthonormal columns (n, 2F) that span a motion off the basis q; none (n, 0) where less than
+    two degrees of freedom would be left, or the motion is of the basis."""
+    off = motion - q @ (q.T @ motion)
+    size = np.linalg.norm(motion, axis=0)
+    own, triangle = np.linalg.qr(off / np.where(size > 0, size, 1.0))
+    if len(q) < q.shape[1] + motion.shape[1] + 2 or np.abs(np.diag(triangle)).min() < 1e-3:
+        return np.empty((len(q), 0))
+    return np.ascontiguousarray(own)

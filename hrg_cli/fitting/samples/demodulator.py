@@ -16,6 +16,7 @@ from .survey import Survey
 from .windows import (
     Fits,
     bend_power,
+    better_slopes,
     curvatures,
     energy,
     motion_counts,
@@ -71,6 +72,9 @@ class Demodulator:
         self.moving = (
             self.periods_asked >= MOVING_PERIODS if self.moving_asked is None else self.moving_asked
         )
+        self.apart = False
+        """Whether the residual of windows without t·cos, t·sin is taken without the slope all the
+        same."""
         self.calm: tuple[float, float] = (np.inf, np.inf)
         """Median over the looks of a window's residual variance, both channels summed, and of that
         over the wave's power."""
@@ -104,6 +108,10 @@ class Demodulator:
         """Unknowns of a window."""
         return columns(np.zeros(1), tuple(self.reference), self.nuisance, self.moving).shape[1]
 
+    def spent(self) -> int:
+        """Degrees of freedom of a window that its residual does not have."""
+        return self.columns() + (2 * len(self.reference) if self.apart else 0)
+
     def scale(self, k: int) -> float:
         """Unit of a channel a raw count."""
         return float(self.recording.c_scale_factor if k == 0 else self.recording.s_scale_factor)
@@ -129,7 +137,7 @@ class Demodulator:
         if not max(self.survey.least_count) or not np.isfinite(power):
             return None
         samples = self.window_s / self.survey.step_s
-        power *= samples / max(1.0, samples - self.columns())
+        power *= samples / max(1.0, samples - self.spent())
         rounding = sum(step**2 for step in self.survey.least_count) / 12
         return float(min(1.0, rounding / max(power, 1e-300)))
 
@@ -185,6 +193,7 @@ class Demodulator:
             basis,
             rate_hz,
             found.blind_hz,
+            self.apart,
         )
         if (kappa != 1).any():
             self._colour = kappa
@@ -270,6 +279,12 @@ class Demodulator:
         residual2, known = fits.residual2, None
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
+        if slope is not None and (fits.apart or motion_counts(residual2, slope, fits.slope)):
+            still = unpulled(u, slope, turn, fits.slope)
+            slope = better_slopes(still, slope, offset, self.window_s)
+            known = None if fits.apart else motion_residual(slope, turn, fits.slope)
+        if slope is not None:
+            u = unpulled(u, slope, turn, fits.slope)
         bend = doubt = None
         smooth = self._judged(u, times)
         if self.periods_asked >= MOVING_PERIODS or self._bends(smooth, offset, fits):
@@ -279,14 +294,6 @@ class Demodulator:
             if bend is not None
             else pull_noise(fits.slope, None, self.window_s)
         )
-        if slope is not None:
-            raw = u
-            u = unpulled(raw, slope, turn, fits.slope)
-            if motion_counts(residual2, slope, fits.slope):
-                again = slopes(u, offset, self.window_s)
-                slope = slope if again is None else again
-                u = unpulled(raw, slope, turn, fits.slope)
-                known = motion_residual(slope, turn, fits.slope)
         if bend is not None:
             u = unpulled(u, bend, turn, fits.curvature)
             if motion_counts(residual2, bend, fits.curvature):

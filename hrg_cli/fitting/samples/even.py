@@ -3,17 +3,20 @@ product a chunk."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
-from .basis import window_basis
+from .basis import WindowBasis, window_basis
 from .demodulator import Demodulator, Rows
-from .windows import NEIGHBOURS, Fits, fit_even, pool_rows
+from .survey import Look
+from .windows import NEIGHBOURS, Fits, fit_even, motion_counts, pool_rows, slopes
 
 Array = np.ndarray
 
+SLOPING = 0.05
+"""Part of the residual that the envelope's slope makes, from which it is taken out."""
 CONDITION, CONDITION_SHORT = 5.0, 1e3
 """Highest condition of a window's basis; windows asked to be shorter than a period may be worse."""
 
@@ -25,7 +28,7 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     run.window_s = samples / rate
     total = len(recording.c) // samples
     _learn(run, samples, rate)
-    pool = pool_rows(samples - run.columns())
+    pool = pool_rows(samples - run.spent())
     chunk = run.chunk_windows(samples, pool)
     step = chunk * max(1, block_samples // (chunk * samples))
     for first in range(0, total, step):
@@ -53,7 +56,9 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
                 raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
                 for k in range(2)
             ]
-            for k, (fitted, left) in enumerate(fit_even(piece, basis) for piece in pieces):
+            for k, (fitted, left) in enumerate(
+                fit_even(piece, basis, run.apart) for piece in pieces
+            ):
                 piece, scale = pieces[k], run.scale(k)
                 np.multiply(fitted, scale, out=envelope[k])
                 np.multiply(left, scale**2, out=residual2[k])
@@ -70,11 +75,12 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
             fits = Fits(
                 envelope,
                 residual2,
-                np.asarray(basis.freedom),
+                np.asarray(samples - run.spent()),
                 np.asarray(samples),
                 basis.variance[None],
                 basis.slope,
-                basis.curvature,
+                basis.bent if run.apart else basis.curvature,
+                run.apart,
             )
             run.fill(fits, times, local, keep, block, rows)
         yield block
@@ -116,13 +122,16 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
     """What windows of this length leave at each look: the calm level that a settling start stands
     out of, and the noise's colour."""
     levels = []
-    for look in run.survey.looks[1:] or run.survey.looks:
+    looks = [
+        look for look in run.survey.looks[1:] or run.survey.looks if look.y.shape[1] >= samples
+    ]
+    bases = [run.basis(samples, rate, run.local_hz(float(x.time_s.mean()))) for x in looks]
+    run.apart = _slopes_count(run, looks, bases, samples)
+    for look, basis in zip(looks, bases, strict=True):
         count = look.y.shape[1] // samples
-        if count == 0:
-            continue
-        basis = run.basis(samples, rate, run.local_hz(float(look.time_s.mean())))
         fits = [
-            fit_even(look.y[k, : count * samples].reshape(count, samples), basis) for k in range(2)
+            fit_even(look.y[k, : count * samples].reshape(count, samples), basis, run.apart)
+            for k in range(2)
         ]
         residual2 = sum(left for _, left in fits) / samples
         wave2 = sum((np.abs(envelope) ** 2).sum(-1) for envelope, _ in fits) / 2
@@ -135,3 +144,21 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
     run.learn_colour(
         run.basis(samples, rate, run.local_hz(float(run.survey.looks[0].time_s.mean()))), rate
     )
+
+
+def _slopes_count(
+    run: Demodulator, looks: Sequence[Look], bases: Sequence[WindowBasis], samples: int
+) -> bool:
+    """Whether the envelopes' slopes from window to window put more than a part of it into the
+    residuals of the looks, and the windows hold samples enough to take it out."""
+    for look, basis in zip(looks, bases, strict=True):
+        if not basis.sloping.shape[1]:
+            return False
+        count = look.y.shape[1] // samples
+        turn = run.turns(float(look.time_s[0]) + run.window_s / 2, count)
+        for y in look.y[:, : count * samples].reshape(2, count, samples):
+            envelope, left = fit_even(y, basis)
+            slope = slopes((envelope * turn)[None], np.zeros(len(run.reference)), run.window_s)
+            if slope is not None and motion_counts(left[None], slope, basis.slope, SLOPING):
+                return True
+    return False

@@ -190,9 +190,10 @@ def colour(
     basis: WindowBasis,
     sample_rate_hz: float,
     blind_hz: tuple[tuple[float, float], ...],
+    apart: bool = False,
 ) -> Array:
     """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it
-    were white.
+    were white; apart: a residual without the envelope's slope.
 
     A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n −
     Σ|Q_j(f)|²) to the residual of the basis Q; so κ = ∫S|H|² / (variance · ∫S(n −
@@ -215,9 +216,12 @@ def colour(
     size = 1 << int(np.ceil(np.log2(max(8 * n, 2 * len(frequency_hz)))))
     at = np.fft.rfftfreq(size, 1 / sample_rate_hz)
     s = np.stack([np.interp(at, frequency_hz, filled[:, k]) for k in range(2)])
-    modes = np.abs(np.fft.rfft(basis.orthonormal, size, axis=0)) ** 2
+    taken = basis.orthonormal
+    if apart:
+        taken = np.concatenate([taken, basis.sloping], axis=1)
+    modes = np.abs(np.fft.rfft(taken, size, axis=0)) ** 2
     rows = np.abs(np.fft.rfft(basis.orthonormal @ basis.triangle, size, axis=0)) ** 2
-    left = np.maximum(s @ (n - modes.sum(1)), 1e-300) / basis.freedom
+    left = np.maximum(s @ (n - modes.sum(1)), 1e-300) / (n - taken.shape[1])
     kappa = (s @ rows) / (basis.variance * left[:, None])
     weights = s[:, :, None] * rows
     scale = np.maximum(weights.sum(1, keepdims=True), 1e-300)

@@ -123,8 +123,9 @@ def simulation_file(
         own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
         if loss_s > 0:  # repeated samples have no effect in the engine
             own_effects["dropped_samples"] = lost[wave.run_id]
-            run["recording"]["sample_rate_hz"] = sampling
-            run["recording"]["duration_s"] += loss_s  # the run lasted longer than its samples tell
+            # the run lasted longer than its samples tell
+            length_s = float(wave.time_s[-1] + wave.window_s / 2) + loss_s
+            run["recording"] = {"duration_s": length_s, "sample_rate_hz": sampling}
         if tone is not None and not tone.common:
             own_effects["mains_tone"] = _of_file(tone, tone.vector[own[0]])
         if own_effects:
