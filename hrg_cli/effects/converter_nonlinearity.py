@@ -91,4 +91,5 @@ EFFECT = Effect(
     ),
     readout=readout,
     slow_readout=slow_readout,
+    makes_harmonics=True,
 )

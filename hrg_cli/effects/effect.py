@@ -154,6 +154,7 @@ class Effect:
     beside: str = ""
     part_of: tuple[str, ...] = ()
     whole_samples: bool = False
+    makes_harmonics: bool = False
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:

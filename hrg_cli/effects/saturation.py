@@ -58,5 +58,6 @@ EFFECT = Effect(
     ),
     readout=readout,
     slow_readout=slow_readout,
+    makes_harmonics=True,
     starts=levels,
 )

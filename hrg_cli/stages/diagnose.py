@@ -37,6 +37,7 @@ from .diagnosis.drive_log import blind, timed
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import Form, better
 from .diagnosis.gain import held_out
+from .diagnosis.heard import unheard
 from .diagnosis.lost_samples import PhaseStep
 from .diagnosis.model import simulation_file
 from .diagnosis.odd_windows import told as odd_ones
@@ -152,7 +153,11 @@ def diagnose(
         raise HrgError(contradiction)
     base, pieces, tones = taken_out(cut.base, cut.pieces, fitted)
     candidates = variants(searched, base)
-    sought = _sought(oriented(base, candidates), cut.untouched, candidates, most_effects)
+    start = oriented(base, candidates)
+    sought = _sought(start, cut.untouched, candidates, most_effects)
+    while silent := unheard(sought.search.final, waves):
+        candidates = [one for one in candidates if one.effect.name not in silent]
+        sought = _sought(start, cut.untouched, candidates, most_effects)
     search, remainder, noise_factor = sought.search, sought.remainder, sought.noise_factor
 
     frequency_hz = float(np.mean(search.final.frequency_hz))

@@ -1,0 +1,77 @@
+"""A read-out's nonlinearity is named only where its harmonics are in the samples."""
+
+import numpy as np
+import pytest
+from diagnosis_programme import programme
+from wrong_runs import estimated, recordings
+
+from hrg_cli.effects import EFFECTS
+from hrg_cli.physics import ellipse
+from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnosis.heard import excluded, harmonics
+
+BY_NAME = {effect.name: effect for effect in EFFECTS}
+CURVES = {
+    "pickoff_nonlinearity": {"cubic": 4e-3},
+    "converter_nonlinearity": {"mid_scale": 2e-3},
+}
+
+
+def test_harmonics_of_a_curve_are_those_of_its_fourier_series():
+    amplitude = np.array([[1.0, 0.4], [0.7, 0.2]])
+    gamma, h, level = 4e-3, 2e-3, 0.9
+    third = harmonics(BY_NAME["pickoff_nonlinearity"], {"cubic": gamma}, amplitude)[0]
+    # γ cos³ = γ(3 cos φ + cos 3φ)/4
+    np.testing.assert_allclose(third, np.mean((gamma * amplitude**3 / 4) ** 2, 0) / 2, rtol=0.03)
+    dead = harmonics(
+        BY_NAME["converter_nonlinearity"], {"mid_scale": h, "step": 0.0}, amplitude[:, :1]
+    )
+    # a square wave of height h: 4h/πn at the odd n, where h is small beside the amplitude
+    np.testing.assert_allclose(
+        dead[:, 0], (4 * h / np.pi / np.array([3, 5, 7])) ** 2 / 2, rtol=0.05
+    )
+    clipped = harmonics(BY_NAME["saturation"], {"inverse_level": 1 / level}, amplitude[:1])
+    assert clipped[0, 0] > 0 and clipped[0, 1] == pytest.approx(0.0, abs=1e-20)
+
+
+def measured(heard, name, part=1.0):
+    """Waves with a curve's fundamental; with `heard` its harmonics too: bent samples, else bent
+    envelopes of samples that are not."""
+    table = programme(2, {name: CURVES[name]} if heard else None, runs=3, noise=1e-4)
+    table["recording"]["sample_rate_hz"] = 40_009.0
+    waves = estimated(recordings(table, 2))
+    if heard:
+        return waves
+    out = []
+    for wave in waves:
+        columns = ("main_amplitude", "quadrature_amplitude", "wave_angle_rad", "phase_rad")
+        u = ellipse.envelopes(*(np.asarray(getattr(wave, c)) for c in columns))
+        values = {"step": 0.0} | {k: part * v for k, v in CURVES[name].items()}
+        u = BY_NAME[name].slow_readout(values, u, None)
+        a_A, a_B, angle, phase = ellipse.wave(u)
+        angle, phase = ellipse.unwrap(angle, phase)
+        out.append(
+            wave.replace(
+                main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase
+            )
+        )
+    return out
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_a_curve_is_excluded_by_samples_that_lack_its_harmonics_and_by_no_others(name):
+    values = {"step": 0.0} | CURVES[name]
+    least = {key: value / 20 for key, value in values.items()}
+    without, beside = measured(False, name), measured(True, name)
+    assert excluded(BY_NAME[name], values, without) and excluded(BY_NAME[name], least, without)
+    assert not excluded(BY_NAME[name], values, beside)
+    # two thirds of it may be a cause: the samples hold more than it makes
+    assert not excluded(BY_NAME[name], {k: v / 1.5 for k, v in values.items()}, beside)
+    folded = [w.replace(spectrum_frequency_hz=w.spectrum_frequency_hz / 3) for w in without]
+    assert not excluded(BY_NAME[name], values, folded)
+
+
+def test_bent_envelopes_of_straight_samples_are_no_pickoff():
+    found = summary(diagnose(measured(False, "pickoff_nonlinearity", 0.05)))
+    assert not {e["name"] for e in found["effects"]} & {*CURVES, "saturation"}
+    assert found["verdict"] not in ("explained", "adequate")
