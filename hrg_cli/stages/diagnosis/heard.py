@@ -9,13 +9,14 @@ against that, noise included.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import numpy as np
 
 from ...effects.effect import Effect
 from ...fitting.causes.extended_fit import Fit
 from ...physics import ellipse
-from ...physics.plant import Readout
+from ...physics.plant import Readout, Samples
 from ...records import Array, Wave
 from .lines import WANDER, WIDTH_CELLS, cell_hz, frequency_of
 
@@ -80,12 +81,12 @@ def harmonics(
     effect.readout(dict(values), readout)
     level = np.linspace(0.0, float(amplitude.max()), LEVELS)
     phase = 2 * np.pi * np.arange(POINTS) / POINTS
-    seen = np.zeros((LEVELS, POINTS))
+    seen, anywhere = np.zeros((LEVELS, POINTS)), cast(Samples, None)
     place, weight = np.polynomial.hermite_e.hermegauss(NODES)
     for x, share in zip(place, weight / weight.sum(), strict=True):
         one = level[:, None] * np.cos(phase) + noise * x
         for step in (*readout.steps, *readout.after):
-            one = step(None, one)
+            one = step(anywhere, one)
         seen += share * one
     made = 2 * np.fft.rfft(seen, axis=1).real[:, list(ORDERS)] / POINTS
     return np.stack([np.mean(np.interp(amplitude, level, b) ** 2, axis=0) / 2 for b in made.T])
