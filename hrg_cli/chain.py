@@ -25,7 +25,7 @@ from . import memory, pipeline, store
 from .errors import DiskFullError, HrgError, UsageError
 from .extended import beside as extended_beside
 from .extended import write_extended
-from .records import Diagnosis, Record, Wave
+from .records import Diagnosis, Record, Resonator, Wave
 
 PER_RECORDING = ("demodulate", "estimate")
 RESULTS = ("identify", "diagnose", "calibrate", "compensate")
@@ -137,6 +137,7 @@ def waves_to_results(
     there are waves."""
     resonator: Path | None = None
     calibration: Path | None = None
+    modes_alone = False
     for stage in [s for s in RESULTS if s in stages]:
         waves = {
             "identify": free,
@@ -144,7 +145,7 @@ def waves_to_results(
             "calibrate": forced,
             "compensate": forced,
         }[stage]
-        if not waves:
+        if not waves or (stage == "diagnose" and modes_alone):
             continue
         beside: dict[str, Path] = (
             {"resonator": resonator}
@@ -162,6 +163,7 @@ def waves_to_results(
         yield from [step, *rehearsed]
         if step.status not in ("failed", "refused"):
             resonator = output if stage == "identify" else resonator
+            modes_alone |= stage == "identify" and store.read(output, Resonator).modes_alone
             calibration = output if stage == "calibrate" else calibration
 
 

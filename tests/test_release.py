@@ -25,6 +25,8 @@ PACKED = (
     "reporting/page.html",
     "reporting/page.css",
     "reporting/page.js",
+    "reporting/plots.js",
+    "reporting/surface.js",
     "reporting/lot.html",
 )
 

@@ -195,14 +195,16 @@ def likelihoods(design: _Design, std: dict[str, Array]) -> tuple[Array, Array]:
     power = {name: np.broadcast_to(std.get(name, 0.0), points) ** 2 for name in NAMES}
     variance = np.maximum(design.own + power["repeat"][:, None], LEAST**2)
     logarithm = np.log(variance).sum(axis=1)
-    (_, *cells), (_, *gyros) = design.levels
+    (_, cell, of_cell), (_, gyro, of_gyro) = design.levels
     values = np.broadcast_to(design.values, variance.shape)[..., None]
-    means, within, weight, more = _gathered(values, 1 / variance, *cells, power["interaction"])
+    means, within, weight, more = _gathered(
+        values, 1 / variance, cell, of_cell, power["interaction"]
+    )
     logarithm += more
     # within a cell only the values differ: ones and stations are the same in its rows
-    rows = np.array(np.broadcast_to(design.columns[cells[1]], (*weight.shape, 2 + design.stations)))
+    rows = np.array(np.broadcast_to(design.columns[of_cell], (*weight.shape, 2 + design.stations)))
     rows[..., :1] = means
-    rows, gram, weight, more = _gathered(rows, weight, *gyros, power["gyro"])
+    rows, gram, weight, more = _gathered(rows, weight, gyro, of_gyro, power["gyro"])
     logarithm += more
     gram += rows.swapaxes(1, 2) @ (rows * weight[..., None])
     gram[:, 0, 0] += within[:, 0, 0]

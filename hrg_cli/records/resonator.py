@@ -90,6 +90,12 @@ class Resonator(Record):
             for n, v, s, u in zip(self.name, self.value, self.std, self.units)
         }
 
+    @property
+    def modes_alone(self) -> bool:
+        """Whether it came from runs of one signal each, which show frequencies and decays but no
+        wave that turns."""
+        return not {"stiffness_axis_rad", "damping_axis_rad"} & set(map(str, self.name))
+
     def get(self, name: str) -> float:
         """Value of one parameter."""
         return self.parameters()[name][0]

@@ -148,6 +148,8 @@ def answer(
             f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
         )
     named = dict(names or {})
+    if isinstance(resonator, Resonator) and resonator.modes_alone:
+        named.pop("resonator", None)
     return Answer(
         gyro_id=plain(next((g for r in results if (g := getattr(r, "gyro_id", ""))), "")),
         sentence=sentence + (f" {tables}" if tables else ""),
@@ -328,6 +330,11 @@ def _of_resonator(record: Record) -> str:
             )
             if name in known
         ]
+        if record.modes_alone:
+            return (
+                f"The resonator: {', '.join(said)}; the runs are one signal each, in which no wave"
+                " turns and no cause can be sought."
+            )
         return (
             f"The resonator: {', '.join(said)}; whether the runs hold more than it says is for hrg"
             " diagnose."

@@ -12,9 +12,17 @@ from .console import print_table
 
 def show(report: Mapping[str, Any]) -> None:
     """Print the tables of a calibration's JSON that it holds."""
-    for head, rows in (variants(report), stability(report), coefficients(report), moved(report)):
+    for head, rows in (
+        variants(report),
+        bought(report),
+        stability(report),
+        coefficients(report),
+        moved(report),
+    ):
         if rows:
             print_table("", head, rows)
+    if hour := report.get("hour"):
+        print(an_hour(hour))
     choice = report.get("choice")
     if choice:
         print(choice["why"])
@@ -55,6 +63,35 @@ def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any
         "coefficients",
         "checks",
     ), rows
+
+
+def bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Every factor of the final analysis: by how much it lowers the errors of data left out, how
+    clearly it is there, and what has to be measured for it."""
+    rows = []
+    for row in report.get("factors") or []:
+        drift = row["drift_bought_rad_s"]
+        rows.append(
+            (
+                row["name"],
+                None if drift is None else to_deg_per_hour(drift),
+                row["scale_bought_ppm"],
+                row["z"],
+                row.get("needs"),
+            )
+        )
+    return ("factor", "buys drift, °/h", "scale factor, ppm", "z", "needs"), rows
+
+
+def an_hour(hour: Mapping[str, float]) -> str:
+    """What one hour more of recordings brings."""
+    drift = [to_deg_per_hour(hour[f"drift_std_{when}rad_s"]) for when in ("", "with_it_")]
+    scale = [hour[f"scale_factor_std_{when}ppm"] for when in ("", "with_it_")]
+    return (
+        f"one hour more beside the {hour['recorded_s']:.4g} s recorded: σ of the drift"
+        f" {drift[0]:.3g} → {drift[1]:.3g} °/h, of the scale factor {scale[0]:.3g} →"
+        f" {scale[1]:.3g} ppm; what the model leaves out stays"
+    )
 
 
 def stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:

@@ -1,36 +1,7 @@
 "use strict";
 (function () {
-  var SVG = "http://www.w3.org/2000/svg", WIDE = 420, HIGH = 240, LEFT = 58, RIGHT = 8, TOP = 18, BOTTOM = 34;
-
-  function element(name, attributes, text) {
-    var made = document.createElementNS(SVG, name);
-    Object.keys(attributes).forEach(function (key) { made.setAttribute(key, attributes[key]); });
-    if (text !== undefined) { made.textContent = text; }
-    return made;
-  }
-
-  function short(value) {
-    if (value === null) { return "–"; }
-    if (value === 0) { return "0"; }
-    var size = Math.abs(value), power = Math.floor(Math.log10(size) + 1e-12);
-    if (size < 1e5 && size >= 1e-3) { return String(Number(value.toPrecision(3))).replace("-", "−"); }
-    var raised = String(power).replace(/./g, function (c) { return "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]; });
-    var front = Number((value / Math.pow(10, power)).toPrecision(2));
-    return (front === 1 ? "" : front + "×") + "10" + raised;
-  }
-
-  function steps(low, high) {
-    var raw = (high - low) / 4, power = Math.pow(10, Math.floor(Math.log10(raw))), step = [1, 2, 5, 10].map(function (k) { return k * power; }).find(function (s) { return s >= raw; });
-    var found = [];
-    for (var v = Math.ceil(low / step) * step; v <= high + step * 1e-6; v += step) { found.push(Math.abs(v) < step * 1e-6 ? 0 : v); }
-    return found;
-  }
-
-  function decades(low, high) {
-    var found = [];
-    for (var k = Math.ceil(Math.log10(low) - 1e-9); k <= Math.log10(high) + 1e-9; k += 1) { found.push(Math.pow(10, k)); }
-    return found.length ? found : [low];
-  }
+  var element = PLOTS.element, short = PLOTS.short, steps = PLOTS.steps, decades = PLOTS.decades;
+  var WIDE = 420, HIGH = 240, LEFT = 58, RIGHT = 8, TOP = 18, BOTTOM = 34;
 
   function frame(title, x, y, log) {
     var svg = element("svg", {viewBox: "0 0 " + WIDE + " " + HIGH, role: "img", "aria-label": title});
@@ -79,7 +50,7 @@
       plots.replaceChildren();
       host.dataset.state = key;
       if (!state) { said.textContent = "This combination was not computed; take in the causes one after another from the first."; return; }
-      said.textContent = "drift error " + short(state.drift) + " °/h, amplitude error " + short(state.amplitude) + " ppm";
+      said.textContent = "over all rows: drift error " + short(state.drift) + " °/h, amplitude error " + short(state.amplitude) + " ppm";
       var left = frame("Residual of the wave angle against time", {low: time[0], high: time[1], label: "time, s"}, {low: -most, high: most, label: "m·θ measured − model, mrad"}, false);
       state.runs.forEach(function (run, k) { left.trace(data.times[k], run, "stroke: var(--series-" + (k % 6 + 1) + ")"); });
       plots.append(left.svg);

@@ -42,10 +42,12 @@ from .figures.drawing import Plot, png, style, svg
 from .living import as_text, living_data
 from .methods import CITATIONS, methods
 from .page_content import STEPS, Step, Table, cell, steps, tables
+from .surface import surface_data
 from .tables import facts
 from .text import number, plain
 
 FOLDER = Path(__file__).parent
+SCRIPTS = ("page.js", "plots.js", "living.js", "surface.js")
 PAGE_BYTES = 2_600_000
 """Figures beyond this are left out of the page, least important first, and the page says so."""
 DRAWN_OF_A_KIND = 4
@@ -166,13 +168,14 @@ def _picture(plot: Plot, anchor: str) -> Picture:
 
 @dataclass(frozen=True)
 class Shown:
-    """The answer of one gyro on the page: its figures, the living one's data, the paragraph for a
-    report."""
+    """The answer of one gyro on the page: its figures, the data of those that move, the paragraph
+    for a report."""
 
     answer: Answer
     anchor: str
     pictures: list[Picture]
     living: dict[str, Any] | None
+    surface: dict[str, Any] | None
     methods: str
 
 
@@ -200,15 +203,15 @@ def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -
         )
         if made is None:
             continue
-        pictures, living = [], None
+        pictures, living, surface = [], None, None
         with style():
             drawn: list[Plot | None] = []
             if isinstance(told := records.get("diagnosis"), Diagnosis):
                 drawn.append(before_and_after(told, made.departure, made.causes))
-                data = living_data(told)
-                living = data
+                living = living_data(told)
             if isinstance(tables_of := records.get("calibration"), Calibration):
                 drawn += calibration.calibration_plots(tables_of, first_only=True)
+                surface = surface_data(tables_of)
             pictures = [
                 _picture(plot, f"answer-{place}-{plot.key}") for plot in drawn if plot is not None
             ]
@@ -218,6 +221,7 @@ def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -
                 f"answer-{place}",
                 pictures,
                 living,
+                surface,
                 methods(list(records.values()), counts[gyro]),
             )
         )
@@ -403,9 +407,7 @@ def _render(entries: list[Entry], answers: list[Shown], truth: bool, full: bool)
         lstrip_blocks=True,
     )
     environment.filters["size"] = _size
-    script = "".join(
-        (FOLDER / name).read_text(encoding="utf-8") for name in ("page.js", "living.js")
-    )
+    script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS)
     order = ["valid", "suspect", "refused"]
     kinds = [cls.kind for cls in KINDS]
     groups = [(kind, [e for e in entries if e.record.kind == kind]) for kind in kinds]

@@ -22,6 +22,7 @@ from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.factors import build
 from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import Settings, climb
+from .calibration.prices import an_hour_more
 from .calibration.programme import choose_nodes, examine
 from .calibration.resonators import Coefficients, over
 from .calibration.stability import unstable
@@ -220,9 +221,11 @@ def calibrate(
         )
     record = chosen.record(waves, (low, high), details)
     if not refusals:
-        record = record.replace(
-            details=json.dumps(details | {"trade": trade_figures(record, fitted.paths)})
-        )
+        told_of_tables = {
+            "trade": trade_figures(record, fitted.paths),
+            "hour": an_hour_more(record, fitted.paths),
+        }
+        record = record.replace(details=json.dumps(details | told_of_tables))
     return record.judged(refusals, "refused").judged(remarks, "suspect")
 
 
@@ -336,8 +339,7 @@ def summary(record: Calibration) -> dict[str, Any]:
             for s in details.get("ladder", [])
         ],
     }
-    if "trade" in details:
-        out["trade"] = details["trade"]
+    out |= {key: details[key] for key in ("trade", "hour") if key in details}
     if "final_analysis" in details:
         analysis = details["final_analysis"]
         out |= {

@@ -26,6 +26,7 @@ from ..fitting.causes import extended_fit
 from ..fitting.causes.extended import Point, state_of
 from ..fitting.causes.extended_fit import Fit
 from ..fitting.causes.wave_frame import real
+from ..fitting.envelopes import envelope_runs
 from ..physics import ellipse
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.beside_misfit import standing
@@ -65,6 +66,7 @@ from .diagnosis.verdict import concluded, explain, noise_level, rest, reweighted
 from .diagnosis.wander import wander
 from .diagnosis.waveform import causes, near_tones, phase_steps, split_at, unnamed
 from .diagnosis.written import faithful
+from .identification.modes import has_dead_channel, thinned
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray
@@ -137,6 +139,7 @@ def diagnose(
     ('explained', ['gain_mismatch'])
     """
     of_one_gyro(waves, "diagnose")
+    _need_both_channels(waves)
     waves = [_with_clipped(w) for w in waves]
     searched = [e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"]
     fitted = partial(_fitted, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase)
@@ -305,6 +308,15 @@ class _Sought:
     untouched: Fit
     frequencies: dict[str, Any]
     form: Form | None
+
+
+def _need_both_channels(waves: Sequence[Wave]) -> None:
+    """HrgError: in every run one channel holds noise alone, so that there is no wave to model."""
+    if all(has_dead_channel(thinned(envelope_runs.from_wave(wave))) for wave in waves):
+        raise HrgError(
+            f"{', '.join(wave.run_id or 'a run' for wave in waves)}: one channel alone was recorded,"
+            " diagnose needs both; hrg identify gives the modes that it shows"
+        )
 
 
 def _sought(base: Fit, untouched: Fit, candidates: Sequence[Variant], most: int) -> _Sought:

@@ -15,6 +15,8 @@ from hrg_cli.errors import HrgError
 from hrg_cli.records import Provenance
 from hrg_cli.reporting import page
 from hrg_cli.reporting.page_content import for_people, steps
+from hrg_cli.reporting.surface import surface_data
+from hrg_cli.units import DEGREE_PER_HOUR
 
 
 @pytest.fixture(scope="module")
@@ -334,3 +336,16 @@ def test_a_changed_source_is_named(tmp_path, files):
 
 def test_the_same_source_is_named(whole):
     assert "is recording.h5 on this page" in whole
+
+
+def test_the_surface_holds_the_tables_of_the_calibration(files):
+    record = by_hand.calibration()
+    data = surface_data(record)
+    drift, scale = data["quantities"]
+    rows, columns = len(data["node"]), len(data["angle"])
+    assert (rows, columns) == np.shape(drift["values"]) == np.shape(scale["values"])
+    at = np.argmin(abs(np.degrees(record.wave_angle_rad) - data["angle"][20]))
+    assert drift["values"][3][20] == pytest.approx(
+        record.drift_rad_s[3, at] / DEGREE_PER_HOUR, rel=1e-5
+    )
+    assert surface_data(by_hand.calibration(nodes=1)) is None  # a line is no surface

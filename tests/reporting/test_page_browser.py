@@ -220,6 +220,54 @@ def test_the_living_figure_follows_its_switches(window, living):
     )
 
 
+HOST = "document.querySelector('[data-surface]')"
+FACES = f"return [...{HOST}.querySelectorAll('.face')].map(f => f.getAttribute('d')).join()"
+
+
+def turned(window) -> list[int]:
+    return [int(part) for part in window.run(f"return {HOST}.dataset.seen").split()]
+
+
+def test_the_surface_is_turned_by_keys_sliders_and_hand(window, page):
+    """Every way of turning draws it anew; from above it is a map, in which the depth of a face is
+    its height alone; nothing is loaded and nothing said on the console."""
+    window.open(page.as_uri())
+    window.run(f"{HOST}.scrollIntoView()")
+    first, drawn = turned(window), window.run(FACES)
+    assert drawn.count("M") == 4 * 48  # 5 nodes, 49 angles
+    window.run(f"{HOST}.querySelector('.plot').focus()")
+    window.keys("\ue014", "\ue014", "\ue013")  # right, right, up
+    assert turned(window) == [first[0] + 10, first[1] + 5]
+    keyed = window.run(FACES)
+    assert keyed != drawn
+    box = window.run(
+        f"const b = {HOST}.querySelector('.plot').getBoundingClientRect();"
+        " return [b.left + b.width / 2, b.top + b.height / 2]"
+    )
+    for kind, right, down in (("Pressed", 0, 0), ("Moved", 60, 30), ("Released", 60, 30)):
+        window.devtools(
+            "Input.dispatchMouseEvent",
+            type=f"mouse{kind}",
+            x=box[0] + right,
+            y=box[1] + down,
+            button="left",
+            buttons=1,
+            clickCount=1,
+        )
+    assert turned(window) == [first[0] + 40, first[1] + 15]
+    window.run(
+        f"const s = {HOST}.querySelectorAll('input[type=range]')[1]; s.value = 90;"
+        " s.dispatchEvent(new Event('input'))"
+    )
+    assert turned(window)[1] == 90
+    window.run(f"{HOST}.querySelectorAll('input[type=radio]')[1].click()")
+    assert window.run(f"return {HOST}.querySelector('.figures').textContent").startswith(
+        "scale factor K from"
+    )
+    assert window.log() == []
+    assert window.run("return performance.getEntriesByType('resource').length") == 0
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [320, 768, 1280])
 def test_the_answer_fits_every_screen(window, living, scheme, width):

@@ -10,6 +10,7 @@ from forced_runs import Truth, forced_run, programme, wave_of
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Resonator, collect
+from hrg_cli.reporting.calibration import bought
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.compensate import compensate
 from hrg_cli.stages.compensate import summary as compensated_figures
@@ -165,6 +166,34 @@ def test_the_ladder_separates_the_drive_by_free_runs():
         "drive matrix, forced runs against free ones"
         in json.loads(record.details)["final_analysis"]["significant"]
     )
+
+
+def test_every_factor_says_what_it_needs():
+    record = calibrate(driven(), ladder=True, harmonics=2, scale_factor_harmonics=0, bootstrap=0)
+    report = summary(record)
+    needs = {row["name"]: row["needs"] for row in report["factors"]}
+    assert needs["drive matrix, forced runs against free ones"].startswith("free run-downs")
+    assert "thermometer" in needs["drift over temperature"]
+    head, rows = bought(report)
+    assert len(rows) == len(needs) and all(len(row) == len(head) for row in rows)
+
+
+def test_an_hour_more_brings_what_longer_recordings_do():
+    """Every run twice against what the programme foretells of as much time again."""
+    runs = [
+        [wave.replace(run_id=f"{wave.run_id} {seed}") for wave in again]
+        for seed in (1, 2)
+        for again in [programme(Truth(2), (0, 30), (-0.5, 0.5), seed=seed, duration=20)]
+    ]
+    short, long = (
+        summary(calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0))["hour"]
+        for waves in (runs[0], [*runs[0], *runs[1]])
+    )
+    assert long["recorded_s"] == pytest.approx(2 * short["recorded_s"], rel=0.01)
+    for key in ("drift_std_rad_s", "scale_factor_std_ppm"):
+        assert long[key] == pytest.approx(short[key] / np.sqrt(2), rel=0.15)
+    part = np.sqrt(short["recorded_s"] / (short["recorded_s"] + 3600))
+    assert short["drift_std_with_it_rad_s"] == pytest.approx(part * short["drift_std_rad_s"])
 
 
 def test_ladder_names_what_it_cannot_reach():

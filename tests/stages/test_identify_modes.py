@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 from synthetic_waves import as_wave
 
+from hrg_cli import store
+from hrg_cli.errors import HrgError
 from hrg_cli.physics.resonator import Mechanics
+from hrg_cli.records import Recording
+from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.identify import identify, summary
 
 BOWL = Mechanics(526.4, 0.13)
@@ -185,3 +189,29 @@ def test_plane_pendulum_as_recorded(hrg, tmp_path):
     assert law["frequency_zero_amplitude_rad_s"]["value"] == pytest.approx(6.100, abs=2e-3)
     assert law["frequency_per_amplitude2_rad_s"]["value"] == pytest.approx(-0.378, abs=4e-3)
     assert record.status == "suspect" and "frequency_split_rad_s" not in record.parameters()
+
+
+def test_one_channel_is_no_wave_to_diagnose():
+    """A model of a turning wave fitted to it would be told in numbers that mean nothing."""
+    t = np.arange(0.02, 20.0, 0.04)
+    wave = one_signal(np.exp((-0.13 + 0.3j) * t), t, 1e-3).replace(run_id="bowl")
+    with pytest.raises(HrgError, match="bowl: one channel alone was recorded"):
+        diagnose([wave])
+
+
+def test_a_chain_of_one_channel_ends_with_its_modes(hrg, tmp_path):
+    t = np.arange(80000) / 8000
+    c = np.exp(-0.13 * t) * np.cos(2 * np.pi * 526.4 * t)
+    noise = 1e-4 * np.random.default_rng(3).standard_normal(len(t))
+    still = {"auxiliary_time_s": t[[0, -1]], "rate_rad_s": np.zeros(2)}
+    recording = Recording(
+        c=c + noise, s=0 * c, sample_rate_hz=8000.0, mode="free", gyro_id="bowl", **still
+    )
+    store.write(tmp_path / "bowl.h5", recording)
+    done = hrg("run", tmp_path / "bowl.h5", "-o", tmp_path / "out", "--json")
+    assert done.status == 0
+    report = done.json
+    assert report["status"] == "suspect"
+    assert [s["name"] for s in report["steps"]] == ["demodulate", "estimate", "identify"]
+    assert "no cause can be sought" in report["answer"]["sentence"]
+    assert not any("diagnose" in line for line in report["answer"]["commands"])

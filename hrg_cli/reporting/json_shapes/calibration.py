@@ -56,11 +56,28 @@ class LoopFault(Estimated):
     """Its significance, σ."""
 
 
+class Hour(Shape):
+    """The tables' standard deviations, rms over nodes and angles, now and with an hour more."""
+
+    recorded_s: Number
+    """Time recorded."""
+    drift_std_rad_s: Number
+    """Of the drift, now."""
+    drift_std_with_it_rad_s: Number
+    """Of the drift, with the hour."""
+    scale_factor_std_ppm: Number
+    """Of the scale factor, now."""
+    scale_factor_std_with_it_ppm: Number
+    """Of the scale factor, with the hour."""
+
+
 class Factor(Shape):
     """What a term of the model buys."""
 
     name: str
     """The term."""
+    needs: str
+    """What has to be measured for it."""
     coefficients: int
     """Its coefficients."""
     z: Number
@@ -153,6 +170,8 @@ class Calibrate(Rehearsed):
     """The stages of accuracy, with --ladder all seven."""
     trade: dict[str, Number] | None = None
     """Figures of the trade: bias, its dependences, scale factor, its errors."""
+    hour: Hour | None = None
+    """What one hour more of recordings brings."""
     loops: list[LoopFault] | None = None
     """What is wrong with the loops."""
     readout_matrix: dict[str, Number] | None = None

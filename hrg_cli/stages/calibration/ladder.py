@@ -22,6 +22,7 @@ from ...fitting.tables.joint import (
 from .factors import build
 from .figures import cells, figure_rows, of_runs, predictions
 from .folds import choose_folds, time_folds
+from .prices import need
 
 Array = np.ndarray
 LOOP_FACTORS = ("quadrature_drive", "main_drive")
@@ -243,7 +244,7 @@ def _with_free_runs(
         z = _z(lost / max(joint.chi2_per_dof, 1.0), freedom)
         columns, kind = groups[model.name]
         entry = {
-            "name": model.name, "coefficients": freedom, "z": z, "held_out_chi2_gain": gain,
+            "name": model.name, "needs": need(kind, joint.layout.axis), "coefficients": freedom, "z": z, "held_out_chi2_gain": gain,
             "independence": _independence(joint, model.matrix, columns),
             "drift_without_rad_s": row["drift"]["value"], "scale_without_ppm": row["scale"]["value"],
             "drift_bought_rad_s": _difference(row, rows[0], "drift"), "scale_bought_ppm": _difference(row, rows[0], "scale"),

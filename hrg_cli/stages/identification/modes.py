@@ -91,10 +91,7 @@ def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
         u, one = two_modes.channels(thin)
         if not one:
             return None
-        power = np.sum(np.abs(thin.envelope / thin.std[:, None]) ** 2, axis=0)
-        dead &= bool(
-            power.min() < max(DEAD * power.max(), 2 * len(thin) * (1 + 6 / np.sqrt(len(thin))))
-        )
+        dead &= has_dead_channel(thin)
         signals.append((run, thin, u))
     found = [_seen(run, thin, u) for run, thin, u in signals]
     if not dead and not all(s.two is not None for s in found):
@@ -102,6 +99,13 @@ def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
     return _verdict(
         found, "the channels carry one signal (one is dead or proportional): {what}, no axes"
     )
+
+
+def has_dead_channel(run: EnvelopeRun) -> bool:
+    """Whether one of the two channels holds no more than noise."""
+    power = np.sum(np.abs(run.envelope / run.std[:, None]) ** 2, axis=0)
+    noise = 2 * len(run) * (1 + 6 / np.sqrt(len(run)))
+    return bool(power.min() < max(DEAD * power.max(), noise))
 
 
 def _seen(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:

@@ -1,0 +1,36 @@
+"use strict";
+var PLOTS = (function () {
+  var SVG = "http://www.w3.org/2000/svg";
+
+  function element(name, attributes, text) {
+    var made = document.createElementNS(SVG, name);
+    Object.keys(attributes).forEach(function (key) { made.setAttribute(key, attributes[key]); });
+    if (text !== undefined) { made.textContent = text; }
+    return made;
+  }
+
+  function short(value) {
+    if (value === null) { return "–"; }
+    if (value === 0) { return "0"; }
+    var size = Math.abs(value), power = Math.floor(Math.log10(size) + 1e-12);
+    if (size < 1e5 && size >= 1e-3) { return String(Number(value.toPrecision(3))).replace("-", "−"); }
+    var raised = String(power).replace(/./g, function (c) { return "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]; });
+    var front = Number((value / Math.pow(10, power)).toPrecision(2));
+    return (front === 1 ? "" : front + "×") + "10" + raised;
+  }
+
+  function steps(low, high, most) {
+    var raw = (high - low) / (most || 4), power = Math.pow(10, Math.floor(Math.log10(raw))), step = [1, 2, 5, 10].map(function (k) { return k * power; }).find(function (s) { return s >= raw; });
+    var found = [];
+    for (var v = Math.ceil(low / step) * step; v <= high + step * 1e-6; v += step) { found.push(Math.abs(v) < step * 1e-6 ? 0 : v); }
+    return found;
+  }
+
+  function decades(low, high) {
+    var found = [];
+    for (var k = Math.ceil(Math.log10(low) - 1e-9); k <= Math.log10(high) + 1e-9; k += 1) { found.push(Math.pow(10, k)); }
+    return found.length ? found : [low];
+  }
+
+  return {element: element, short: short, steps: steps, decades: decades};
+})();
