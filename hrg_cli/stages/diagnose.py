@@ -35,6 +35,7 @@ from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import strangers
 from .diagnosis.data import averaged_well, freedom_of, prepare
 from .diagnosis.drive_log import blind, timed
+from .diagnosis.drive_scatter import allowed_for, sentence
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import Form, better
 from .diagnosis.gain import held_out
@@ -228,7 +229,7 @@ def diagnose(
     }  # fmt: skip
     report, shares = switched_off(report, search.base, search.final)
     return _with_shares(_record(search, waves, verdict, report, model), shares).judged(
-        _doubts(verdict, checks.failures(closing))
+        _doubts(verdict, checks.failures(closing), sentence(search.final))
     )
 
 
@@ -251,7 +252,7 @@ def _fitted(
     first, guessed = along(None)
     if not gross(first) and not averaged_well(first.series, guessed, first.point):
         first, _ = along(first.point)
-    return blind(settled(timed(first)))
+    return blind(settled(allowed_for(timed(first))))
 
 
 @dataclass(frozen=True)
@@ -479,11 +480,13 @@ def _stability(
     return out
 
 
-def _doubts(verdict: str, failed: Sequence[str]) -> list[str]:
-    """What makes the diagnosis suspect: a word that could not be given."""
+def _doubts(verdict: str, failed: Sequence[str], scatter: str) -> list[str]:
+    """What makes the diagnosis suspect: a word that could not be given, and a drive's log that may
+    be why."""
     if verdict in ("adequate", "explained"):
         return []
-    return [f'the verdict is "{verdict}": {"; ".join(failed[:3])}'] if failed else []
+    open_ = [f'the verdict is "{verdict}": {"; ".join(failed[:3])}'] if failed else []
+    return open_ + ([scatter] if scatter else [])
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -4,7 +4,7 @@ exact for cubics."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.course import course
+from hrg_cli.fitting.samples.course import course, impulse, mean_of, through_means
 
 Q = np.linspace(0.0, 3.0, 4001)
 
@@ -70,3 +70,28 @@ def test_few_rows_and_the_ends() -> None:
     assert course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx(
         [-2.0, -1.0, 19.0, 20.0]
     )
+
+
+def test_a_log_of_means_keeps_every_row_however_rough() -> None:
+    step, random = 0.01, np.random.default_rng(8)
+    t = (np.arange(300) + 0.5) * step
+    means = 1 + random.normal(size=300)
+    log = impulse(t, means)
+    three = mean_of(log, t[1:-1:3], 3 * step)
+    np.testing.assert_allclose(
+        three, means[: 3 * len(three)].reshape(-1, 3).mean(axis=1), atol=1e-12
+    )
+    # values between the rows, as a log of single values would have them, miss their own scatter
+    assert np.std(course(t, means).at(t[1:-1:3]) - three) > 0.5
+
+
+def test_means_of_a_smooth_quantity_are_its_integral() -> None:
+    step = 0.01
+    t = (np.arange(300) + 0.5) * step
+    means = (np.cos(9 * (t - step / 2)) - np.cos(9 * (t + step / 2))) / (9 * step)
+    windows = np.linspace(0.2, 2.8, 37)
+    exact = (np.cos(9 * (windows - 0.0137)) - np.cos(9 * (windows + 0.0137))) / (9 * 0.0274)
+    np.testing.assert_allclose(mean_of(impulse(t, means), windows, 0.0274), exact, atol=1e-5)
+    through = through_means(t, means, step)
+    inside = slice(4, -4)
+    np.testing.assert_allclose(through.value[inside], np.sin(9 * t)[inside], atol=2e-6)
