@@ -126,8 +126,8 @@ def errors(
     and axis are not Gaussian, that of its components."""
     true = dataclasses.asdict(drawn.gyro)
     period = np.pi / drawn.gyro.mode_number
-    lost = set()
-    found = {}
+    lost: set[str] = set()
+    found: dict[str, float] = {}
     for size, axis, names in SPLITS:
         if size in cells and not cells[size][0] >= CLEAR * cells[size][1]:
             lost |= {size, axis}

@@ -169,7 +169,13 @@ def _from_envelopes(
     waves = []
     for i, (course, (angle, ratio)) in enumerate(zip(courses, starts, strict=True)):
         times = (np.arange(windows) + 0.5) * seconds / windows
-        first = ellipse.envelopes(1.0, ratio, angle, random.uniform(-3, 3), gyro.mode_number)
+        first = ellipse.envelopes(
+            np.array(1.0),
+            np.array(ratio),
+            np.array(angle),
+            np.array(random.uniform(-3, 3)),
+            gyro.mode_number,
+        )
         u = envelope(gyro, course, earth, times, first)
         u += noise * (random.standard_normal(u.shape) + 1j * random.standard_normal(u.shape))
         seen = noise * np.sqrt(random.chisquare(NOISE_SCATTER, windows) / NOISE_SCATTER)
