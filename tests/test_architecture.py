@@ -19,7 +19,10 @@ STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
 PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits"}
 CHAIN = {*PAGES, "formats", "origins", "executors", "extended", "memory", "rehearsal"}
-RESULTS = {"measured_export", "exporting_records", "exporting", "comparing", "verification"}
+RESULTS = {
+    *("measured_export", "exporting_records", "exporting", "comparing"),
+    *("verification", "signatures"),
+}
 MAY_IMPORT: dict[str, set[str]] = {
     "units": set(),
     "errors": set(),
@@ -41,6 +44,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "origins": FILES,
     "memory": FILES,
     "verification": FILES,
+    "signatures": FILES,
     "exporting_records": FILES,
     "limits": {*STAGES, "stages", "limit_values"},
     "measured_export": {*STAGES, "stages"},
