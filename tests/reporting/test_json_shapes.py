@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from hrg_cli import collect, demodulate, diagnose, estimate, simulate
 from hrg_cli.cli import COMMANDS
 from hrg_cli.handbook import json_keys, pages
 from hrg_cli.reporting.json_shapes import SHAPES, Common
+from hrg_cli.reporting.json_shapes.diagnosis import Effect
 
 ROOT = Path(__file__).parent.parent.parent
 SAMPLE = ROOT / "sample_data"
@@ -164,6 +166,27 @@ def test_real_outputs_fit(hrg, tmp_path):
     told("batch", here("lot.toml"), "-o", here("lot"))
     few = ("--set", "demodulate.periods_per_window=20", "--set", "diagnose.most_effects=1")
     told("run", SAMPLE / "free-1.h5", SAMPLE / "free-2.h5", "-o", here("results"), *few)
+
+
+@pytest.mark.parametrize("frequency_hz", [990.0, 50.0])  # beside the oscillation, and far from it
+def test_a_cause_told_from_the_samples_fits(frequency_hz):
+    """Its entry has other keys than that of a cause told from the motion."""
+    tone = {"c_cos": 1e-3, "frequency_hz": frequency_hz}
+    config = {
+        "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+        "effects": {"mains_tone": tone},
+        "readout": {"noise": 1e-4},
+        "recording": {"sample_rate_hz": 8000.0, "duration_s": 4.0},
+        "run": [
+            {"run_id": name, "environment": {"rate_rad_s": rate}}
+            for name, rate in (("left", 1.0), ("right", -1.0), ("slow", 0.5))
+        ],
+    }
+    samples = [collect(simulate(config, run=run["run_id"])) for run in config["run"]]
+    waves = [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in samples]
+    causes = json.loads(diagnose(waves, most_effects=1).report)["effects"]
+    assert [cause["name"] for cause in causes] == ["mains_tone"]
+    assert Effect.model_validate_json(json.dumps(causes[0])).view == "waveform"
 
 
 @pytest.mark.slow

@@ -60,14 +60,38 @@ class Effect(Shape):
     """Gain in the Bayesian information criterion when it was taken in."""
     parameters: dict[str, Estimated]
     """Its fitted parameters."""
-    held: dict[str, Held]
+    held: dict[str, Held] = Field(default={})
     """Its other parameters."""
     indistinguishable_from: list[str]
     """Effects that these runs cannot tell from it."""
     next_experiment: str | None
     """The run that would."""
-    independence: Number
+    independence: Number = None
     """Part of it that no parameter of the base model imitates."""
+    view: Literal["waveform"] | None = None
+    """waveform: told from the samples' own spectrum or times, not from the motion."""
+    magnitude: dict[str, Number] = Field(default={})
+    """Of a cause of the waveform: sizes that do not depend on its phase."""
+    magnitude_std: dict[str, Number] = Field(default={})
+    """Their standard deviations."""
+    phase: str | None = None
+    """Of a tone far from the oscillation: why its phase is not known."""
+    sign: str | None = None
+    """Of odd harmonics: why the cause's sign is not known."""
+    lines: int | None = None
+    """Of a converter: lines of the spectrum that show it."""
+    clipped_windows: int | None = None
+    """Of a saturation: windows that hold clipped samples."""
+    runs: list[str] | None = None
+    """Of lost samples: the runs that lost them."""
+    what: Literal["lost", "repeated"] | None = None
+    """Of lost samples: whether they are missing or stand twice."""
+    samples: int | None = None
+    """Of lost samples: how many."""
+    ambiguity_s: Number = None
+    """Of lost samples: time that the wave's period leaves open."""
+    same_phase_in_all_runs: bool | None = None
+    """Of a tone: whether its phase is the same in every run."""
     share: Share | None = None
     """What it does to drift, angle, amplitude and frequency: the model with and without it."""
 
@@ -324,6 +348,8 @@ class Frequencies(Shape):
     """Their standard deviations."""
     follow: list[str] = Field(default=[])
     """Causes that they follow."""
+    would_follow: list[str] = Field(default=[])
+    """Causes that would make them differ so, where too few runs tell them from chance."""
     scatter_hz: Number = None
     """Scatter beyond the errors."""
     sigma: Number = None
