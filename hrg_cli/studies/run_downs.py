@@ -169,13 +169,8 @@ def _from_envelopes(
     waves = []
     for i, (course, (angle, ratio)) in enumerate(zip(courses, starts, strict=True)):
         times = (np.arange(windows) + 0.5) * seconds / windows
-        first = ellipse.envelopes(
-            np.array(1.0),
-            np.array(ratio),
-            np.array(angle),
-            np.array(random.uniform(-3, 3)),
-            gyro.mode_number,
-        )
+        begin = np.array([1.0, ratio, angle, random.uniform(-3, 3)])
+        first = ellipse.envelopes(begin[0], begin[1], begin[2], begin[3], gyro.mode_number)
         u = envelope(gyro, course, earth, times, first)
         u += noise * (random.standard_normal(u.shape) + 1j * random.standard_normal(u.shape))
         seen = noise * np.sqrt(random.chisquare(NOISE_SCATTER, windows) / NOISE_SCATTER)
