@@ -2,67 +2,180 @@
 a change that no test sees survives.
 
 `make mutants` runs all; `--only PART` those of files whose name contains PART, `--of TEXT` those
-whose old text contains TEXT, `--sample N` so many drawn by `--seed`.
+whose old text contains TEXT, `--sample N` so many drawn by `--seed`. What came of each is kept in
+build/faults/mutants.json; `--resume` runs what was not yet run on the files as they are now.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import importlib
+import json
 import os
 import random
 import re
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import hypothesis
+import pytest
 
 sys.path[:0] = [str(Path(__file__).parent)]
 from mutations import MUTATIONS  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
-LONGEST_S = 900
+KEPT = Path("build/faults/mutants.json")
+LONGEST_S = 900.0
+WARM = (
+    *("numpy", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats"),
+    *("h5py", "numba", "pandas", "pydantic", "rich.console", "soundfile", "typer"),
+)
+"""Imported once: the tests of each change run in a process forked from this one."""
+NOT_A_VERDICT = (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED)
+WRONG_COPY = 99
 
 
-def run_tests(copy: Path, tests: list[str]) -> bool:
-    """Whether the tests pass with the copy of the package."""
-    environment = os.environ | {
-        "PYTHONPATH": str(copy),
+@dataclass(frozen=True)
+class Mutation:
+    """One change: file below hrg_cli, tests that should notice, old and new text."""
+
+    file: str
+    tests: tuple[str, ...]
+    old: str
+    new: str
+
+    def key(self) -> str:
+        """Digest of the change, of the file and of its tests: a verdict holds while they stay."""
+        read = [ROOT / "hrg_cli" / self.file, *(ROOT / test for test in self.tests)]
+        parts = [self.old.encode(), self.new.encode(), *(path.read_bytes() for path in read)]
+        return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
+
+
+@dataclass
+class FailedFirst:
+    """A pytest plugin: tests that saw earlier changes run first; which test failed is written
+    down."""
+
+    first: list[str]
+    failed: Path
+
+    def pytest_sessionstart(self) -> None:
+        """A drawn example that fails is enough: nobody reads the smallest one."""
+        phases = [hypothesis.Phase.explicit, hypothesis.Phase.generate]
+        hypothesis.settings.register_profile("mutants", hypothesis.settings.default, phases=phases)
+        hypothesis.settings.load_profile("mutants")
+
+    def pytest_collection_modifyitems(self, items: list) -> None:
+        """Earlier killers to the front, the latest first."""
+        place = {name: n for n, name in enumerate(self.first)}
+        items.sort(key=lambda item: place.get(item.nodeid, len(place)))
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Keep the name of a test that failed."""
+        if report.failed:
+            self.failed.write_text(report.nodeid)
+
+
+@dataclass
+class Runner:
+    """A copy of the package, and the tests run on it in forked processes."""
+
+    folder: Path
+    killers: dict[str, list[str]] = field(default_factory=dict)
+    sound_s: dict[tuple[str, ...], float | None] = field(default_factory=dict)
+    """Seconds that tests take without any change; None where they fail as it is: those notice
+    nothing."""
+
+    def tests_pass(self, file: str, tests: tuple[str, ...], longest_s: float) -> tuple[bool, str]:
+        """Whether the tests pass with the copy as it is now, and the name of one that does not."""
+        failed = self.folder / "failed"
+        failed.unlink(missing_ok=True)
+        first = self.killers.setdefault(file, [])
+        child = os.fork()
+        if child == 0:
+            _in_child(self.folder, tests, FailedFirst(first[::-1], failed))
+        status = _waited(child, longest_s)
+        if status in (*NOT_A_VERDICT, WRONG_COPY):
+            raise SystemExit(
+                f"the tests of {file} did not run: {(self.folder / 'log').read_text()}"
+            )
+        if failed.exists():
+            by = failed.read_text()
+        else:
+            by = "" if status == 0 else "not imported" if status > 0 else "no end"
+        if by in first:
+            first.remove(by)
+        if failed.exists():
+            first.append(by)
+        return status == 0, by
+
+    def noticed(self, change: Mutation) -> dict[str, object] | None:
+        """What came of one change; None where its tests fail without it."""
+        if change.tests not in self.sound_s:
+            started = time.monotonic()
+            sound, by = self.tests_pass("", change.tests, LONGEST_S)
+            self.sound_s[change.tests] = time.monotonic() - started if sound else None
+            if not sound:
+                print(f"fails as it is: {' '.join(change.tests)}: {by}", flush=True)
+        sound_s = self.sound_s[change.tests]
+        if sound_s is None:
+            return None
+        path = self.folder / "hrg_cli" / change.file
+        text, started = path.read_text(), time.monotonic()
+        path.write_text(changed(text, change.old, change.new) or text)
+        survived, by = self.tests_pass(change.file, change.tests, min(LONGEST_S, 60 + 5 * sound_s))
+        path.write_text(text)
+        verdict = "survived" if survived else "killed"
+        return {"verdict": verdict, "by": by, "seconds": round(time.monotonic() - started, 1)}
+
+
+def _in_child(folder: Path, tests: tuple[str, ...], plugin: FailedFirst) -> None:
+    os.setsid()
+    log = os.open(folder / "log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    os.environ |= {
+        "PYTHONPATH": str(folder),
         "PYTHONDONTWRITEBYTECODE": "1",
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
     }
-    paths = [str(ROOT / test) for test in tests if (ROOT / test).exists()]
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-x",
-        "-q",
-        "-m",
-        "not slow and not browser",
-        "-c",
-        str(ROOT / "pyproject.toml"),
-    ]
-    try:
-        done = subprocess.run(
-            [*command, "--rootdir", str(ROOT), *paths],
-            cwd=copy,
-            env=environment,
-            capture_output=True,
-            timeout=LONGEST_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return False
-    return done.returncode == 0
+    os.chdir(folder)
+    sys.path[:0] = [str(folder)]
+    sys.dont_write_bytecode = True
+    words = ["-x", "-q", "-m", "not slow and not browser", "-c", str(ROOT / "pyproject.toml")]
+    paths = [str(ROOT / test) for test in tests]
+    status = int(pytest.main([*words, "--rootdir", str(ROOT), *paths], plugins=[plugin]))
+    loaded = getattr(sys.modules.get("hrg_cli"), "__file__", None)
+    if loaded is not None and folder not in Path(loaded).parents:
+        print(f"tests imported {loaded}, not the changed copy")
+        status = WRONG_COPY
+    sys.stdout.flush()
+    os._exit(status)
 
 
-def chosen(only: str, of: str, sample: int, seed: int) -> list[tuple[str, list[str], str, str]]:
-    """(file, tests, old, new) of every change asked for."""
+def _waited(child: int, longest_s: float) -> int:
+    """Exit status of the child; negative where it was ended for taking too long."""
+    deadline = time.monotonic() + longest_s
+    while True:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        if time.monotonic() > deadline:
+            os.killpg(child, signal.SIGKILL)
+        time.sleep(0.02)
+
+
+def chosen(only: str, of: str, sample: int, seed: int) -> list[Mutation]:
+    """Every change asked for."""
     changes = [
-        (name, tests.split(), old, new)
+        Mutation(name, tuple(tests.split()), old, new)
         for name, (tests, pairs) in MUTATIONS.items()
         if only in name
         for old, new in pairs
@@ -95,6 +208,48 @@ def stale() -> list[str]:
     return out
 
 
+def kept() -> dict[str, dict]:
+    """What came of earlier runs, by key."""
+    rows = json.loads(KEPT.read_text())["changes"] if KEPT.exists() else []
+    return {row["key"]: row for row in rows}
+
+
+def keep(rows: dict[str, dict]) -> None:
+    """Write down what came of every change of today's list that was run."""
+    keys = [change.key() for change in chosen("", "", 0, 0)]
+    KEPT.parent.mkdir(parents=True, exist_ok=True)
+    told = {"listed": len(keys), "changes": [rows[key] for key in keys if key in rows]}
+    KEPT.write_text(json.dumps(told, indent=1) + "\n")
+
+
+def run(changes: list[Mutation], before: dict[str, dict]) -> tuple[dict[str, dict], bool]:
+    """What came of each change, those known before included, and whether all tests were sound."""
+    for name in WARM:
+        importlib.import_module(name)
+    folder = Path(tempfile.mkdtemp(prefix="hrg-mutants-"))
+    rows = dict(before)
+    try:
+        shutil.copytree(
+            ROOT / "hrg_cli", folder / "hrg_cli", ignore=shutil.ignore_patterns("__pycache__")
+        )
+        runner = Runner(folder)
+        for change in changes:
+            found = None if change.key() in before else runner.noticed(change)
+            if found is None:
+                continue
+            row = {"key": change.key(), "file": change.file, "old": change.old, "new": change.new}
+            rows[change.key()] = row | found
+            keep(rows)
+            print(
+                f"{found['verdict']:8} {found['seconds']:6} s {change.file}: {change.old[:60]!r} →"
+                f" {change.new[:60]!r}  [{found['by']}]",
+                flush=True,
+            )
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return rows, None not in runner.sound_s.values()
+
+
 def main() -> int:
     """Command line: the survivors and the score; status 1 where a tenth or more survive, the
     list is stale, or tests fail without a change."""
@@ -103,51 +258,31 @@ def main() -> int:
     parser.add_argument("--of", default="")
     parser.add_argument("--sample", type=int, default=0)
     parser.add_argument("--seed", type=int, default=int(os.environ.get("HRG_TEST_SEED") or 1))
+    parser.add_argument("--resume", action="store_true")
     asked = parser.parse_args()
     old_texts = stale()
     for text in old_texts:
         print(f"stale: {text}")
-    folder = Path(tempfile.mkdtemp(prefix="hrg-mutants-"))
-    shutil.copytree(
-        ROOT / "hrg_cli", folder / "hrg_cli", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    survivors, killed, started = [], 0, time.monotonic()
-    sound: dict[tuple[str, ...], bool] = {}
-    """Whether tests pass without any change: those that fail notice nothing."""
-    for name, tests, old, new in chosen(asked.only, asked.of, asked.sample, asked.seed):
-        path = folder / "hrg_cli" / name
-        text = path.read_text()
-        changed_text = changed(text, old, new)
-        if changed_text is None:
-            continue
-        if tuple(tests) not in sound:
-            sound[tuple(tests)] = run_tests(folder, tests)
-            if not sound[tuple(tests)]:
-                print(f"fails as it is: {' '.join(tests)}", flush=True)
-        if not sound[tuple(tests)]:
-            continue
-        path.write_text(changed_text)
-        survived = run_tests(folder, tests)
-        path.write_text(text)
-        killed += not survived
-        if survived:
-            survivors.append(f"{name}: {old!r} → {new!r}")
-        print(
-            f"{'SURVIVED' if survived else 'killed  '} {name}: {old[:60]!r} → {new[:60]!r}",
-            flush=True,
-        )
-    shutil.rmtree(folder, ignore_errors=True)
-    total = killed + len(survivors)
+    gone = {text.partition(": ")[0] for text in old_texts}
+    changes = [
+        change
+        for change in chosen(asked.only, asked.of, asked.sample, asked.seed)
+        if change.file not in gone
+    ]
+    started = time.monotonic()
+    rows, sound = run(changes, kept() if asked.resume else {})
+    told = [rows[change.key()] for change in changes if change.key() in rows]
+    survivors = [
+        f"{row['file']}: {row['old']!r} → {row['new']!r}"
+        for row in told
+        if row["verdict"] == "survived"
+    ]
     print(
-        f"{killed} of {total} changes were seen by a test ({time.monotonic() - started:.0f} s);"
-        " survivors:"
+        f"{len(told) - len(survivors)} of {len(told)} changes were seen by a test"
+        f" ({time.monotonic() - started:.0f} s); survivors:"
     )
     print("\n".join(survivors) or "none")
-    return (
-        1
-        if old_texts or not all(sound.values()) or (total and len(survivors) >= 0.1 * total)
-        else 0
-    )
+    return 1 if old_texts or not sound or (told and len(survivors) >= 0.1 * len(told)) else 0
 
 
 if __name__ == "__main__":
