@@ -8,6 +8,7 @@ tokens, of anything the bytes.
 
 from __future__ import annotations
 
+import functools
 import re
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,7 @@ def _draw_hdf5(rng: np.random.Generator, path: Path) -> Damage:
     return [kind, holder, name, str(rng.choice(TEXTS))]
 
 
+@functools.cache
 def places(path: Path) -> tuple[list[str], list[tuple[str, str]]]:
     """The datasets of a file, and its attributes as (holder, name); none where it cannot be
     opened."""
@@ -148,6 +150,7 @@ def apply(path: Path, damages: list[Damage]) -> None:
                 TypeError,
                 OverflowError,
                 IndexError,
+                MemoryError,
             ):
                 continue
 

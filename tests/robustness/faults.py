@@ -17,11 +17,14 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
+import batches  # noqa: E402
 import damage  # noqa: E402
 import judge  # noqa: E402
 import programme  # noqa: E402
@@ -46,19 +49,51 @@ def words_of(case: programme.Case, good: Path, folder: Path, changed: str) -> li
     return [*out, "-q", "--json"]
 
 
-def attempt(
-    case: programme.Case, good: Path, folder: Path, changed: str, damages: list[damage.Damage]
-) -> judge.Outcome:
+@dataclass(frozen=True)
+class Trial:
     """One damaged input of one command."""
+
+    case: programme.Case
+    changed: str
+    damages: list[damage.Damage]
+
+    def line(self) -> str:
+        """As the corpus keeps it."""
+        return json.dumps({"case": self.case.name, "input": self.changed, "damages": self.damages})
+
+
+def attempt(trial: Trial, run: judge.Runner, good: Path, folder: Path) -> judge.Outcome:
+    """One damaged input put into its command."""
+    case, changed = trial.case, trial.changed
     judge.clean(folder)
     shutil.copy(good / changed, folder / changed)
     if case.name == "batch" and changed == "lot.toml":
         shutil.copy(good / "recording.h5", folder)
     elif case.name == "batch":
         shutil.copy(good / "lot.toml", folder)
-    damage.apply(folder / changed, damages)
+    damage.apply(folder / changed, trial.damages)
     words = words_of(case, folder if case.name == "batch" else good, folder, changed)
-    return judge.run(words, folder, folder / case.output)
+    return run(words, folder, folder / case.output)
+
+
+def turns(cases: list[programme.Case]) -> list[programme.Case]:
+    """The order in which commands get inputs: all cheap ones, then one of the costly."""
+    cheap = [case for case in cases if not case.costly]
+    costly = [case for case in cases if case.costly]
+    if not cheap or not costly:
+        return cases
+    return [one for last in costly for one in (*cheap, last)]
+
+
+def drawn(good: Path, cases: list[programme.Case], trials: int, seed: int) -> list[Trial]:
+    """So many damaged inputs over the commands in turn."""
+    rng = np.random.default_rng(seed)
+    order, out = turns(cases), []
+    for trial in range(trials):
+        case = order[trial % len(order)]
+        changed = case.damaged[int(rng.integers(len(case.damaged)))]
+        out.append(Trial(case, changed, damage.draw(rng, good / changed)))
+    return out
 
 
 def put_damage(
@@ -67,23 +102,20 @@ def put_damage(
     """Damaged inputs over the commands in turn: how each ended, and what broke a promise."""
     counts: Counter = Counter()
     failures = []
-    rng = np.random.default_rng(seed)
-    for trial in range(trials):
-        case = cases[trial % len(cases)]
-        changed = case.damaged[int(rng.integers(len(case.damaged)))]
-        damages = damage.draw(rng, good / changed)
-        found = attempt(case, good, folder, changed, damages)
-        counts[case.name, found.status] += 1
+    damaged = drawn(good, cases, trials, seed)
+    put = partial(attempt, good=good, folder=folder)
+    for number, (trial, found) in enumerate(zip(damaged, batches.outcomes(damaged, put))):
+        counts[trial.case.name, found.status] += 1
         if found.broken:
-            line = json.dumps({"case": case.name, "input": changed, "damages": damages})
             failures.append(
-                f"seed {seed}, trial {trial}: {line}\n  {'; '.join(found.broken)}\n "
+                f"seed {seed}, trial {number}: {trial.line()}\n  {'; '.join(found.broken)}\n "
                 f" {found.err.strip()[-600:]}"
             )
             print(failures[-1], file=sys.stderr, flush=True)
             if kept is not None:
                 kept.mkdir(parents=True, exist_ok=True)
-                shutil.copy(folder / changed, kept / f"{seed}-{trial}-{changed}")
+                with (kept / "corpus.jsonl").open("a") as lines:
+                    lines.write(trial.line() + "\n")
     return counts, failures
 
 
@@ -123,7 +155,8 @@ def replay(good: Path, folder: Path) -> list[str]:
     failures = []
     for entry in json.loads(CORPUS.read_text()):
         if entry["case"] in cases:
-            found = attempt(cases[entry["case"]], good, folder, entry["input"], entry["damages"])
+            trial = Trial(cases[entry["case"]], entry["input"], entry["damages"])
+            found = attempt(trial, judge.run, good, folder)
             if found.broken:
                 failures.append(
                     f"{json.dumps(entry)}\n  {'; '.join(found.broken)}\n "

@@ -20,12 +20,13 @@ import shutil
 import signal
 import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from hrg_cli import store
 
-PROCESSOR_S, CLOCK_S = 60, 240.0
+PROCESSOR_S, CLOCK_S = 60, 900.0
 MEMORY_MB = 1500
 """Above what the warm process has."""
 NOISE = re.compile(r"Traceback|internal error|Warning|\*\* On entry|Fatal|Segmentation|core dumped")
@@ -90,20 +91,65 @@ def run(
 ) -> Outcome:
     """Run `hrg WORDS` in `folder` in a child of this process and judge what it left; arm: (call,
     n-th, errno) to fail there."""
-    before = {p.name for p in folder.iterdir()}
-    said = [folder / ".stdout", folder / ".stderr"]
+    before, said = _names(folder), _said(folder)
     started = time.monotonic()
     child = os.fork()
     if child == 0:
         _in_child(words, folder, said, arm)
     status, used = _waited(child)
+    seconds, peak_mb = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+    outcome = _judged(status, said, seconds, peak_mb, folder, output, before)
+    if time.monotonic() - started > CLOCK_S:
+        outcome.broken.append("did not end")
+    return outcome
+
+
+def run_here(words: list[str], folder: Path, output: Path) -> Outcome:
+    """Run `hrg WORDS` in this process and judge what it left: many in turn are quick so, but a
+    crash ends them all."""
+    before, said = _names(folder), _said(folder)
+    _forget_peak()
+    started = sum(os.times()[:4])
+    limit = int(started) + PROCESSOR_S + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
+    os.chdir(folder)
+    with _output_into(said):
+        status = _command(words)
+    seconds = sum(os.times()[:4]) - started
+    return _judged(status, said, seconds, _peak_mb(), folder, output, before)
+
+
+Runner = Callable[[list[str], Path, Path], Outcome]
+
+
+def limit_memory() -> None:
+    """At most so much memory above what this process has now."""
+    have = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (have + (MEMORY_MB << 21), have + (MEMORY_MB << 21)))
+
+
+def _names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def _said(folder: Path) -> list[Path]:
+    return [folder / ".stdout", folder / ".stderr"]
+
+
+def _judged(
+    status: int,
+    said: list[Path],
+    seconds: float,
+    peak_mb: float,
+    folder: Path,
+    output: Path,
+    before: set[str],
+) -> Outcome:
     out, err = (path.read_text(errors="replace") if path.exists() else "" for path in said)
     for path in said:
         path.unlink(missing_ok=True)
-    outcome = Outcome(status, out, err, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+    outcome = Outcome(status, out, err, seconds, peak_mb)
     outcome.broken = _broken(outcome, folder, output, before)
-    if time.monotonic() - started > CLOCK_S:
-        outcome.broken.append("did not end")
     return outcome
 
 
@@ -119,39 +165,68 @@ def _waited(child: int) -> tuple[int, resource.struct_rusage]:
         time.sleep(0.002)
 
 
+def _forget_peak() -> None:
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak_mb() -> float:
+    found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
+    return int(found[1]) / 1024 if found else 0.0
+
+
+@contextlib.contextmanager
+def _output_into(said: list[Path]) -> Iterator[None]:
+    """Standard output and error into files, also of libraries below Python."""
+    kept, streams = [os.dup(1), os.dup(2)], (sys.stdout, sys.stderr)
+    try:
+        for handle, path in zip((1, 2), said):
+            opened = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(opened, handle)
+            os.close(opened)
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+        sys.stderr = open(2, "w", buffering=1, closefd=False)  # noqa: SIM115
+        yield
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(Exception):
+                stream.flush()
+        sys.stdout, sys.stderr = streams
+        for handle, own in zip((1, 2), kept):
+            os.dup2(own, handle)
+            os.close(own)
+
+
+def _command(words: list[str]) -> int:
+    """Exit status of `hrg WORDS`; what escapes it is printed as Python would."""
+    sys.argv = ["hrg", *words]
+    from hrg_cli.cli import main
+
+    try:
+        main()
+        return 0
+    except SystemExit as leaving:
+        return int(leaving.code or 0)
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+        return 70
+
+
 def _in_child(
     words: list[str], folder: Path, said: list[Path], arm: tuple[str, int, int] | None
 ) -> None:
     status = 70
     try:
         os.chdir(folder)
-        for handle, path in zip((1, 2), said):
-            opened = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-            os.dup2(opened, handle)
-        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
-        sys.stderr = open(2, "w", buffering=1, closefd=False)  # noqa: SIM115
         resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 5))
-        have = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (have + (MEMORY_MB << 21), have + (MEMORY_MB << 21)))
-        sys.argv = ["hrg", *words]
-        if arm is not None:
-            _shim().hrg_fault_arm(str(folder).encode(), arm[0].encode(), arm[1], arm[2])
-        from hrg_cli.cli import main
-
-        try:
-            main()
-            status = 0
-        except SystemExit as leaving:
-            status = int(leaving.code or 0)
-        sys.stdout.flush()
-    except BaseException:
-        import traceback
-
-        with contextlib.suppress(Exception):
-            traceback.print_exc()
+        limit_memory()
+        with _output_into(said):
+            if arm is not None:
+                _shim().hrg_fault_arm(str(folder).encode(), arm[0].encode(), arm[1], arm[2])
+            status = _command(words)
     finally:
-        with contextlib.suppress(Exception):
-            sys.stderr.flush()
         os._exit(status)
 
 

@@ -136,7 +136,7 @@ CASES = (
     _case("import csv", "import {log.csv} -o {out}", "log.csv", "out.h5"),
     _case("import wav", "import {log.wav} -o {out}", "log.wav", "out.h5"),
     _case("import hdf5", "import {log.h5} -o {out}", "log.h5", "out.h5"),
-    _case("import matlab", "import {log.mat} -o {out}", "log.mat", "out.h5"),
+    _case("import matlab", "import {log.mat} -o {out}", "log.mat", "out.h5", costly=True),
     _case("import parquet", "import {log.parquet} -o {out}", "log.parquet", "out.h5"),
     _case("import tdms", "import {log.tdms} -o {out}", "log.tdms", "out.h5"),
     _case(
@@ -170,7 +170,7 @@ def build(folder: Path) -> Path:
     truth = forced_runs.Truth()
     for n, (temperature, rate) in enumerate((t, r) for t in (0.0, 40.0) for r in (-0.5, 0.02, 0.5)):
         wave = forced_runs.forced_run(
-            truth, temperature, rate, 40.0, n, dt=0.1, run_id=f"{n}", gyro_id="G-17"
+            truth, temperature, rate, 40.0, n, dt=0.4, run_id=f"{n}", gyro_id="G-17"
         )
         store.write(folder / f"forced{n}.h5", wave)
     values = settings.checked(pipeline.STAGES["identify"].function(), {})

@@ -30,7 +30,8 @@ def test_good_inputs_break_no_promise(case, good, tmp_path):
     """The harness tests something: without a fault every command ends with a result."""
     if case not in programme.ready(good):
         pytest.skip(f"no library here writes {case.damaged[0]}")
-    found = faults.attempt(case, good, tmp_path / "trial", case.damaged[0], [])
+    trial = faults.Trial(case, case.damaged[0], [])
+    found = faults.attempt(trial, judge.run, good, tmp_path / "trial")
     assert found.status in (0, 3) and not found.broken, found
 
 
