@@ -1,5 +1,7 @@
 """Figures held against limits."""
 
+from pathlib import Path
+
 import pytest
 from forced_runs import Truth, programme
 
@@ -61,7 +63,7 @@ def test_limits_for_another_kind_only(record):
 
 
 def test_the_example_file(record):
-    rows = check(record, load_toml("configs/limits.toml"))
+    rows = check(record, load_toml(Path(__file__).parents[1] / "configs" / "limits.toml"))
     assert len(rows) == 5 and all(row.value is not None for row in rows)
 
 

@@ -97,6 +97,21 @@ def test_every_column_is_held_to_its_declaration(kind, name, damage, tmp_path):
     assert place in str(by_blocks.value)
 
 
+@pytest.mark.parametrize("number", [-1, 256, 70000])
+def test_whole_numbers_that_their_type_cannot_hold_are_refused(number, tmp_path):
+    """A wider integer from another program: kept as eight bits it would be another number."""
+    store.write(tmp_path / "a.h5", small(Wave))
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        flags = file["wave/flags"]
+        values, attributes = flags[()].astype("i8"), {"long_name": flags.attrs["long_name"]}
+        values[-1] = number
+        del file["wave/flags"]
+        file["wave/flags"] = values
+        file["wave/flags"].attrs.update(attributes)
+    with pytest.raises(HrgError, match=f"/wave/flags holds {number} .*a number from 0 to 255"):
+        store.read(tmp_path / "a.h5", Wave)
+
+
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
 def test_nothing_that_breaks_its_promise_is_written(kind, tmp_path):
     record = small(kind)

@@ -54,6 +54,15 @@ def test_an_untouched_chain_is_whole(chain, hrg):
     )
 
 
+def test_a_file_that_many_were_made_from_is_looked_at_once(made, monkeypatch):
+    """The runs of a chain meet again in their resonator: work in proportion to the files."""
+    looked = []
+    monkeypatch.setattr(store, "changes", lambda path: looked.append(path.name) or [])
+    paths = [made / name for name in ("resonator.h5", "w0.h5", "w1.h5", "r0.h5")]
+    assert len(verify(paths)) == 7
+    assert len(looked) == len(set(looked)) == 7
+
+
 def change_value(path):
     with h5py.File(path, "r+") as file:
         file["periods/signals"][3, 1] *= 1 + 1e-12

@@ -42,7 +42,7 @@ def c_comment(value: Any) -> str:
     """Text that stays inside a C comment: one line of ASCII that neither ends the comment nor opens
     another."""
     text = " ".join(plain(value).split())[:LONGEST_COMMENT]
-    text = re.sub(r"\*(?=/)", "* ", re.sub(r"/(?=\*)", "/ ", text))
+    text = re.sub(r"/(?=\*)", "/ ", text)
     text = text.replace("\\", "/ ").encode("ascii", "replace").decode().replace("*/", "* /")
     return re.sub(r"\?(?=\?)", "? ", text)  # two in a row begin a trigraph
 

@@ -5,7 +5,14 @@ import numpy as np
 import pytest
 
 from hrg_cli.fitting.tables.allan import allan_deviation
-from hrg_cli.fitting.tables.allan_terms import NAMES, allan_terms
+from hrg_cli.fitting.tables.allan_terms import (
+    LONGEST,
+    NAMES,
+    POINTS,
+    _covariance,
+    _filters,
+    allan_terms,
+)
 from hrg_cli.physics.noise import Flicker
 
 INTERVAL = 0.5
@@ -21,6 +28,27 @@ def draw(seed, quantization=0.0, walk=0.0, bias=0.0, ramp=0.0, count=10_000):
             count, INTERVAL
         )[:, 0]
     return rate + np.cumsum(random.normal(size=count)) * ramp * np.sqrt(INTERVAL)
+
+
+def test_the_scatter_of_flicker_noise_is_as_stated():
+    """Allan variances of many drawn records of flicker noise scatter as the covariance says that
+    weighs them; its size is taken from their mean, 2 ln 2 B²/π."""
+    count, draws = 2048, 300
+    random = np.random.default_rng(4)
+    records = [
+        Flicker(np.array([1.0]), 0.1, count * INTERVAL, random).draw(count, INTERVAL)[:, 0]
+        for _ in range(draws)
+    ]
+    time = allan_deviation(records[0], INTERVAL, POINTS)[0]
+    known = time <= LONGEST * count * INTERVAL
+    variances = np.array([allan_deviation(r, INTERVAL, POINTS)[1][known] ** 2 for r in records])
+    middle = len(variances[0]) // 2
+    flicker = variances[:, middle].mean() * np.pi / (2 * np.log(2))
+    stated = _covariance(
+        np.array([0.0, 0.0, flicker, 0.0]), _filters(time[known], INTERVAL, count), INTERVAL
+    )
+    seen = variances[:, middle].std(ddof=1)
+    assert seen == pytest.approx(np.sqrt(stated[middle, middle]), rel=0.3)  # its own σ: 4 %
 
 
 @pytest.mark.parametrize(

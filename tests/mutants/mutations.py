@@ -22,12 +22,12 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("split * np.sin(2 * zeta)", "split * np.sin(zeta)"),
             ('(2 if drive == "parametric" else 1)', "1"),
             ("np.exp(2 * mechanics.damping_split_1_s", "np.exp(mechanics.damping_split_1_s"),
-            ("turns = np.round(offset / np.pi)", "turns = np.floor(offset / np.pi)"),
+            ("turns = np.round(offset / np.pi)", "turns = 0 * offset"),
             ("m2 = 2 * mechanics.mode_number", "m2 = mechanics.mode_number"),
         ),
     ),
     "physics/ellipse.py": (
-        "tests/fitting/test_closed_form.py tests/fitting/test_continuity.py tests/physics/test_signals.py",
+        "tests/physics/test_ellipse.py tests/fitting/test_closed_form.py tests/fitting/test_continuity.py",
         (
             ("(main_amplitude * sin - 1j * quadrature_amplitude * cos)", "(main_amplitude * sin + 1j * quadrature_amplitude * cos)"),
             ("2 * cross.real, 2 * cross.imag", "2 * cross.real, -2 * cross.imag"),
@@ -40,7 +40,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "physics/resonator.py": (
-        "tests/physics/test_axes.py tests/fitting/test_likelihood.py",
+        "tests/physics/test_resonator.py tests/physics/test_axes.py tests/fitting/test_likelihood.py",
         (
             ("J = np.array([[0.0, 1.0], [-1.0, 0.0]])", "J = np.array([[0.0, -1.0], [1.0, 0.0]])"),
             ("reflection(2 * self.mode_number * self.damping_axis_rad)", "reflection(self.mode_number * self.damping_axis_rad)"),
@@ -425,7 +425,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "exporting.py": (
-        "tests/test_exporting.py",
+        "tests/test_exporting.py tests/test_exporting_variants.py tests/test_outputs.py",
         (
             ("if calibration.status == \"refused\":", "if False:"),
             ("top = 2 ** (bits - 1) - 1", "top = 2**bits - 1"),
@@ -442,7 +442,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("return f\"'{text}\" if", "return text if"),
             ("return UNREADABLE.sub(\"\\ufffd\", str(value))", "return str(value)"),
-            ("re.sub(r\"\\*(?=/)\", \"* \",", "re.sub(r\"\\*(?=/)\", \"*\","),
+            (".replace(\"*/\", \"* /\")", ""),
         ),
     ),
     "executors.py": (
@@ -477,7 +477,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "lots/common_causes.py": (
         "tests/lots/test_common_causes.py",
         (
-            ("* price[place] < rate", "* 1 < rate"),
+            ("price = tests(known, groups)", "price = 0 * tests(known, groups) + 1"),
             ("- WORTH * group.depth", "+ 0 * group.depth"),
             ("(z[own] - rho * z[own, cause][:, None]) / safe", "z[own] / safe"),
             ("explained[members, cause] += tables[place].value[cause]", "pass"),

@@ -138,6 +138,43 @@ def test_adams_is_of_fourth_order_and_meets_the_tangent_law():
     assert 10 < errors[0] / errors[1] < 30
 
 
+@pytest.mark.parametrize("ratio", [0.0, 0.3, -0.6])
+def test_free_quadrature_grows_as_the_envelopes_say(ratio):
+    """dr/dt of the exact envelopes; where the wave lies along the strong damping r = a_B/a_A
+    grows, since a_A falls faster."""
+    g, h = gyro(damping_split_1_s=0.1), 1e-6
+    for angle in (0.05, g.damping_axis_rad, 0.7):
+        u = ellipse.envelopes(1.0, ratio, angle, 0.2, g.mode_number)
+        du = resonator.generator(g, 0.0, second_order=0.0) @ u
+        before, after = (ellipse.wave(u + sign * h * du, g.mode_number) for sign in (-1, 1))
+        seen = (after[1] / after[0] - before[1] / before[0]) / (2 * h)
+        assert seen == pytest.approx(drift.quadrature_rate(g, angle, ratio, "free"), abs=1e-8)
+
+
+@pytest.mark.parametrize("drive", ["force", "parametric"])
+def test_quadrature_settles_where_its_rate_vanishes(drive):
+    g = gyro(damping_split_1_s=0.12)
+    for angle in np.linspace(0.0, 1.5, 7):
+        settled = drift.quadrature_settled(g, angle, drive)
+        assert abs(drift.quadrature_rate(g, angle, settled, drive)) < 1e-12
+
+
+@pytest.mark.parametrize("damping_split", [0.05, -0.05])
+def test_the_bound_is_reached_where_both_parts_peak_together(damping_split):
+    """sin χ and −sin 2ζ are both ±1 at the angle π/8 for axes at 0 and −π/16: a bound, and no
+    larger than it must be."""
+    g = gyro(damping_split_1_s=damping_split, damping_axis_rad=0.0)
+    angle = np.sign(damping_split) * np.pi / 8
+    g = gyro(
+        damping_split_1_s=damping_split,
+        damping_axis_rad=0.0,
+        stiffness_axis_rad=angle - 3 * np.pi / 16,
+    )
+    everywhere = np.abs(drift.drift_quasi_static(g, np.linspace(0, np.pi / 2, 2001)))
+    bound = drift.drift_bound(g)
+    assert np.max(everywhere) == pytest.approx(bound, rel=1e-5) and np.max(everywhere) <= bound
+
+
 def test_lock_in_bound():
     """Below K·Ω = νδμ the wave stands still; above, the mean rate is −√((KΩ)² − (νδμ)²)   (PHYSICS M1b)."""
     g = gyro(frequency_split_rad_s=0.0, damping_split_1_s=0.05)

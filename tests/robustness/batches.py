@@ -91,4 +91,3 @@ def _told(said: int) -> Iterator[judge.Outcome]:
         for line in lines:
             deadline = time.monotonic() + judge.CLOCK_S
             yield judge.Outcome(**json.loads(line))
-

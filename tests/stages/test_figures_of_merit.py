@@ -1,8 +1,14 @@
 """Figures of the trade: known coefficients, and allantools beside."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from forced_runs import Truth, forced_run, programme
+
+sys.path[:0] = [str(Path(__file__).parents[1] / "reporting")]
+import records_by_hand  # noqa: E402
 
 from hrg_cli.errors import HrgError
 from hrg_cli.stages.calibrate import calibrate
@@ -48,6 +54,17 @@ def test_scale_factor_asymmetry_and_nonlinearity():
     )
     with pytest.raises(HrgError, match="one rate only"):
         scale_factor_figures(runs[:1])
+
+
+def test_the_scale_factor_s_figures_are_half_its_range():
+    """K(T, θ) = K₀[1 + p(T) + a cos 4θ]: a in ppm over the angle, half the range of p over T."""
+    record = records_by_hand.calibration()
+    angle = np.asarray(record.wave_angle_rad)
+    over_t = 40e-6 * np.linspace(-1, 1, len(record.node))[:, None]
+    record = record.replace(scale_factor=0.277 * (1 + over_t + 25e-6 * np.cos(4 * angle)))
+    figures = calibration_figures(record)
+    assert figures["scale_factor_angle_ppm"] == pytest.approx(25, rel=1e-3)
+    assert figures["scale_factor_temperature_ppm"] == pytest.approx(40, rel=1e-3)
 
 
 def test_figures_of_a_calibration_are_those_of_its_truth():
