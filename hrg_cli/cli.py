@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
 from importlib import import_module
@@ -9,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 import typer.core
+
+from .errors import NO_MEMORY, is_no_memory
 
 COMMANDS = {
     "import": (
@@ -231,7 +234,13 @@ def _root(
 
 def main() -> None:
     """Entry point of the `hrg` script."""
-    app(prog_name="hrg")
+    try:
+        app(prog_name="hrg")
+    except Exception as error:  # outside the command's own guard: while its modules are loaded
+        if not is_no_memory(error):
+            raise
+        print(f"hrg: {NO_MEMORY}", file=sys.stderr, flush=True)
+        raise SystemExit(1) from None
 
 
 if __name__ == "__main__":

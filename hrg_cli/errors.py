@@ -1,6 +1,19 @@
 """Errors a person can act on: one sentence naming the file, what was found, what was expected and
 what to do."""
 
+import errno
+
+NO_MEMORY = "not enough memory; use fewer or shorter inputs"
+
+
+def is_no_memory(error: BaseException) -> bool:
+    """Whether an error says that memory ran out: Python's own, the system's, or that of a compiler
+    that could not even say so."""
+    if isinstance(error, OSError):
+        return error.errno == errno.ENOMEM
+    silent = isinstance(error, SystemError) and "exception" in str(error)
+    return silent or isinstance(error, MemoryError)
+
 
 class HrgError(Exception):
     """The input or the run failed; the message is the one line a user sees (exit status 1)."""

@@ -19,6 +19,8 @@ from .reporting.text import c_comment
 
 Array = np.ndarray
 LARGEST_ANGLES, LARGEST_NODES = 192, 33
+LARGEST_FLOAT = 1e38
+"""Of single precision, with a margin for differences of two."""
 
 
 @dataclass(frozen=True)
@@ -146,6 +148,7 @@ def _header(calibration: Calibration, bits: int, precision: float) -> Exported:
     exact = [v.reshape(x.shape) for v in calibration.values_at(x.ravel(), theta.ravel())]
     probe_x, probe_theta = _probe(nodes, angles, period)
     truth = calibration.values_at(probe_x, probe_theta)
+    _need_floats([*exact, *truth])
     errors: dict[str, float] = {}
     parts = []
     for name, table, true in zip(("drift_rad_s", "scale_factor"), exact, truth):
@@ -162,6 +165,16 @@ def _header(calibration: Calibration, bits: int, precision: float) -> Exported:
             parts.append((name, table, 0.0, 1.0))
         errors[f"{name}_rounding"] = float(np.abs(stored - plain).max())
     return Exported(_c_text(calibration, nodes, angles, bits, parts, errors), errors)
+
+
+def _need_floats(tables: list[Array]) -> None:
+    """Refuse values that the header's `float` cannot hold. HrgError: the largest of them."""
+    largest = max(float(np.abs(table).max()) for table in tables)
+    if not largest <= LARGEST_FLOAT:
+        raise HrgError(
+            f"the tables reach {largest:.3g}, beyond what a float of the header holds"
+            f" ({LARGEST_FLOAT:.3g}); the calibration is damaged: make it again from its runs"
+        )
 
 
 def _grid(calibration: Calibration, precision: float) -> tuple[Array, int]:

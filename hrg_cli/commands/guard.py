@@ -13,10 +13,19 @@ from typing import NoReturn
 
 import typer
 
-from ..errors import DiskFullError, HrgError, InterruptedRunError, UsageError
+from ..errors import (
+    NO_MEMORY,
+    DiskFullError,
+    HrgError,
+    InterruptedRunError,
+    UsageError,
+    is_no_memory,
+)
 from ..extras import how_to_install, optional
 from ..reporting.text import plain
 
+LONGEST_WORD, SHOWN, LONGEST_LINE = 1024, 100, 3000
+"""Characters: no name of a file is longer than the first; what is shown of such a word; all."""
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -92,7 +101,7 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
     except UsageError as error:
         leave(str(error), USAGE)
     except DiskFullError as error:
-        print(f"hrg: {plain(error)}", file=sys.stderr, flush=True)
+        print(f"hrg: {sentence(str(error))}", file=sys.stderr, flush=True)
         sys.stdout.flush()
         os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
     except InterruptedRunError as error:
@@ -101,8 +110,6 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
         leave(str(error), FAILED)
     except KeyboardInterrupt:
         leave("interrupted; no output was written", INTERRUPTED)
-    except MemoryError:
-        leave("not enough memory; use fewer or shorter inputs", FAILED)
     except typer.Exit:
         raise
     except Exception as error:
@@ -110,7 +117,10 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
 
 
 def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
-    """An optional package that is missing, or an error of the program's own."""
+    """Memory that ran out, an optional package that is missing, or an error of the program's
+    own."""
+    if is_no_memory(error):
+        leave(NO_MEMORY, FAILED)
     if gone := optional(error):
         leave(f"this needs {how_to_install(gone)}", FAILED)
     if verbose:
@@ -124,7 +134,15 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
     )
 
 
+def sentence(text: str) -> str:
+    """A message as one line; of a foreign word that would fill pages (a key of a damaged file) the
+    beginning is shown."""
+    words = (w if len(w) <= LONGEST_WORD else f"{w[:SHOWN]}…" for w in text.split())
+    line = plain(" ".join(words))
+    return line if len(line) <= LONGEST_LINE else f"{line[:LONGEST_LINE]}…"
+
+
 def leave(text: str, status: int) -> NoReturn:
     """One line on standard error, then the exit status."""
-    print(f"hrg: {plain(' '.join(text.split()))}", file=sys.stderr, flush=True)
+    print(f"hrg: {sentence(text)}", file=sys.stderr, flush=True)
     raise typer.Exit(status) from None

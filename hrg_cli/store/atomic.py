@@ -19,7 +19,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import DiskFullError, HrgError, UsageError
+from ..errors import NO_MEMORY, DiskFullError, HrgError, UsageError, is_no_memory
 from .layout import first_line
 
 LONGEST_NAME = 255
@@ -187,6 +187,8 @@ def write_error(error: OSError, path: Path) -> HrgError:
             f"{path}: cannot be opened, too many files are open; raise the limit (ulimit -n) or"
             " give fewer --jobs"
         )
+    if is_no_memory(error):
+        return HrgError(f"{path}: {NO_MEMORY}")
     if error.errno == errno.ENAMETOOLONG:
         return HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
     return HrgError(f"{path}: cannot be written ({first_line(error)}); choose another --output")

@@ -1,4 +1,5 @@
-/* Fails the n-th call of one kind (open, read, write, sync, rename) that concerns files below one folder, as SQLite's tests do.
+/* Fails the n-th call of one kind (open, read, write, rename) that concerns files below one folder, or the n-th allocation of
+ * LEAST bytes or more, as SQLite's tests do.
  * Preloaded; quiet until armed by hrg_fault_arm() in a forked child. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -6,11 +7,12 @@
 #include <fcntl.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/types.h>
 #include <unistd.h>
 
-enum { FILES = 4096 };
+enum { FILES = 4096, LEAST = 16384 };
 static char folder[4096], kind[16];
 static long nth, seen, hits;
 static int code, armed;
@@ -75,5 +77,15 @@ ssize_t pwrite(int fd, const void *from, size_t n, off_t at) { REAL(ssize_t, pwr
 ssize_t pwrite64(int fd, const void *from, size_t n, off64_t at) { REAL(ssize_t, pwrite64, int, const void *, size_t, off64_t); return known(fd) && fails("write") ? -1 : real(fd, from, n, at); }
 int ftruncate(int fd, off_t n) { REAL(int, ftruncate, int, off_t); return known(fd) && fails("write") ? -1 : real(fd, n); }
 int ftruncate64(int fd, off64_t n) { REAL(int, ftruncate64, int, off64_t); return known(fd) && fails("write") ? -1 : real(fd, n); }
+/* The C library's own allocator under the names it keeps for such wrappers. */
+extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_realloc(void *, size_t), *__libc_memalign(size_t, size_t);
+static int short_of(size_t n) { return armed && n >= LEAST && fails("alloc"); }
+void *malloc(size_t n) { return short_of(n) ? NULL : __libc_malloc(n); }
+void *calloc(size_t k, size_t n) { return short_of(k * n) ? NULL : __libc_calloc(k, n); }
+void *realloc(void *p, size_t n) { return short_of(n) ? NULL : __libc_realloc(p, n); }
+void *memalign(size_t by, size_t n) { return short_of(n) ? NULL : __libc_memalign(by, n); }
+void *aligned_alloc(size_t by, size_t n) { return short_of(n) ? NULL : __libc_memalign(by, n); }
+int posix_memalign(void **p, size_t by, size_t n) { return !short_of(n) && (*p = __libc_memalign(by, n)) ? 0 : ENOMEM; }
+
 int rename(const char *a, const char *b) { REAL(int, rename, const char *, const char *); return below(b) && fails("rename") ? -1 : real(a, b); }
 int link(const char *a, const char *b) { REAL(int, link, const char *, const char *); return below(b) && fails("rename") ? -1 : real(a, b); }

@@ -34,6 +34,7 @@ SHIM = Path(__file__).with_name("fail_nth.c")
 CALLS = (
     *(("open", errno.EMFILE), ("open", errno.EACCES), ("read", errno.EIO)),
     *(("write", errno.ENOSPC), ("write", errno.EIO), ("rename", errno.EIO)),
+    ("alloc", errno.ENOMEM),
 )
 
 
