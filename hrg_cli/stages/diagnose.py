@@ -66,6 +66,10 @@ from .diagnosis.written import faithful
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray
+MOTIONS_EACH = 4 * extended_fit.MOST_STEPS
+"""Motions computed in fits, for each effect of the catalogue, after which the search is stopped: so
+many as fit each alone four times to its end. Sound runs need some hundred in all, since their fits
+take whole steps."""
 
 
 def diagnose(
@@ -144,6 +148,22 @@ def diagnose(
             return _refused(waves, _together(waves, fitted), searched, stuck, resonator)
         except HrgError as error:
             raise HrgError("; ".join(one.sentence for one in stuck)) from error
+    try:
+        with extended_fit.limited(MOTIONS_EACH * len(searched)):
+            return _diagnosed(waves, fitted, searched, resonator, extra_effects, most_effects)
+    except extended_fit.WorkSpentError as spent:
+        return _stopped(waves, fitted(waves), searched, resonator, str(spent))
+
+
+def _diagnosed(
+    waves: Sequence[Wave],
+    fitted: Callable[..., Fit],
+    searched: Sequence[Effect],
+    resonator: Resonator | None,
+    extra_effects: Sequence[Effect],
+    most_effects: int,
+) -> Diagnosis:
+    """The diagnosis with all the fits that it takes."""
     cut = _cut_at_losses(waves, fitted)
     if suspicions := suspect_runs(waves, fitted, cut.untouched, variants(searched, cut.untouched)):
         return _refused(waves, cut.untouched, searched, suspicions, resonator)
@@ -349,6 +369,39 @@ def _refused(
 ) -> Diagnosis:
     """The diagnosis of runs of which some are not what they say: these are named, and no physics is
     blamed."""
+    sentences = [one.sentence for one in suspicions]
+    closing = checks.holds("runs_are_what_they_say", False, "; ".join(sentences))
+    record = _unexplained(waves, base, searched, resonator, closing, suspicions)
+    return record.judged(sentences, "refused")
+
+
+def _stopped(
+    waves: Sequence[Wave],
+    base: Fit,
+    searched: Sequence[Effect],
+    resonator: Resonator | None,
+    spent: str,
+) -> Diagnosis:
+    """The diagnosis of runs whose search was stopped: no cause that it had come to is named."""
+    sentence = (
+        f"{spent}; the base model leaves χ² {base.chi2 / base.dof:.3g} a degree of freedom and no"
+        " cause settles beside it: look for jumps and damaged rows in the waves, and diagnose the"
+        " runs one by one"
+    )
+    closing = checks.holds("search_finished", False, sentence)
+    record = _unexplained(waves, base, searched, resonator, closing, ())
+    return record.judged([f'the verdict is "unexplained": {sentence}'])
+
+
+def _unexplained(
+    waves: Sequence[Wave],
+    base: Fit,
+    searched: Sequence[Effect],
+    resonator: Resonator | None,
+    closing: checks.Check,
+    suspicions: Sequence[Suspicion],
+) -> Diagnosis:
+    """The record of a diagnosis that names no cause, with the check that took the word away."""
     candidates = variants(searched, base)
     scores = tuple(s for s, _ in scored(base, candidates))
     search = Search(base, base, (), scores, scores)
@@ -364,21 +417,19 @@ def _refused(
         candidates,
         base,
     )
-    sentences = [one.sentence for one in suspicions]
-    closing = [checks.holds("runs_are_what_they_say", False, "; ".join(sentences))]
     report |= {
         "lines": [],
         "frequencies": {},
         "wander": [],
         "forecast": None,
-        "checks": [check.table() for check in closing],
+        "checks": [closing.table()],
         "written_model": None,
         "suspect_runs": [one.table() for one in suspicions],
         "stability": [],
         "scores": None,
-        "remainder": undescribed("; ".join(sentences)),
+        "remainder": undescribed(closing.sentence),
     }
-    return _record(search, waves, "unexplained", report, "").judged(sentences, "refused")
+    return _record(search, waves, "unexplained", report, "")
 
 
 def _needs_cuts(cut: Fit, whole: Fit) -> bool:

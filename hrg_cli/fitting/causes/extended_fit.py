@@ -3,7 +3,9 @@ frequency, the effects' parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -32,8 +34,10 @@ __all__ = [
     "DivergedError",
     "Fit",
     "Freedom",
+    "WorkSpentError",
     "amplitude_of",
     "fit",
+    "limited",
     "steps_of",
     "with_effect",
     "without",
@@ -51,6 +55,37 @@ DAMPING = ("damping", "damping_cos", "damping_sin")
 
 class DivergedError(HrgError, ArithmeticError):
     """The start is so far off that the model's motion has no end there."""
+
+
+class WorkSpentError(Exception):
+    """All motions that a search may compute are computed; no `HrgError`, which fits are given up
+    for one by one."""
+
+
+_left: ContextVar[list[int] | None] = ContextVar("motions left", default=None)
+
+
+@contextmanager
+def limited(motions: int) -> Iterator[None]:
+    """Fits within may compute so many motions together: the work of a search that leads nowhere
+    ends, at the same place on every machine.
+
+    WorkSpentError: from the fit that asks for one more.
+    """
+    token = _left.set([motions, motions])
+    try:
+        yield
+    finally:
+        _left.reset(token)
+
+
+def _spent() -> None:
+    left = _left.get()
+    if left is None:
+        return
+    left[0] -= 1
+    if left[0] < 0:
+        raise WorkSpentError(f"the search for causes was stopped after {left[1]} fitted motions")
 
 
 @dataclass(frozen=True)
@@ -346,6 +381,7 @@ def fit(
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
     settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
     with np.errstate(over="ignore", invalid="ignore"):
+        _spent()
         prediction = predict(series, point, near)
         value = _cost(prediction, freedom)
         if not np.isfinite(value):
@@ -448,6 +484,7 @@ def _descended(
     start = here.flow.prediction
 
     def after(step: Array) -> tuple[Prediction, float]:
+        _spent()
         trial = predict(
             start.series, moved(start.point, here.layout, step, freedom.passive), here.flow.near
         )
