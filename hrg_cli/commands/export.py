@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from .. import store
+import typer
+
+from .. import signatures, store
 from ..errors import UsageError
 from ..exporting import export
 from ..exporting_records import FORMATS, export_record, format_of
@@ -22,17 +24,43 @@ from .options import flags_of
     flags=flags_of(export, "fixed_point_bits", "precision"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
-def main(run: Common, /, file: OneFile = None, **flags: Any) -> None:
+def main(
+    run: Common,
+    /,
+    file: OneFile = None,
+    verify_with: Annotated[
+        Path | None,
+        typer.Option(
+            help="Public Ed25519 key (PEM) that FILE.sig must be of: only what its owner released"
+            " is exported.",
+            show_default=False,
+        ),
+    ] = None,
+    sign_with: Annotated[
+        Path | None,
+        typer.Option(
+            help="Private Ed25519 key (PEM): a signature of the output goes into OUTPUT.sig.",
+            show_default=False,
+        ),
+    ] = None,
+    **flags: Any,
+) -> None:
     """Any hrg file for other programs, by the output's suffix: CSV, JSON (.gz), Parquet, XLSX, MAT;
     a calibration as a C header."""
-    run.finish(export_file(file, run, **flags))
+    run.finish(export_file(file, run, verify_with, sign_with, **flags))
 
 
 OF_TABLES = (".csv", ".json", ".h")
 """Formats that a calibration has a form of its own for: what is needed to apply it."""
 
 
-def export_file(file: Path | None, run: Common, **flags: Any) -> dict[str, Any]:
+def export_file(
+    file: Path | None,
+    run: Common,
+    verify_with: Path | None = None,
+    sign_with: Path | None = None,
+    **flags: Any,
+) -> dict[str, Any]:
     """Export a file; the command's JSON. The output's suffix names the format."""
     started = time.monotonic()
     values = run.settings(export, **flags)
@@ -42,6 +70,12 @@ def export_file(file: Path | None, run: Common, **flags: Any) -> dict[str, Any]:
     )
     suffix, packed = format_of(output)
     store.check_output(output, run.force)
+    key = None
+    if sign_with is not None:
+        key = signatures.private_key(sign_with)
+        store.check_output(signatures.signature_of(output), run.force)
+    if verify_with is not None:
+        signatures.need_signed(path, signatures.public_key(verify_with))
     record = store.read_any(path)
     errors: dict[str, float] = {}
     if (
@@ -60,6 +94,8 @@ def export_file(file: Path | None, run: Common, **flags: Any) -> dict[str, Any]:
         content = export_record(record, output)
     with store.atomic_path(output, run.force) as temporary:
         temporary.write_bytes(content)
+    if key is not None:
+        signatures.sign(output, key, run.force)
     report = {
         "kind": "table",
         "status": record.status,

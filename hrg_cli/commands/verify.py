@@ -5,8 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
+
+from .. import signatures
 from ..reporting import console
 from ..verification import report, verify
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing, no_settings
@@ -21,19 +24,38 @@ from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing, no_s
         "strict": "Files that keep no checksums (a laboratory's), too, end with status 3.",
     },
 )
-def main(run: Common, /, files: Files = None) -> None:
+def main(
+    run: Common,
+    /,
+    files: Files = None,
+    sign_with: Annotated[
+        Path | None,
+        typer.Option(
+            help="Private Ed25519 key (PEM): where all is whole, each FILE is released with a"
+            " signature beside it, FILE.sig.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
     """Whether files are as they were written: checksums of every dataset, the chain of sources, a
     lot's notes; 3 when not.
 
     FILE: hrg files or folders; sources that lie in the same folder are followed.
     """
-    run.finish(*verify_files(files or [], run))
+    run.finish(*verify_files(files or [], run, sign_with))
 
 
-def verify_files(files: Sequence[Path], run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
-    """Verify; the command's JSON and its table."""
+def verify_files(
+    files: Sequence[Path], run: Common, sign_with: Path | None = None
+) -> tuple[dict[str, Any], Callable[[], None]]:
+    """Verify, and sign what is whole; the command's JSON and its table."""
     started = time.monotonic()
+    key = None if sign_with is None else signatures.private_key(sign_with)
     verdicts = verify(existing(files, "hrg files or their folder"))
+    if key is not None and all(verdict.result == "whole" for verdict in verdicts):
+        for path in files:
+            if path.is_file():
+                signatures.sign(path, key, run.force)
     told = {**report(verdicts), "elapsed_s": round(time.monotonic() - started, 3)}
 
     def show() -> None:

@@ -1,0 +1,115 @@
+"""Detached signatures of released files: Ed25519 over the file's bytes, raw in FILE.sig.
+
+Checksums tell that a file was changed, a signature by whom it cannot have been: only who holds the
+private key could make it. Keys are PEM files, as `openssl genpkey -algorithm ed25519` makes them,
+and `openssl pkeyutl -verify -pubin -inkey KEY -rawin -in FILE -sigfile FILE.sig` checks the same.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from . import store
+from .errors import HrgError
+
+SIZE = 64
+"""Bytes of a signature."""
+LARGEST = 1 << 30
+"""Bytes of a file that is signed: it is read whole, as the algorithm asks."""
+LARGEST_KEY = 1 << 16
+
+
+def signature_of(path: Path) -> Path:
+    """Where the signature of a file lies: beside it."""
+    return path.with_name(f"{path.name}.sig")
+
+
+def private_key(path: Path) -> Any:
+    """A private key, to sign with. HrgError: none in the file, or one under a password."""
+    from_pem = _library().load_pem_private_key
+    key = _loaded(path, lambda text: from_pem(text, password=None), "private")
+    return _of_kind(path, key, "sign", "private")
+
+
+def public_key(path: Path) -> Any:
+    """A public key, to check with. HrgError: none in the file."""
+    return _of_kind(
+        path, _loaded(path, _library().load_pem_public_key, "public"), "verify", "public"
+    )
+
+
+def sign(path: Path, key: Any, force: bool = False) -> Path:
+    """Write the signature of a file beside it; the name of the signature."""
+    made = signature_of(path)
+    with store.atomic_path(made, force) as temporary:
+        temporary.write_bytes(key.sign(_content(path)))
+    return made
+
+
+def need_signed(path: Path, key: Any) -> None:
+    """Refuse a file that the key's owner did not sign. HrgError: no signature, or another one."""
+    from cryptography.exceptions import InvalidSignature
+
+    beside = signature_of(path)
+    if not beside.is_file():
+        raise HrgError(
+            f"{path}: is not signed ({beside} is not there); get its signature from who released"
+            " it, or export without --verify-with"
+        )
+    try:
+        key.verify(_read(beside, SIZE), _content(path))
+    except InvalidSignature as error:
+        raise HrgError(
+            f"{path}: the signature {beside} is not that of this file by this key; the file was"
+            " changed after its release, or another key signed it"
+        ) from error
+
+
+def _library() -> Any:
+    from cryptography.hazmat.primitives import serialization
+
+    return serialization
+
+
+def _loaded(path: Path, load: Any, kind: str) -> Any:
+    try:
+        return load(_read(path, LARGEST_KEY))
+    except (ValueError, TypeError) as error:
+        raise HrgError(
+            f"{path}: holds no {kind} key that can be read (PEM without a password was expected);"
+            " make one with: openssl genpkey -algorithm ed25519"
+        ) from error
+    except Exception as error:  # the library's own for an algorithm that it does not know
+        if type(error).__name__ != "UnsupportedAlgorithm":
+            raise
+        raise HrgError(f"{path}: holds a key of an unknown algorithm; use Ed25519") from error
+
+
+def _of_kind(path: Path, key: Any, does: str, kind: str) -> Any:
+    if "Ed25519" not in type(key).__name__ or not hasattr(key, does):
+        raise HrgError(
+            f"{path}: holds a {kind} key of another algorithm; Ed25519 was expected: openssl genpkey"
+            " -algorithm ed25519"
+        )
+    return key
+
+
+def _content(path: Path) -> bytes:
+    return _read(path, LARGEST)
+
+
+def _read(path: Path, most: int) -> bytes:
+    """The bytes of a file of at most this size. HrgError: larger, or not to be read."""
+    try:
+        size = path.stat().st_size
+        if size > most:
+            raise HrgError(
+                f"{path}: has {size} bytes, at most {most} were expected; sign the table, not the"
+                " recordings"
+            )
+        return path.read_bytes()
+    except OSError as error:
+        raise HrgError(
+            f"{path}: cannot be read ({error.strerror}); name a file that is there and readable"
+        ) from error
