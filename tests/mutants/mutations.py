@@ -298,7 +298,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/validity.py": (
-        "tests/test_validity.py tests/test_bad_inputs.py",
+        "tests/test_validity_bounds.py tests/test_validity.py tests/test_bad_inputs.py",
         (
             ("\"raw\": \"iuf\", \"f8\": \"iuf\"", "\"raw\": \"iufb\", \"f8\": \"iuf\""),
             ("\"u1\": \"iu\"", "\"u1\": \"iuf\""),
