@@ -18,6 +18,8 @@ import mutation
 import numpy as np
 
 Damage = list[Any]
+LARGEST = 1 << 20
+"""Values of a dataset that is damaged once more."""
 NUMBERS: dict[str, float] = {
     "nan": np.nan, "inf": np.inf, "-inf": -np.inf, "0": 0.0, "-1": -1.0, "1e300": 1e300, "-1e300": -1e300, "1e-320": 1e-320,
     "2**63": float(2**63), "1e9": 1e9, "0.5": 0.5,
@@ -164,6 +166,13 @@ def _token(path: Path, seed: int, new: str) -> None:
     path.write_text(text, encoding="utf-8", errors="replace")
 
 
+def _content(file: h5py.File, place: str) -> np.ndarray:
+    """The values of a dataset; ValueError where an earlier damage made it huge."""
+    if file[place].size > LARGEST:
+        raise ValueError(place)
+    return np.asarray(file[place][()])
+
+
 def _replace(file: h5py.File, place: str, data: Any) -> None:
     attributes = {
         key: value
@@ -176,7 +185,7 @@ def _replace(file: h5py.File, place: str, data: Any) -> None:
 
 
 def _type(file: h5py.File, place: str, kind: str) -> None:
-    values = file[place][()]
+    values = _content(file, place)
     _replace(
         file,
         place,
@@ -189,7 +198,7 @@ def _type(file: h5py.File, place: str, kind: str) -> None:
 
 
 def _shape(file: h5py.File, place: str, how: str) -> None:
-    values = np.asarray(file[place][()])
+    values = _content(file, place)
     made = {
         "empty": lambda: values[:0],
         "scalar": lambda: values.reshape(-1)[0],
@@ -202,7 +211,7 @@ def _shape(file: h5py.File, place: str, how: str) -> None:
 
 
 def _value(file: h5py.File, place: str, how: str, number: str, seed: int) -> None:
-    values = np.asarray(file[place][()])
+    values = _content(file, place)
     rng = np.random.default_rng(seed)
     what = NUMBERS[number]
     if values.dtype.kind in "iu":
@@ -220,7 +229,8 @@ def _value(file: h5py.File, place: str, how: str, number: str, seed: int) -> Non
     elif how == "first":
         values[:1] = what
     else:
-        values = values * np.asarray(what, values.dtype)
+        with np.errstate(all="ignore"):
+            values = values * np.asarray(what, values.dtype)
     _replace(file, place, values)
 
 
