@@ -38,12 +38,14 @@ test-browser: $(READY)  ## Test the report page in Debian's chromium (installed 
 study: $(READY)  ## Run the long statistical studies
 	$(BIN)/python -m pytest -n $(JOBS) -m slow tests
 
-faults: $(READY)  ## Damaged inputs and failing calls over all commands (TRIALS, FAILURES, HRG_TEST_SEED; another seed each time)
+faults: $(READY)  ## Damaged inputs and failing calls over all commands (TRIALS, FAILURES, HRG_TEST_SEED; PAGE=docs/FAULTS.md keeps the figures)
 	$(BIN)/python tests/robustness/faults.py --trials $(TRIALS) --failures $(FAILURES)
 	HRG_TEST_SEED=$${HRG_TEST_SEED:-$$(date +%s)} $(BIN)/python -m pytest -n $(JOBS) -m hypothesis tests
+	$(BIN)/python tests/robustness/page.py $(PAGE)
 
-mutants: $(READY)  ## Change the code on purpose and count the changes that no test sees (ONLY=part of a file's name)
-	$(BIN)/python tests/mutants/run.py $(if $(ONLY),--only $(ONLY))
+mutants: $(READY)  ## Change the code on purpose and count the changes that no test sees (ONLY=part of a file's name, RESUME=1, PAGE)
+	$(BIN)/python tests/mutants/run.py $(if $(ONLY),--only $(ONLY)) $(if $(RESUME),--resume)
+	$(BIN)/python tests/robustness/page.py $(PAGE)
 
 bench: $(READY)  ## Measure speed and accuracy now, as one page (PAGE=docs/BENCHMARKS.md keeps it)
 	$(BIN)/python benchmarks/page.py $(PAGE)

@@ -16,6 +16,7 @@ EXTRAS = {
     "xarray": "notebook",
     "h5netcdf": "notebook",
     "uncertainties": "notebook",
+    "cryptography": "signing",
 }
 """Package -> the extra of `pip install 'hrg-cli[EXTRA]'` that brings it."""
 

@@ -67,12 +67,8 @@ def need_signed(path: Path, key: Any) -> None:
 
 
 def _library() -> Any:
-    try:
-        from cryptography.hazmat.primitives import serialization
-    except ImportError as error:
-        raise HrgError(
-            'signatures need the package cryptography; install it with: pip install "hrg-cli[signing]"'
-        ) from error
+    from cryptography.hazmat.primitives import serialization
+
     return serialization
 
 

@@ -96,7 +96,7 @@ def test_without_the_library_a_sentence_says_what_to_install(release, hrg, monke
     monkeypatch.setitem(sys.modules, "cryptography.hazmat.primitives", None)
     key = release.parent / "owner.pub"
     left = hrg("export", release, "-o", release.parent / "t.csv", "--verify-with", key)
-    assert left.status == 1 and 'pip install "hrg-cli[signing]"' in left.err
+    assert left.status == 1 and "pip install 'hrg-cli[signing]'" in left.err
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")

@@ -117,7 +117,10 @@ def guarded(body: Callable[[], None], verbose: bool = False) -> None:
 
 
 def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
-    """An optional package that is missing, or an error of the program's own."""
+    """Memory that ran out, an optional package that is missing, or an error of the program's
+    own."""
+    if is_no_memory(error):
+        leave(NO_MEMORY, FAILED)
     if gone := optional(error):
         leave(f"this needs {how_to_install(gone)}", FAILED)
     if is_no_memory(error):

@@ -128,6 +128,13 @@ def test_tangent_law_is_the_exact_motion_at_rest():
         assert np.allclose(drift.tangent_law(g, start, times), angle, atol=1e-9)
 
 
+@pytest.mark.parametrize("start", [-7.0, 0.4, 5.0])
+def test_the_tangent_law_keeps_whole_turns(start):
+    g = gyro(frequency_split_rad_s=0.0)
+    assert drift.tangent_law(g, start, 0.0) == pytest.approx(start, abs=1e-12)
+    assert abs(drift.tangent_law(g, start, 1.0) - start) < 0.03
+
+
 def test_adams_is_of_fourth_order_and_meets_the_tangent_law():
     g = gyro(frequency_split_rad_s=0.0)
     errors = []

@@ -167,8 +167,9 @@ def _token(path: Path, seed: int, new: str) -> None:
 
 
 def _content(file: h5py.File, place: str) -> np.ndarray:
-    """The values of a dataset; ValueError where an earlier damage made it huge."""
-    if file[place].size > LARGEST:
+    """The values of a dataset; ValueError where an earlier damage made it huge, or another
+    thing."""
+    if not isinstance(file[place], h5py.Dataset) or (file[place].size or 0) > LARGEST:
         raise ValueError(place)
     return np.asarray(file[place][()])
 

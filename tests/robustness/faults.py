@@ -29,6 +29,8 @@ import damage  # noqa: E402
 import judge  # noqa: E402
 import programme  # noqa: E402
 
+KEPT = Path("build/faults")
+"""What every run came to, for `page.py`."""
 CORPUS = Path(__file__).with_name("corpus.json")
 SHIM = Path(__file__).with_name("fail_nth.c")
 CALLS = (
@@ -196,11 +198,19 @@ def main() -> int:
     good = programme.build(judge.clean(folder / "good"))
     cases = [case for case in programme.ready(good, not asked.no_costly) if asked.only in case.name]
     failures = replay(good, folder / "trial") if not asked.only else []
-    started = time.monotonic()
-    counts, broken = put_damage(
-        good, folder / "trial", cases, asked.trials, asked.seed, Path("build/faults")
-    )
+    started, used = time.monotonic(), sum(os.times()[:4])
+    counts, broken = put_damage(good, folder / "trial", cases, asked.trials, asked.seed, KEPT)
     failures += broken
+    told = {
+        "seed": asked.seed,
+        "trials": asked.trials,
+        "cpu_s": sum(os.times()[:4]) - used,
+        "counts": [[*key, number] for key, number in counts.items()],
+        "failures": broken,
+    }
+    KEPT.mkdir(parents=True, exist_ok=True)
+    with (KEPT / "damage.jsonl").open("a") as lines:
+        lines.write(json.dumps(told) + "\n")
     print(
         f"{asked.trials} damaged inputs over {len(cases)} commands, seed {asked.seed},"
         f" {time.monotonic() - started:.0f} s"
@@ -215,6 +225,12 @@ def main() -> int:
     if asked.failures:
         counts, broken = put_failures(good, folder / "trial", cases, asked.failures)
         failures += broken
+        told = {
+            "most": asked.failures,
+            "counts": [[*key, number] for key, number in counts.items()],
+            "failures": broken,
+        }
+        (KEPT / "calls.json").write_text(json.dumps(told) + "\n")
         print(f"{sum(counts.values())} failing calls over {len(cases)} commands")
         for name in sorted({name for name, *_ in counts}):
             print(
