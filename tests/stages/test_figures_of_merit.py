@@ -13,7 +13,6 @@ from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.figures_of_merit import allan_figures, calibration_figures, scale_factor_figures
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "reporting")]
-import records_by_hand  # noqa: E402
 
 
 def test_allan_deviation_agrees_with_allantools_and_its_coefficients_with_the_truth():
