@@ -34,8 +34,7 @@ from .diagnosis.between import between_runs
 from .diagnosis.closing import closing_checks, word
 from .diagnosis.contradiction import strangers
 from .diagnosis.data import averaged_well, freedom_of, prepare
-from .diagnosis.drive_log import blind, timed
-from .diagnosis.drive_scatter import allowed_for, sentence
+from .diagnosis.drive_log import blind, scatter_beyond, timed
 from .diagnosis.forecast import folds_of, forecast, predicts_worse
 from .diagnosis.form import Form, better
 from .diagnosis.gain import held_out
@@ -249,7 +248,7 @@ def _diagnosed(
     }  # fmt: skip
     report, shares = switched_off(report, search.base, search.final)
     return _with_shares(_record(search, waves, verdict, report, model), shares).judged(
-        _doubts(verdict, checks.failures(closing), sentence(search.final))
+        _doubts(verdict, checks.failures(closing), scatter_beyond(search.final))
     )
 
 
@@ -272,7 +271,7 @@ def _fitted(
     first, guessed = along(None)
     if not gross(first) and not averaged_well(first.series, guessed, first.point):
         first, _ = along(first.point)
-    return blind(settled(allowed_for(timed(first))))
+    return blind(settled(timed(first)))
 
 
 @dataclass(frozen=True)

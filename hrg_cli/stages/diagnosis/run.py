@@ -121,7 +121,7 @@ def _start(fit: Fit, k: int, wave: Wave, straight: bool) -> Array:
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
     back = replace(
-        series.alone(),
+        series,
         time_s=times,
         envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
         rate_rad_s=rate,
@@ -132,6 +132,7 @@ def _start(fit: Fit, k: int, wave: Wave, straight: bool) -> Array:
         phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
         main_impulse=along(series.main_impulse, series.main_drive[:, :1]),
         quadrature_impulse=along(series.quadrature_impulse, series.quadrature_drive[:, :1]),
+        unsettled=None,
         **columns,
     )
     point = Point(
