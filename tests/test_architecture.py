@@ -19,7 +19,10 @@ STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
 PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits"}
 CHAIN = {*PAGES, "formats", "origins", "executors", "extended", "memory", "rehearsal"}
-RESULTS = {"measured_export", "exporting_records", "exporting", "comparing", "verification"}
+RESULTS = {
+    *("measured_export", "exporting_records", "exporting"),
+    *("comparing", "verification", "signatures"),
+}
 MAY_IMPORT: dict[str, set[str]] = {
     "units": set(),
     "errors": set(),
@@ -40,6 +43,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "formats": FILES,
     "origins": FILES,
     "memory": FILES,
+    "signatures": FILES,
     "verification": FILES,
     "exporting_records": FILES,
     "limits": {*STAGES, "stages", "limit_values"},
