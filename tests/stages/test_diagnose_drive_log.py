@@ -63,7 +63,7 @@ def test_a_log_is_taken_as_late_as_the_waves_show_it():
     assert abs(timed.chi2 / timed.dof - 1) < 5 * np.sqrt(2 / timed.dof)
     # and what the fit says of the gyro is right again, in its own standard deviations
     off = (timed.point.p[:6] - P[:6]) / np.sqrt(np.diag(timed.coordinate_covariance())[:6])
-    assert np.abs(off).max() < 4 < np.abs((plain.point.p[:6] - P[:6])).max() / 1e-5
+    assert np.abs(off).max() < 4 < np.abs(plain.point.p[:6] - P[:6]).max() / 1e-5
 
 
 def test_no_lateness_is_found_in_a_log_that_is_right():
