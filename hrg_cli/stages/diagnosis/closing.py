@@ -18,6 +18,7 @@ from ...fitting.causes.wave_frame import directions, real
 from ...fitting.checks import Check
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...physics import ellipse
+from .drive_log import WALK, scatter_of
 from .form import Form
 from .gain import folds_of, predicted
 from .remainder import Remainder
@@ -175,6 +176,7 @@ def _expected(fit: Fit, fold: Array) -> float:
 def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
     """Every named cause on its own: off zero and of a thinkable size."""
     fit = search.final
+    walk, _ = scatter_of(fit)
     for one in search.found:
         name = one.variant.effect.name
         _, wald = fit.away(one.variant.effect)
@@ -185,6 +187,15 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
             OWN_SIGMA,
             f"{name} is no more than {sigma:.2g} of its σ off zero",
         )
+        if walk >= WALK:
+            beside = sigma / float(np.hypot(1.0, walk))
+            yield checks.at_least(
+                f"{name}_stands_beside_drive_log",
+                beside,
+                OWN_SIGMA,
+                f"{name} is no more than {beside:.2g} σ off zero beside the walk of {walk:.2g} σ that"
+                " the scatter of the drive's log may have left out",
+            )
         small = is_small(one.variant.effect, fit.values(name), fit)
         yield checks.holds(
             f"{name}_is_small", small, f"{name} came out larger than such a cause can be"

@@ -98,11 +98,12 @@ def delayed(series: Series, late_s: float) -> Series:
     return replace(series, drive_late_s=series.drive_late_s + late_s, **changes)
 
 
-def scatter_beyond(fit: Fit) -> str:
-    """A sentence where the logged commands scatter so much that what a log of single values misses
-    of them between its rows may be what the fit leaves; empty where they do not.
+def scatter_of(fit: Fit) -> tuple[float, float]:
+    """(σ by which the scatter of the logged commands moves the wave within a run, that scatter in
+    amplitude/s), of the run where it does most; (0, 0) where none is logged.
 
-    White scatter s of the rows' means over h makes a walk of s h √n in n rows.
+    White scatter s of the rows' means over h makes a walk of s h √n in n rows. A log of every value
+    or of means holds it; one of single values does not, and nothing says which a log is.
     """
     series, worst, scatter = fit.series, 0.0, 0.0
     for k, weight in enumerate(series.weight):
@@ -117,6 +118,13 @@ def scatter_beyond(fit: Fit) -> str:
         walk = own * step * np.sqrt(rows) * float(np.median(weight[good]))
         if walk > worst:
             worst, scatter = walk, own
+    return worst, scatter
+
+
+def scatter_beyond(fit: Fit) -> str:
+    """A sentence where the logged commands scatter so much that what a log of single values misses
+    of them between its rows may be what the fit leaves; empty where they do not."""
+    worst, scatter = scatter_of(fit)
     if worst < WALK:
         return ""
     return (
