@@ -173,6 +173,21 @@ def _expected(fit: Fit, fold: Array) -> float:
     return float(np.sqrt(1 + unknown.sum() / len(fold)))
 
 
+def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
+    """A cause so many σ off zero beside a walk of the wave, in σ, that the scatter of the drive's
+    log may have left out; nothing where that is less than the noise."""
+    if walk < WALK:
+        return
+    beside = sigma / float(np.hypot(1.0, walk))
+    yield checks.at_least(
+        f"{name}_stands_beside_drive_log",
+        beside,
+        OWN_SIGMA,
+        f"{name} is no more than {beside:.2g} σ off zero beside the walk of {walk:.2g} σ that the"
+        " scatter of the drive's log may have left out",
+    )
+
+
 def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
     """Every named cause on its own: off zero and of a thinkable size."""
     fit = search.final
@@ -187,15 +202,7 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
             OWN_SIGMA,
             f"{name} is no more than {sigma:.2g} of its σ off zero",
         )
-        if walk >= WALK:
-            beside = sigma / float(np.hypot(1.0, walk))
-            yield checks.at_least(
-                f"{name}_stands_beside_drive_log",
-                beside,
-                OWN_SIGMA,
-                f"{name} is no more than {beside:.2g} σ off zero beside the walk of {walk:.2g} σ that"
-                " the scatter of the drive's log may have left out",
-            )
+        yield from beside_drive_log(name, sigma, walk)
         small = is_small(one.variant.effect, fit.values(name), fit)
         yield checks.holds(
             f"{name}_is_small", small, f"{name} came out larger than such a cause can be"
