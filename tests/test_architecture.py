@@ -14,28 +14,28 @@ import hrg_cli
 
 PACKAGE = Path(hrg_cli.__file__).parent
 BASE = {"units", "errors", "version", "extras"}
-FITS = {*BASE, "harmonics", "records", "physics", "effects"}
+FITS = {*BASE, "fourier", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
 PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits"}
 CHAIN = {*PAGES, "formats", "origins", "executors", "extended", "memory", "rehearsal"}
 RESULTS = {
-    *("measured_export", "exporting_records", "exporting"),
-    *("comparing", "verification", "signatures"),
+    *("measured_export", "exporting_records", "exporting", "comparing"),
+    *("verification", "signatures"),
 }
 MAY_IMPORT: dict[str, set[str]] = {
     "units": set(),
     "errors": set(),
     "extras": set(),
     "version": set(),
-    "harmonics": set(),
+    "fourier": set(),
     "settings": {"errors"},
     "notebook": {"errors", "extras"},
     "executors": {"errors", "extras"},
     "limit_values": {"units", "errors"},
     "physics": {"units", "errors"},
     "effects": {"units", "errors", "physics"},
-    "records": {"units", "errors", "harmonics", "notebook"},
+    "records": {"units", "errors", "fourier", "notebook"},
     "fitting": FITS,
     "store": {*BASE, "records"},
     "stages": STAGES,
@@ -43,8 +43,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "formats": FILES,
     "origins": FILES,
     "memory": FILES,
-    "signatures": FILES,
     "verification": FILES,
+    "signatures": FILES,
     "exporting_records": FILES,
     "limits": {*STAGES, "stages", "limit_values"},
     "measured_export": {*STAGES, "stages"},

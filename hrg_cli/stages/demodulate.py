@@ -18,7 +18,13 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.samples.course import Course, course, impulse, mean_of
+from ..fitting.samples.course import (
+    Course,
+    course,
+    impulse,
+    mean_of,
+    means_of_values,
+)
 from ..fitting.samples.demodulator import Demodulator, Rows
 from ..fitting.samples.even import even_rows
 from ..fitting.samples.run_down import RunDown, run_down
@@ -352,7 +358,11 @@ class _Judge:
                 )
             logged = {name: getattr(recording, name) for name in AUXILIARY}
             self.log = {
-                name: (impulse if name in COMMANDS else course)(self.log_time, values)
+                name: (
+                    impulse(self.log_time, means_of_values(self.log_time, values))
+                    if name in COMMANDS
+                    else course(self.log_time, values)
+                )
                 for name, values in logged.items()
                 if values is not None
             }

@@ -283,7 +283,7 @@ def test_a_missing_library_is_named(tmp_path, monkeypatch):
 
     def without(name, *rest, **more):
         if name.split(".")[0] in ("nptdms", "pyarrow"):
-            raise ImportError(name)
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", without)

@@ -4,7 +4,8 @@ honest errors."""
 import numpy as np
 import pytest
 
-from hrg_cli.studies.identification import PARAMETERS, figure, identification_study, table
+from hrg_cli.physics.resonator import OF_GENERATOR
+from hrg_cli.studies.identification import figure, identification_study, table
 
 
 def rows_of(study, method):
@@ -15,7 +16,7 @@ def test_likelihood_reaches_the_bound_on_simulated_programmes():
     draws = 24
     study = identification_study(draws=draws, methods="likelihood", seed=1)
     rows = rows_of(study, "likelihood")
-    assert set(rows) == set(PARAMETERS)
+    assert set(rows) == set(OF_GENERATOR)
     everything = np.mean([r["scatter"] ** 2 for r in rows.values()])
     assert everything == pytest.approx(1, abs=5 * np.sqrt(2 / (draws * 6)))
     assert np.mean([r["coverage_68"] for r in rows.values()]) == pytest.approx(

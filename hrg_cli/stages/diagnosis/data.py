@@ -215,10 +215,10 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
             "branch": branch(np.where(np.ptp(smooth) > 0, smooth, 0.0)),
             "table_angle_rad": run.turn_rad,
             "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
-            "main_drive": _command(wave, "drive_main", t, forced),
-            "quadrature_drive": _command(wave, "drive_quadrature", t, forced),
-            "main_impulse": _impulse(wave, "drive_main", t, forced),
-            "quadrature_impulse": _impulse(wave, "drive_quadrature", t, forced),
+            "main_drive": command(wave, "drive_main", t, forced),
+            "quadrature_drive": command(wave, "drive_quadrature", t, forced),
+            "main_impulse": impulse_of(wave, "drive_main", t, forced),
+            "quadrature_impulse": impulse_of(wave, "drive_quadrature", t, forced),
             "forced": forced,
             "held_amplitude": held,
             "held_slope": np.gradient(held, t),
@@ -251,13 +251,13 @@ def _finite(x: Array, y: Array | None) -> tuple[Array, Array]:
     return np.asarray(x)[good], np.asarray(y, float)[good]
 
 
-def _command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
+def command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """A logged drive command over rows about times t; zero where there is none."""
     logged = _logged(wave, name, forced)
     return np.zeros(len(t)) if logged is None else mean_of(logged, t, np.gradient(t))
 
 
-def _impulse(wave: Wave, name: str, t: Array, forced: Array) -> Array:
+def impulse_of(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """∫ of a logged drive command from the log's start to times t; zero where there is none."""
     logged = _logged(wave, name, forced)
     return np.zeros(len(t)) if logged is None else logged.at(t)

@@ -17,6 +17,7 @@ from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
 from ..run_tables import drive_log, loops, points, rate_course, sample_noise
+from .data import command, impulse_of
 from .drive_log import timely
 
 Array = np.ndarray
@@ -26,8 +27,6 @@ HELD = (
     "weight",
     "temperature_rate_degc_s",
     "branch",
-    "main_drive",
-    "quadrature_drive",
     "forced",
     "held_amplitude",
     "held_slope",
@@ -130,8 +129,10 @@ def _start(fit: Fit, k: int, wave: Wave, straight: bool) -> Array:
             series.table_angle_rad, rate if straight else (rate[:, :1] + rate) / 2
         ),
         phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
-        main_impulse=along(series.main_impulse, series.main_drive[:, :1]),
-        quadrature_impulse=along(series.quadrature_impulse, series.quadrature_drive[:, :1]),
+        main_drive=command(wave, "drive_main", times[0], series.forced)[None],
+        quadrature_drive=command(wave, "drive_quadrature", times[0], series.forced)[None],
+        main_impulse=impulse_of(wave, "drive_main", times[0], series.forced)[None],
+        quadrature_impulse=impulse_of(wave, "drive_quadrature", times[0], series.forced)[None],
         unsettled=None,
         **columns,
     )
