@@ -34,7 +34,9 @@ def optional(error: Exception) -> str | None:
 
 def how_to_install(package: str) -> str:
     """What is missing and the command that brings it."""
-    return f"{package}, which is not installed; run pip install 'hrg-cli[{EXTRAS[package]}]'"
+    return (
+        f"{package}, which is not installed; run pip install 'hrg-cli[{EXTRAS[package.lower()]}]'"
+    )
 
 
 def without_pages() -> str | None:

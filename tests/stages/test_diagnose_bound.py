@@ -44,8 +44,8 @@ def test_a_wave_that_jumps_ends_within_its_bound(seed):
 
 
 def test_sound_runs_stay_far_below(monkeypatch):
-    """At a tenth of the work they are still diagnosed to the end."""
-    monkeypatch.setattr(stage, "MOTIONS_EACH", stage.MOTIONS_EACH / 10)
+    """At a hundredth of the work they are still diagnosed to the end."""
+    monkeypatch.setattr(stage, "MOTIONS_EACH", stage.MOTIONS_EACH / 100)
     found = diagnose(runs())
     assert "search_finished" not in {c["name"] for c in json.loads(found.report)["checks"]}
 

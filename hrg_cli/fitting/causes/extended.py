@@ -343,16 +343,13 @@ class Stage:
         return one
 
     def beside(self, v: Array) -> Array:
-        """dv/dt beside L v; effects look at the displacement."""
+        """dv/dt beside L v. Effects look at what moves: a frequency that follows temperature would
+        else turn the force's lead, which the drive's own rows already have."""
         state = self.lit(v)
-        if not self.driven:
-            u, total = v, np.zeros_like(v)
-        else:
-            u = v + self.lead * state.drive
-            total = state.drive + times(self.second, state.drive)
+        total = state.drive + times(self.second, state.drive) if self.driven else np.zeros_like(v)
         for effect, values in self.active:
             if effect.slow is not no_term:
-                total += effect.slow(values, u, state)
+                total += effect.slow(values, v, state)
         return total
 
     def seen(self, v: Array) -> Array:
