@@ -29,6 +29,7 @@ from ..fitting.causes.extended import Point, Series
 from ..fitting.causes.extended_fit import Freedom
 from ..fitting.envelopes.base_fit import nominal_scale_factor
 from ..fitting.envelopes.coordinates import COUNT, from_mechanics
+from ..fitting.envelopes.envelope_runs import envelopes_of
 from ..physics.plant import Environment, Readout, Samples
 from ..physics.resonator import exponential
 from ..records import Recording, Resonator, Wave, collect
@@ -303,15 +304,7 @@ class _Oscillation:
 def _oscillation(wave: Wave) -> _Oscillation:
     from scipy.interpolate import CubicSpline
 
-    from ..physics import ellipse
-
-    u = ellipse.envelopes(
-        wave.main_amplitude,
-        wave.quadrature_amplitude,
-        wave.wave_angle_rad,
-        wave.phase_rad,
-        wave.mode_number,
-    )
+    u = envelopes_of(wave)
     good = np.isfinite(u).all(axis=-1)
     if np.count_nonzero(good) < FEWEST:
         found = f"{np.count_nonzero(good)} windows show the oscillation"

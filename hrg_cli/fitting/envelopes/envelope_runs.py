@@ -100,6 +100,18 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     return run
 
 
+def envelopes_of(wave: Wave, rows: Array | slice = slice(None)) -> Array:
+    """Complex envelopes (n, 2) of the channels C and S in a wave's rows, against its own reference
+    frequency."""
+    return ellipse.envelopes(
+        wave.main_amplitude[rows],
+        wave.quadrature_amplitude[rows],
+        wave.wave_angle_rad[rows],
+        wave.phase_rad[rows],
+        wave.mode_number,
+    )
+
+
 def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> EnvelopeRun:
     """The good rows among `inside` of a wave whose table has turned by turn_rad (n,)."""
     good = (
@@ -110,13 +122,7 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
     )
     good &= np.isfinite(wave.quadrature_amplitude)
     chosen = np.arange(len(good))[inside][good[inside]]
-    u = ellipse.envelopes(
-        wave.main_amplitude[chosen],
-        wave.quadrature_amplitude[chosen],
-        wave.wave_angle_rad[chosen],
-        wave.phase_rad[chosen],
-        wave.mode_number,
-    )
+    u = envelopes_of(wave, chosen)
     return EnvelopeRun(
         run_id=wave.run_id,
         time_s=np.asarray(wave.time_s, float)[chosen],

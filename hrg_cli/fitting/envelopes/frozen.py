@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...physics import ellipse
 from ...records import Wave
 from ..samples.least_count import least_count
+from .envelope_runs import envelopes_of
 
 Array = np.ndarray
 CHANCE = 1e-9
@@ -89,8 +89,7 @@ class _Rows:
     @classmethod
     def of(cls, wave: Wave) -> _Rows:
         rows = np.flatnonzero(wave.good() & np.isfinite(wave.phase_rad))
-        a_A, a_B, angle, phase = (np.asarray(getattr(wave, name), float)[rows] for name in COLUMNS)
-        return cls(wave, rows, ellipse.envelopes(a_A, a_B, angle, phase, wave.mode_number))
+        return cls(wave, rows, envelopes_of(wave, rows))
 
     def column(self, name: str) -> Array:
         """A column (n,) of the wave."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...fitting.causes.extended_fit import Fit
-from ...physics import ellipse
+from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...physics.plant import Readout, Samples
 from ...records import Array, Wave
 from .lines import WANDER, WIDTH_CELLS, cell_hz, frequency_of
@@ -94,7 +94,4 @@ def harmonics(
 
 def _amplitudes(wave: Wave) -> Array:
     """Amplitudes (n, 2) of the channels in the good rows."""
-    good = wave.good()
-    columns = (wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad)
-    a_A, a_B, angle, phase = (np.asarray(column, float)[good] for column in columns)
-    return np.abs(ellipse.envelopes(a_A, a_B, angle, phase, wave.mode_number))
+    return np.abs(envelopes_of(wave, wave.good()))

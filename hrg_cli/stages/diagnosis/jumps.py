@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.envelopes.envelope_runs import turned
-from ...physics import ellipse
+from ...fitting.envelopes.envelope_runs import envelopes_of, turned
 from ...records import Array, Wave
 
 JUMP_SIGMA = 8.0
@@ -76,13 +75,7 @@ def jumps(wave: Wave) -> list[Jump]:
     if len(rows) < 4 * NEIGHBOURS:
         return []
     time = np.asarray(wave.time_s, float)[rows]
-    u = ellipse.envelopes(
-        wave.main_amplitude,
-        wave.quadrature_amplitude,
-        wave.wave_angle_rad,
-        wave.phase_rad,
-        wave.mode_number,
-    )[rows]
+    u = envelopes_of(wave, rows)
     noise = np.asarray(wave.signal_std, float)[rows]
     z = circular(u)
     step = np.diff(time)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics import ellipse
+from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...records import Wave
 from .jumps import TOUCHED, jumps
 from .lines import sampling_hz
@@ -98,13 +98,7 @@ def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wa
 def _rough(wave: Wave) -> float:
     """Noise of one signal coefficient from the envelopes' third differences."""
     good = wave.good()
-    u = ellipse.envelopes(
-        wave.main_amplitude,
-        wave.quadrature_amplitude,
-        wave.wave_angle_rad,
-        wave.phase_rad,
-        wave.mode_number,
-    )[good]
+    u = envelopes_of(wave, good)
     return (
         float(np.sqrt(np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2) / (20 * 2 * np.log(2))))
         if len(u) > 3

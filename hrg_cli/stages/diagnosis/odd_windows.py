@@ -13,7 +13,7 @@ from math import comb
 
 import numpy as np
 
-from ...physics import ellipse
+from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...records import Array, Wave
 
 NEIGHBOURS = 12
@@ -70,13 +70,7 @@ def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:
 
 def channel_amplitudes(wave: Wave) -> Array:
     """The larger amplitude of the two channels (n,)."""
-    u = ellipse.envelopes(
-        wave.main_amplitude,
-        wave.quadrature_amplitude,
-        wave.wave_angle_rad,
-        wave.phase_rad,
-        wave.mode_number,
-    )
+    u = envelopes_of(wave)
     return np.asarray(np.abs(u).max(axis=-1))
 
 

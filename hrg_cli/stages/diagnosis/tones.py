@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.causes.extended_fit import DivergedError, Fit
+from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...fitting.samples.spectrum import floor
 from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
@@ -119,13 +120,7 @@ def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array
     for k, wave in enumerate(waves):
         good = wave.good()
         t = np.asarray(wave.time_s, float)[good]
-        measured = ellipse.envelopes(
-            wave.main_amplitude,
-            wave.quadrature_amplitude,
-            wave.wave_angle_rad,
-            wave.phase_rad,
-            wave.mode_number,
-        )[good]
+        measured = envelopes_of(wave, good)
         measured = (
             measured * np.exp(2j * np.pi * (wave.reference_frequency_hz - reference) * t)[:, None]
         )
@@ -233,13 +228,7 @@ def without(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
     out = []
     for k, wave in enumerate(waves):
         t = np.asarray(wave.time_s, float)
-        u = ellipse.envelopes(
-            wave.main_amplitude,
-            wave.quadrature_amplitude,
-            wave.wave_angle_rad,
-            wave.phase_rad,
-            wave.mode_number,
-        )
+        u = envelopes_of(wave)
         u = u - tone.envelope(k, t, float(wave.reference_frequency_hz))
         a_A, a_B, angle, phase = ellipse.wave(u, wave.mode_number)
         angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)

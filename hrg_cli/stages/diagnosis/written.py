@@ -22,8 +22,8 @@ from ...fitting.causes.extended import state_of
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.wave_frame import real
+from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...fitting.samples.demodulator import MOVING_PERIODS
-from ...physics import ellipse
 from ...records import Wave, collect
 from ..demodulate import demodulate
 from ..estimate import estimate
@@ -182,13 +182,7 @@ def _envelopes(wave: Wave, fit: Fit, tone: Tone | None, k: int) -> tuple[Array, 
     the simulated wave of piece k; freed of the tone that the measured one was freed of."""
     good = wave.good()
     t = np.asarray(wave.time_s, float)[good]
-    u = ellipse.envelopes(
-        wave.main_amplitude,
-        wave.quadrature_amplitude,
-        wave.wave_angle_rad,
-        wave.phase_rad,
-        wave.mode_number,
-    )[good]
+    u = envelopes_of(wave, good)
     if tone is not None:
         seen = tone.in_windows(float(fit.frequency_hz[k]), float(wave.window_s))
         u = u - seen.envelope(k, t, float(wave.reference_frequency_hz))
