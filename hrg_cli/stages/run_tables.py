@@ -113,22 +113,12 @@ def chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[l
     values = []
     for log in logs:
         value = log.at(corner)
-        excess = h * (value[1:] + value[:-1]) / 2 - _area(log, corner)
+        excess = h * (value[1:] + value[:-1]) / 2 - np.diff(log.area_to(corner))
         value -= (np.append(0.0, excess) + np.append(excess, 0.0)) / (
             np.append(0.0, h) + np.append(h, 0.0)
         )
         values.append([float(v) for v in value])
     return [float(x) for x in corner], values
-
-
-def _area(log: Course, at: Array) -> Array:
-    """∫ of a log's course between times (n,), (n − 1,): Simpson's rule over every piece, exact on a
-    cubic."""
-    inside = log.time_s[(log.time_s > at[0]) & (log.time_s < at[-1])]
-    every = np.unique(np.concatenate([at, inside]))
-    a, b = every[:-1], every[1:]
-    piece = (b - a) / 6 * (log.at(a) + 4 * log.at((a + b) / 2) + log.at(b))
-    return np.asarray(np.add.reduceat(piece, np.searchsorted(every, at[:-1])))
 
 
 def points(t: Array, values: Array, share: float = COURSE) -> tuple[list[float], list[float]]:

@@ -70,12 +70,12 @@ class Course:
         return np.concatenate([[0.0], np.cumsum(h * (self.value[1:] + self.value[:-1]) / 2 - bent)])
 
     def area_to(self, time_s: Array) -> Array:
-        """∫ from the first row to any times: Simpson's rule is exact on the cubics, and beyond the
-        ends on what the course goes on to."""
+        """∫ from the first row to any times, by Simpson's rule from the row before each, exact on the
+        cubics; beyond the ends from the end."""
         t = self.time_s
         if len(t) == 1:
             return np.asarray(self.value[0] * (time_s - t[0]))
-        k = np.clip(np.searchsorted(t, time_s, side="right") - 1, 0, len(t) - 2)
+        k = np.clip(np.searchsorted(t, time_s, side="right") - 1, 0, len(t) - 1)
         part = (
             (time_s - t[k])
             / 6
