@@ -23,7 +23,7 @@ from ..effects.effect import Effect
 from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.causes import extended_fit
-from ..fitting.causes.extended import Point, state_of
+from ..fitting.causes.extended import Point, jump_times
 from ..fitting.causes.extended_fit import Fit
 from ..fitting.causes.wave_frame import real
 from ..fitting.envelopes import envelope_runs
@@ -185,15 +185,8 @@ def _diagnosed(
 
     frequency_hz = float(np.mean(search.final.frequency_hz))
     named = [f.variant.effect.name for f in search.found]
-    shown, lines = causes(
-        waves,
-        cut.steps,
-        tones,
-        frequency_hz,
-        named,
-    )
-    beating = near_tones(tones, waves, frequency_hz)
-    tone = beating[0] if beating else None
+    shown, lines = causes(waves, cut.steps, tones, frequency_hz, named)
+    tone = next(iter(near_tones(tones, waves, frequency_hz)), None)
     untouched = sought.untouched if cut.steps or tones else search.base
     model, written = faithful(
         lambda change, way: simulation_file(
@@ -360,14 +353,11 @@ def _sought(base: Fit, untouched: Fit, candidates: Sequence[Variant], most: int)
 
 def _instants(fit: Fit, cut: _Cut) -> list[tuple[int, float]]:
     """(wave, time) of every instant at which samples were lost or a cause of the fit strikes."""
-    lost = [(step.run, step.time_s) for step in cut.steps]
-    state = state_of(fit.series, fit.point)
-    for effect, values in fit.point.active:
-        if effect.slow_jump is not None:
-            struck, _ = effect.slow_jump(values, state)
-            times = np.broadcast_to(np.asarray(struck, float), len(cut.origin))
-            lost += [(cut.origin[k], float(t)) for k, t in enumerate(times)]
-    return lost
+    struck = jump_times(fit.series, fit.point)
+    return [
+        *((step.run, step.time_s) for step in cut.steps),
+        *((run, time_s) for run in cut.origin for time_s in struck),
+    ]
 
 
 def _in_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:

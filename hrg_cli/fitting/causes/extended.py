@@ -343,14 +343,23 @@ class Stage:
         return one
 
     def beside(self, v: Array) -> Array:
-        """dv/dt beside L v. Effects look at what moves: a frequency that follows temperature would
-        else turn the force's lead, which the drive's own rows already have."""
+        """dv/dt beside L v."""
         state = self.lit(v)
         total = state.drive + times(self.second, state.drive) if self.driven else np.zeros_like(v)
         for effect, values in self.active:
             if effect.slow is not no_term:
-                total += effect.slow(values, v, state)
+                total += effect.slow(values, self.acted_on(effect, v, state), state)
         return total
+
+    def acted_on(self, effect: Effect, v: Array, state: SlowState) -> Array:
+        """Envelopes that an effect's slow term looks at: loops and forcers see the displacement, v +
+        jf/2ω, the resonator moves as v does.
+
+        With the displacement for all, driven runs whose frequency follows 40 K of temperature are
+        missed by what that makes of the force's lead.
+        """
+        by_loops = self.driven and effect.family == "control"
+        return v + self.lead * state.drive if by_loops else v
 
     def seen(self, v: Array) -> Array:
         """As demodulation shows it, through the read-outs."""
@@ -387,6 +396,16 @@ def generators(series: Series, point: Point) -> Array:
     full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
     offset = 1j * (point.offset_rad_s - series.turn_rad_s)[:, None, None, None] * np.eye(2)
     return plain + point.p[6] * (full - plain) + offset
+
+
+def jump_times(series: Series, point: Point) -> list[float]:
+    """Instants at which effects of a point make the motion jump."""
+    state = state_of(series, point)
+    return [
+        float(effect.slow_jump(values, state)[0])
+        for effect, values in point.active
+        if effect.slow_jump is not None
+    ]
 
 
 def jump(series: Series, point: Point, effect: Effect, values: Mapping[str, float]) -> Array:

@@ -221,7 +221,6 @@ class _Seen:
     def __init__(self, flow: Propagation) -> None:
         self.flow, self.u = flow, flow.prediction.motion
         self.at_rows, self.at_middle = flow.rows.lit(self.u), flow.halves.lit(flow.middle)
-        self.shown, self.shown_middle = flow.rows.shown(self.u), flow.halves.shown(flow.middle)
 
     def terms(
         self, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
@@ -238,13 +237,13 @@ class _Seen:
         others = self.flow.rows.without(effect).seen(self.u)
         rows = middles = direct = None
         if effect.slow is not no_term:
+            at = self.flow.rows.acted_on(effect, self.u, self.at_rows)
+            between = self.flow.halves.acted_on(effect, self.flow.middle, self.at_middle)
             rows = _differences(
-                lambda p: effect.slow(p, self.shown, self.at_rows), pairs, self.at_rows.drive
+                lambda p: effect.slow(p, at, self.at_rows), pairs, self.at_rows.drive
             )
             middles = _differences(
-                lambda p: effect.slow(p, self.shown_middle, self.at_middle),
-                pairs,
-                self.at_middle.drive,
+                lambda p: effect.slow(p, between, self.at_middle), pairs, self.at_middle.drive
             )
         if effect.slow_readout is not same_signal:
             direct = _differences(

@@ -18,7 +18,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...errors import HrgError
 from ...fitting.causes import evidence
-from ...fitting.causes.extended import state_of
+from ...fitting.causes.extended import jump_times
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.wave_frame import real
@@ -195,14 +195,11 @@ def _envelopes(wave: Wave, fit: Fit, tone: Tone | None, k: int) -> tuple[Array, 
 def _jumping(fit: Fit, k: int) -> Array:
     """Rows of a run (n,) next to an instant at which the motion jumps, where windows see both
     sides."""
-    t, state = fit.series.time_s[k], state_of(fit.series, fit.point)
+    t = fit.series.time_s[k]
     near = np.zeros(len(t), bool)
-    for effect, values in fit.point.active:
-        if effect.slow_jump is not None:
-            instant, _ = effect.slow_jump(values, state)
-            near |= np.abs(t - instant) < NEXT_ROWS * float(
-                np.median(np.diff(t[fit.series.weight[k] > 0]))
-            )
+    for instant in jump_times(fit.series, fit.point):
+        row_s = float(np.median(np.diff(t[fit.series.weight[k] > 0])))
+        near |= np.abs(t - instant) < NEXT_ROWS * row_s
     return near
 
 
