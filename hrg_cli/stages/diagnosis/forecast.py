@@ -326,8 +326,9 @@ def sentence(report: dict[str, Any]) -> str:
     )
     names = list(dict.fromkeys(name for fold in report["chosen"] for name in fold))
     by = f"with {', '.join(names)}" if names else "no cause was chosen there"
+    unit = "" if report["unit"] == "1" else f" {report['unit']}"
     return (
-        f"{what}: {report['before']:.3g} → {report['after']:.3g} {report['unit']} rms, phase"
+        f"{what}: {report['before']:.3g} → {report['after']:.3g}{unit} rms, phase"
         f" included ({by}); {report['ratio']:.3g} times as good, 95 % between {report['low']:.3g}"
         f" and {report['high']:.3g}"
     )

@@ -327,7 +327,7 @@ def _laws(found: Sequence[Seen]) -> str:
     if (k := dependence.get("frequency_per_amplitude2_rad_s")) is not None:
         out.append(
             f"its frequency follows the amplitude (dω/da² = {k['value']:.4g} ± {k['std']:.1g}"
-            " rad/s)"
+            " rad/s for an amplitude of 1)"
         )
     if any(len(_of(s.one).decay.names) > 1 for s in found):
         out.append("its decay is not exponential")
