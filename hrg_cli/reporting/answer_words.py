@@ -123,7 +123,10 @@ def in_words(name: str) -> str:
 
 
 def size_of(effect: Mapping[str, Any]) -> str:
-    """The fitted size: one parameter as it is, two components as they are, more by the largest."""
+    """The fitted size: one parameter as it is, two components as they are, more by the largest; where
+    a sign or a phase was not measured, what was."""
+    if magnitude := _magnitude(effect):
+        return magnitude
     shown = [
         (name, as_float(p.get("value")), as_float(p.get("std")), str(p.get("units", "")))
         for name, p in child(effect, "parameters").items()
@@ -132,6 +135,18 @@ def size_of(effect: Mapping[str, Any]) -> str:
     if len(shown) > 2:
         shown = sorted(shown, key=lambda row: -abs(row[1]))[:1]
     return ", ".join(plain(quantity(name, value, std, units)) for name, value, std, units in shown)
+
+
+def _magnitude(effect: Mapping[str, Any]) -> str:
+    """The largest of the sizes that the samples show without sign or phase."""
+    stds, parameters = child(effect, "magnitude_std"), child(effect, "parameters")
+    sizes = {name: as_float(value) for name, value in child(effect, "magnitude").items()}
+    if not sizes:
+        return ""
+    name = max(sizes, key=lambda one: sizes[one])
+    of = parameters.get(name) or next(iter(parameters.values()), {})
+    size = quantity(name, sizes[name], as_float(stds.get(name)), str(of.get("units", "")))
+    return f"± {plain(size)}" if name in parameters else plain(size)
 
 
 def sentence(
@@ -223,6 +238,7 @@ def forecast(report: Mapping[str, Any]) -> str:
     before, after = (as_float(told.get(key)) for key in ("before", "after"))
     if math.isfinite(before) and math.isfinite(after) and told.get("unit"):
         unit = plain(str(told["unit"]).replace("deg_h", "°/h"))
+        unit = "" if unit == "1" else unit
         factor, unit = (1e6, f"µ{unit}") if unit == "V" and before < 1e-2 else (1.0, unit)
         by = (
             f", {short(ratio)} times smaller ({short(low)} … {short(high)})"
@@ -231,7 +247,7 @@ def forecast(report: Mapping[str, Any]) -> str:
         )
         return (
             f"forecast of data left out: error {short(before * factor)} → {short(after * factor)}"
-            f" {unit}{by}"
+            f"{f' {unit}' if unit else ''}{by}"
         )
     if isinstance(told.get("sentence"), str):
         return plain(told["sentence"])

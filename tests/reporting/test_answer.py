@@ -15,6 +15,7 @@ from hrg_cli.physics import ellipse
 from hrg_cli.records import Diagnosis, Resonator, Wave, collect
 from hrg_cli.reporting.answer import answer
 from hrg_cli.reporting.answer_use import matrix_of, snippet
+from hrg_cli.reporting.answer_words import size_of
 from hrg_cli.reporting.quantities import quantity, readable, rounded
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
@@ -195,6 +196,19 @@ def test_two_words(verdict, change, health, validity):
     )
     found = answer([record])
     assert (found.health, found.validity) == (health, validity)
+
+
+def test_a_size_without_a_sign_is_given_by_its_magnitude():
+    """A harmonic in the samples fixes how large a cubic is, to a tenth, and not its sign: the answer
+    says ± 0.070(7), not 0.07 ± 0.07."""
+    sized = {
+        "name": "pickoff_nonlinearity",
+        "parameters": {"cubic": {"value": 0.07, "std": 0.07, "units": "amplitude-2"}},
+        "magnitude": {"cubic": 0.07},
+        "magnitude_std": {"cubic": 0.007},
+    }
+    assert size_of(sized).startswith("± 0.070(7)")
+    assert size_of({"parameters": sized["parameters"]}).startswith("0.07(7)")
 
 
 def test_what_later_versions_write_is_said():
