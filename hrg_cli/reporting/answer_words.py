@@ -144,7 +144,7 @@ def _magnitude(effect: Mapping[str, Any]) -> str:
     if not sizes:
         return ""
     name = max(sizes, key=lambda one: sizes[one])
-    of = parameters.get(name) or next(iter(parameters.values()), {})
+    of: Mapping[str, Any] = parameters.get(name) or next(iter(parameters.values()), {})
     size = quantity(name, sizes[name], as_float(stds.get(name)), str(of.get("units", "")))
     return f"± {plain(size)}" if name in parameters else plain(size)
 

@@ -22,7 +22,7 @@ from ..effects import EFFECTS, find
 from ..errors import UsageError
 from ..executors import local_processes, run_tasks
 from ..stages.diagnose import diagnose, summary
-from ..stages.diagnosis.search import SIGNIFICANT
+from ..stages.diagnosis.thresholds import SIGNIFICANT
 from .hidden import Hiding, beside, hiding, programme, waves
 from .power import coverage, curve, ideal, share
 

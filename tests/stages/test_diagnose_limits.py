@@ -10,7 +10,7 @@ from hrg_cli.effects import EFFECTS, find
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis import report
-from hrg_cli.stages.diagnosis.search import variants
+from hrg_cli.stages.diagnosis.variants import variants
 
 PLAIN = [
     e.name

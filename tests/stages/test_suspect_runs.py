@@ -10,8 +10,8 @@ from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
 from hrg_cli.stages.diagnosis.rate_steps import settled
-from hrg_cli.stages.diagnosis.search import variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
+from hrg_cli.stages.diagnosis.variants import variants
 
 SAMPLED = tuple(KINDS)
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone", "momentum_kick")

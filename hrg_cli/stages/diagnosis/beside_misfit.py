@@ -26,10 +26,12 @@ import numpy as np
 from ...fitting.causes import evidence
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.wave_frame import directions, real
-from .remainder import Remainder
-from .search import Found, Search, Variant, bic, leaving_out, refitted, scored
+from .case import Case
+from .refits import bic, leaving_out, refitted
+from .scoring import scored
+from .search import Found
 from .thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
-from .verdict import rest
+from .variants import Variant
 
 Array = np.ndarray
 FIRST_BAND = 4
@@ -41,16 +43,16 @@ TRIED = 10
 """Other causes refitted to see whether they take as much away."""
 
 
-def standing(
-    search: Search, remainder: Remainder | None, noise_factor: float, candidates: Sequence[Variant]
-) -> tuple[Search, Remainder | None]:
-    """The search without the causes that do not stand out of what is left over, or whose place too
+def drop_indistinct(case: Case) -> Case:
+    """The case without the causes that do not stand out of what is left over, or whose place too
     many others could take.
 
-    The weakest goes first, and the rest is looked at again. Where nothing is left over the search
+    The weakest goes first, and the rest is looked at again. Where nothing is left over the case
     stays as it is.
     """
-    while remainder is not None and search.found:
+    stands = False
+    while not stands and case.remainder is not None and case.search.found:
+        search = case.search
         judged = sorted(
             (
                 _judged(one, without, search.final)
@@ -59,11 +61,8 @@ def standing(
             ),
             key=lambda j: -j.chance,
         )
-        search, given_up = _told(search, judged, candidates)
-        if given_up is None:
-            break
-        remainder = rest(given_up, noise_factor)
-    return search, remainder
+        case, stands = _told(case, judged)
+    return case
 
 
 @dataclass(frozen=True)
@@ -83,21 +82,17 @@ def _judged(one: Found, without: Fit, final: Fit) -> Judged:
     return Judged(one, without, taken.beside, evidence.corrected(taken.chance(rank), one.tried))
 
 
-def _told(
-    search: Search, judged: Sequence[Judged], candidates: Sequence[Variant]
-) -> tuple[Search, Fit | None]:
-    """The search after the first cause that does not stand is given up, with the fit without it; or
-    with the rivals of all that do, and None."""
+def _told(case: Case, judged: Sequence[Judged]) -> tuple[Case, bool]:
+    """The case after the first cause that does not stand is given up; or with the rivals of all
+    that do, and True."""
     for one in judged:
-        others = _rivals(search.final, one, candidates)
+        others = _rivals(case.search.final, one, case.inquiry.candidates)
         if one.chance > BESIDE_MISFIT or len(others) > MOST_RIVALS:
-            return search.without(one.cause, one.without, candidates), one.without
+            return case.without(one.cause, one.without), False
         named = replace(one.cause, rivals=tuple(dict.fromkeys([*one.cause.rivals, *others])))
-        search = replace(
-            search,
-            found=tuple(named if f.variant is one.cause.variant else f for f in search.found),
-        )
-    return search, None
+        found = tuple(named if f.variant is one.cause.variant else f for f in case.search.found)
+        case = replace(case, search=replace(case.search, found=found))
+    return case, True
 
 
 def _rivals(final: Fit, one: Judged, candidates: Sequence[Variant]) -> list[str]:

@@ -18,7 +18,10 @@ import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended_fit import Fit
-from .search import Found, Search, Variant
+from .case import Case
+from .inquiry import NoiseLevel
+from .search import Found
+from .variants import Variant
 
 Array = np.ndarray
 SCATTER = 1e-6
@@ -68,14 +71,14 @@ class Offsets:
         return high
 
 
-def offsets_of(fit: Fit, noise_factor: float) -> tuple[Offsets, list[int]]:
+def offsets_of(fit: Fit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
     """The offsets of a fit and their places among its parameters."""
     runs = len(fit.series.names)
     index = [fit.layout.frequency(k) for k in range(runs)]
     forced = fit.series.forced[:, 0] > 0
     means = np.stack([kind.astype(float) for kind in (~forced, forced) if kind.any()], axis=1)
     return (
-        Offsets(fit.point.offset_rad_s, fit.covariance[np.ix_(index, index)] * noise_factor, means),
+        Offsets(fit.point.offset_rad_s, fit.covariance[np.ix_(index, index)] * noise.slow, means),
         index,
     )
 
@@ -150,16 +153,15 @@ def _unshown(variant: Variant, fit: Fit) -> Variant | None:
     return Variant(variant.effect, dict(values), steps)
 
 
-def between_runs(
-    search: Search, candidates: Sequence[Variant], noise_factor: float
-) -> tuple[Search, dict[str, Any]]:
-    """The search with the causes that the runs' frequencies show, and what is to be said of these
+def take_from_frequencies(case: Case) -> Case:
+    """The case with the causes that the runs' frequencies show, and what is to be said of these
     frequencies."""
+    search, candidates, noise = case.search, case.inquiry.candidates, case.inquiry.noise
     fit, found = search.final, list(search.found)
     follows: list[str] = []
     ranked: list[Pattern] = []
     while len(follows) < MOST:
-        offsets, index = offsets_of(fit, noise_factor)
+        offsets, index = offsets_of(fit, noise)
         if len(offsets.value) - offsets.means.shape[1] < SPARE + 1 or scatter(offsets)[1] > SCATTER:
             break
         ranked = patterns(fit, offsets, index, candidates)
@@ -174,8 +176,8 @@ def between_runs(
         found.append(one)
         follows.append(one.variant.effect.name)
         ranked = []
-    said = _said(fit, noise_factor, follows, [o for o in ranked if o.left_p > QUIET], len(ranked))
-    return replace(search, final=fit, found=tuple(found)), said
+    said = _said(fit, noise, follows, [o for o in ranked if o.left_p > QUIET], len(ranked))
+    return replace(case, search=replace(search, final=fit, found=tuple(found)), frequencies=said)
 
 
 def _adopted(
@@ -232,12 +234,12 @@ def _freed(fit: Fit, follows: Sequence[str]) -> Fit:
 
 
 def _said(
-    fit: Fit, noise_factor: float, follows: Sequence[str], fitting: Sequence[Pattern], tried: int
+    fit: Fit, noise: NoiseLevel, follows: Sequence[str], fitting: Sequence[Pattern], tried: int
 ) -> dict[str, Any]:
     """The runs' frequencies with errors, their scatter, and one sentence. fitting: causes, of so
     many tried, that leave no more than noise, which chance does too often in so few runs."""
     free = _freed(fit, follows) if follows else fit
-    offsets, _ = offsets_of(free, noise_factor)
+    offsets, _ = offsets_of(free, noise)
     hz = 1 / (2 * np.pi)
     std = np.sqrt(np.diag(offsets.covariance)) * hz
     out: dict[str, Any] = {

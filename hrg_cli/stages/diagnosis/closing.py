@@ -18,11 +18,11 @@ from ...fitting.causes.wave_frame import directions, real
 from ...fitting.checks import Check
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...physics import ellipse
+from .case import Case
 from .drive_log import WALK, scatter_of
-from .form import Form
 from .gain import folds_of, predicted
-from .remainder import Remainder
-from .search import Search, is_small
+from .scoring import is_small
+from .search import Search
 from .thresholds import (
     BOUND_COST,
     FREQUENCIES,
@@ -49,32 +49,28 @@ def word(causes: bool, is_open: bool) -> str:
 
 
 def closing_checks(
-    search: Search,
-    remainder: Remainder | None,
-    form: Form | None,
-    level: float,
+    case: Case,
     written: Written | None,
     waveform: Sequence[dict[str, object]],
-    frequencies: Mapping[str, Any],
     lines_hz: Sequence[float] = (),
     odd: str = "",
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
-    frequencies: what is said of the runs' own (`between`); level: noise over the stated one that
-    the last fit was weighted with; waveform: entries of the causes that the samples show before any
-    dynamics; lines_hz: what was taken out of the waves and is no named cause's; odd: a sentence on windows that hold
-    more than noise, empty where there are none.
+    waveform: entries of the causes that the samples show before any dynamics; lines_hz: what was
+    taken out of the waves and is no named cause's; odd: a sentence on windows that hold more than
+    noise, empty where there are none.
     """
+    search, level = case.search, case.inquiry.noise.white
     final = search.final
     return [
         checks.holds(
             "nothing_left_over",
-            remainder is None,
+            case.remainder is None,
             "the residual still follows something that the catalogue does not hold",
         ),
         checks.holds(
-            "catalogued_form", form is None, "a cause has another form than the catalogue's"
+            "catalogued_form", case.form is None, "a cause has another form than the catalogue's"
         ),
         checks.holds(
             "lines_named",
@@ -100,7 +96,7 @@ def closing_checks(
         *_whiteness(final),
         *_runs(final),
         *_causes(search, waveform),
-        *_frequencies(frequencies),
+        *_frequencies(case.frequencies),
         *_physics(final),
         checks.holds(
             "converged",

@@ -25,7 +25,9 @@ from ...fitting.causes.extended_fit import Fit, Freedom, design_of
 from ...fitting.causes.sensitivities import propagation
 from ...fitting.causes.wave_frame import real
 from ...physics import ellipse
-from .search import Search, Variant, leaving_out, select
+from .case import Case
+from .refits import leaving_out
+from .search import select
 
 Array = np.ndarray
 FEWEST_RUNS = 4
@@ -107,24 +109,20 @@ def folds_of(series: Series) -> list[Fold]:
     ]
 
 
-def forecast(
-    search: Search,
-    candidates: Sequence[Variant],
-    noise_factor: float,
-    most: int,
-    unit: str,
-    seed: int = 0,
-) -> dict[str, Any] | None:
+def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
     """The forecast with causes chosen inside each fold, in the signals' unit; None where no fold
-    can be made or fitted.
+    can be made or fitted, or no cause was found.
 
-    search: that of all data, whose base fit is where each fold's fit starts; most: causes at most.
+    The base fit of all data is where each fold's fit starts.
     """
+    search = case.search
+    if not search.found:
+        return None
     base, before, after, chosen = search.base, [], [], []
     for fold in folds_of(base.series):
         with contextlib.suppress(extended_fit.DivergedError):
             plain = trained(base, fold)
-            inside = select(plain, candidates, noise_factor, most)
+            inside = select(plain, case.inquiry)
             pair = errors_of(plain, base, fold), errors_of(inside.final, base, fold)
             if all(np.all(np.isfinite(one.difference)) for one in pair):
                 before.append(pair[0])
@@ -203,6 +201,19 @@ def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
     return Errors(
         names[run], series.time_s[run, row], real(measured - said), parts, np.sqrt(misfit) * learned
     )
+
+
+def drop_misleading(case: Case) -> Case:
+    """The case without the causes after which what was held out is predicted worse."""
+    folds = folds_of(case.search.base.series)
+    for one in reversed(case.search.found):
+        name = one.variant.effect.name
+        if not predicts_worse(case.search.final, name, case.search.base, folds):
+            continue
+        reduced = leaving_out(case.search.final, name)
+        if reduced is not None:
+            case = case.without(one, reduced)
+    return case
 
 
 def predicts_worse(final: Fit, name: str, base: Fit, folds: Sequence[Fold]) -> bool:

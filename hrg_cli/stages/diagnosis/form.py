@@ -11,15 +11,19 @@ it.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
-from .search import Found, Search, Variant, adopted, as_fitted, bic, pruned, scored
+from .case import Case
+from .damping_form import Form, Tried
+from .inquiry import Inquiry, NoiseLevel
+from .refits import adopted, as_fitted, bic
+from .remainder import rest
+from .scoring import scored
+from .search import Found, Search, pruned
 from .shapes import (
     FREE,
     NAME,
@@ -34,6 +38,7 @@ from .shapes import (
     values,
 )
 from .thresholds import WORTH
+from .variants import Variant
 
 Array = np.ndarray
 FORBIDDEN = 2.0
@@ -43,98 +48,6 @@ DIFFERENT = 4.0
 PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
 """Score in σ from which a cause is refitted beside the new form, the most that are, and in how many
 steps."""
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A shape that physics allows, and χ² of all data with it."""
-
-    shape: Shape
-    chi2: float
-
-
-@dataclass(frozen=True)
-class Form:
-    """The better form: shape, power, ν_n at a₀ and ν with σ; ν with the catalogue's and χ² of both;
-    what it is not told from."""
-
-    shape: Shape
-    power: tuple[float, float]
-    level_1_s: tuple[float, float]
-    linear_1_s: tuple[float, float]
-    amplitude: float
-    forbidden: bool
-    catalogue_1_s: tuple[float, float]
-    chi2_catalogue: float
-    chi2: float
-    rivals: tuple[str, ...] = ()
-    tried: tuple[Tried, ...] = ()
-
-    @property
-    def formula(self) -> str:
-        """Formula with its numbers."""
-        power, power_std = self.power
-        linear = "ν + " if self.shape.linear else ""
-        given = f"n = {power:g}" if self.shape.supplied else f"n = {power:.2f} ± {power_std:.2f}"
-        numbers = f"{given}, ν_n = {_with_std(self.level_1_s)} 1/s, a₀ = {self.amplitude:.4g}"
-        if self.shape.linear:
-            numbers += f", ν = {_with_std(self.linear_1_s)} 1/s"
-        return f"−d ln a/dt = {linear}ν_n·(a/a₀)^n, {numbers}"
-
-    @property
-    def sentence(self) -> str:
-        """What is wrong with the catalogue's form and what is better."""
-        why = (
-            f"would need a linear damping of {_with_std(self.catalogue_1_s)} 1/s along its weaker"
-            " axis, which physics forbids"
-            if self.forbidden
-            else f"falls short by {self.chi2_catalogue - self.chi2:.3g} in χ²"
-        )
-        power, power_std = self.power
-        better = (
-            f"a linear damping of {_with_std(self.linear_1_s)} 1/s beside {self.shape.words} that"
-            " no log tells of"
-            if self.shape.supplied
-            else f"{self.shape.words}, n = {power:.2f} ± {power_std:.2f}"
-        )
-        text = f"the catalogue's damping in a² fits only roughly: it {why}; better is {better}"
-        others = [t.shape.words for t in self.tried if t.shape != self.shape]
-        if others:
-            text += f", not told by χ² from {' or '.join(others)}"
-        return text + (f"; not told apart from {' and '.join(self.rivals)}" if self.rivals else "")
-
-    def amended(self, effect: dict[str, Any]) -> dict[str, Any]:
-        """The report's entry of the damping, its z that of ν_n at a₀: at unit amplitude level and
-        power are hardly told apart."""
-        if effect["name"] != NAME:
-            return effect
-        z = self.level_1_s[0] / self.level_1_s[1]
-        return effect | {
-            "z": z,
-            "p_value": float(np.exp(-0.5 * min(z**2, 1400.0))),
-            "form": self.formula,
-        }
-
-    def completed(self, remainder: dict[str, Any] | None) -> dict[str, Any]:
-        """The remainder with what the catalogue's form leaves open in front."""
-        terms = remainder["terms"] if remainder else []
-        further = f"; then {remainder['description']}" if remainder and terms else ""
-        return {
-            "description": self.sentence + further,
-            "covariate": "amplitude",
-            "harmonic": None,
-            "formula": self.formula,
-            "power": {
-                "value": self.power[0],
-                "std": None if self.shape.supplied else self.power[1],
-            },
-            "shapes": [{"name": t.shape.words, "chi2": t.chi2} for t in self.tried],
-            "terms": terms,
-        }
-
-
-def _with_std(number: tuple[float, float]) -> str:
-    return f"{number[0]:.3g} ± {number[1]:.1g}"
 
 
 def least_damping(fit: Fit) -> tuple[float, float]:
@@ -149,44 +62,43 @@ def least_damping(fit: Fit) -> tuple[float, float]:
     return float(p[0]) - size, float(np.sqrt(max(variance, 0.0)))
 
 
-def better(
-    search: Search, candidates: Sequence[Variant], noise_factor: float, most: int
-) -> tuple[Search, Form | None]:
-    """The search with the damping's better form in the catalogue's place, or as it was where that
+def take_better_form(case: Case) -> Case:
+    """The case with the damping's better form in the catalogue's place, or as it was where that
     serves.
 
     Causes that the search added to a form that fits only roughly are sought again beside the better
     one.
     """
+    search, inquiry, noise = case.search, case.inquiry, case.inquiry.noise
     place = next((f for f in search.found if f.variant.effect.name == NAME), None)
-    if place is None or _serves(search, place, noise_factor):
-        return search, None
+    if place is None or _serves(search, place, noise):
+        return case
     with contextlib.suppress(extended_fit.DivergedError):
         old = (
             search.final
             if len(search.found) == 1
             else adopted(search.base, place.score, place.variant)
         )
-        inflate, amplitude = noise_factor**0.5, extended_fit.amplitude_of(old.series)
+        inflate, amplitude = noise.slow**0.5, extended_fit.amplitude_of(old.series)
         low, low_std = least_damping(old)
-        forbidden = _forbidden(old, noise_factor)
+        forbidden = _forbidden(old, noise)
         free = in_shape(old, FREE)
-        if not forbidden and not (free and _another(old, free, noise_factor)):
-            return search, None
-        if free is not None and (not forbidden or not _forbidden(free, noise_factor)):
+        if not forbidden and not (free and _another(old, free, noise)):
+            return case
+        if free is not None and (not forbidden or not _forbidden(free, noise)):
             shape, fit = FREE, free
             tried: tuple[Tried, ...] = ()
         else:
-            allowed = _allowed(old, noise_factor)
+            allowed = _allowed(old, noise)
             if not allowed:
-                return search, None
+                return case
             shape, fit = min(allowed, key=lambda pair: bic(pair[1]))
             tried = tuple(Tried(s, f.chi2) for s, f in allowed)
-        fit, others = _beside(fit, candidates, noise_factor, most - 1)
+        fit, others = _beside(fit, replace(inquiry, most=inquiry.most - 1))
         # what a missing cause would do must not be taken for a forbidden damping: a model that
         # physics allows has to be beaten
-        if not _forbidden(search.final, noise_factor) and bic(fit) > bic(search.final):
-            return search, None
+        if not _forbidden(search.final, noise) and bic(fit) > bic(search.final):
+            return case
         final = in_the_catalogue(fit, shape, amplitude)
 
         def real(value: float, std: float) -> tuple[float, float]:
@@ -208,12 +120,13 @@ def better(
         )
         fitted = {p.name: 1.0 for p in effect_of(shape).fitted()}
         own = replace(place, variant=Variant(effect_of(shape), values(final), fitted))
-        last = tuple(s for s, _ in scored(final, candidates))
-        return replace(search, final=final, found=(own, *others), last=last), form
-    return search, None
+        last = tuple(s for s, _ in scored(final, inquiry.candidates))
+        search = replace(search, final=final, found=(own, *others), last=last)
+        return replace(case, search=search, form=form, remainder=rest(final, noise))
+    return case
 
 
-def _serves(search: Search, place: Found, noise_factor: float) -> bool:
+def _serves(search: Search, place: Found, noise: NoiseLevel) -> bool:
     """Whether the catalogue's form stands beside the other causes found: physics allows it there,
     and with the power free and the causes given up that are then not worth their price the data
     are not described better.
@@ -222,62 +135,60 @@ def _serves(search: Search, place: Found, noise_factor: float) -> bool:
     damping, and the search for a form that serves alone takes many causes to come back.
     """
     others = [one for one in search.found if one is not place]
-    if not others or _forbidden(search.final, noise_factor):
+    if not others or _forbidden(search.final, noise):
         return False
     free = in_shape(search.final, FREE)
     if free is None:
         return False
-    freed, _ = pruned(free, others, noise_factor, {})
+    freed, _ = pruned(free, others, noise, {})
     return bic(freed) > bic(search.final)
 
 
-def _forbidden(fit: Fit, noise_factor: float) -> bool:
+def _forbidden(fit: Fit, noise: NoiseLevel) -> bool:
     """Whether the damping stands at the bound of a passive resonator, and would be clearly beyond
     it if it might."""
-    return fit.bound_cost > FORBIDDEN**2 * noise_factor
+    return fit.bound_cost > FORBIDDEN**2 * noise.slow
 
 
-def _another(old: Fit, free: Fit, noise_factor: float) -> bool:
+def _another(old: Fit, free: Fit, noise: NoiseLevel) -> bool:
     """Whether the power, left free, is another than the catalogue's."""
     power, power_std = power_of(free)
     return (
-        abs(power - 2) > DIFFERENT * power_std * noise_factor**0.5
-        and old.chi2 - free.chi2 > WORTH * noise_factor
+        abs(power - 2) > DIFFERENT * power_std * noise.slow**0.5
+        and old.chi2 - free.chi2 > WORTH * noise.slow
     )
 
 
-def _allowed(old: Fit, noise_factor: float) -> list[tuple[Shape, Fit]]:
+def _allowed(old: Fit, noise: NoiseLevel) -> list[tuple[Shape, Fit]]:
     """The shapes without a forbidden linear damping that the data do not tell from the best of
     them."""
     fits = [
         (shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := in_shape(old, shape)) is not None
     ]
-    fits = [(s, f) for s, f in fits if not s.linear or not _forbidden(f, noise_factor)]
+    fits = [(s, f) for s, f in fits if not s.linear or not _forbidden(f, noise)]
     level = min((bic(f) for _, f in fits), default=0.0)
-    return [(s, f) for s, f in fits if bic(f) < level + WORTH * noise_factor]
+    return [(s, f) for s, f in fits if bic(f) < level + WORTH * noise.slow]
 
 
-def _beside(
-    fit: Fit, candidates: Sequence[Variant], noise_factor: float, most: int
-) -> tuple[Fit, list[Found]]:
+def _beside(fit: Fit, inquiry: Inquiry) -> tuple[Fit, list[Found]]:
     """Forward selection with every promising cause refitted; of causes not told apart the one with
     the fewest parameters stands first."""
-    found: list[Found] = []
-    while len(found) < most:
+    noise, found = inquiry.noise, list[Found]()
+    while len(found) < inquiry.most:
         ranked = [
             (s, v)
-            for s, v in scored(fit, candidates)
-            if s.visible and s.z > PROMISING * noise_factor**0.5
+            for s, v in scored(fit, inquiry.candidates)
+            if s.visible and s.z > PROMISING * noise.slow**0.5
         ]
         trials = []
         for score, variant in ranked[:SHORTLIST]:
             with contextlib.suppress(extended_fit.DivergedError):
                 trials.append((adopted(fit, score, variant, QUICK), score, variant))
-        trials = [t for t in trials if bic(fit) - bic(t[0]) > WORTH * noise_factor]
+        trials = [t for t in trials if bic(fit) - bic(t[0]) > WORTH * noise.slow]
         if not trials:
             break
         level = min(bic(t[0]) for t in trials)
-        near = [t for t in trials if bic(t[0]) < level + WORTH * noise_factor]
+        near = [t for t in trials if bic(t[0]) < level + WORTH * noise.slow]
         best, score, variant = min(near, key=lambda t: (t[1].rank, t[0].chi2))
         rivals = tuple(t[2].effect.name for t in near if t[0] is not best)
         found.append(
@@ -285,7 +196,7 @@ def _beside(
                 as_fitted(variant, best),
                 score,
                 len(ranked),
-                (bic(fit) - bic(best)) / noise_factor,
+                (bic(fit) - bic(best)) / noise.slow,
                 rivals,
             )
         )

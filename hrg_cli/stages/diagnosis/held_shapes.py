@@ -19,21 +19,22 @@ SHAPE = "power"
 """Name of a parameter that sets a cause's shape and not its size."""
 
 
-def one_sigma_off(fit: Fit, noise_factor: float) -> list[Fit]:
-    """Refits of a model with each held power moved by one σ; none where no cause has one."""
+def one_sigma_off(fit: Fit, inflation: float) -> list[Fit]:
+    """Refits of a model, whose variances are inflated, with each held power moved by one σ; none where no
+    cause has one."""
     return [
         moved
         for effect, values in fit.point.active
         if any(p.name == SHAPE and not p.fitted for p in effect.parameters)
-        and (moved := _moved(fit, effect.name, values[SHAPE], noise_factor)) is not None
+        and (moved := _moved(fit, effect.name, values[SHAPE], inflation)) is not None
     ]
 
 
-def _moved(fit: Fit, name: str, power: float, noise_factor: float) -> Fit | None:
+def _moved(fit: Fit, name: str, power: float, inflation: float) -> Fit | None:
     below, above = (_at(fit, name, power + step) for step in (-1.0, 1.0))
     if below is None or above is None:
         return above or below
-    less, more = (below.chi2 - fit.chi2) / noise_factor, (above.chi2 - fit.chi2) / noise_factor
+    less, more = (below.chi2 - fit.chi2) / inflation, (above.chi2 - fit.chi2) / inflation
     curvature = max((less + more) / 2, 0.0) + 1.0
     best = (less - more) / 4 / curvature
     return _at(fit, name, power + float(np.copysign(np.hypot(best, curvature**-0.5), best)))

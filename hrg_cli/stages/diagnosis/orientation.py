@@ -14,7 +14,8 @@ import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended_fit import Fit
-from .search import Variant, scored
+from .scoring import scored
+from .variants import Variant
 
 Array = np.ndarray
 CLEARLY = 30.0

@@ -18,9 +18,10 @@ from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit, flat
 from ...fitting.causes.sensitivities import spread
 from ...fitting.causes.wave_frame import directions, real
+from .inquiry import STATED, NoiseLevel
 from .open_terms import PLACES, Covariate, Place, Shape, covariates, effect_of
-from .search import bic, leaving_out
-from .thresholds import WORTH
+from .refits import bic, leaving_out
+from .thresholds import INADEQUATE, NEVER_LESS, SIGNIFICANT, WORTH
 
 Array = np.ndarray
 CELLS, PEAKS = 48, 8
@@ -32,6 +33,8 @@ SHAPED, NEAR = 4, 0.6
 """Terms whose shape is refined before the best is chosen, and the part of the best one's gain from
 which they are."""
 SMOOTH = 6
+OPEN_TERMS = 3
+"""Open terms that describe a rest; a rest that needs more is not described."""
 FEW = 64
 """Columns of open terms, about, that are made at a time."""
 
@@ -51,9 +54,9 @@ class Term:
         parts = np.nan_to_num(self.score.estimate).reshape(self.covariate.parts, -1)
         return float(np.linalg.norm(parts, 2))
 
-    def worth(self, rows: int, noise_factor: float = 1.0) -> float:
+    def worth(self, rows: int, noise: NoiseLevel = STATED) -> float:
         """ΔBIC."""
-        return evidence.criterion(self.score.gain / noise_factor, self.score.rank, rows)
+        return evidence.criterion(self.score.gain / noise.slow, self.score.rank, rows)
 
 
 def terms(fit: Fit) -> list[Term]:
@@ -229,7 +232,22 @@ class Remainder:
         return self.fit.chi2
 
 
-def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Remainder:
+def rest(fit: Fit, noise: NoiseLevel) -> Remainder | None:
+    """The open search where the fit is not adequate; None where it is.
+
+    Not adequate: the residual's smooth part is too large, or one open term of all those tried finds
+    what is too quick for that part.
+    """
+    level, p = adequacy(fit)
+    if level < NEVER_LESS * noise.slow and noise.slow > 1:
+        return None
+    if p > INADEQUATE:
+        found = describe(fit, noise, OPEN_TERMS, INADEQUATE)
+        return found if found.terms else None
+    return describe(fit, noise, OPEN_TERMS, SIGNIFICANT)
+
+
+def describe(fit: Fit, noise: NoiseLevel, most: int, significant: float) -> Remainder:
     """Forward selection of open terms with refit, stopped by corrected p and BIC; then each against
     all others beside the rest."""
     rows = len(fit.residual)
@@ -242,15 +260,15 @@ def describe(fit: Fit, noise_factor: float, most: int, significant: float) -> Re
         # the spectrum's other cells were looked at too
         tried = len(ranked) + (CELLS - PEAKS) * len(PLACES)
         best = best_of(fit, ranked)
-        _, p = evidence.significance(best.score.gain / noise_factor, best.score.rank)
-        if evidence.corrected(p, tried) > significant or best.worth(rows, noise_factor) < WORTH:
+        _, p = evidence.significance(best.score.gain / noise.slow, best.score.rank)
+        if evidence.corrected(p, tried) > significant or best.worth(rows, noise) < WORTH:
             break
         again = with_term(fit, best, name := f"open term {len(chosen)}")
-        if again is None or not again.chi2 < fit.chi2 - WORTH * noise_factor:
+        if again is None or not again.chi2 < fit.chi2 - WORTH * noise.slow:
             break
         fit = again
         chosen.append((name, best))
-    fit, chosen = exchanged(fit, chosen, noise_factor)
+    fit, chosen = exchanged(fit, chosen, noise)
     return Remainder(
         tuple(fitted(fit, name, term) for name, term in chosen),
         fit,
@@ -287,7 +305,7 @@ def fitted(fit: Fit, name: str, term: Term) -> Term:
 
 
 def exchanged(
-    fit: Fit, chosen: list[tuple[str, Term]], noise_factor: float
+    fit: Fit, chosen: list[tuple[str, Term]], noise: NoiseLevel
 ) -> tuple[Fit, list[tuple[str, Term]]]:
     """Every term against all others beside the rest, and against none: the first was chosen before
     the others were there."""
@@ -298,15 +316,15 @@ def exchanged(
         reduced = leaving_out(fit, name)
         if reduced is None:
             continue
-        lost = (bic(reduced) - bic(fit)) / noise_factor
+        lost = (bic(reduced) - bic(fit)) / noise.slow
         new = best_of(reduced, terms(reduced))
-        better = new.worth(rows, noise_factor)
+        better = new.worth(rows, noise)
         place = [one for one, _ in chosen].index(name)
         if max(better, lost) < WORTH:
             fit, chosen = reduced, [*chosen[:place], *chosen[place + 1 :]]
         elif better > lost + WORTH:
             again = with_term(reduced, new, name)
-            if again is not None and bic(again) < bic(fit) - WORTH * noise_factor:
+            if again is not None and bic(again) < bic(fit) - WORTH * noise.slow:
                 fit, chosen = again, [*chosen[:place], (name, new), *chosen[place + 1 :]]
     return fit, chosen
 

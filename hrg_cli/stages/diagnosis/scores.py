@@ -17,18 +17,21 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect
-from .report import FAINT, Sized
-from .search import Search, Variant
+from .case import Case
+from .search import Search
+from .separability import FAINT
+from .sized import Sized
+from .variants import Variant
 
 DIGITS = 6
 """Digits that are kept; a correlation closer to one than that is no matter of the noise."""
 
 
-def scores(search: Search, sized: Sized, candidates: Sequence[Variant]) -> dict[str, list[Any]]:
+def scores(case: Case, sized: Sized) -> dict[str, list[Any]]:
     """`names` ("effect.parameter"), `units`, `value` (off neutral), `std`, and the lower triangle of
     `correlation`, row by row without the diagonal."""
     fit = sized.fit
-    open_ones = _poolable(search, candidates)
+    open_ones = _poolable(case.search, case.inquiry.candidates)
     names = [f"{v.effect.name}.{parameter}" for v in open_ones for parameter in v.steps]
     units = [_unit(v.effect, parameter) for v in open_ones for parameter in v.steps]
     value, std, correlation = np.zeros(0), np.zeros(0), np.zeros((0, 0))

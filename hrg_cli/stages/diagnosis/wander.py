@@ -2,7 +2,7 @@
 told, never used as an excuse.
 
 The fit stays the least-squares one at the windows' own σ: weights made from a residual that a wrong
-model leaves would steer the next fit. The colour widens σ (`noise_factor`) and stands in the
+model leaves would steer the next fit. The colour widens σ (`NoiseLevel.slow`) and stands in the
 report.
 """
 

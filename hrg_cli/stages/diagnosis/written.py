@@ -65,6 +65,14 @@ class Written:
         """How much worse the file is than the fit."""
         return self.rms_over_noise / max(self.fitted_rms_over_noise, 1e-300)
 
+    def table(self) -> dict[str, float]:
+        """As JSON."""
+        return {
+            "rms_over_noise": self.rms_over_noise,
+            "fitted_rms_over_noise": self.fitted_rms_over_noise,
+            "share": self.share,
+        }
+
 
 def faithful(
     written: Callable[[Array | None, Way], str],

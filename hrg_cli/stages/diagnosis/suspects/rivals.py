@@ -9,7 +9,9 @@ from collections.abc import Callable, Sequence
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
 from ....records import Wave
-from ..search import QUICK_STEPS, Variant, adopted, scored
+from ..refits import QUICK_STEPS, adopted
+from ..scoring import scored
+from ..variants import Variant
 from .logs import usual_scale_factor
 
 MOST = 2

@@ -14,8 +14,8 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
 from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array, Wave
-from ..search import Variant
 from ..thresholds import GROSS
+from ..variants import Variant
 from .logs import usual_scale_factor, wrong_logs
 from .readings import DAMPING, KNOCK, Maker, Reading, held, of_a_knock, own_damping, readings
 from .rivals import catalogued, warmed

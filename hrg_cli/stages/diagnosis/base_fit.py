@@ -1,0 +1,108 @@
+"""Diagnosis, the base model fitted to the runs: averaged along their own motion, cut where samples
+seem lost."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting.causes import extended_fit
+from ...fitting.causes.extended import Point
+from ...fitting.causes.extended_fit import Fit
+from ...records import Wave
+from .data import averaged_well, freedom_of, prepare
+from .drive_log import blind, timed
+from .lost_samples import PhaseStep
+from .rate_steps import settled
+from .refits import loosened
+from .scoring import gross
+from .thresholds import WORTH
+from .waveform import phase_steps, split_at
+
+
+def fit_base(
+    pieces: Sequence[Wave],
+    coarser: int = 1,
+    *,
+    scale_factor: float | None,
+    blocks: int,
+    free_phase: bool,
+) -> Fit:
+    """The base model fitted to runs, averaged along the motion that it has itself."""
+
+    def along(motion: Point | None) -> tuple[Fit, Point]:
+        series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
+        series = replace(series, free_phase=free_phase)
+        freedom = freedom_of(series, point, scale_factor)
+        return started(extended_fit.fit(series, point, freedom)), point
+
+    first, guessed = along(None)
+    if not gross(first) and not averaged_well(first.series, guessed, first.point):
+        first, _ = along(first.point)
+    # a gross misfit would be laid on the log's time
+    return settled(first) if gross(first) else blind(settled(timed(first)))
+
+
+def started(fit: Fit) -> Fit:
+    """The base fit with what is weakly known free where that is no way to hide a gross misfit."""
+    if not gross(fit) or fit.freedom.loose is None:
+        return loosened(fit)
+    with contextlib.suppress(extended_fit.DivergedError):
+        loose = fit.freedom.loose
+        free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose))
+        return fit if gross(free) else loosened(free)
+    return fit
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Runs cut where samples seem lost: the steps, the pieces, which run each is of, the base fit;
+    beside them the fit of whole runs, and which run each of its own is."""
+
+    steps: list[PhaseStep]
+    pieces: list[Wave]
+    origin: list[int]
+    base: Fit
+    untouched: Fit
+    own: list[int]
+
+
+def cut_at_losses(waves: Sequence[Wave], fitted: Callable[..., Fit]) -> Cut:
+    """The runs as they are to be diagnosed: whole where cuts are not worth it.
+
+    HrgError: the base model finds no fit to them together.
+    """
+    steps = phase_steps(waves)
+    pieces, origin = split_at(waves, steps)
+    base = fit_together(pieces, fitted)
+    if steps:
+        with contextlib.suppress(extended_fit.DivergedError):
+            whole, runs = fitted(waves), list(range(len(waves)))
+            if not _needs_cuts(base, whole):
+                return Cut([], list(waves), runs, whole, whole, runs)
+            return Cut(steps, pieces, origin, base, whole, runs)
+    return Cut(steps, pieces, origin, base, base, origin)
+
+
+def fit_together(pieces: Sequence[Wave], fitted: Callable[..., Fit]) -> Fit:
+    """The base model's fit to runs. HrgError: there is none."""
+    try:
+        return fitted(pieces)
+    except extended_fit.DivergedError as error:
+        raise HrgError(
+            f"{', '.join(dict.fromkeys(w.run_id for w in pieces))}: the base model finds no fit to these runs"
+            " together; diagnose free and forced runs apart, or leave out the run that differs"
+            " most"
+        ) from error
+
+
+def _needs_cuts(cut: Fit, whole: Fit) -> bool:
+    """Whether runs cut where samples seem lost are fitted better than whole ones, by more than the
+    pieces' own starts and frequencies cost."""
+    rows = len(cut.residual)
+    more = cut.basis.shape[1] - whole.basis.shape[1]
+    return whole.chi2 * rows / len(whole.residual) - cut.chi2 > WORTH + more * np.log(rows)

@@ -1,0 +1,163 @@
+"""Diagnosis, the model fitted again: with one cause more, with one less, with what is weakly known
+free or held."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...fitting.causes import extended_fit
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended_fit import Fit
+from .scoring import gross, is_small
+from .thresholds import CLEARLY
+from .variants import Variant
+
+SHORTLIST = 3
+"""Candidates refitted to the end before one is chosen."""
+QUICK_STEPS = 6
+"""Steps of a first refit where many are compared."""
+
+
+def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS) -> Fit:
+    """The fit again with one more effect, from the score's estimate, in `most` steps; parameters
+    these runs do not show stay neutral."""
+    values, effect = dict(variant.values), variant.effect
+    unseen = {
+        name for name, std in zip(variant.steps, score.std, strict=True) if not np.isfinite(std)
+    }
+    if unseen and len(unseen) < len(variant.steps):
+        effect = replace(
+            effect,
+            parameters=tuple(
+                replace(p, fitted=p.fitted and p.name not in unseen) for p in effect.parameters
+            ),
+        )
+    for (name, _), estimate in zip(variant.steps.items(), score.estimate, strict=True):
+        if np.isfinite(estimate):
+            values[name] += float(estimate)
+    for name in variant.secants:  # where the score's estimate is a part of what sets in there
+        values[name] = variant.values[name] + variant.steps[name]
+    first = extended_fit.fit(
+        fit.series,
+        extended_fit.with_effect(fit.point, effect, values),
+        fit.freedom,
+        most,
+        fit.flow.near,
+    )
+    if not any(p.fitted_then for p in effect.parameters):
+        return first
+    effect = replace(
+        effect,
+        parameters=tuple(replace(p, fitted=p.fitted or p.fitted_then) for p in effect.parameters),
+    )
+    values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
+    return extended_fit.fit(
+        first.series,
+        extended_fit.with_effect(first.point, effect, values),
+        first.freedom,
+        most,
+        first.flow.near,
+    )
+
+
+def as_fitted(variant: Variant, fit: Fit) -> Variant:
+    """The variant with its effect as it stands in the fit: unseen parameters held."""
+    return replace(
+        variant,
+        effect=next(effect for effect, _ in fit.point.active if effect.name == variant.effect.name),
+    )
+
+
+def bic(fit: Fit) -> float:
+    """χ² + rank·ln N."""
+    return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual)))
+
+
+Trial = tuple[float, Fit, Score, Variant]
+"""A candidate refitted: its criterion, its fit, its score before, and how it stands."""
+
+
+def refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+    """The candidates refitted, best first; what did not settle or came out larger than thinkable is
+    none.
+
+    Many are refitted in few steps first where the misfit is gross, and only the best of these to
+    the end.
+    """
+    trials: list[Trial] = []
+    for score, variant in close:
+        with contextlib.suppress(extended_fit.DivergedError):
+            trial = adopted(
+                fit,
+                score,
+                variant,
+                QUICK_STEPS if len(close) > SHORTLIST else extended_fit.MOST_STEPS,
+            )
+            trials.append((bic(trial), trial, score, variant))
+    trials.sort(key=lambda t: t[0])
+    whole: list[Trial] = []
+    for level, trial, score, variant in trials[:SHORTLIST]:
+        if not trial.converged:
+            trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
+            level = bic(trial)
+        effect, values = trial.point.active[-1]
+        if trial.converged and is_small(effect, values, trial):
+            whole.append((level, trial, score, variant))
+    return sorted(whole, key=lambda t: t[0])
+
+
+def loosened(fit: Fit) -> Fit:
+    """The fit with the scale factor free as far as these runs leave it, once the misfit is no
+    longer gross enough to bend it.
+
+    The second order's scale is that of a real resonator; one that was freed is held again where
+    that costs little.
+    """
+    loose = fit.freedom.loose
+    if gross(fit) or loose is None:
+        return fit
+    held = extended_fit.fit(
+        fit.series,
+        fit.point,
+        replace(loose.holding("second_order", 1.0), loose=loose),
+        near=fit.flow.near,
+    )
+    freed = fit.layout.coordinate("second_order") is not None
+    return fit if freed and held.chi2 - fit.chi2 > CLEARLY else held
+
+
+def second_order_freed(fit: Fit, ranked: Sequence[tuple[Score, Variant]]) -> Fit | None:
+    """The fit with the second order's scale free, where the data ask for that more than for any
+    cause: envelopes that come from plain averaging (0) and not from a resonator (1)."""
+    loose = fit.freedom.loose
+    if gross(fit) or loose is None or fit.layout.coordinate("second_order") is not None:
+        return None
+    free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose), near=fit.flow.near)
+    best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
+    return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
+
+
+def leaving_out(fit: Fit, name: str, base: Fit | None = None) -> Fit | None:
+    """The fit again without an effect; None where no motion is left: the model cannot do without
+    it.
+
+    base: a fit without effects, from whose place the others are fitted too where the effect has led
+    so far that there is no way back.
+    """
+    reduced: Fit | None = None
+    point = extended_fit.without(fit.point, name)
+    with contextlib.suppress(extended_fit.DivergedError):
+        reduced = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+    if base is None or (reduced is not None and reduced.converged):
+        return reduced
+    with contextlib.suppress(extended_fit.DivergedError):
+        again = extended_fit.fit(
+            fit.series, replace(base.point, active=point.active), fit.freedom, near=base.flow.near
+        )
+        if reduced is None or again.chi2 < reduced.chi2:
+            return again
+    return reduced

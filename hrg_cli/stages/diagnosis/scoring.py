@@ -1,0 +1,80 @@
+"""Diagnosis, the score of every cause beside a fit, and of what size a cause is thinkable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...fitting.causes import evidence, scales
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended_fit import Fit
+from .thresholds import GROSS, MOST_TYPICAL, SMALL_IN_MOTION, SMALL_IN_READOUT
+from .variants import Variant
+
+
+def gross(fit: Fit) -> bool:
+    """Whether the model is far from the data as a whole."""
+    return fit.chi2 > GROSS * fit.dof
+
+
+def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
+    """Every effect's best variant with its score beside the fit, best criterion first."""
+    active = {effect.name for effect, _ in fit.point.active}
+    open_ones = [
+        v
+        for v in candidates
+        if v.effect.name not in active and (_may_stand(v.effect, active) or not gross(fit))
+    ]
+    columns = fit.sensitivities([variant.wanted for variant in open_ones])
+    best: dict[str, tuple[Score, Variant]] = {}
+    found = evidence.scores(
+        [variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis
+    )
+    for score, variant in zip(found, open_ones, strict=True):
+        if score.visible and not _thinkable(score, variant, fit):
+            continue
+        if score.name not in best or score.gain > best[score.name][0].gain:
+            best[score.name] = (score, variant)
+    rows = len(fit.residual)
+    return sorted(
+        best.values(),
+        key=lambda pair: (
+            -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf
+        ),
+    )
+
+
+def _may_stand(effect: Effect, active: set[str]) -> bool:
+    """Whether what the effect is a part of stands already; asked for while the misfit is gross,
+    when a part would do for the whole."""
+    return not effect.part_of or bool(active & set(effect.part_of))
+
+
+def _thinkable(score: Score, variant: Variant, fit: Fit) -> bool:
+    """Whether what stands out of the estimate's noise is of a size such a cause can have: small
+    beside the oscillation and the signal."""
+    beyond = np.sign(score.estimate) * np.maximum(np.abs(score.estimate) - 5 * score.std, 0.0)
+    least = {
+        name: float(v) for name, v in zip(variant.steps, beyond, strict=True) if np.isfinite(v)
+    }
+    values = {name: value + least.get(name, 0.0) for name, value in variant.values.items()}
+    return is_small(variant.effect, values, fit)
+
+
+def is_small(effect: Effect, values: Mapping[str, float], fit: Fit) -> bool:
+    """Whether an effect of these values is of a thinkable size: small beside the oscillation and
+    the signal along the fit's runs.
+
+    What is neither in seconds nor in amplitudes (angles, ratios, slopes by temperature) is also
+    held against its typical size; the others differ from device to device by more than that would
+    allow.
+    """
+    for p in effect.fitted():
+        pure = p.amplitude_power == 0 and scales.seconds_in(p.units) == 0
+        if pure and not p.sets_in and abs(values[p.name] - p.neutral) > MOST_TYPICAL * p.typical:
+            return False
+    u = fit.prediction.motion
+    motion, seen = scales.strength(effect, values, u, fit.flow.rows.lit(u))
+    return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT

@@ -1,0 +1,47 @@
+"""Diagnosis, the fit whose numbers are told, with what widens their standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...fitting.causes.extended_fit import Fit
+from .case import Case
+from .held_shapes import one_sigma_off
+
+
+@dataclass(frozen=True)
+class Sized:
+    """The fit whose numbers are told, its variances times `factor`, and the fit beside the open
+    terms where there are any.
+
+    What the catalogue does not hold pulls at every number: what it leaves over widens the noise,
+    and by how much a number moves once it is described as well as it can be counts as an error of
+    its own.
+    """
+
+    fit: Fit
+    beside: Fit
+    factor: float
+    off: Sequence[Fit] = ()
+    """Refits with a held shape moved by one σ (`held_shapes`)."""
+
+    @classmethod
+    def of(cls, case: Case) -> Sized:
+        """From the final fit of the catalogue's causes and what is left over."""
+        final = case.search.final
+        factor = max(case.inquiry.noise.slow, final.chi2 / final.dof, 1.0)
+        beside = final if case.remainder is None else case.remainder.fit
+        return cls(final, beside, factor, one_sigma_off(final, factor))
+
+    def std(self, std: float, value: float, others: Sequence[float]) -> float:
+        """Standard deviation of a number with σ `std` in the fit, which stands at `others` in each
+        of the other fits."""
+        return float(np.sqrt(self.factor * std**2 + sum((value - v) ** 2 for v in others)))
+
+    @property
+    def others(self) -> list[Fit]:
+        """Fits in which a number stands elsewhere by what counts as an error of its own."""
+        return [self.beside, *self.off]
