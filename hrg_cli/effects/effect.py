@@ -124,8 +124,9 @@ class Effect:
     it is no candidate; empty: none. shown_by: what a programme of runs must hold for it to show.
     needs: what the runs at hand must hold; without it a fit could give the effect any size. beside:
     the effect that must stand beside it for it to do anything, as a thermometer's lag needs
-    something that follows temperature. part_of: effects of which it is a part: one of them must
-    stand first. whole_samples: its size comes in samples only, so that it has no small one. starts:
+    something that follows temperature. part_of: effects of which it is a part: while the
+    misfit is gross one of them must stand first, or it must take the misfit away itself.
+    whole_samples: its size comes in samples only, so that it has no small one. starts:
     values from which it is tried beside these runs: instants at which a parameter that is not
     fitted is held, levels of one
         that sets in.

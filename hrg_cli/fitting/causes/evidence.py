@@ -364,6 +364,13 @@ def _significance(gain: Array, rank: Array) -> tuple[Array, Array]:
     return np.where(p > 1e-280, np.maximum(0.0, -ndtri(p / 2)), np.sqrt(gain)), p
 
 
+def both(p: float, q: float) -> float:
+    """Chance that two independent tests together come out so small: −2 ln pq is χ² with four degrees
+    of freedom (Fisher 1925)."""
+    product = max(p, 1e-300) * max(q, 1e-300)
+    return float(min(1.0, product * (1.0 - np.log(product))))
+
+
 def corrected(p_value: float, tried: int) -> float:
     """p for the best of `tried` candidates (Šidák)."""
     return float(-np.expm1(tried * np.log1p(-min(p_value, 1 - 1e-16))))

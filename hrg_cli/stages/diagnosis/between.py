@@ -5,13 +5,13 @@ what each cause predicts of them.
 free and of the forced runs, G what a cause's parameters θ do to them, s an unexplained wander from
 run to run, estimated beside each cause by restricted likelihood. A cause is named where it takes
 away so much of the scatter that, with s unknown, chance would not (F test), whatever the wander's
-size.
+size; what the rows of the runs say of it counts as well (`run_patterns`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,9 @@ from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended_fit import Fit
 from .case import Case
 from .inquiry import NoiseLevel
+from .offsets import Offsets, offsets_of, scatter
+from .run_patterns import QUIET, SPARE, Pattern, patterns
 from .search import Found
-from .variants import Variant
 
 Array = np.ndarray
 SCATTER = 1e-6
@@ -29,134 +30,16 @@ SCATTER = 1e-6
 SIGNIFICANT, BESIDE_NOISE = 1e-3, 1e-2
 """Corrected chance of a false alarm allowed; the second where what is left is no more than the
 offsets' own noise."""
-QUIET = 0.01
-"""p of the scatter that is left from which it counts as noise."""
-SPARE = 2
-"""Degrees of freedom that must be left over."""
 LEAST = 0.3
 """Smallest wander assumed, in σ of the offsets: fewer runs do not know it better."""
 MOST = 2
 RIVAL = 10.0
 
 
-@dataclass(frozen=True)
-class Offsets:
-    """The runs' frequency offsets (R,), their covariance (R, R), the means that are free (R, h),
-    all in rad/s."""
-
-    value: Array
-    covariance: Array
-    means: Array
-
-    def misfit(self, wander: float, extra: Array | None = None) -> tuple[float, Array]:
-        """(χ² that means and extra columns leave, their projector's whitened basis) with a wander
-        of that size."""
-        C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
-        columns = self.means if extra is None else np.concatenate([self.means, extra], axis=1)
-        basis = evidence.orthonormal(np.linalg.solve(C, columns), 1e-6)
-        y = np.linalg.solve(C, self.value)
-        left = y - basis @ (basis.T @ y)
-        return float(left @ left), basis
-
-    def wander(self, extra: Array | None = None) -> float:
-        """s of largest restricted likelihood: where χ² equals the degrees of freedom left, 0 where
-        it is smaller from the start."""
-        dof = len(self.value) - self.misfit(0.0, extra)[1].shape[1]
-        if dof <= 0 or self.misfit(0.0, extra)[0] <= dof:
-            return 0.0
-        low, high = 0.0, 10 * float(np.ptp(self.value)) + float(np.sqrt(np.trace(self.covariance)))
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.misfit(middle, extra)[0] > dof else (low, middle)
-        return high
-
-
-def offsets_of(fit: Fit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
-    """The offsets of a fit and their places among its parameters."""
-    runs = len(fit.series.names)
-    index = [fit.layout.frequency(k) for k in range(runs)]
-    forced = fit.series.forced[:, 0] > 0
-    means = np.stack([kind.astype(float) for kind in (~forced, forced) if kind.any()], axis=1)
-    return (
-        Offsets(fit.point.offset_rad_s, fit.covariance[np.ix_(index, index)] * noise.slow, means),
-        index,
-    )
-
-
-def scatter(offsets: Offsets) -> tuple[float, float]:
-    """(equivalent z, p) of the offsets' scatter about their means against their own noise."""
-    chi2, basis = offsets.misfit(0.0)
-    dof = len(offsets.value) - basis.shape[1]
-    return evidence.significance(chi2, dof) if dof > 0 else (0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Pattern:
-    """A cause against the offsets: what it does to them (R, m), F test's p, χ² it takes away,
-    wander left, p of what is left as noise."""
-
-    variant: Variant
-    response: Array
-    p_value: float
-    gain: float
-    wander: float
-    left_p: float
-    stands: bool
-    """Whether the cause stands already, and this is what its runs alone do not show of it."""
-
-
-def patterns(
-    fit: Fit, offsets: Offsets, index: list[int], candidates: Sequence[Variant]
-) -> list[Pattern]:
-    """Every cause that changes the runs' frequencies differently, the least likely by chance first;
-    before all, one that stands already and leaves no more than noise."""
-    from scipy.special import chdtrc, fdtrc
-
-    active = {effect.name for effect, _ in fit.point.active}
-    out: dict[str, Pattern] = {}
-    open_ones = [
-        one
-        for v in candidates
-        if not v.secants
-        and (one := v if v.effect.name not in active else _unshown(v, fit)) is not None
-    ]
-    for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):
-        response = (fit.covariance @ fit.design.along(S))[index]
-        if not np.all(np.isfinite(response)) or not response.any():
-            continue
-        wander = offsets.wander(response)
-        before, means = offsets.misfit(wander)
-        after, basis = offsets.misfit(wander, response)
-        rank, dof = basis.shape[1] - means.shape[1], len(offsets.value) - basis.shape[1]
-        if rank < 1 or dof < SPARE:
-            continue
-        p = float(fdtrc(rank, dof, (before - after) / rank / max(1.0, after / dof)))
-        left = float(chdtrc(dof, offsets.misfit(0.0, response)[0]))
-        stands = variant.effect.name in active
-        out[variant.effect.name] = Pattern(
-            variant, response, p, before - after, wander, left, stands
-        )
-    return sorted(
-        out.values(),
-        key=lambda one: (not (one.stands and one.left_p > QUIET), one.p_value, -one.gain),
-    )
-
-
-def _unshown(variant: Variant, fit: Fit) -> Variant | None:
-    """A cause that stands, with those of its parameters that its runs alone did not show; None
-    where they showed all."""
-    effect, values = next(pair for pair in fit.point.active if pair[0].name == variant.effect.name)
-    fitted = {p.name for p in effect.fitted()}
-    steps = {name: step for name, step in variant.steps.items() if name not in fitted}
-    if not steps or any(values[name] != variant.values[name] for name in steps):
-        return None
-    return Variant(variant.effect, dict(values), steps)
-
-
 def take_from_frequencies(case: Case) -> Case:
     """The case with the causes that the runs' frequencies show, and what is to be said of these
     frequencies."""
-    search, candidates, noise = case.search, case.inquiry.candidates, case.inquiry.noise
+    search, noise = case.search, case.inquiry.noise
     fit, found = search.final, list(search.found)
     follows: list[str] = []
     ranked: list[Pattern] = []
@@ -164,10 +47,10 @@ def take_from_frequencies(case: Case) -> Case:
         offsets, index = offsets_of(fit, noise)
         if len(offsets.value) - offsets.means.shape[1] < SPARE + 1 or scatter(offsets)[1] > SCATTER:
             break
-        ranked = patterns(fit, offsets, index, candidates)
-        if not ranked:
+        ranked = patterns(fit, offsets, index, case.inquiry)
+        best = next((one for one in ranked if one.allowed), None)
+        if best is None:
             break
-        best = ranked[0]
         p = evidence.corrected(best.p_value, len(ranked))
         if p > (BESIDE_NOISE if best.left_p > QUIET else SIGNIFICANT):
             break
@@ -176,7 +59,9 @@ def take_from_frequencies(case: Case) -> Case:
         found.append(one)
         follows.append(one.variant.effect.name)
         ranked = []
-    said = _said(fit, noise, follows, [o for o in ranked if o.left_p > QUIET], len(ranked))
+    said = _said(
+        fit, noise, follows, [o for o in ranked if o.allowed and o.left_p > QUIET], len(ranked)
+    )
     return replace(case, search=replace(search, final=fit, found=tuple(found)), frequencies=said)
 
 
@@ -184,13 +69,9 @@ def _adopted(
     fit: Fit, best: Pattern, ranked: Sequence[Pattern], offsets: Offsets
 ) -> tuple[Fit, Found]:
     """The fit with the cause, the runs' frequencies held together up to the wander that is left."""
-    C = np.linalg.cholesky(offsets.covariance + best.wander**2 * np.eye(len(offsets.value)))
-    design = np.linalg.solve(C, np.concatenate([offsets.means, best.response], axis=1))
-    size = np.linalg.norm(design, axis=0)
-    solution = np.linalg.lstsq(
-        design / np.where(size > 0, size, 1.0), np.linalg.solve(C, offsets.value), rcond=1e-6
-    )[0]
-    estimate = (solution / np.where(size > 0, size, 1.0))[offsets.means.shape[1] :]
+    known = best.known
+    size, _ = best.offsets.follow(known.response, best.wander)
+    estimate = known.aside + known.directions @ size
     values = dict(best.variant.values)
     for name, value in zip(best.variant.steps, estimate, strict=True):
         values[name] += float(value)
@@ -198,20 +79,19 @@ def _adopted(
     freedom = replace(fit.freedom, offset_std=max(best.wander, LEAST * own))
     # what the cause does to the frequencies leaves the offsets, or a great one would start many
     # turns away
-    point = replace(fit.point, offset_rad_s=fit.point.offset_rad_s - best.response @ estimate)
+    point = replace(fit.point, offset_rad_s=best.offsets.value - known.response @ size)
     again = extended_fit.fit(
         fit.series, extended_fit.with_effect(point, best.variant.effect, values), freedom
     )
     S = fit.sensitivities([best.variant.wanted])[0]
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
-    level = offsets.misfit(best.wander, best.response)[0]
+    level = best.left_over(best.wander)
     rivals = [
         o.variant.effect.name
-        for o in ranked[1:]
-        if offsets.misfit(best.wander, o.response)[0] < level + RIVAL
+        for o in ranked
+        if o is not best and o.allowed and o.left_over(best.wander) < level + RIVAL
     ]
-    rank = int(best.response.any(axis=0).sum())
-    worth = evidence.criterion(best.gain, rank, len(fit.residual))
+    worth = evidence.criterion(best.gain, known.response.shape[1], len(fit.residual))
     return again, Found(
         best.variant, replace(score, p_value=best.p_value), len(ranked), worth, tuple(rivals)
     )

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...effects.effect import Effect
 from ...fitting.causes import extended_fit
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import Fit
@@ -105,9 +106,16 @@ def refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
             trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
             level = bic(trial)
         effect, values = trial.point.active[-1]
-        if trial.converged and is_small(effect, values, trial):
+        if trial.converged and is_small(effect, values, trial) and _may_stand(effect, fit, trial):
             whole.append((level, trial, score, variant))
     return sorted(whole, key=lambda t: t[0])
+
+
+def _may_stand(effect: Effect, fit: Fit, trial: Fit) -> bool:
+    """Whether a cause may be taken in: while the misfit is gross and stays so, a part of what does
+    not stand there would do for the whole."""
+    active = {one.name for one, _ in fit.point.active}
+    return not effect.part_of or bool(active & set(effect.part_of)) or not gross(trial)
 
 
 def loosened(fit: Fit) -> Fit:

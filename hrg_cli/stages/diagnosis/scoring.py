@@ -22,11 +22,7 @@ def gross(fit: Fit) -> bool:
 def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
-    open_ones = [
-        v
-        for v in candidates
-        if v.effect.name not in active and (_may_stand(v.effect, active) or not gross(fit))
-    ]
+    open_ones = [v for v in candidates if v.effect.name not in active]
     columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
     found = evidence.scores(
@@ -44,12 +40,6 @@ def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant
             -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf
         ),
     )
-
-
-def _may_stand(effect: Effect, active: set[str]) -> bool:
-    """Whether what the effect is a part of stands already; asked for while the misfit is gross,
-    when a part would do for the whole."""
-    return not effect.part_of or bool(active & set(effect.part_of))
 
 
 def _thinkable(score: Score, variant: Variant, fit: Fit) -> bool:
