@@ -50,6 +50,9 @@ cause may be."""
 MATCHED = (0.2, 5.0)
 """Factors by which the noise of the twin's samples is changed at most to match the measured
 windows'."""
+TRIAL_WINDOWS, MOST_TRIALS = 4000, 8
+"""Windows whose stated noise is looked at to match it, and the trials of a run at most: the median
+over some hundred windows of few samples scatters by 2 % from draw to draw."""
 CLEAR = 4.0
 """Standard deviations from which a split's size is Gaussian, and its axis; below, its components are
 judged instead, for a size lost in noise is Rice's and never comes out as small as it is."""
@@ -262,16 +265,22 @@ def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
     """The twin, its samples' noise scaled so that its windows state the noise that the measured
     ones do.
 
-    How a window's noise follows from a sample's depends on what else its fit holds; one trial of
-    each run tells.
+    How a window's noise follows from a sample's depends on what else its fit holds; trials of each
+    run tell, several of a short one.
     """
     runs = []
     for number, (run, measured) in enumerate(zip(twin.config["run"], inputs, strict=True)):
         noise = run["readout"]["noise"]
-        found, wanted = (
-            float(np.nanmedian(w.signal_std))
-            for w in (twin_wave(twin, number, seed * STREAMS), measured.wave)
+        trials = min(MOST_TRIALS, -(-TRIAL_WINDOWS // len(measured.wave)))
+        found = float(
+            np.mean(
+                [
+                    np.nanmedian(twin_wave(twin, number, seed * STREAMS + k).signal_std)
+                    for k in range(trials)
+                ]
+            )
         )
+        wanted = float(np.nanmedian(measured.wave.signal_std))
         ratio = wanted / found if noise > 0 and found > 0 and wanted > 0 else 1.0
         runs.append(
             {**run, "readout": {**run["readout"], "noise": noise * float(np.clip(ratio, *MATCHED))}}

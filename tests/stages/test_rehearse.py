@@ -138,7 +138,7 @@ def test_the_twin_is_the_same_programme(inputs):
         assert len(wave) == pytest.approx(len(measured.wave), abs=2)
         assert wave.window_s == pytest.approx(measured.wave.window_s, rel=1e-6)
         assert np.median(wave.signal_std) == pytest.approx(
-            np.median(measured.wave.signal_std), rel=0.1
+            np.median(measured.wave.signal_std), rel=0.05
         )
         assert np.median(wave.rate_rad_s) == pytest.approx(
             np.median(measured.wave.rate_rad_s), rel=1e-9
