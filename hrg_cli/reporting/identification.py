@@ -17,7 +17,8 @@ def show(report: Mapping[str, Any]) -> None:
     if details.get("methods"):
         print_table("", *methods(details["methods"], list(report["parameters"])))
         for row in details["methods"]:
-            for sentence in [row["refused"]] if row["refused"] else row["warnings"]:
+            said = [*row["warnings"], *row.get("weak_splits", [])]
+            for sentence in [row["refused"]] if row["refused"] else said:
                 say(f"{row['method']}: {sentence}")
     intervals = {
         "profile": details.get("profile"),
@@ -32,6 +33,8 @@ def show(report: Mapping[str, Any]) -> None:
             print_table("", (f"{name} interval", "lower 68 … 95 %", "upper 68 … 95 %"), rows)
     for name, value in _facts(details):
         say(f"{name} = {value}")
+    for sentence in [] if details.get("methods") else details.get("weak_splits", []):
+        say(sentence)
     for sentence in report.get("identifiability", {}).get("flat_directions", []):
         say(sentence)
 

@@ -22,11 +22,11 @@ from .identification.methods import (
     by_likelihood,
     by_regression,
     compared,
-    monitored,
     profiles,
     resampled,
     unknown_rate,
 )
+from .identification.monitored import monitored
 from .identification.outcome import Verdict
 from .one_gyro import of_one_gyro
 

@@ -26,7 +26,7 @@ from ..records import Calibration, Diagnosis, Record, Resonator, Wave, collect
 from . import twin_colour
 from .demodulate import demodulate
 from .estimate import estimate
-from .identification.verdict import SPLIT_COMPONENTS
+from .identification.splits import SPLITS
 from .simulate import simulate
 from .twin import Measured, Twin, effects_of, twin_of
 from .twin_diagnosis import base_values, causes, diagnosed, held, same_sign
@@ -56,11 +56,6 @@ over some hundred windows of few samples scatters by 2 % from draw to draw."""
 CLEAR = 4.0
 """Standard deviations from which a split's size is Gaussian, and its axis; below, its components are
 judged instead, for a size lost in noise is Rice's and never comes out as small as it is."""
-SPLITS = (
-    ("damping_split_1_s", "damping_axis_rad", SPLIT_COMPONENTS[:2]),
-    ("frequency_split_rad_s", "stiffness_axis_rad", SPLIT_COMPONENTS[2:]),
-)
-"""Size, axis and components of a split."""
 STREAMS = 1_000_003
 """Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
 

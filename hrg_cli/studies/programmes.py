@@ -20,9 +20,10 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..executors import local_processes, run_tasks
+from ..fitting.envelopes.inference import CLEAR
 from ..records import Resonator
+from ..stages.identification.splits import SPLITS
 from ..stages.identify import identify
-from ..stages.rehearse import SPLITS
 from .run_downs import Programme, draw
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ WRONG = 5.0
 """Standard deviations from which a quiet answer is wrong."""
 LEVELS = {"68": 1.0, "95": 1.96}
 """Percentage of an interval -> half its width in standard deviations."""
-CLEAR = 8.0
-"""Standard deviations from which a split's size and axis are Gaussian."""
 UNKNOWN_RATE = "unknown rate"
 """Answers to programmes whose logs leave out a rate that nobody tells: its offset is fitted."""
 

@@ -19,7 +19,7 @@ from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.identification.verdict import SPLIT_COMPONENTS
+from hrg_cli.stages.identification.splits import SPLIT_COMPONENTS
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.rehearse import (
     PREFIX,

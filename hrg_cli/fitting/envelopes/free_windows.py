@@ -59,6 +59,22 @@ def cut(wave: Wave) -> list[Wave]:
     )
 
 
+def driven_and_free(wave: Wave, run: EnvelopeRun) -> tuple[list[EnvelopeRun], list[EnvelopeRun]]:
+    """The stretches of a wave's good rows in which it is driven and in which it is free."""
+    try:
+        windows = [(float(w.time_s[0]), float(w.time_s[-1])) for w in cut(wave)]
+    except HrgError:
+        return [run], []
+    free = np.zeros(len(run), bool)
+    for begin, end in windows:
+        free |= (run.time_s >= begin) & (run.time_s <= end)
+    driven, loose = (
+        [run.rows(slice(a, b)) for a, b in stretches(on) if b - a >= MIN_WINDOW_ROWS]
+        for on in (~free, free)
+    )
+    return driven, loose
+
+
 def stretches(on: Array) -> list[tuple[int, int]]:
     """(start, stop) of the runs of True, shortened by one row at a switch: its window holds both
     states."""

@@ -16,6 +16,7 @@ USES_AXES = (
     "frozen-axes",
     "increments",
     "rotation-integrals",
+    "axis-crossings",
 )
 FROZEN = 0.1
 """Turn of mθ within a run up to which its axes may be taken as frozen: cos 2mθ and sin 2mθ are

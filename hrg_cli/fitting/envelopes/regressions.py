@@ -17,6 +17,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -81,6 +82,8 @@ class Regression:
     """What the last correction of the truncation moved, in the method's own standard deviations."""
     spread: Spread | None = None
     """What the envelopes' noise does to the method, where it was carried through its equations."""
+    details: dict[str, Any] = field(default_factory=dict)
+    """What it tells beside."""
 
 
 @dataclass(frozen=True)

@@ -156,9 +156,9 @@ def combined_axis(
     """One axis [rad] with its deviation from all crossings, their number and χ² a degree of
     freedom; None without a crossing.
 
-    Weighted mean on the circle of 2mθ; its deviation holds the crossings' scatter whole, which is
-    the same at every turn of the wave: the quadrature's damping itself moves with the angle by the
-    damping split.
+    Mean on the circle of 2mθ weighted by inverse variance; its deviation holds the crossings'
+    scatter whole, which is the same at every turn of the wave: the quadrature's damping itself
+    moves with the angle by the damping split.
     """
     if not crossings:
         return None

@@ -1,5 +1,5 @@
-"""The ways identify can answer: likelihood, the regressions of seed A, monitoring in the working
-mode, an unknown rate; and their comparison.
+"""The ways identify can answer: likelihood, the regressions of seed A, an unknown rate; and their
+comparison.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting import checks
 from ...fitting.envelopes import (
+    axis_crossings,
     coordinates,
     envelope_runs,
     inference,
@@ -23,17 +24,16 @@ from ...fitting.envelopes import (
     regressions,
     resampling,
     rotation_integrals,
-    working_mode,
 )
-from ...fitting.envelopes.base_fit import Known, base_fit, check, freedom, nominal_scale_factor
+from ...fitting.envelopes.base_fit import Known, base_fit, freedom, nominal_scale_factor
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, State, batch, fit, respond
 from ...fitting.envelopes.regressions import Regression
 from ...physics import ellipse
-from ...records import Wave
 from . import closing
 from .modes import free_modes, one_channel
 from .outcome import Verdict
+from .splits import split_components, weak_splits
 from .verdict import (
     ORDER,
     POOR_FIT,
@@ -42,7 +42,6 @@ from .verdict import (
     judged,
     one_rate,
     second_order_std,
-    split_components,
 )
 
 Array = np.ndarray
@@ -58,6 +57,7 @@ RegressionMethod = Literal[
     "fixed-axes-groups",
     "frozen-axes",
     "rotation-integrals",
+    "axis-crossings",
 ]
 ALL: tuple[RegressionMethod, ...] = get_args(RegressionMethod)
 
@@ -221,6 +221,8 @@ def _regression(
     start = np.append(best.p[:6], 0.0)
     if method == "rotation-integrals":
         return rotation_integrals.solve(ready.rows, ready.noiseless, start)
+    if method == axis_crossings.METHOD:
+        return axis_crossings.solve(ready.rows)
     return regressions.solve(
         ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start, spread
     )
@@ -244,7 +246,7 @@ def _verdict(
 ) -> Verdict:
     """A regression's verdict; the frequency is the likelihood's, which every method has to know."""
     mode = ready.rows[0].mode_number
-    values, std, covariance = _physical(answer, mode, method, ready.rows, known)
+    values, std, covariance = physical_of(answer, mode, method, ready.rows, known)
     values["frequency_hz"], std["frequency_hz"] = (
         likelihood.values["frequency_hz"],
         likelihood.std["frequency_hz"],
@@ -272,7 +274,11 @@ def _verdict(
         rows,
         mode_number=mode,
     )
-    verdict.details["split_components"] = split_components(answer.p, answer.covariance)
+    components = split_components(answer.p, answer.covariance)
+    verdict.details |= answer.details | {
+        "split_components": components,
+        "weak_splits": weak_splits(values, std, components),
+    }
     verdict.suspect = list(answer.warnings)
     refusing, doubting = closing.physical(verdict)
     assert likelihood.fit is not None
@@ -335,7 +341,7 @@ def _apart(answer: Regression, best: Fit) -> float:
     return max(distance)
 
 
-def _physical(
+def physical_of(
     answer: Regression, mode: int, method: str, thin: Sequence[EnvelopeRun], known: Known
 ) -> tuple[dict[str, float], dict[str, float], Array]:
     """Parameters by name, standard deviations, covariance (7, 7) in ORDER; what the method does not
@@ -378,8 +384,7 @@ def compared(
             " give --method likelihood for them"
         )
     ready = prepared(runs, known, best.fit)
-    own = {"split_components": best.details["split_components"]}
-    table = [_row("likelihood", best.values, best.std, best, [], "") | own]
+    table = [_row("likelihood", best.values, best.std, best, [], "") | _splits(best)]
     for method in ALL:
         answer = regression(method, ready, best.fit, eliminate_rate)
         if answer.refused:
@@ -391,9 +396,14 @@ def compared(
             _row(
                 method, verdict.values, verdict.std, best, [*verdict.refused, *verdict.suspect], ""
             )
-            | {"split_components": verdict.details["split_components"]}
+            | _splits(verdict)
         )
     return table
+
+
+def _splits(verdict: Verdict) -> dict[str, Any]:
+    """What a verdict says of its splits as vectors."""
+    return {key: verdict.details[key] for key in ("split_components", "weak_splits")}
 
 
 def _row(
@@ -489,84 +499,6 @@ def _rates_differ(runs: Sequence[EnvelopeRun]) -> bool:
     rate = np.concatenate([np.diff(r.turn_rad) / np.diff(r.time_s) for r in runs])
     low, high = np.quantile(rate, [0.01, 0.99])
     return bool(high - low > 0.1 * max(abs(low), abs(high)) > 0)
-
-
-def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
-    """Frequency and damping split of a driven gyro, with the sensitivity of the second and the
-    mean-frequency trap in numbers."""
-    runs = [envelope_runs.from_wave(w, rate_rad_s) for w in waves]
-    check(runs)
-    p, offsets = propagator.rough(runs)
-    p[0] = 0.0
-    thin = [
-        envelope_runs.retuned(r, o)
-        for r, o in zip(propagator.thinned(runs, p, offsets, 2000), offsets)
-    ]
-    found = working_mode.monitor(thin)
-    mode = runs[0].mode_number
-    vector = np.array(
-        [np.nan, found.value[3], found.value[4], found.value[1], found.value[2], np.nan, 0.0]
-    )
-    covariance = np.zeros((7, 7))
-    order = [3, 4, 1, 2]
-    covariance[1:5, 1:5] = found.covariance[np.ix_(order, order)]
-    values, std, full = _physical(
-        Regression(vector, covariance), mode, "working-mode", thin, Known()
-    )
-    frequency = np.array([r.reference_frequency_hz for r in thin])
-    values["frequency_hz"] = float(frequency.mean())
-    # the driven wave's frequency moves with its angle by the split itself
-    std["frequency_hz"] = float(
-        np.hypot(frequency.std(), np.hypot(found.value[1], found.value[2]) / (2 * np.pi))
-    )
-    full[0, 0] = std["frequency_hz"] ** 2
-    crossings = working_mode.stiffness_axes(thin, mode, float(found.value[0]))
-    period = np.pi / mode
-    offsets_of_axes = [
-        float(np.mod(a - values["stiffness_axis_rad"] + period / 2, period) - period / 2)
-        for a, _ in crossings
-    ]
-    scatter = float(np.sqrt(np.mean(np.square(offsets_of_axes)))) if crossings else 0.0
-    nan = np.full(len(runs), np.nan)
-    verdict = Verdict(
-        values,
-        std,
-        list(ORDER),
-        full,
-        float("nan"),
-        float("nan"),
-        nan,
-        nan,
-        np.array([len(r) for r in thin]),
-        mode_number=mode,
-    )
-    verdict.details = {
-        "quadrature_damping_1_s": {
-            "value": float(found.value[0]),
-            "std": float(np.sqrt(found.covariance[0, 0])),
-        },
-        "quadrature_rms": found.quadrature_rms,
-        "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
-        "stiffness_axes": [{"value": a, "std": max(s, scatter)} for a, s in crossings],
-        "stiffness_axis_of_crossings": working_mode.combined_axis(crossings, mode),
-    }
-    verdict.flat = [
-        (
-            f"the damping split enters the phase with 2·a_B/a_A = {2 * found.quadrature_rms:.2g}"
-            f" only: 1 mHz of unnoticed frequency drift reads as {found.trap_1_s_per_mhz:.2g} 1/s"
-            " of damping split"
-        ),
-        (
-            "the drive hides the mean decay: the quadrature's own damping is ν with a force drive"
-            " and about 2ν with a ring electrode"
-        ),
-    ]
-    if std["damping_split_1_s"] > 0.3 * abs(found.value[0]):
-        verdict.suspect.append(
-            "damping_split_1_s is not determined in the working mode with so little quadrature; use"
-            " a free run-down"
-        )
-    return verdict
 
 
 def profiles(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:

@@ -19,15 +19,9 @@ from ...physics import ellipse
 from ...physics.resonator import PARAMETERS
 from . import closing
 from .outcome import Verdict
+from .splits import split_components, weak_splits
 
 Array = np.ndarray
-SPLIT_COMPONENTS = (
-    "damping_split_cos_1_s",
-    "damping_split_sin_1_s",
-    "frequency_split_cos_rad_s",
-    "frequency_split_sin_rad_s",
-)
-"""Components of the two splits along their electrical axes 0 and 90°."""
 POOR_FIT = 1.5
 """χ² a degree of freedom above which the model does not hold within the noise."""
 CONTRADICTION = 30.0
@@ -173,19 +167,11 @@ def judged(
             zip(order[1:], map(float, np.sqrt(np.maximum(0.0, np.diag(bound)))))
         ),
     }
+    verdict.details["weak_splits"] = weak_splits(
+        verdict.values, verdict.std, verdict.details["split_components"]
+    )
     _reasons(verdict, fit, runs, colour)
     return verdict
-
-
-def split_components(p: Array, covariance: Array) -> dict[str, dict[str, float]]:
-    """The splits as vectors, νδμ·(cos, sin)2mθ_μ and δω·(cos, sin)2mθ_ω, of coordinates (7,) with
-    covariance (7, 7): Gaussian where size and axis, lost in noise, are not."""
-    std = np.sqrt(np.maximum(0.0, np.diag(covariance)))
-    return {
-        name: {"value": float(p[k]), "std": float(std[k])}
-        for k, name in enumerate(SPLIT_COMPONENTS, 1)
-        if np.isfinite(p[k])
-    }
 
 
 def _of_coordinates(fit: Fit, z: Array) -> Array:

@@ -1,0 +1,270 @@
+"""The stiffness axis of free runs from the turning points of the quadrature: seed A's second remark
+after (16), for a wave that nobody drives.
+
+In the working mode a_B itself changes its sign where the wave passes a stiffness axis; in a free
+run both amplitudes decay alike, and a_B/a_A has a turning point there. With a_B/a_A = tan ε seed A
+(13), which is exact and holds no rate, reads
+    ε̇ = δω sin(2mθ − 2mθ_ω) + νδμ cos(2mθ − 2mθ_μ) sin 2ε,
+    d(½ ln S₀)/dt = −ν − νδμ cos(2mθ − 2mθ_μ) cos 2ε,        S₀ = a_A² + a_B²;
+less the damping's small part ε̇ rises through zero at θ_ω and falls through it at θ_ω + π/2m. Every
+row belongs to the nearer of the two, every passage of one has its own constant, and the sine is
+integrated along the measured angle: no passage need be slow, straight or whole, and a wave that
+stands between them says on which side. ε and ½ ln S₀ of a row have the standard deviation σ/√S₀,
+independent from row to row, so that least squares gives each side's (δω cos 2mθ_ω, δω sin 2mθ_ω)
+with its information; the informations' sum gives the one answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from ...physics import ellipse
+from .coordinates import COUNT, physical
+from .envelope_runs import EnvelopeRun
+from .inference import widen_axes
+from .method_ranges import USES_AXES, out_of_range, warnings
+from .regressions import WIDE_STEP, Regression
+
+Array = np.ndarray
+METHOD = "axis-crossings"
+assert METHOD in USES_AXES
+SIDES = ("stiff", "soft")
+LEAST_ROWS = 3
+"""Rows of a passage from which its own constant leaves something."""
+DISTINCT = 0.5
+"""Standard deviation of 2mθ_ω, rad, up to which one side of a run is an answer of its own."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Least squares of (δω cos, δω sin, νδμ cos, νδμ sin): information (4, 4), its product with the
+    answer (4,), Σ of weighted targets², rows less constants."""
+
+    information: Array
+    product: Array
+    square: float
+    freedom: int
+
+    def __add__(self, other: Normal) -> Normal:
+        return Normal(
+            self.information + other.information,
+            self.product + other.product,
+            self.square + other.square,
+            self.freedom + other.freedom,
+        )
+
+    def solved(self) -> tuple[Array, Array]:
+        """(answer (4,), covariance (4, 4)) at the stated noise."""
+        scale = 1 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        unit = self.information * np.outer(scale, scale)
+        covariance = np.linalg.pinv(unit, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+        return covariance @ self.product, covariance
+
+    def misfit(self, answer: Array) -> float:
+        """χ² of an answer (4,)."""
+        return float(self.square - 2 * answer @ self.product + answer @ self.information @ answer)
+
+
+def summed(parts: Iterable[Normal]) -> Normal:
+    """All of them together."""
+    return reduce(Normal.__add__, parts)
+
+
+@dataclass(frozen=True)
+class Side:
+    """The passages of one axis in one run: number of the run, the axis's side, how often the wave
+    went over it, what its rows say."""
+
+    run: int
+    side: str
+    passages: int
+    normal: Normal
+
+
+@dataclass(frozen=True)
+class Found:
+    """The one answer (4,) with covariance (4, 4), each run's χ² and degrees of freedom (R,), the
+    sides, and what the decay alone says of the damping split."""
+
+    answer: Array
+    covariance: Array
+    chi2: Array
+    freedom: Array
+    sides: list[Side]
+    decay: Normal
+
+
+@dataclass(frozen=True)
+class Course:
+    """A run's rows: 2mθ unwrapped, ε, ½ ln S₀, their standard deviation, the gapless piece a row is
+    in, all (n,)."""
+
+    run: EnvelopeRun
+    angle: Array
+    ellipticity: Array
+    log_size: Array
+    std: Array
+    piece: Array
+
+    def integral(self, slow: Array) -> Array:
+        """∫ slow·e^{j2mθ} dt from the first row (n,): 2mθ straight between rows, slow (n,) at its
+        mean."""
+        half = np.diff(self.angle) / 2
+        turned = np.exp(1j * (self.angle[:-1] + half)) * np.sinc(half / np.pi)
+        return np.append(
+            0, np.cumsum(np.diff(self.run.time_s) * turned * (slow[1:] + slow[:-1]) / 2)
+        )
+
+
+def course_of(run: EnvelopeRun) -> Course:
+    """The ellipse's course on a run's rows, the noise's own power taken off S₀."""
+    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    power = np.maximum(a**2 + b**2 - 4 * run.std**2, run.std**2)
+    step = np.diff(run.time_s)
+    piece = np.append(0, np.cumsum(step > WIDE_STEP * np.median(step)))
+    angle = 2 * ellipse.unwrap(angle, phase, 1)[0]
+    return Course(run, angle, np.arctan2(b, a), np.log(power) / 2, run.std / np.sqrt(power), piece)
+
+
+def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0) -> Normal:
+    """Least squares of target (n,) by columns (n, own + 4), each group (n,) of rows with a constant
+    of its own; the first `own` unknowns are nobody else's."""
+    index = np.unique(group, return_inverse=True)[1]
+    joined = np.column_stack([columns, target])
+    weight = 1 / std**2
+    total = np.bincount(index, weight)
+    mean = np.stack([np.bincount(index, weight * c) for c in joined.T], axis=1) / total[:, None]
+    joined = (joined - mean[index]) / std[:, None]
+    basis = np.linalg.qr(joined[:, :own])[0]
+    joined = (joined - basis @ (basis.T @ joined))[:, own:]
+    x, y = joined[:, :-1], joined[:, -1]
+    return Normal(x.T @ x, x.T @ y, float(y @ y), len(y) - len(total) - own)
+
+
+def decay(w: Course) -> Normal:
+    """What the decay of S₀ says of the damping split; ν is the run's own."""
+    turned = w.integral(np.cos(2 * w.ellipticity))
+    none = np.zeros_like(w.std)
+    columns = np.column_stack([w.run.time_s, none, none, -turned.real, -turned.imag])
+    return normal(columns, w.log_size, w.std, w.piece, own=1)
+
+
+def passive(runs: Sequence[EnvelopeRun]) -> Normal:
+    """No passive resonator's damping split is above its damping, which is at most what the fastest
+    run decays by: where the runs say nothing of it, that does."""
+    fall = [
+        -np.polyfit(r.time_s - r.time_s[0], np.log(np.linalg.norm(r.envelope, axis=1)), 1)[0]
+        for r in runs
+    ]
+    most = max(*fall, *(1 / r.duration_s for r in runs))
+    return Normal(np.diag([0.0, 0.0, most**-2.0, most**-2.0]), np.zeros(4), 0.0, 0)
+
+
+def sides(w: Course, number: int, axis: float) -> list[Side]:
+    """What run `number` says at the stiff and at the soft axis; axis: a first guess of 2mθ_ω,
+    rad."""
+    split, damping = w.integral(np.ones_like(w.std)), w.integral(np.sin(2 * w.ellipticity))
+    columns = np.column_stack([split.imag, -split.real, damping.real, damping.imag])
+    nearest = np.floor((w.angle - axis) / np.pi + 0.5).astype(int)
+    begun = (np.diff(nearest, prepend=nearest[0]) != 0) | (np.diff(w.piece, prepend=0) != 0)
+    passage = np.cumsum(begun)
+    long = np.bincount(passage)[passage] >= LEAST_ROWS
+    over = np.floor((w.angle - axis) / np.pi)
+    out = []
+    for parity, side in enumerate(SIDES):
+        own = long & (nearest % 2 == parity)
+        if own.any():
+            rows = normal(columns[own], w.ellipticity[own], w.std[own], passage[own])
+            crossed = np.sum((np.diff(over) != 0) & (nearest[1:] % 2 == parity))
+            out.append(Side(number, side, int(crossed), rows))
+    return out
+
+
+def free_crossings(runs: Sequence[EnvelopeRun]) -> Found:
+    """The frequency split as a vector, from all sides of all free runs by inverse covariance."""
+    courses = [course_of(run) for run in runs]
+    beside = summed([passive(runs), *(decay(w) for w in courses)])
+    found: list[Side] = []
+    axis = 0.0
+    for _ in range(2):  # any guess divides the rows; the sides are those of what they say
+        found = [side for i, w in enumerate(courses) for side in sides(w, i, axis)]
+        if not found:
+            break
+        answer, covariance = summed([beside, *(side.normal for side in found)]).solved()
+        axis = float(np.arctan2(answer[1], answer[0]))
+    if not found:
+        none = np.full(4, np.nan)
+        return Found(none, np.full((4, 4), np.nan), np.zeros(0), np.zeros(0, int), [], beside)
+    chi2, freedom = np.zeros(len(runs)), np.zeros(len(runs), int)
+    for side in found:
+        chi2[side.run] += side.normal.misfit(answer)
+        freedom[side.run] += side.normal.freedom
+    factor = max(1.0, float(chi2.sum()) / max(1, int(freedom.sum())))
+    return Found(answer, covariance * factor, chi2, freedom, found, beside)
+
+
+def axes(found: Found, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
+    """θ_ω [rad] as each side of each run alone gives it, where it does."""
+    out = []
+    for side in found.sides:
+        answer, covariance = (side.normal + found.decay).solved()
+        x, y = answer[:2]
+        across = np.array([-y, x]) / max(float(x**2 + y**2), 1e-300)
+        std = float(np.sqrt(max(0.0, across @ covariance[:2, :2] @ across)))
+        if side.passages and 0 < std < DISTINCT:
+            run = runs[side.run]
+            period = np.pi / run.mode_number
+            out.append(
+                {
+                    "value": float(np.mod(np.arctan2(y, x) / (2 * run.mode_number), period)),
+                    "std": std / (2 * run.mode_number),
+                    "run_id": run.run_id,
+                    "side": side.side,
+                    "passages": side.passages,
+                }
+            )
+    return out
+
+
+def combined(found: Found, mode_number: int) -> dict[str, float]:
+    """The one answer as an axis [rad] with its standard deviation, and how often an axis was
+    passed."""
+    p, covariance = np.zeros(COUNT), np.zeros((COUNT, COUNT))
+    p[3:5], covariance[3:5, 3:5] = found.answer[:2], found.covariance[:2, :2]
+    values, slopes = physical(p, mode_number)
+    spread = slopes @ covariance @ slopes.T
+    widen_axes(spread, covariance, p, mode_number)
+    return {
+        "value": float(values[4]),
+        "std": float(np.sqrt(spread[4, 4])),
+        "crossings": sum(side.passages for side in found.sides),
+    }
+
+
+def solve(runs: Sequence[EnvelopeRun]) -> Regression:
+    """The axis finder as a method of identification, of the frequency split and its axis alone."""
+    p, covariance = np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan)
+    refusal = out_of_range(runs, METHOD)
+    if refusal:
+        return Regression(p, covariance, refused=refusal)
+    found = free_crossings(runs)
+    if not found.sides:
+        return Regression(p, covariance, refused=f"{METHOD} needs gapless rows, none were found")
+    covariance[3:5, 3:5] = found.covariance[:2, :2]
+    p[3:5], p[6] = found.answer[:2], 0.0
+    return Regression(
+        p,
+        np.nan_to_num(covariance),
+        warnings(runs, METHOD, False),
+        run_chi2=found.chi2,
+        run_rows=found.freedom,
+        details={
+            "stiffness_axes": axes(found, runs),
+            "stiffness_axis_of_crossings": combined(found, runs[0].mode_number),
+        },
+    )
