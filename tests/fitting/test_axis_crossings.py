@@ -100,6 +100,23 @@ def test_a_damping_split_is_not_taken_for_a_split_of_frequency():
     assert np.linalg.norm(axis_crossings.free_crossings(runs).answer[:2]) < 1e-5
 
 
+def test_an_angle_with_noise_is_no_surer_than_it_is():
+    """A split of many ν: what the angles' noise does to the sine adds up over a passage, several
+    times what the rows' own noise does."""
+    gyro = replace(GYRO, frequency_split_rad_s=8.0)
+    clean = [free(lambda t, r=r: r, a, 0.0, gyro, 4.0, 800) for r, a in ((3.0, 0.1), (-3.0, 0.6))]
+    random = np.random.default_rng(3)
+    true_p = np.array([0.3, *[0.05 * f(4 * 0.35) for f in (np.cos, np.sin)], *true(gyro), 0.55, 0])
+    squares, chi2 = [], []
+    for _ in range(40):
+        runs = [noisy(run, 1e-3, random) for run in clean]
+        found = axis_crossings.free_crossings(runs, clean, true_p)
+        error = found.answer[:2] - true(gyro)
+        squares.append(error @ np.linalg.solve(found.covariance[:2, :2], error))
+        chi2.append(found.chi2.sum() / found.freedom.sum())
+    assert 1.2 < np.mean(squares) < 2.9 and 0.85 < np.mean(chi2) < 1.15
+
+
 DEVICE = {
     "frequency_hz": 1000.0,
     "time_constant_s": 2.5,

@@ -11,11 +11,16 @@ row belongs to the nearer of the two, every passage of one has its own constant,
 integrated along the measured angle: no passage need be slow, straight or whole, and a wave that
 stands between them says on which side. ε and ½ ln S₀ of a row have the standard deviation σ/√S₀,
 independent from row to row, so that least squares gives each side's (δω cos 2mθ_ω, δω sin 2mθ_ω)
-with its information; the informations' sum gives the one answer.
+with its information; the informations' sum gives the one answer. The angle that the sine is
+integrated along has noise too, σ/(√S₀ cos 2ε) of mθ, which adds up from row to row and is carried
+to the answer. What the sine's integral over rows
+of finite length leaves out is found by putting the answer through the same equations without noise,
+and is taken off.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -28,7 +33,7 @@ from .coordinates import COUNT, physical
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
 from .method_ranges import USES_AXES, out_of_range, warnings
-from .regressions import WIDE_STEP, Regression
+from .regressions import CORRECTIONS, SETTLED, WIDE_STEP, Noiseless, Regression
 
 Array = np.ndarray
 METHOD = "axis-crossings"
@@ -78,18 +83,53 @@ def summed(parts: Iterable[Normal]) -> Normal:
 @dataclass(frozen=True)
 class Side:
     """The passages of one axis in one run: number of the run, the axis's side, how often the wave
-    went over it, what its rows say."""
+    went over it, what its rows say; of the rows the design over σ (n, 4), σ (n,), the passage (n,),
+    2mθ (n,) and its standard deviation (n,), and the time (n,)."""
 
     run: int
     side: str
     passages: int
     normal: Normal
+    design: Array
+    std: Array
+    passage: Array
+    angle: Array
+    angle_std: Array
+    time_s: Array
+
+    def bend(self, answer: Array) -> Array:
+        """What a row's angle adds to all later ε (n,), beside its neighbours: h/2·∂ε̇/∂2mθ of the
+        steps on its two sides, (n, 2)."""
+        half = np.diff(self.time_s) / 2 * (np.diff(self.passage) == 0)
+        middle = (self.angle[1:] + self.angle[:-1]) / 2
+        slope = half * (answer[0] * np.cos(middle) + answer[1] * np.sin(middle))
+        return np.column_stack([np.append(0, slope), np.append(slope, 0)]) * self.angle_std[:, None]
+
+    def wander(self, answer: Array, covariance: Array) -> Array:
+        """Covariance (4, 4) by the angles' noise of the least squares that has `covariance`."""
+        # the influences of a passage sum to zero, so those after a step are minus those up to it
+        up_to = np.cumsum(covariance @ (self.design / self.std[:, None]).T, axis=1)
+        before, after = self.bend(answer).T
+        moved = np.column_stack([np.zeros(4), up_to[:, :-1]]) * before + up_to * after
+        return np.asarray(moved @ moved.T)
+
+    def excess(self, answer: Array) -> float:
+        """What the angles' noise adds to χ² on average."""
+        step2 = self.bend(answer).sum(axis=1) ** 2
+        out = 0.0
+        for k in np.unique(self.passage):
+            own = self.passage == k
+            n = int(own.sum())
+            left = np.arange(n, 0, -1)  # rows that a row's angle moves
+            moved = np.sum(step2[own] * (left - left**2 / n))
+            out += float(moved / np.mean(self.std[own] ** 2))
+        return out
 
 
 @dataclass(frozen=True)
 class Found:
-    """The one answer (4,) with covariance (4, 4), each run's χ² and degrees of freedom (R,), the
-    sides, and what the decay alone says of the damping split."""
+    """The one answer (4,) with covariance (4, 4), each run's χ², scaled so that noise alone gives
+    its degrees of freedom (R,), the sides, and what the decay alone says of the damping split."""
 
     answer: Array
     covariance: Array
@@ -110,6 +150,9 @@ class Course:
     log_size: Array
     std: Array
     piece: Array
+    ellipticity_left: Array | float = 0.0
+    log_size_left: Array | float = 0.0
+    """What the integrals leave out of either (n,)."""
 
     def integral(self, slow: Array) -> Array:
         """∫ slow·e^{j2mθ} dt from the first row (n,): 2mθ straight between rows, slow (n,) at its
@@ -118,6 +161,28 @@ class Course:
         turned = np.exp(1j * (self.angle[:-1] + half)) * np.sinc(half / np.pi)
         return np.append(
             0, np.cumsum(np.diff(self.run.time_s) * turned * (slow[1:] + slow[:-1]) / 2)
+        )
+
+    def ellipticity_columns(self) -> Array:
+        """ε less its constant, by the four unknowns (n, 4)."""
+        split = self.integral(np.ones_like(self.std))
+        damping = self.integral(np.sin(2 * self.ellipticity))
+        return np.column_stack([split.imag, -split.real, damping.real, damping.imag])
+
+    def decay_columns(self) -> Array:
+        """½ ln S₀ less its constant, by ν and the four unknowns (n, 5)."""
+        turned = self.integral(np.cos(2 * self.ellipticity))
+        none = np.zeros_like(self.std)
+        return np.column_stack([-self.run.time_s, none, none, -turned.real, -turned.imag])
+
+    def less(self, model: EnvelopeRun, p: Array) -> Course:
+        """The course less what the equations leave of a noiseless run of coordinates p (7,)."""
+        exact = course_of(dataclasses.replace(model, std=np.zeros(len(model))))
+        own = np.array([p[0], p[3], p[4], p[1], p[2]])
+        return dataclasses.replace(
+            self,
+            ellipticity_left=exact.ellipticity - exact.ellipticity_columns() @ own[1:],
+            log_size_left=exact.log_size - exact.decay_columns() @ own,
         )
 
 
@@ -134,24 +199,25 @@ def course_of(run: EnvelopeRun) -> Course:
 def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0) -> Normal:
     """Least squares of target (n,) by columns (n, own + 4), each group (n,) of rows with a constant
     of its own; the first `own` unknowns are nobody else's."""
-    index = np.unique(group, return_inverse=True)[1]
-    joined = np.column_stack([columns, target])
-    weight = 1 / std**2
-    total = np.bincount(index, weight)
-    mean = np.stack([np.bincount(index, weight * c) for c in joined.T], axis=1) / total[:, None]
-    joined = (joined - mean[index]) / std[:, None]
+    joined = demeaned(np.column_stack([columns, target]), std, group)
     basis = np.linalg.qr(joined[:, :own])[0]
     joined = (joined - basis @ (basis.T @ joined))[:, own:]
     x, y = joined[:, :-1], joined[:, -1]
-    return Normal(x.T @ x, x.T @ y, float(y @ y), len(y) - len(total) - own)
+    return Normal(x.T @ x, x.T @ y, float(y @ y), len(y) - len(np.unique(group)) - own)
+
+
+def demeaned(columns: Array, std: Array, group: Array) -> Array:
+    """Columns (n, k) over std (n,), less the weighted mean of each group (n,)."""
+    index = np.unique(group, return_inverse=True)[1]
+    weight = 1 / std**2
+    total = np.bincount(index, weight)
+    mean = np.stack([np.bincount(index, weight * c) for c in columns.T], axis=1) / total[:, None]
+    return np.asarray((columns - mean[index]) / std[:, None])
 
 
 def decay(w: Course) -> Normal:
     """What the decay of S₀ says of the damping split; ν is the run's own."""
-    turned = w.integral(np.cos(2 * w.ellipticity))
-    none = np.zeros_like(w.std)
-    columns = np.column_stack([w.run.time_s, none, none, -turned.real, -turned.imag])
-    return normal(columns, w.log_size, w.std, w.piece, own=1)
+    return normal(w.decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1)
 
 
 def passive(runs: Sequence[EnvelopeRun]) -> Normal:
@@ -168,8 +234,7 @@ def passive(runs: Sequence[EnvelopeRun]) -> Normal:
 def sides(w: Course, number: int, axis: float) -> list[Side]:
     """What run `number` says at the stiff and at the soft axis; axis: a first guess of 2mθ_ω,
     rad."""
-    split, damping = w.integral(np.ones_like(w.std)), w.integral(np.sin(2 * w.ellipticity))
-    columns = np.column_stack([split.imag, -split.real, damping.real, damping.imag])
+    columns, target = w.ellipticity_columns(), w.ellipticity - w.ellipticity_left
     nearest = np.floor((w.angle - axis) / np.pi + 0.5).astype(int)
     begun = (np.diff(nearest, prepend=nearest[0]) != 0) | (np.diff(w.piece, prepend=0) != 0)
     passage = np.cumsum(begun)
@@ -179,15 +244,38 @@ def sides(w: Course, number: int, axis: float) -> list[Side]:
     for parity, side in enumerate(SIDES):
         own = long & (nearest % 2 == parity)
         if own.any():
-            rows = normal(columns[own], w.ellipticity[own], w.std[own], passage[own])
+            rows = normal(columns[own], target[own], w.std[own], passage[own])
             crossed = np.sum((np.diff(over) != 0) & (nearest[1:] % 2 == parity))
-            out.append(Side(number, side, int(crossed), rows))
+            angle_std = 2 * w.std[own] / np.cos(2 * w.ellipticity[own])
+            design = demeaned(columns[own], w.std[own], passage[own])
+            out.append(
+                Side(
+                    number,
+                    side,
+                    int(crossed),
+                    rows,
+                    design,
+                    w.std[own],
+                    passage[own],
+                    w.angle[own],
+                    angle_std,
+                    w.run.time_s[own],
+                )
+            )
     return out
 
 
-def free_crossings(runs: Sequence[EnvelopeRun]) -> Found:
-    """The frequency split as a vector, from all sides of all free runs by inverse covariance."""
+def free_crossings(
+    runs: Sequence[EnvelopeRun], model: Sequence[EnvelopeRun] = (), p: Array | None = None
+) -> Found:
+    """The frequency split as a vector, from all sides of all free runs by inverse covariance.
+
+    model, p: the runs of coordinates p (7,) without noise, by which what the integrals leave out is
+    taken off.
+    """
     courses = [course_of(run) for run in runs]
+    if p is not None:
+        courses = [w.less(m, p) for w, m in zip(courses, model, strict=True)]
     beside = summed([passive(runs), *(decay(w) for w in courses)])
     found: list[Side] = []
     axis = 0.0
@@ -200,10 +288,17 @@ def free_crossings(runs: Sequence[EnvelopeRun]) -> Found:
     if not found:
         none = np.full(4, np.nan)
         return Found(none, np.full((4, 4), np.nan), np.zeros(0), np.zeros(0, int), [], beside)
-    chi2, freedom = np.zeros(len(runs)), np.zeros(len(runs), int)
+    chi2, freedom, excess = np.zeros(len(runs)), np.zeros(len(runs), int), np.zeros(len(runs))
+    wander = np.zeros((4, 4))
     for side in found:
         chi2[side.run] += side.normal.misfit(answer)
         freedom[side.run] += side.normal.freedom
+        excess[side.run] += side.excess(answer)
+        wander += side.wander(answer, covariance)
+    for side in found:  # the answer follows a part of what the angles' noise does
+        excess[side.run] -= float(np.trace(side.normal.information @ wander))
+    covariance = covariance + wander
+    chi2 *= freedom / np.maximum(1, freedom + excess)
     factor = max(1.0, float(chi2.sum()) / max(1, int(freedom.sum())))
     return Found(answer, covariance * factor, chi2, freedom, found, beside)
 
@@ -213,6 +308,7 @@ def axes(found: Found, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
     out = []
     for side in found.sides:
         answer, covariance = (side.normal + found.decay).solved()
+        covariance = covariance + side.wander(answer, covariance)
         x, y = answer[:2]
         across = np.array([-y, x]) / max(float(x**2 + y**2), 1e-300)
         std = float(np.sqrt(max(0.0, across @ covariance[:2, :2] @ across)))
@@ -246,15 +342,28 @@ def combined(found: Found, mode_number: int) -> dict[str, float]:
     }
 
 
-def solve(runs: Sequence[EnvelopeRun]) -> Regression:
-    """The axis finder as a method of identification, of the frequency split and its axis alone."""
+def solve(
+    runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Array | None = None
+) -> Regression:
+    """The axis finder as a method of identification, of the frequency split and its axis alone.
+
+    model, start: noiseless rows for any coordinates and the first coordinates (7,).
+    """
     p, covariance = np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan)
     refusal = out_of_range(runs, METHOD)
     if refusal:
         return Regression(p, covariance, refused=refusal)
-    found = free_crossings(runs)
+    found, change = free_crossings(runs), 0.0
     if not found.sides:
         return Regression(p, covariance, refused=f"{METHOD} needs gapless rows, none were found")
+    for _ in range(CORRECTIONS if model is not None and start is not None else 0):
+        here = np.array(start, float)
+        here[3:5] = found.answer[:2]
+        before, found = found, free_crossings(runs, model(here), here)
+        moved = np.abs(found.answer - before.answer)[:2] / np.sqrt(np.diag(found.covariance)[:2])
+        change = float(np.max(moved))
+        if change < SETTLED:
+            break
     covariance[3:5, 3:5] = found.covariance[:2, :2]
     p[3:5], p[6] = found.answer[:2], 0.0
     return Regression(
@@ -263,6 +372,7 @@ def solve(runs: Sequence[EnvelopeRun]) -> Regression:
         warnings(runs, METHOD, False),
         run_chi2=found.chi2,
         run_rows=found.freedom,
+        unsettled=change,
         details={
             "stiffness_axes": axes(found, runs),
             "stiffness_axis_of_crossings": combined(found, runs[0].mode_number),

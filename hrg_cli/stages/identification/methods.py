@@ -222,7 +222,7 @@ def _regression(
     if method == "rotation-integrals":
         return rotation_integrals.solve(ready.rows, ready.noiseless, start)
     if method == axis_crossings.METHOD:
-        return axis_crossings.solve(ready.rows)
+        return axis_crossings.solve(ready.rows, ready.noiseless, start)
     return regressions.solve(
         ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start, spread
     )
