@@ -25,7 +25,7 @@ PARAMETERS = (
     ("stiffness_axis_rad", "rad"),
     ("scale_factor", "1"),
 )
-"""Resonator parameters (CONTRACT) with their units, in file order."""
+"""Resonator parameters with their units, in file order (docs/reference/files.md)."""
 OF_GENERATOR = tuple(name for name, _ in PARAMETERS if name != "frequency_hz")
 """Those that the slow generator holds: all but the frequency, which every run has of its own."""
 

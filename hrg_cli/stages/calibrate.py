@@ -316,7 +316,7 @@ def _of_resonators(
 
 
 def summary(record: Calibration) -> dict[str, Any]:
-    """The JSON of CONTRACT.md for a calibration."""
+    """The JSON of a calibration (docs/reference/json.md)."""
     if is_rate_table(record):
         return table_summary(record)
     details = json.loads(record.details)

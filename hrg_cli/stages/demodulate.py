@@ -1,7 +1,7 @@
 """demodulate: samples of the two channels -> least-squares signals per window, against one constant
 reference frequency.
 
-C = c_cos·cos ω_r t + c_sin·sin ω_r t (CONTRACT), so C0 = c_cos − j·c_sin at the window's centre.
+C = c_cos·cos ω_r t + c_sin·sin ω_r t (PHYSICS §0), so C0 = c_cos − j·c_sin at the window's centre.
 Every window of a fixed number of samples shares one least-squares basis about its centre at the
 local frequency; one matrix product serves a chunk, one turn by the reference phase at each centre
 makes the signals. No whole periods are needed and nothing leaks. With a carrier the basis has the

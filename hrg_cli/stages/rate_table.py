@@ -259,7 +259,7 @@ def rate_of(record: Calibration, output: Array, temperature_degc: Array | float 
 
 
 def summary(record: Calibration) -> dict[str, Any]:
-    """Figures of a table's calibration for the JSON: the keys of CONTRACT.md and the table's own.
+    """Figures of a table's calibration for the JSON: the keys of every calibration and the table's own.
 
     `scale_factor_rms_ppm`: the residual as a part of the largest rate; nulls where the gyro did not
     turn.
