@@ -20,7 +20,7 @@ from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console, tables
 from ..reporting.answer import answer
 from ..stages.diagnose import diagnose
-from ..stages.simulate import courses_of, mechanics_of
+from ..stages.simulation.gyro import courses_of, mechanics_of
 from ..stages.simulation_file import runs_of
 from .frame import (
     NO_DRAWS,

@@ -1,0 +1,1 @@
+"""The tables of a simulation file, and what of the engines is made of them."""
