@@ -36,7 +36,7 @@ from ..records import Recording, Resonator, Wave, collect
 from .demodulate import demodulate
 from .diagnosis.data import freedom_of, prepare
 from .estimate import estimate
-from .plan import mechanics_of
+from .planning.known import mechanics_of
 
 Array = np.ndarray
 ROWS = 1500

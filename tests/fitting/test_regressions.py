@@ -12,6 +12,7 @@ from hrg_cli.fitting.envelopes import (
     propagator,
     regressions,
     rotation_integrals,
+    seed_a_methods,
     two_modes,
     working_mode,
 )
@@ -21,7 +22,7 @@ from hrg_cli.physics.resonator import Mechanics
 
 TRUE = coordinates.from_mechanics(GYRO)
 APPROXIMATE = ("moving-axes-small-quadrature", "fixed-axes-groups", "frozen-axes")
-EXACT = [m for m in regressions.METHODS if m not in APPROXIMATE]
+EXACT = [m for m in seed_a_methods.METHODS if m not in APPROXIMATE]
 
 
 def thin(waves, blocks=300):

@@ -19,8 +19,9 @@ import numpy as np
 from . import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
+from .equations import Ellipse, ellipse_of
 from .method_ranges import USES_AXES, out_of_range, quadrature_significance
-from .regressions import CORRECTIONS, Ellipse, Noiseless, Regression, ellipse_of
+from .regressions import CORRECTIONS, Noiseless, Regression
 
 Array = np.ndarray
 METHOD = "rotation-integrals"

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...physics import ellipse
 from .envelope_runs import EnvelopeRun
-from .regressions import derivative
+from .equations import derivative
 
 Array = np.ndarray
 BLOCK_ROWS = 8

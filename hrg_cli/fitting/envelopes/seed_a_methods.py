@@ -1,0 +1,302 @@
+"""The identification methods of seed A as linear equations of one run, each by its physical name.
+
+All are linear in the coordinates of `coordinates.py`. The published forms are corrected where
+PHYSICS §4 shows an error: 1/π and a full turn in the rotation integrals, the true rate in fixed
+axes (the elimination KΩ := −mθ̇ deletes half of the damping split and is an option), e^{+jωt}
+throughout. Derivatives are central differences, each row for itself, as published; `increments` and
+`stokes` integrate the right-hand side along the run instead, with a free first value, and so weigh
+the rows as their noise asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...physics import ellipse
+from .envelope_runs import EnvelopeRun
+from .equations import (
+    Equations,
+    beside_gap,
+    derivative,
+    ellipse_of,
+    integrate_equations,
+    join_equations,
+    make_equations,
+    table_rate,
+)
+
+Array = np.ndarray
+
+
+GROUP = 0.1
+"""|sin Δφ| or |cos Δφ| up to which a row belongs to a group of seed A's second remark."""
+
+
+def moving_axes(
+    run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False, frozen: bool = False
+) -> Equations:
+    """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D with D
+    of PHYSICS §4 (8) exact.
+
+    `small`: (14), (16): products of the quadrature with a damping split or with the frequency split
+    in ȧ_A are dropped. `frozen`: the splits are taken at the run's mean angle.
+    """
+    w = ellipse_of(run)
+    angle = np.full_like(w.angle, w.angle.mean()) if frozen else w.angle
+    c, s, zero = np.cos(2 * angle), np.sin(2 * angle), np.zeros_like(w.a)
+    cross = 0.0 if small else 1.0
+    first = make_equations(
+        run,
+        [w.a, w.a * c, w.a * s, cross * w.b * s, -cross * w.b * c, zero, zero],
+        -w.a_dot,
+        w.good,
+    )
+    second = make_equations(
+        run,
+        [w.b, -cross * w.b * c, -cross * w.b * s, -w.a * s, w.a * c, zero, zero],
+        -w.b_dot,
+        w.good,
+    )
+    r = w.b / w.a
+    shape = (1 - r**2) * w.a
+    third = make_equations(
+        run,
+        [
+            zero,
+            -s * (1 + cross * r**2) * w.a,
+            c * (1 + cross * r**2) * w.a,
+            -2 * r * c * w.a,
+            -2 * r * s * w.a,
+            -w.rate * (shape if not small else w.a),
+            zero,
+        ],
+        w.angle_dot * (shape if not small else w.a),
+        w.good & (w.rate != 0),
+    )
+    # D = νδμ sin χ (1 + r²) − 2rδω cos ζ over (1 − r²), χ = 2mθ − 2mθ_μ: sin χ = s·cos − c·sin of
+    # the axis
+    third = Equations(
+        third.columns * np.array([1, -1, -1, 1, 1, 1, 1]),
+        third.target,
+        third.offset,
+        third.weight,
+        third.first,
+    )
+    return join_equations([first, second, third])
+
+
+def moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A (14), (16)."""
+    return moving_axes(run, eliminate_rate, small=True)
+
+
+def frozen_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A, fourth remark after (17): axes frozen where the wave stands, for a wave that hardly
+    turns.
+
+    The printed fourth equation drops the part of the drift; m·dθ/dt = −KΩ + D stands in its place,
+    as in moving axes.
+    """
+    return moving_axes(run, eliminate_rate, frozen=True)
+
+
+def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both
+    channels, K free.
+
+    `eliminate_rate`: the published KΩ := −mθ̇.
+    """
+    u, dot = run.envelope, derivative(run.envelope, run.time_s)
+    keep = ~beside_gap(run.time_s)
+    rate = table_rate(run)
+    known = np.zeros_like(rate)
+    if eliminate_rate:
+        known, rate = -ellipse_of(run).angle_dot, np.zeros_like(rate)
+    parts = []
+    for this, other, sign in ((0, 1, 1.0), (1, 0, -1.0)):
+        turn = np.exp(-1j * np.angle(u[:, this]))
+        x, y = u[:, this] * turn, u[:, other] * turn
+        terms = [-x, -sign * x, -y, 1j * sign * x, 1j * y, sign * rate * y, 0 * y]
+        target = dot[:, this] * turn - sign * known * y
+        for part in (np.real, np.imag):
+            parts.append(
+                make_equations(
+                    run, [part(v) for v in terms], part(target), keep, offset=part(1j * x)
+                )
+            )
+    return join_equations(parts)
+
+
+def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Amplitude equations of (17) and the weighted difference of its phase equations, which needs
+    no mean frequency.
+
+    a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ + KΩ·(−sin Δφ))(a_S² − a_C²) + Δν_s sin Δφ (a_C² +
+    a_S²), Δφ = φ_C − φ_S.
+    """
+    return _fixed_axes(run, eliminate_rate)
+
+
+def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A, second remark after (17): the same in two groups of data.
+
+    Main group, the wave between the electrodes' axes: sin Δφ → 0, cos Δφ → ±1. Further group, the
+    wave on one of them: cos Δφ → 0, sin Δφ → ±1. Rows in between are left out; the printed a_C a_S
+    Δφ̇ → 0 would leave the frequency split unknown and is kept.
+    """
+    return _fixed_axes(run, eliminate_rate, grouped=True)
+
+
+def _fixed_axes(run: EnvelopeRun, eliminate_rate: bool, grouped: bool = False) -> Equations:
+    """The channels' products as they are, whole or in two groups."""
+    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
+    return _channel_products(
+        run,
+        cross.real,
+        cross.imag,
+        np.abs(run.envelope[:, 0]) ** 2,
+        np.abs(run.envelope[:, 1]) ** 2,
+        eliminate_rate,
+        False,
+        grouped=grouped,
+    )
+
+
+def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own
+    power taken off; no A, B, θ is formed."""
+    noise = 2 * run.std**2
+    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
+    c2, s2 = np.abs(run.envelope[:, 0]) ** 2 - noise, np.abs(run.envelope[:, 1]) ** 2 - noise
+    return _channel_products(run, cross.real, cross.imag, c2, s2, eliminate_rate, True)
+
+
+def _channel_products(
+    run: EnvelopeRun,
+    x: Array,
+    y: Array,
+    c2: Array,
+    s2: Array,
+    eliminate_rate: bool,
+    whole: bool,
+    grouped: bool = False,
+) -> Equations:
+    """½d(a_C²)/dt, ½d(a_S²)/dt and, `whole`, d(a_C a_S e^{jΔφ})/dt, else a_C a_S Δφ̇ alone; x + jy
+    = a_C a_S e^{jΔφ}.
+
+    `grouped`: Δφ is rounded to a multiple of π/2 where it is within `GROUP` of one; the other rows
+    weigh nothing.
+    """
+    t = run.time_s
+    keep = ~beside_gap(t)
+    rate = table_rate(run)
+    known, zero = np.zeros_like(rate), np.zeros_like(rate)
+    if eliminate_rate:
+        known, rate = -ellipse_of(run).angle_dot, zero
+    size = np.sqrt(np.maximum(c2 + s2, 1e-300))
+    product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
+    sin, cos = y / product, x / product
+    left = cos * derivative(y, t) - sin * derivative(x, t)
+    if grouped:
+        size = np.where(np.minimum(np.abs(sin), np.abs(cos)) < GROUP, size, np.inf)
+        sin, cos = np.round(sin), np.round(cos)
+        x, y = product * cos, product * sin
+    amplitude = [
+        make_equations(
+            run,
+            [-c2, -c2, -x, zero, y, rate * x, zero],
+            derivative(c2, t) / 2 - known * x,
+            keep,
+            size,
+        ),
+        make_equations(
+            run,
+            [-s2, s2, -x, zero, -y, -rate * x, zero],
+            derivative(s2, t) / 2 + known * x,
+            keep,
+            size,
+        ),
+    ]
+    total, difference = c2 + s2, s2 - c2
+    if whole:
+        in_phase = make_equations(
+            run,
+            [-2 * x, zero, -total, -2 * y, zero, rate * difference, zero],
+            derivative(x, t) - known * difference,
+            keep,
+            size,
+        )
+        quadrature = make_equations(
+            run, [-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t), keep, size
+        )
+        return join_equations([*amplitude, in_phase, quadrature])
+    phase = make_equations(
+        run,
+        [zero, zero, sin * total, 2 * product, cos * difference, -rate * sin * difference, zero],
+        left + known * sin * difference,
+        keep,
+        size,
+    )
+    return join_equations([*amplitude, phase])
+
+
+def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """Seed A (15) integrated: increments of a_A, a_B instead of derivatives, and those of mθ, with
+    the rate or without."""
+    w = ellipse_of(run)
+    c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
+    r = w.b / w.a
+    up, down = (1 + r**2) / (1 - r**2), 1 / (1 - r**2)
+    return integrate_equations(
+        run,
+        [
+            ([-w.a, -w.a * c, -w.a * s, -w.b * s, w.b * c, zero, zero], w.a, run.std),
+            ([-w.b, w.b * c, w.b * s, w.a * s, -w.a * c, zero, zero], w.b, run.std),
+            (
+                [zero, s * up, -c * up, -2 * r * c * down, -2 * r * s * down, -w.rate, zero],
+                w.angle,
+                run.std * np.sqrt(w.a**2 + w.b**2) / np.abs(w.a**2 - w.b**2),
+            ),
+        ],
+    )
+
+
+def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; no axes, so circular
+    orbits too; noise power taken off S₀.
+
+    S₀ = |(S₁, S₂, S₃)| of one wave, so its own equation says nothing new; the other three have
+    independent noise 2σ√S₀.
+    """
+    s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
+    s0 = s0 - 4 * run.std**2
+    rate, zero = table_rate(run), np.zeros_like(s0)
+    std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))
+    return integrate_equations(
+        run,
+        [
+            ([-2 * s1, -2 * s0, zero, zero, 2 * s3, 2 * rate * s2, zero], s1, std),
+            ([-2 * s2, zero, -2 * s0, -2 * s3, zero, -2 * rate * s1, zero], s2, std),
+            ([-2 * s3, zero, zero, 2 * s2, -2 * s1, zero, zero], s3, std),
+        ],
+    )
+
+
+METHODS: dict[str, Callable[..., Equations]] = {
+    "moving-axes": moving_axes,
+    "moving-axes-small-quadrature": moving_axes_small_quadrature,
+    "fixed-axes": fixed_axes,
+    "fixed-axes-weighted": fixed_axes_weighted,
+    "fixed-axes-groups": fixed_axes_groups,
+    "frozen-axes": frozen_axes,
+    "increments": increments,
+    "products": products,
+    "stokes": stokes,
+}
+EXACT = {
+    "moving-axes-small-quadrature": "moving-axes",
+    "fixed-axes-groups": "fixed-axes-weighted",
+    "frozen-axes": "moving-axes",
+}
+"""Methods whose equations are approximate -> the exact ones with the same differences."""

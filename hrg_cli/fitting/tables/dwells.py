@@ -1,0 +1,165 @@
+"""Least squares of a table of dwells: nodes of temperature, powers of the rate, spikes, and the
+covariance that correlated rows leave."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...fourier import node_weights
+
+Array = np.ndarray
+
+
+FOLDS, STRETCHES = 5, 25
+"""Every fifth of 25 stretches of the rows is left out together: neighbours stay together, and a
+sweep of temperature is not cut short."""
+FEWEST_LEFT = 4
+"""Rows beyond the coefficients from which the scatter of the rows is told."""
+FEWEST_FOR_SPIKES = 8
+"""Rows beyond the coefficients from which a spike is told from a bend."""
+ROWS_A_NODE = 5
+"""Rows per coefficient from which the spacing of the nodes alone decides their number."""
+LARGEST_CONDITION = 1e6
+ON_GRID = 0.02
+"""Part of a step by which rounded values may miss its multiples."""
+ROUNDING = 1e-12
+"""Relative scatter that is rounding, not noise."""
+
+
+def lay_nodes(
+    y: Array, omega: Array, degc: Array, spacing: float, interpolation: str, turning: bool
+) -> Array:
+    """Even nodes at most `spacing` apart, as many as the rows can carry: every one seen, and rows
+    left over to tell their scatter.
+
+    Where the rows are few for the nodes that the spacing asks for, their number is that which
+    predicts rows left out best.
+    """
+    low, high = float(degc.min()), float(degc.max())
+    if high - low < 1e-6:
+        return np.array([low])
+    count = int(np.clip(np.ceil((high - low) / spacing) + 1, 2, 12))
+    a_node = 2 if turning else 1
+    room = max(2, (len(y) - max(FEWEST_LEFT, len(y) // 3)) // a_node)
+    able = []
+    for n in range(2, min(count, room) + 1):
+        X = design(omega, degc, nodes := np.linspace(low, high, n), interpolation, turning, [])
+        size = np.linalg.norm(X, axis=0)
+        if (size > 0).all() and np.linalg.cond(X / size) < LARGEST_CONDITION:
+            able.append((nodes, X))
+    if not able:
+        return np.array([(low + high) / 2])
+    if len(able[-1][0]) == count and len(y) >= ROWS_A_NODE * a_node * count:
+        return able[-1][0]
+    return min(able, key=lambda pair: held_out_rms(y, pair[1]))[0]
+
+
+def least_count(y: Array) -> float:
+    """The step on whose multiples all values lie: the resolution of what measured them; 0 where
+    there is none to be seen."""
+    steps = np.diff(np.unique(y))
+    if len(steps) < 3:
+        return 0.0
+    step = float(steps.min())
+    multiples = steps / step
+    on_grid = (
+        float(np.max(np.abs(multiples - np.round(multiples)) / np.maximum(multiples, 1))) < ON_GRID
+    )
+    # values one step apart all along are a ramp, which looks the same without any grid
+    return step if on_grid and multiples.max() > 1.5 else 0.0
+
+
+def find_spikes(X: Array, residual: Array, keep: Array, limit: float, step: float) -> Array:
+    """Rows (n,) further from the fit than `limit` robust standard deviations, each held against its
+    own error.
+
+    A row that helps to fix the curve is pulled to it: its residual has the variance s²(1 − h). None
+    is called a spike where too few rows are left over to tell.
+    """
+    left = int(keep.sum()) - X.shape[1]
+    if left < FEWEST_FOR_SPIKES:
+        return np.zeros(len(residual), bool)
+    own = residual[keep]
+    spread = 1.4826 * float(np.median(np.abs(own - np.median(own)))) * np.sqrt(keep.sum() / left)
+    spread = max(spread, step / np.sqrt(12))
+    if spread <= ROUNDING * float(np.abs(X).max() + np.abs(residual).max()):
+        return np.zeros(len(residual), bool)
+    leverage = np.einsum("ij,jk,ik->i", X, np.linalg.pinv(X[keep].T @ X[keep]), X)
+    error = np.sqrt(np.where(keep, np.maximum(1 - leverage, 0.1), 1 + leverage))
+    return np.asarray(np.abs(residual) > limit * spread * error)
+
+
+def design(
+    omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int]
+) -> Array:
+    """Columns (n, ·): −D at the nodes and, where it turns, K·Ω at the nodes and the powers of the
+    rate."""
+    weights = node_weights(degc, nodes, interpolation)
+    if not turning:
+        return weights
+    return np.concatenate(
+        [weights, weights * omega[:, None], *((omega**p)[:, None] for p in powers)], axis=1
+    )
+
+
+def choose_powers(
+    y: Array,
+    omega: Array,
+    degc: Array,
+    nodes: Array,
+    interpolation: str,
+    turning: bool,
+    largest: int,
+) -> tuple[list[int], dict[str, float]]:
+    """Powers 2…P with the smallest held-out residual over folds of stretches of the rows; scores by
+    P."""
+    if not turning:
+        return [], {"1": held_out_rms(y, design(omega, degc, nodes, interpolation, turning, []))}
+    scores = {}
+    for highest in range(1, min(largest, len(np.unique(omega)) - 1) + 1):
+        X = design(omega, degc, nodes, interpolation, turning, list(range(2, highest + 1)))
+        scores[str(highest)] = held_out_rms(y, X)
+    best = int(min(scores, key=lambda key: scores[key]))
+    return list(range(2, best + 1)), scores
+
+
+def held_out_rms(y: Array, X: Array) -> float:
+    """Root mean square of the rows predicted without their fold of stretches."""
+    fold = np.arange(len(y)) * min(STRETCHES, len(y)) // len(y) % FOLDS
+    residual = np.empty(len(y))
+    for f in range(FOLDS):
+        own = fold == f
+        residual[own] = y[own] - X[own] @ np.linalg.lstsq(X[~own], y[~own], rcond=None)[0]
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def covariance_of(X: Array, residual: Array, step: float) -> Array:
+    """s²(XᵀX)⁻¹ times the inflation 1 + 2Σ(1 − k/K)ρ_k that neighbouring rows' correlation asks
+    for, never less than one.
+
+    s² from the rows left over, at least a least count's step²/12, times n/(n − 2) for how little n
+    of them tell it; NaN where the rows lie on the curve to the last digit: what they scatter by is
+    then not known.
+    """
+    left = max(len(X) - X.shape[1], 0)
+    power = float(residual @ residual)
+    if left < 3 or (
+        power / len(X) <= (ROUNDING * float(np.abs(X).max() + np.abs(residual).max())) ** 2
+        and step == 0
+    ):
+        return np.full((X.shape[1], X.shape[1]), np.nan)
+    variance = max(power / left, step**2 / 12) * left / (left - 2)
+    lags = np.arange(1, max(2, min(len(X) // 10, 200)))
+    correlations = (
+        np.array([residual[k:] @ residual[:-k] for k in lags]) / power
+        if power > 0
+        else np.zeros(len(lags))
+    )
+    # sum up to the first lag without correlation: beyond it there is only noise to add
+    stop = (
+        int(np.argmax(correlations < 2 / np.sqrt(len(X))))
+        if (correlations < 2 / np.sqrt(len(X))).any()
+        else len(lags)
+    )
+    inflation = max(1.0, 1 + 2 * float(((1 - lags[:stop] / len(X)) * correlations[:stop]).sum()))
+    return np.asarray(inflation * variance * np.linalg.pinv(X.T @ X))

@@ -1,0 +1,140 @@
+"""What a plan is to tell apart: causes that a diagnosis left open or a user names, and what no run
+can tell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...effects import EFFECTS
+from ...errors import HrgError
+from ...records import Diagnosis, Resonator, Wave
+from .information import Layout
+
+Array = np.ndarray
+
+
+BASE = "the base model"
+INHERENT = {e.name: f"{e.same_as_base}; {e.next_experiment}" for e in EFFECTS if e.same_as_base}
+"""What no run of any menu can tell from the base model, and what else would."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A cause, what it is to be told from (a cause or the base model), and the sizes of both in
+    columns' units."""
+
+    cause: str
+    rival: str
+    size: Array
+    rival_size: Array | None = None
+
+
+def open_causes(
+    known: Resonator | Diagnosis, causes: Sequence[str]
+) -> tuple[dict[str, dict[str, float]], list[list[str]]]:
+    """Sizes of the causes found, and groups [cause, rivals…] to be separated.
+
+    Open are the causes found that have rivals and those named by the user, or, where none is named,
+    those that the diagnosis's runs could not show; where there is none of these, the causes found
+    are to be seen better.
+    """
+    names = {effect.name for effect in EFFECTS}
+    unknown = [name for name in causes if name not in names]
+    if unknown:
+        raise HrgError(f"there is no effect {unknown[0]}; `hrg effects` lists them")
+    sizes: dict[str, dict[str, float]] = {name: {} for name in causes}
+    groups = [[a, *(b for b in causes if b != a)] for a in causes]
+    if isinstance(known, Diagnosis):
+        report = json.loads(known.report)
+        settled: list[list[str]] = []
+        for found in report["effects"]:
+            if found["name"] in names:
+                sizes[found["name"]] = {
+                    key: float(p["value"])
+                    for key, p in (found["parameters"] | found.get("held", {})).items()
+                }
+                rivals = [r for r in found["indistinguishable_from"] if r in names]
+                (groups if rivals else settled).append([found["name"], *rivals])
+        for group in _unseen(report) if not causes else ():
+            sizes |= {name: {} for name in group if name not in sizes}
+            groups.append(group)
+        groups = groups or settled
+    return sizes, groups
+
+
+def _unseen(report: Mapping[str, Any]) -> list[list[str]]:
+    """Causes that the diagnosis's runs could not tell from the model, though others can, each with
+    those that do the same in them."""
+    names = (
+        {effect.name for effect in EFFECTS}
+        - set(INHERENT)
+        - {found["name"] for found in report["effects"]}
+    )
+    entries = report.get("not_separable", [])
+    hidden = [name for group in entries if group.get("base") for name in group["effects"]]
+    alike = [group["effects"] for group in entries if not group.get("base")]
+    out = []
+    for name in dict.fromkeys(hidden):
+        if name in names:
+            out.append(
+                [
+                    name,
+                    *dict.fromkeys(
+                        other
+                        for group in alike
+                        if name in group
+                        for other in group
+                        if other != name and other in names
+                    ),
+                ]
+            )
+    return out
+
+
+def never_told(known: Resonator | Diagnosis) -> list[str]:
+    """Sentences about what the diagnosis left open and no run of any menu can tell."""
+    if not isinstance(known, Diagnosis):
+        return []
+    told = {
+        name
+        for group in json.loads(known.report).get("not_separable", [])
+        for name in group["effects"]
+    }
+    return [
+        f"no run can tell {name} from {same}" for name, same in INHERENT.items() if name in told
+    ]
+
+
+def questions_of(
+    sizes: Mapping[str, Mapping[str, float]],
+    groups: Sequence[Sequence[str]],
+    layout: Layout,
+    waves: Sequence[Wave],
+) -> list[Question]:
+    """Each cause against the base model and against its rivals, of the size found, or the typical one
+    at the waves' amplitude."""
+    amplitude = float(np.median([np.sqrt(np.mean(w.main_amplitude**2)) for w in waves]))
+    effects = {effect.name: effect for effect in layout.causes}
+
+    def size(name: str) -> Array:
+        given = sizes.get(name, {})
+        return np.array(
+            [
+                given.get(p.name, p.typical * amplitude**p.amplitude_power)
+                for p in effects[name].fitted()
+            ]
+        )
+
+    out: list[Question] = []
+    for cause, *rivals in groups:
+        for rival in [BASE, *rivals]:
+            if not any({q.cause, q.rival} == {cause, rival} for q in out):
+                out.append(
+                    Question(cause, rival, size(cause), None if rival == BASE else size(rival))
+                )
+    return out

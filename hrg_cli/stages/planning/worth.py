@@ -1,0 +1,144 @@
+"""What runs are worth: σ between causes, standard deviations, and the choice of runs by them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from ...fitting.envelopes.coordinates import COUNT, from_mechanics, physical
+from ...physics.resonator import PARAMETERS, Mechanics
+from .information import Layout, left_over
+from .questions import BASE, INHERENT, Question
+
+Array = np.ndarray
+
+
+TOLD = 3.0
+"""σ from which a cause counts as told apart."""
+NOTHING = 1e-3
+"""σ that rounding alone may give."""
+
+
+def separation(M: Array, question: Question, layout: Layout) -> float:
+    """σ by which the cause stands out with the base model free; of two causes, σ of the one that
+    the other, free too, follows less.
+
+    A lag does nothing that a gradient could not do, but not the other way round: either is named
+    where a gradient would stand out.
+    """
+    one = _beside(M, question.cause, question.size, question.rival, layout)
+    if question.rival_size is None:
+        return one
+    return max(one, _beside(M, question.rival, question.rival_size, question.cause, layout))
+
+
+def _beside(M: Array, cause: str, size: Array, rival: str, layout: Layout) -> float:
+    """σ of a cause of that size with the base model, and the rival, free."""
+    free = layout.free(cause, rival) + ([] if rival == BASE else layout.columns(rival))
+    S = left_over(M, layout.columns(cause), free)
+    whole = M[np.ix_(layout.columns(cause), layout.columns(cause))]
+    left, all_of_it = float(size @ S @ size), float(size @ whole @ size)
+    return float(np.sqrt(left)) if left > max(1e-9 * all_of_it, NOTHING**2) else 0.0
+
+
+def sum_of_separations(M: Array, questions: Sequence[Question], layout: Layout) -> float:
+    """Sum of log(1 + σ²): the least separated count most."""
+    return float(sum(np.log1p(separation(M, q, layout) ** 2) for q in questions))
+
+
+def log_information(M: Array, m: Mechanics) -> float:
+    """−log det of the covariance of the six parameters."""
+    sign, value = np.linalg.slogdet(left_over(M, range(6), [6]) / np.outer(_units(m), _units(m)))
+    return float(value) if sign > 0 else -np.inf
+
+
+def _units(m: Mechanics) -> Array:
+    damping, split = (
+        max(abs(m.damping_rate_1_s), 1e-9),
+        max(abs(m.frequency_split_rad_s), abs(m.damping_rate_1_s), 1e-9),
+    )
+    return 1 / np.array([damping, damping, damping, split, split, 1.0])
+
+
+def deviations(M: Array, m: Mechanics) -> dict[str, float | None]:
+    """Standard deviation of every parameter but the frequency from the base model's information."""
+    _, slopes = physical(from_mechanics(m), m.mode_number)
+    u = _units(m)
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[:6, :6] = np.linalg.pinv(
+        left_over(M, range(6), [6]) / np.outer(u, u), hermitian=True
+    ) / np.outer(u, u)
+    stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0))
+    return {name: float(std) for (name, _), std in zip(PARAMETERS[1:], stds, strict=True)}
+
+
+def choose_runs(
+    had: Array, offered: Mapping[str, Array], count: int, worth: Callable[[Array], float]
+) -> list[str]:
+    """Greedy choice of different runs, then exchanges while one helps."""
+    names: list[str] = []
+    for _ in range(count):
+        total = had + sum(offered[n] for n in names)
+        names.append(
+            max((n for n in offered if n not in names), key=lambda n: worth(total + offered[n]))
+        )
+    improved = True
+    while improved:
+        improved = False
+        for k in range(len(names)):
+            others = had + sum(offered[n] for i, n in enumerate(names) if i != k)
+            best = max(
+                (n for n in offered if n not in names or n == names[k]),
+                key=lambda n: worth(others + offered[n]),
+            )
+            if worth(others + offered[best]) > worth(others + offered[names[k]]) + 1e-9:
+                names[k], improved = best, True
+    return names
+
+
+def find_impossible(everything: Array, questions: Sequence[Question], layout: Layout) -> list[str]:
+    """Sentences about what all runs of the menu together cannot tell apart."""
+    out = []
+    for q in questions:
+        if q.cause in INHERENT and q.rival == BASE:
+            out.append(f"no run can tell {q.cause} from {INHERENT[q.cause]}")
+        elif separation(everything, q, layout) < TOLD:
+            sigma = separation(everything, q, layout)
+            out.append(
+                f"all runs of the menu together tell {q.cause} from {q.rival} by {sigma:.1f} σ"
+                " only; add other runs"
+            )
+    return out
+
+
+def reason_of(
+    name: str,
+    names: Sequence[str],
+    had: Array,
+    offered: Mapping[str, Array],
+    questions: Sequence[Question],
+    layout: Layout,
+    m: Mechanics,
+) -> str:
+    """What would be lost without this run."""
+    without = had + sum(offered[n] for n in names if n != name)
+    total = without + offered[name]
+    if questions:
+        gains = [
+            (
+                np.log1p(separation(total, q, layout) ** 2)
+                - np.log1p(separation(without, q, layout) ** 2),
+                q,
+            )
+            for q in questions
+        ]
+        q = max(gains, key=lambda pair: pair[0])[1]
+        before_sigma, after_sigma = separation(without, q, layout), separation(total, q, layout)
+        return (
+            f"tells {q.cause} from {q.rival}: {before_sigma:.3g} σ without it, {after_sigma:.3g} σ"
+            " with it"
+        )
+    before, after = deviations(without, m), deviations(total, m)
+    best = max(before, key=lambda key: (before[key] or 0.0) / max(after[key] or 0.0, 1e-300))
+    return f"shrinks the standard deviation of {best} from {before[best]:.3g} to {after[best]:.3g}"
