@@ -154,14 +154,14 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("self.mode_number * np.diff(self.angle_rad)", "np.diff(self.angle_rad)"),
             ("(values[1:] + values[:-1]) / 2", "values[1:] + values[:-1]"),
-            ("np.concatenate([[first_rate], rate[:-1]])) / 2)", "np.concatenate([[first_rate], rate[:-1]])))"),
+            ("integral = turned + integral[start", "integral = integral[start"),
             ("(width[1:] + width[:-1]) / 6, 0)", "(width[1:] + width[:-1]) / 2, 0)"),
             ("-white[1:-1] + noise.walk", "white[1:-1] + noise.walk"),
             ("white[1:] + white[:-1] + noise.walk", "white[1:] + noise.walk"),
             ("2 * np.pi * (joined[\"frequency_hz\"] - wave.reference_frequency_hz)", "2 * np.pi * joined[\"frequency_hz\"]"),
             ("** 2, power=2", "** 2, power=1"),
             ("NEEDED_GAIN = 6.0", "NEEDED_GAIN = 0.0"),
-            ("if (steps[1:] <= 0).any() or (last is not None and steps[0] <= 0):", "if False:"),
+            ("if standing.any():", "if False:"),
         ),
     ),
     "fitting/samples/basis.py": (
