@@ -66,3 +66,43 @@ def test_what_is_lost_turns_both_channels_alike_by_its_time(rate, lost_s):
     assert abs(np.angle(np.exp(1j * (jump.turn_rad - expected)))) < 5 * jump.turn_std_rad
     assert jump.turn_std_rad < 1e-3
     assert abs(jump.time_s - wave.time_s[WINDOWS // 2]) < 2.5 * WINDOW_S
+
+
+def swinging(seed, lost_s, amplitude_rad_s=6.0, swings=1.7):
+    """A run on a table that swings, its motion integrated in small steps; `lost_s` missing from its
+    middle on."""
+    gyro = Mechanics(1912.0, 2.0, 0.15, 0.35, 3.8, 0.9, 0.6)
+    fine, random = 12, np.random.default_rng(seed)
+    step = WINDOW_S / fine
+    lost = round(lost_s / step)
+    at = step * (np.arange(WINDOWS * fine + lost) + 0.5)
+    rate = amplitude_rad_s * np.sin(2 * np.pi * swings * at / at[-1] + random.uniform(0, 6))
+    u = np.empty((len(at), 2), complex)
+    state = envelope(gyro, 0.3, 0.0, np.zeros(1), ratio=0.4)[0]
+    for k, value in enumerate(rate):
+        half = expm(resonator.generator(gyro, float(value)) * step / 2)
+        u[k], state = half @ state, half @ half @ state
+    middle = WINDOWS // 2 * fine
+    kept = np.concatenate([np.arange(middle), np.arange(middle + lost, len(at))])
+    u, rate = u[kept], rate[kept]
+    u[middle:] *= np.exp(2j * np.pi * gyro.frequency_hz * lost * step)
+    rows = np.arange(WINDOWS) * fine + fine // 2
+    means = rate.reshape(WINDOWS, fine).mean(axis=1)
+    t = step * (np.arange(WINDOWS * fine) + 0.5)
+    return gyro, lost * step, as_wave(u[rows], t[rows], NOISE, gyro, random, rate=means)
+
+
+@pytest.mark.parametrize("swings", [0.6, 1.7, 4.0])
+def test_a_table_that_swings_makes_no_jump(swings):
+    found = [jumps(swinging(seed, 0.0, swings=swings)[2]) for seed in range(4)]
+    assert [[j for j in one if j.alike or j.knock] for one in found] == [[]] * 4
+
+
+@pytest.mark.parametrize("swings", [0.6, 1.7])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_lost_while_a_table_swings_is_found(swings, seed):
+    gyro, lost_s, wave = swinging(seed, 5e-4, swings=swings)
+    (jump,) = [one for one in jumps(wave) if one.alike]
+    expected = (2 * np.pi * gyro.frequency_hz + jump.rate_rad_s) * lost_s
+    assert abs(np.angle(np.exp(1j * (jump.turn_rad - expected)))) < 5 * jump.turn_std_rad
+    assert jump.turn_std_rad < 0.03 and not jump.knock

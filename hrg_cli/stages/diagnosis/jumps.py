@@ -20,6 +20,8 @@ JUMP_SIGMA = 8.0
 NEIGHBOURS = 12
 TOUCHED = 6
 """Windows on either side of a jump whose demodulation used the other side's slope."""
+MOST_PLACES = 16
+"""Places of a run that are looked at: a rate that changes makes some where nothing jumps."""
 MOST_A_RUN = 5
 """More jumps than this are no instants: something else moves the wave."""
 CORE, PART = 2, 0.1
@@ -30,6 +32,15 @@ SPOILT = 1e-3
 a slope across it."""
 SKEWED = 3.0
 """Condition of the two directions of motion beyond which they are not told apart."""
+MOST_SCALE_FACTOR = 2.0
+"""Greatest |K| of a run that is looked for: the nominal one is at most 1."""
+CURVED = 1e-3
+"""Turn of the table beside a constant rate from which it is looked at [rad]."""
+UNFOLLOWED = 2e-3
+"""Part of what the table turns beside a constant rate that the carried course may miss: the windows
+are means, and splits turn with the wave within a step."""
+BENT = 0.25
+"""Part of what the bends of the course do to a jump to which they are not known."""
 ALIKE = 8.0
 """σ that what is left beside a common turn may have."""
 
@@ -92,18 +103,17 @@ def jumps(wave: Wave) -> list[Jump]:
         np.sqrt(2) * float(np.median(noise[np.isfinite(noise)], axis=0)),
     )
     places = _peaks((size / usual).max(axis=1))
-    if len(places) > MOST_A_RUN:
-        return []
     table = _turned(wave, rows)
-    found = (_between(time, z, noise, table, first, last, rows) for first, last in places)
-    return [jump for jump in found if jump is not None]
+    tried = (_between(time, z, noise, table, first, last, rows) for first, last in places)
+    found = [jump for jump in tried if jump is not None]
+    return found if len(found) <= MOST_A_RUN else []
 
 
 def _peaks(height: Array) -> list[tuple[int, int]]:
     """Steps (first row, last row) that stand out, the highest first; what a jump does to its
     neighbours' fits is not looked at again."""
     left, out = height.copy(), list[tuple[int, int]]()
-    while len(out) <= MOST_A_RUN and len(left) and left.max() > JUMP_SIGMA:
+    while len(out) < MOST_PLACES and len(left) and left.max() > JUMP_SIGMA:
         top = int(np.argmax(left))
         near = np.arange(max(0, top - CORE), min(len(left), top + CORE + 1))
         core = near[height[near] > PART * height[top]]
@@ -132,8 +142,8 @@ def _between(
     """The jump between rows `first` and `last` of the good ones; None where it is none or the run
     begins or ends there.
 
-    table: its angle at the rows. A rate that changes bends the course: what it leaves between two
-    smooth ones, at a scale factor of 1, is part of what is not known of the jump.
+    table: its angle at the rows. Every row is carried to the instant along the
+    run's own motion, where it stands still but for what this misses.
     """
     left = np.arange(max(0, first + 1 - TOUCHED - 2 * NEIGHBOURS), max(0, first + 1 - TOUCHED))
     right = np.arange(
@@ -142,27 +152,35 @@ def _between(
     if len(left) < NEIGHBOURS or len(right) < NEIGHBOURS:
         return None
     near = np.concatenate([left, right])
+    span = slice(near[0], near[-1] + 1)
     middle = float(time[first] + time[last]) / 2
     x = time[near] - middle
     unit = x / np.ptp(x)
     here = (unit > 0).astype(float)
+    curved = table[near] - np.polyval(np.polyfit(x, table[near], 1), x)
     design = np.column_stack([np.ones(len(x)), unit, unit**2, here, here * unit])
+    if np.ptp(curved) > CURVED:
+        design = np.column_stack([design, curved])
+    else:  # a constant rate is a part of the motion's own exponents
+        table = np.zeros(len(table))
+    bend = table - np.interp(middle, time, table)
     inverse = np.linalg.pinv(design)
-    modes, turning = _own_modes(time, z, left, right)
-    back = np.linalg.inv(modes)
-    carried = np.exp(np.outer(x, turning))
-    still = (z[near] @ back.T) / carried
+    motion = OwnMotion.of(time, z, table, left, right)
+    still = motion.carried_to(middle, time[span], bend[span], z[span])[near - near[0]]
     solution = inverse @ still
-    before, after = modes @ solution[0], modes @ (solution[0] + solution[3])
-    slope = modes @ (turning * solution[0] + solution[1] / np.ptp(x))
-    left_over = (carried * (still - design @ solution)) @ modes.T
+    before, after = solution[0], solution[0] + solution[3]
+    turning = np.interp(middle, (time[1:] + time[:-1]) / 2, np.diff(table) / np.diff(time))
+    slope = motion.slope(before, turning) + solution[1] / np.ptp(x)
+    left_over = still - design @ solution
     spread = np.sum(np.abs(left_over) ** 2, axis=0) / (2 * max(1, len(x) - design.shape[1]))
     std = float(
         np.sqrt(max(spread.max(), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3])
-        * np.linalg.cond(modes)
     )
+    # what a straighter course would make of the step: the rest of it is not known to that
+    straight = np.linalg.pinv(design[:, [0, 1, 3]]) @ still
+    std = float(np.hypot(std, BENT * np.abs(straight[2] - solution[3]).max()))
     size = float(np.sqrt(np.sum(np.abs(before) ** 2)))
-    std = float(np.hypot(std, size * (inverse @ table[near])[3]))
+    std = float(np.hypot(std, UNFOLLOWED * size * np.ptp(curved)))
     if not float(np.abs(after - before).max()) > JUMP_SIGMA * std:
         return None
     rate = float(np.sum(slope * np.conj(before)).imag) / size**2
@@ -191,23 +209,75 @@ def _between(
     )
 
 
-def _own_modes(time: Array, z: Array, left: Array, right: Array) -> tuple[Array, Array]:
-    """Directions (2, 2, columns) whose course is one complex exponential each, and the exponents
-    (2,) [1/s], from steps of equal length on either side: z_{k+1} = M z_k.
+@dataclass(frozen=True)
+class OwnMotion:
+    """How z± of a run move: ż = (G + jKΩ diag(−1, 1)) z, with G (2, 2) constant in the resonator's
+    frame, kept as its eigenvectors and exponents [1/s], and the run's own K."""
 
-    A resonator at a constant rate has two such directions whatever its splits; where they cannot be
-    told apart the circular ones stand, each with its median rate.
-    """
-    step = float(np.median(np.diff(time[left])))
-    pairs = np.concatenate([np.column_stack([side[:-1], side[1:]]) for side in (left, right)])
-    even = np.abs(np.diff(time[pairs], axis=1)[:, 0] - step) < 1e-3 * step
-    first, second = z[pairs[even, 0]], z[pairs[even, 1]]
-    if np.count_nonzero(even) > 2 * NEIGHBOURS:
-        values, modes = np.linalg.eig(np.linalg.lstsq(first, second, rcond=None)[0].T)
-        if np.linalg.cond(modes) < SKEWED and np.all(np.abs(np.abs(values) - 1) < 0.5):
-            return modes, np.log(values) / step
-    turns = np.angle(z[pairs[:, 1]] * np.conj(z[pairs[:, 0]]))
-    return np.eye(2, dtype=complex), 1j * np.median(turns / np.diff(time[pairs], axis=1), axis=0)
+    directions: Array
+    exponents: Array
+    scale_factor: float
+
+    @classmethod
+    def of(cls, time: Array, z: Array, table: Array, left: Array, right: Array) -> OwnMotion:
+        """From steps of equal length on either side, R⁻½ z_{k+1} = M R½ z_k, R the step's turn by the
+        table with the K that leaves least.
+
+        A resonator has two directions whose course is one exponential each whatever its splits;
+        where the steps do not show them the circular ones stand, each with its median rate.
+        """
+        from scipy.optimize import minimize_scalar
+
+        step = float(np.median(np.diff(time[left])))
+        pairs = np.concatenate([np.column_stack([side[:-1], side[1:]]) for side in (left, right)])
+        even = np.abs(np.diff(time[pairs], axis=1)[:, 0] - step) < 1e-3 * step
+        half = (table[pairs[:, 1]] - table[pairs[:, 0]]) / 2
+
+        def sides(K: float) -> tuple[Array, Array]:
+            return z[pairs[:, 0]] * _turn(K * half), z[pairs[:, 1]] / _turn(K * half)
+
+        def left_over(K: float) -> float:
+            first, second = (side[even] for side in sides(K))
+            M = np.linalg.lstsq(first, second, rcond=None)[0]
+            return float(np.sum(np.abs(second - first @ M) ** 2))
+
+        if np.count_nonzero(even) > 2 * NEIGHBOURS:
+            bounds = (-MOST_SCALE_FACTOR, MOST_SCALE_FACTOR)
+            found = minimize_scalar(left_over, bounds=bounds, options={"xatol": 1e-7})
+            K = float(found.x) if half.any() else 0.0
+            first, second = (side[even] for side in sides(K))
+            M = np.linalg.lstsq(first, second, rcond=None)[0].T
+            values, directions = np.linalg.eig(M)
+            if np.linalg.cond(directions) < SKEWED and np.all(np.abs(np.abs(values) - 1) < 0.5):
+                return cls(directions, np.log(values) / step, K)
+        turns_rad = np.angle(z[pairs[:, 1]] * np.conj(z[pairs[:, 0]]))
+        rates = np.median(turns_rad / np.diff(time[pairs], axis=1), axis=0)
+        return cls(np.eye(2, dtype=complex), 1j * rates, 0.0)
+
+    def carried_to(self, middle: float, time: Array, bend: Array, z: Array) -> Array:
+        """Rows z (n, 2) where they would be at the instant `middle`, from either side of it row by
+        row; bend (n,): the table's turn since then."""
+        back = np.linalg.inv(self.directions)
+        out = np.empty_like(z)
+        for side in (np.flatnonzero(time < middle)[::-1], np.flatnonzero(time >= middle)):
+            carry, t, turned = np.eye(2, dtype=complex), middle, 0.0
+            for k in side:  # carry: from this row to the middle
+                half = _turn(self.scale_factor * np.array([(bend[k] - turned) / 2]))[0]
+                decay = np.exp(-self.exponents * (time[k] - t))
+                carry = carry @ ((self.directions * decay) @ back / np.outer(half, half))
+                out[k] = carry @ z[k]
+                t, turned = time[k], bend[k]
+        return out
+
+    def slope(self, z: Array, rate_rad_s: float) -> Array:
+        """ż of z (2,) where the table turns so fast."""
+        own = (self.directions * self.exponents) @ np.linalg.solve(self.directions, z)
+        return own + 1j * self.scale_factor * rate_rad_s * np.array([-1.0, 1.0]) * z
+
+
+def _turn(angle: Array) -> Array:
+    """What a turn of the wave, −mθ (n,), does to z±, (n, 2)."""
+    return np.exp(1j * np.multiply.outer(angle, [-1.0, 1.0]))
 
 
 def _running_median(values: Array) -> Array:

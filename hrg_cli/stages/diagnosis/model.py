@@ -112,9 +112,11 @@ def simulation_file(
             "run_id": _unused(fit.series.names[own[0]], names),
             "device": {"frequency_hz": float(frequency[own[0]])},
         }
-        loss_s = lost.get(wave.run_id, {}).get("lost_s", 0.0)
+        loss = lost.get(wave.run_id, {"lost_s": 0.0, "time_s": np.inf})
+        loss_s = loss["lost_s"]
+        before_s = loss_s if fit.series.time_s[own[0], 0] > loss["time_s"] else 0.0
         sampling = _sampling(table["recording"]["sample_rate_hz"], loss_s)
-        run |= run_table(fit, own, wave, pieces[own[0]], sampling, change[own[0]], way)
+        run |= run_table(fit, own, wave, pieces[own[0]], sampling, change[own[0]], way, before_s)
         own_effects = {
             effect.name: effects[effect.name] | {p.name: -values[p.name] for p in effect.fitted()}
             for effect, values in fit.point.active

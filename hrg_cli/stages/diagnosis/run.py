@@ -52,17 +52,21 @@ def run_table(
     sample_rate_hz: float,
     change: Array,
     way: Way,
+    lost_s: float = 0.0,
 ) -> dict[str, Any]:
     """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
 
-    change (5,): what is added to the start state.
+    change (5,): what is added to the start state; lost_s: time of samples lost before the first of
+    the pieces, which its motion has gone through.
     """
     series, k = fit.series, own[0]
     wave = timely(wave, series.drive_late_s)
+    clock = np.exp(-2j * np.pi * series.reference_frequency_hz * lost_s)
     a_A, a_B, angle, phase = (
         float(v)
         for v in ellipse.wave(
-            _start(fit, k, wave, way.straight) + imaginary(change[:FREQUENCY]), series.mode_number
+            _start(fit, k, wave, way.straight, -lost_s) * clock + imaginary(change[:FREQUENCY]),
+            series.mode_number,
         )
     )
     length = float(wave.time_s[-1] + wave.window_s / 2)
@@ -97,13 +101,13 @@ def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
     )
 
 
-def _start(fit: Fit, k: int, wave: Wave, straight: bool) -> Array:
-    """Envelopes (2,) of the displacement at t = 0: the whole equation integrated back from the first
+def _start(fit: Fit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
+    """Envelopes (2,) of the displacement at t = `begin`: the whole equation integrated back from the first
     row, drive and effects included."""
     series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
-    if first <= 0:
+    if first <= begin:
         return fit.flow.rows.shown(fit.prediction.motion)[k, 0]
-    times = np.linspace(first, 0.0, BACKWARD + 1)[None]
+    times = np.linspace(first, begin, BACKWARD + 1)[None]
     since = times - first
 
     def along(values: Array, slope: Array | float = 0.0) -> Array:
