@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar
 
@@ -75,12 +75,25 @@ class Record(NotebookView):
 
     def rows(self, start: int, stop: int) -> Self:
         """The same record with only rows [start, stop), read into memory."""
-        cut = {
-            name: getattr(self, name)[start:stop]
+        return self.picked(slice(start, stop))
+
+    def picked(self, rows: slice | np.ndarray) -> Self:
+        """The same record with only the named rows (of a record in memory also numbers or a mask),
+        read into memory."""
+        cut = {name: getattr(self, name)[rows] for name in self._row_columns()}
+        return dataclasses.replace(self, **cut)
+
+    def only(self, names: Collection[str]) -> Self:
+        """The same record without its other row columns, which then are not read."""
+        others = [name for name in self._row_columns() if name not in names]
+        return self.replace(**dict.fromkeys(others))
+
+    def _row_columns(self) -> list[str]:
+        return [
+            name
             for name, spec in self.columns().items()
             if spec.dims and spec.dims[0] == "row" and getattr(self, name) is not None
-        }
-        return dataclasses.replace(self, **cut)
+        ]
 
     def blocks(self, rows: int) -> Iterator[Self]:
         """The record in pieces of at most `rows` rows; a lazily opened file is read piece by

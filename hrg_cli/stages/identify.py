@@ -31,6 +31,7 @@ from .identification.outcome import Verdict
 from .one_gyro import of_one_gyro
 
 Array = np.ndarray
+ROWS_AT_ONCE = 1 << 16
 
 Method = Literal["likelihood", RegressionMethod, "working-mode", "all"]
 
@@ -204,16 +205,20 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
 
 def _temperature(waves: Sequence[Wave]) -> tuple[float | None, float | None]:
     """Mean and range of the runs' logged temperatures, °C; None where a run logs none."""
-    logs = [
-        np.zeros(0) if w.temperature_degc is None else np.asarray(w.temperature_degc[:], float)
-        for w in waves
-    ]
-    known = [log[np.isfinite(log)] for log in logs]
-    if not known or any(len(log) == 0 for log in known):
-        return None, None
-    return float(np.mean([log.mean() for log in known])), float(
-        max(log.max() for log in known) - min(log.min() for log in known)
-    )
+    means, lows, highs = [], [], []
+    for wave in waves:
+        total, count = 0.0, 0
+        for part in wave.only(("time_s", "temperature_degc")).blocks(ROWS_AT_ONCE):
+            log = np.asarray([] if part.temperature_degc is None else part.temperature_degc, float)
+            log = log[np.isfinite(log)]
+            if len(log):
+                total, count = total + float(log.sum()), count + len(log)
+                lows.append(float(log.min()))
+                highs.append(float(log.max()))
+        if not count:
+            return None, None
+        means.append(total / count)
+    return float(np.mean(means)), max(highs) - min(lows)
 
 
 def summary(resonator: Resonator) -> dict[str, Any]:

@@ -44,6 +44,26 @@ def test_a_column_that_repeats_its_value_is_named_with_its_rows(name, rows):
     assert one.value == getattr(sound, name)[rows[0]]
 
 
+@pytest.mark.parametrize("block", (7, 50))
+def test_a_long_run_is_looked_at_piece_by_piece(block, monkeypatch):
+    """Pieces and a thinned sample find what the whole does, across their edges too."""
+    sound = wave()
+    flags = np.array(sound.flags)
+    flags[[3, 48, 90]] = 1
+    cases = [sound.replace(flags=flags)]
+    for name in COLUMNS:
+        stuck = {name: held(getattr(sound, name), 50, 120)}
+        cases.append(sound.replace(flags=flags, **stuck))
+    silent = wave().replace(quadrature_amplitude=np.zeros(ROWS), wave_angle_rad=np.zeros(ROWS))
+    cases += [silent.replace(flags=flags)]
+    whole = frozen(cases)
+    monkeypatch.setattr("hrg_cli.fitting.envelopes.frozen.BLOCK", block)
+    assert frozen(cases) == whole and len(whole[1]) == 1
+    monkeypatch.setattr("hrg_cli.fitting.envelopes.frozen.SAMPLE", 50)
+    thinned = [[(one.what, one.rows, one.value) for one in found] for found in frozen(cases)]
+    assert thinned == [[(one.what, one.rows, one.value) for one in found] for found in whole]
+
+
 def test_an_angle_that_turns_evenly_is_no_lattice():
     sound = wave()
     turning = sound.wave_angle_rad + 40 * STD * np.arange(ROWS)

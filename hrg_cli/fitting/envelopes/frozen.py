@@ -9,13 +9,15 @@ held for a few rows by a logger, repeat everywhere: there p is how often a new v
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ...records import Wave
 from ..samples.least_count import least_count
+from ..samples.stretches import Stretches
 from .envelope_runs import envelopes_of
 
 Array = np.ndarray
@@ -36,6 +38,11 @@ COLUMNS = {
     "phase_rad": "phase",
 }
 CHANNELS = ("channel C", "channel S")
+SAMPLED = (*COLUMNS, *(f"{name}_std" for name in COLUMNS), "signal_std")
+READ = (*SAMPLED, "time_s", "flags", "iterations")
+"""The columns that are looked at, so that nothing else of a long file is."""
+BLOCK, SAMPLE = 1 << 16, 1 << 16
+"""Rows that are read at a time; rows of a run that are sampled for what is usual in it."""
 CORRECTION = (
     "look at the channel or the column that this came from; record the run again, or leave these"
     " rows out (--from-s, --to-s)"
@@ -67,74 +74,130 @@ class Frozen:
 
 
 def frozen(waves: Sequence[Wave]) -> list[list[Frozen]]:
-    """What stands still in each wave: whole channels, else single columns.
+    """What stands still in each wave, read block by block: whole channels, else single columns.
 
     A channel that is nought in every run was not recorded, and nothing is said of its ellipse.
     """
-    seen = [_Rows.of(wave) for wave in waves]
-    absent = [all(not one.envelope[:, k].any() for one in seen) for k in range(len(CHANNELS))]
-    if any(absent):
+    seen = [_Seen.of(wave) for wave in waves]
+    if any(all(one.silent[k] for one in seen) for k in range(len(CHANNELS))):
         return [[] for _ in waves]
     return [list(_channels(one)) or list(_columns(one)) for one in seen]
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """The good rows of a wave and its envelopes (n, 2) there."""
+@dataclass
+class _Seen:
+    """What a wave's good rows show: their number, the stretches in which each column and channel
+    repeats a value, whether a channel is nought throughout, the rounding of the envelopes, and a
+    sample of the columns."""
 
     wave: Wave
-    rows: Array
-    envelope: Array
+    rows: int = 0
+    stretches: dict[str, Stretches] = field(default_factory=lambda: defaultdict(Stretches))
+    silent: list[bool] = field(default_factory=lambda: [True] * len(CHANNELS))
+    rounding: float = 0.0
+    sample: dict[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, wave: Wave) -> _Rows:
-        rows = np.flatnonzero(wave.good() & np.isfinite(wave.phase_rad))
-        return cls(wave, rows, envelopes_of(wave, rows))
+    def of(cls, wave: Wave) -> _Seen:
+        seen, every = cls(wave), max(1, -(-len(wave) // SAMPLE))
+        sampled: dict[str, list[Array]] = {name: [] for name in SAMPLED}
+        last: dict[str, Array] = {}
+        for part, rows in _good_parts(wave):
+            for name, values in sampled.items():
+                values.append(
+                    np.asarray(getattr(part, name), float)[rows][-seen.rows % every :: every]
+                )
+            here = {name: np.asarray(getattr(part, name), float)[rows] for name in COLUMNS}
+            here["envelope"] = envelopes_of(part, rows)
+            seen._add(
+                {name: np.concatenate([last.get(name, v[:0]), v]) for name, v in here.items()}
+            )
+            last = {name: values[-1:] for name, values in here.items()}
+            seen.rows += len(rows)
+        seen.sample = {
+            name: np.concatenate(values or [np.zeros(0)]) for name, values in sampled.items()
+        }
+        return seen
 
-    def column(self, name: str) -> Array:
-        """A column (n,) of the wave."""
-        return np.asarray(getattr(self.wave, name), float)[self.rows]
+    def _add(self, columns: dict[str, Array]) -> None:
+        """More rows, the last one of those before them first."""
+        u = columns.pop("envelope")
+        turned = 1 + np.abs(columns["phase_rad"]).max()
+        rounding = ROUNDINGS * np.finfo(float).eps * turned * float(np.abs(u).max())
+        self.rounding = max(self.rounding, rounding)
+        for k, name in enumerate(CHANNELS):
+            self.silent[k] &= not u[:, k].any()
+            self.stretches[name].add(np.abs(np.diff(u[:, k])) <= rounding)
+        for name, values in columns.items():
+            self.stretches[name].add(np.diff(values) == 0)
 
-    def told(self, what: str, value: float, std: float, stretch: tuple[int, int]) -> Frozen:
-        """The finding of rows from the first to the last of a stretch."""
-        time = self.column("time_s")
-        first, last = stretch
-        return Frozen(what, value, std, time[first], time[last], last - first + 1, len(self.rows))
+    def std(self, name: str) -> float:
+        """The usual σ that is stated of a column."""
+        return float(np.median(self.sample[name]))
+
+    def told(self, what: str, name: str, std: float, stretch: tuple[int, int]) -> Frozen:
+        """The finding of rows from the first to the last of a stretch; name: a column, or a
+        channel."""
+        first, last = (self._row(place) for place in stretch)
+        if name in CHANNELS:
+            value = np.abs(envelopes_of(first)[0, CHANNELS.index(name)])
+        else:
+            value = getattr(first, name)[0]
+        times = float(first.time_s[0]), float(last.time_s[0])
+        return Frozen(what, float(value), std, *times, stretch[1] - stretch[0] + 1, self.rows)
+
+    def _row(self, place: int) -> Wave:
+        """The good row of that number."""
+        return next(self._from(place, place))
+
+    def _from(self, first: int, last: int) -> Iterator[Wave]:
+        """The good rows from the first to the last, part by part."""
+        passed = 0
+        for part, rows in _good_parts(self.wave):
+            own = rows[max(first - passed, 0) : max(last + 1 - passed, 0)]
+            passed += len(rows)
+            if len(own):
+                yield part.picked(own)
 
     def noisy(self, stretch: tuple[int, int]) -> bool:
-        """Whether the envelopes of a stretch show the noise that they state, by third
-        differences."""
-        own = slice(stretch[0], stretch[1] + 1)
-        rough = np.sum(np.abs(np.diff(self.envelope[own], n=3, axis=0)) ** 2, axis=1)
+        """Whether the envelopes of a stretch, or of as much of it as is read at a time, show the
+        noise that they state, by third differences."""
+        part = next(self._from(*stretch))
+        rough = np.sum(np.abs(np.diff(envelopes_of(part), n=3, axis=0)) ** 2, axis=1)
         level = np.sqrt(np.median(rough) / (20 * 4)) if len(rough) else 0.0
-        return bool(level > QUIET * np.median(self.column("signal_std")[own]))
+        return bool(level > QUIET * np.median(part.signal_std))
 
 
-def _channels(seen: _Rows) -> Iterator[Frozen]:
+def _good_parts(wave: Wave) -> Iterator[tuple[Wave, Array]]:
+    """A wave piece by piece, with the numbers of the good rows in each; pieces without are left
+    out."""
+    for part in wave.only(READ).blocks(BLOCK):
+        rows = np.flatnonzero(part.good() & np.isfinite(part.phase_rad))
+        if len(rows):
+            yield part, rows
+
+
+def _channels(seen: _Seen) -> Iterator[Frozen]:
     """Channels whose envelope stands still, or is nought, to the rounding of what it is put
     together from."""
-    if len(seen.rows) < FEWEST:
+    if seen.rows < FEWEST:
         return
-    turned = 1 + np.abs(seen.column("phase_rad")).max()
-    size = np.abs(seen.envelope).max()
-    rounding = ROUNDINGS * np.finfo(float).eps * turned * size
-    std = float(np.median(seen.column("signal_std")))
-    for k, name in enumerate(CHANNELS):
-        same = np.abs(np.diff(seen.envelope[:, k])) <= rounding
-        stretch = _stretch(same, rounding / std if std > 0 else np.inf)
+    std = seen.std("signal_std")
+    for name in CHANNELS:
+        stretch = _improbable(seen.stretches[name], seen.rounding / std if std > 0 else np.inf)
         if stretch is not None:
-            yield seen.told(name, float(np.abs(seen.envelope[stretch[0], k])), std, stretch)
+            yield seen.told(name, name, std, stretch)
 
 
-def _columns(seen: _Rows) -> Iterator[Frozen]:
+def _columns(seen: _Seen) -> Iterator[Frozen]:
     """Columns of the wave that repeat a value exactly while the wave shows noise elsewhere."""
-    if len(seen.rows) < FEWEST:
+    if seen.rows < FEWEST:
         return
     for name, words in COLUMNS.items():
-        values, std = seen.column(name), float(np.median(seen.column(f"{name}_std")))
-        stretch = _stretch(np.diff(values) == 0, _step(values) / std if std > 0 else np.inf)
+        std, step = seen.std(f"{name}_std"), _step(seen.sample[name])
+        stretch = _improbable(seen.stretches[name], step / std if std > 0 else np.inf)
         if stretch is not None and seen.noisy(stretch):
-            yield seen.told(words, float(values[stretch[0]]), std, stretch)
+            yield seen.told(words, name, std, stretch)
 
 
 def _step(values: Array) -> float:
@@ -147,21 +210,15 @@ def _step(values: Array) -> float:
     return step if np.abs(steps - np.round(steps)).max() < EXACTLY else rounding
 
 
-def _stretch(same: Array, step: float) -> tuple[int, int] | None:
+def _improbable(found: Stretches, step: float) -> tuple[int, int] | None:
     """First and last row of the longest stretch of one value, where noise would not leave one so
     long; None where it would.
 
-    same (n − 1,): pairs that are equal; step: of the values, in σ.
+    found: of the pairs of neighbouring rows that are equal; step: of the values, in σ.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    starts, stops = edges[::2], edges[1::2]
-    if not len(starts):
-        return None
-    longest = int(np.argmax(stops - starts))
-    pairs = int(stops[longest] - starts[longest])
-    unequal = len(same) - np.count_nonzero(same)
-    begun = np.count_nonzero(np.delete(starts, longest))
+    pairs, unequal = found.longest[1] - found.longest[0], found.count - found.true
+    begun = found.begun - (found.longest[0] > 0)
     chance = max(step / (2 * np.sqrt(np.pi)), begun / unequal if unequal else 0.0)
-    if pairs + 1 < FEWEST or chance >= 1 or len(same) * chance**pairs > CHANCE:
+    if pairs + 1 < FEWEST or chance >= 1 or found.count * chance**pairs > CHANCE:
         return None
-    return int(starts[longest]), int(stops[longest])
+    return found.longest

@@ -154,11 +154,11 @@ def path_of(
     pieces: list[dict[str, Array]] = []
     turned = 0.0
     step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
-    whole = _only(wave, BLOCK_COLUMNS)
+    whole = wave.only(BLOCK_COLUMNS)
     for start in range(0, rows, step):
         stop = min(start + step, rows)
         first = max(start - BESIDE, 0)
-        log = _only(wave, SPEED_COLUMNS).rows(first, min(stop + BESIDE, rows))
+        log = wave.only(SPEED_COLUMNS).rows(first, min(stop + BESIDE, rows))
         time = np.asarray(log.time_s, float)
         standing = np.diff(time) <= 0
         if standing.any():
@@ -204,16 +204,6 @@ def path_of(
     )
 
 
-def _only(wave: Wave, columns: tuple[str, ...]) -> Wave:
-    """The wave without its other rows."""
-    others = [
-        name
-        for name, spec in wave.columns().items()
-        if spec.dims and spec.dims[0] == "row" and name not in columns
-    ]
-    return wave.replace(**dict.fromkeys(others))
-
-
 def _rate(block: Wave, constant: float | None) -> Array:
     if block.rate_rad_s is None or constant is not None:
         return np.full(len(block), constant if constant is not None else 0.0)
@@ -234,7 +224,7 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
     speed."""
     coarse, largest_rate = max(1, rows // 400), 0.0
     angles, times, turns = [], [], []
-    for block in _only(wave, SPEED_COLUMNS).blocks(max(coarse, ROWS_AT_ONCE // coarse * coarse)):
+    for block in wave.only(SPEED_COLUMNS).blocks(max(coarse, ROWS_AT_ONCE // coarse * coarse)):
         angle, time = np.asarray(block.wave_angle_rad, float), np.asarray(block.time_s, float)
         rate = _rate(block, constant_rate)
         largest_rate = max(largest_rate, float(np.abs(rate).max(initial=0.0)))
