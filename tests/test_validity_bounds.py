@@ -40,6 +40,8 @@ def test_values_and_attributes_at_their_bounds(valid, wrong, right, says):
         (lambda r: {"node_min": r.node_max, "node_max": r.node_min}, "above its highest"),
         (lambda r: {"rate_min_rad_s": 1.0, "rate_max_rad_s": -1.0}, "above its highest"),
         (lambda r: {"covariance": np.asarray(r.covariance)[:-1, :-1]}, "one a coefficient"),
+        (lambda r: {"scale_factor": 0 * np.asarray(r.scale_factor)}, "scale_factor holds 0"),
+        (lambda r: {"scale_factor": 1e-320 * np.asarray(r.scale_factor)}, "scale_factor holds 0"),
         (lambda r: {"drift_harmonics": np.asarray(r.drift_harmonics)[:, :-1]}, "pairs of cos"),
     ],
 )

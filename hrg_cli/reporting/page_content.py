@@ -87,7 +87,7 @@ def for_people(name: str, value: float, std: float, frequency_hz: float | None) 
 
     if name == "damping_rate_1_s" and value > 0:
         quality = f", Q = {number(math.pi * frequency_hz / value, 4)}" if frequency_hz else ""
-        return f"τ = {number(1 / value, 5)} ± {number(std / value**2, 2)} s{quality}"
+        return f"τ = {number(1 / value, 5)} ± {number(std / value / value, 2)} s{quality}"
     if name == "damping_split_1_s":
         return f"{pair(1 / DEGREE_PER_HOUR, '°/h')} of drift D"
     if name == "frequency_split_rad_s":

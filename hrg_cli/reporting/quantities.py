@@ -9,6 +9,7 @@ its leading digits are 10 … 35, else one; 95 … 99 count as 100.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -25,7 +26,8 @@ def rounded(value: Any, std: Any) -> str:
     without a σ has six digits."""
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "–"
-    if not isinstance(std, int | float) or not math.isfinite(std) or std <= 0:
+    known = isinstance(std, int | float) and math.isfinite(std) and std >= sys.float_info.min
+    if not known:
         return number(float(value), 6)
     last = _last_digit(std)
     biggest = max(abs(value), std)
@@ -149,7 +151,7 @@ def parameter(name: str, value: float, std: float, units: str) -> str:
     """A resonator's parameter for people: the damping as decay time, the damping split as the drift
     it makes."""
     if name == "damping_rate_1_s" and value > 0:
-        return f"{rounded(1 / value, std / value**2)} s"
+        return f"{rounded(1 / value, std / value / value)} s"
     if name == "damping_split_1_s":
         return f"{rounded(value / DEGREE_PER_HOUR, std / DEGREE_PER_HOUR)} °/h of drift"
     if name == "frequency_hz":

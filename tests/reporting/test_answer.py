@@ -292,6 +292,7 @@ def test_an_open_verdict_makes_its_resonator_suspect(two_faults, tmp_path):
         (-2e-3, 1.8e-4, "−0.00200(18)"),
         (1.57e-9, 3e-11, "1.570(30)×10⁻⁹"),
         (0.25, None, "0.25"),
+        (0.25, 5e-324, "0.25"),
         (float("nan"), 1.0, "–"),
     ],
 )
