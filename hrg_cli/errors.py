@@ -19,6 +19,10 @@ class HrgError(Exception):
     """The input or the run failed; the message is the one line a user sees (exit status 1)."""
 
 
+class NotHrgError(HrgError):
+    """A file is HDF5, but of another program: a laboratory's log (exit status 1)."""
+
+
 class UsageError(HrgError):
     """The command line asks for something that does not exist (exit status 2)."""
 

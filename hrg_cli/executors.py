@@ -8,11 +8,14 @@ task that kills its process even alone is given up, the others are not touched b
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import os
 import signal
 import threading
 import time
+import uuid
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -70,6 +73,14 @@ def _end_with_parent() -> None:
         threading.Thread(target=watch, daemon=True).start()
 
 
+class _Processes(ProcessPoolExecutor):
+    """Processes of this machine: each has a task at hand when it has ended one."""
+
+    def __init__(self, jobs: int, **options: Any) -> None:
+        super().__init__(jobs, **options)
+        self.room = 2 * jobs
+
+
 @contextlib.contextmanager
 def local_processes(jobs: int) -> Iterator[Executor]:
     """`jobs` processes of this machine with one thread each; this process itself for one.
@@ -83,7 +94,7 @@ def local_processes(jobs: int) -> Iterator[Executor]:
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
-        pool = ProcessPoolExecutor(
+        pool = _Processes(
             jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent
         )
         before_us = set(multiprocessing.active_children())
@@ -109,11 +120,23 @@ class DaskExecutor(Executor):
         self._client, self._where = client, where
         self._inner = client.get_executor(pure=False, retries=2)
         self._alone_since: float | None = None
+        self._room, self._counted = 1, -math.inf
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The future of fn(*args, **kwargs) on a worker."""
-        future: Future[Any] = self._inner.submit(fn, *args, **kwargs)
+        """The future of fn(*args, **kwargs) on a worker; a task that has a `title` bears it on
+        Dask's dashboard."""
+        title = getattr(args[0], "title", "") if args else ""
+        named = {"key": f"{title}-{uuid.uuid4().hex}"} if title else {}
+        future: Future[Any] = self._inner.submit(fn, *args, **kwargs, **named)
         return future
+
+    @property
+    def room(self) -> int:
+        """Two tasks a worker's thread; workers that come and go are counted now and then."""
+        if time.monotonic() - self._counted >= LOOK_S:
+            threads = self._client.nthreads()
+            self._room, self._counted = max(1, 2 * sum(threads.values())), time.monotonic()
+        return self._room
 
     def need_workers(self) -> None:
         """HrgError: for `WORKERS_S` the scheduler has had no worker."""
@@ -203,58 +226,82 @@ def run_tasks(
     tasks: Sequence[Task],
     open_executor: OpenExecutor,
     done: Callable[[int], None] = lambda count: None,
+    then: Callable[[Task, Result | None], Sequence[Task]] = lambda task, result: (),
 ) -> list[Result | None]:
     """work(task) of every task, in the tasks' order; None where its process was killed even when it
     ran alone.
 
-    An exception of `work` itself is raised: it is the work's duty to report its own failures as
-    results.
+    then(task, result): tasks that follow from one that ended; they go before those that wait, and
+    are told to `then` in their turn. An exception of `work` itself is raised: it is the work's duty
+    to report its own failures as results.
     """
-    results: list[Result | None] = [None] * len(tasks)
-    lost = list(range(len(tasks)))
-    finished = 0
-    for _ in range(ROUNDS):
-        if not lost:
-            return results
+    every = list(tasks)
+    results: dict[int, Result | None] = {}
+    ready, alone = deque(range(len(every))), deque[int]()
+    losses: Counter[int] = Counter()
+
+    def ended(index: int, result: Result | None) -> None:
+        results[index] = result if index < len(tasks) else None
+        following = then(every[index], result)
+        ready.extendleft(reversed(range(len(every), len(every) + len(following))))
+        every.extend(following)
+        done(len(results))
+
+    while ready or alone:
+        queue = ready or deque([alone.popleft()])
+        last = queue is not ready
         with open_executor() as executor:
-            again: list[int] = []
-            for index, result in _round(executor, work, tasks, lost):
-                if isinstance(result, _Lost):
-                    again.append(index)
-                else:
-                    results[index] = result
-                    finished += 1
-                    done(finished)
-        lost = sorted(again)
-    for index in lost:
-        with open_executor() as executor:
-            for _, result in _round(executor, work, tasks, [index]):
-                results[index] = None if isinstance(result, _Lost) else result
-        finished += 1
-        done(finished)
-    return results
+            lost = _together(executor, work, every, queue, ended)
+        losses.update(lost)
+        for index in reversed(lost):
+            if last:
+                ended(index, None)
+            else:
+                (ready if losses[index] < ROUNDS else alone).appendleft(index)
+    return [results[index] for index in range(len(tasks))]
 
 
 class _Lost:
     """In place of a result: the process was killed."""
 
 
-def _round(
-    executor: Executor, work: Callable[[Any], Any], tasks: Sequence[Any], indexes: Sequence[int]
-) -> Iterator[tuple[int, Any]]:
-    futures: dict[Future[Any], int] = {}
-    for index in indexes:
-        try:
-            futures[executor.submit(work, tasks[index])] = index
-        except (BrokenExecutor, RuntimeError):
-            yield index, _Lost()
-    pending = set(futures)
-    while pending:
-        ended, pending = wait(pending, timeout=LOOK_S, return_when=FIRST_COMPLETED)
-        if not ended and isinstance(executor, DaskExecutor):
+def _together(
+    executor: Executor,
+    work: Callable[[Any], Any],
+    every: Sequence[Any],
+    queue: deque[int],
+    ended: Callable[[int, Any], None],
+) -> list[int]:
+    """Work off the queue, which may grow meanwhile, until it is empty or the executor is broken; the
+    tasks whose process was killed."""
+    running: dict[Future[Any], int] = {}
+    lost: list[int] = []
+    broken = False
+    while running or (queue and not broken):
+        while queue and not broken and len(running) < _room(executor):
+            try:
+                running[executor.submit(work, every[queue[0]])] = queue[0]
+                queue.popleft()
+            except (BrokenExecutor, RuntimeError):
+                broken = True
+        over, _ = wait(running, timeout=LOOK_S, return_when=FIRST_COMPLETED)
+        if not over and isinstance(executor, DaskExecutor):
             executor.need_workers()
-        for future in ended:
-            yield futures[future], _result(future)
+        for future in over:
+            index, result = running.pop(future), _result(future)
+            if isinstance(result, _Lost):
+                lost.append(index)
+            else:
+                ended(index, result)
+    if broken and not lost:
+        lost.append(queue.popleft())  # it could not even be begun
+    return lost
+
+
+def _room(executor: Executor) -> int:
+    """Tasks that an executor is given at once: so few that what follows from one that ended is soon
+    begun, so many that nobody waits."""
+    return int(getattr(executor, "room", 1))
 
 
 def _result(future: Future[Any]) -> Any:

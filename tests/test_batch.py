@@ -1,6 +1,7 @@
 """Lots: the same bytes for any executor, nothing done twice, killed workers' work done again,
 failures kept to their gyro."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -9,19 +10,22 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.executors import run_tasks
+from hrg_cli.executors import InlineExecutor, run_tasks
 from hrg_cli.formats.hdf5 import SIGNATURE
-from hrg_cli.lots.batch import executor_for, run_lot, safe_name
+from hrg_cli.lots.batch import executor_for, run_lot
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.lots.lot_table import judged_rows
+from hrg_cli.lots.lot_tasks import safe_name
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Recording, Resonator
 
@@ -213,6 +217,106 @@ def test_a_killed_process_harms_only_the_task_that_kills_it(tmp_path):
     assert run_tasks(dies_once, tasks, executor_for(2)) == [0, 1, 4, 9, 16, None, 36, 49]
 
 
+def stamped(task: tuple[str, float]) -> tuple[float, float]:
+    """When a task began and ended, on the clock that all processes of a machine share."""
+    began = time.monotonic()
+    time.sleep(task[1])
+    return began, time.monotonic()
+
+
+def test_what_follows_from_a_task_waits_for_no_other():
+    """A quick gyro's own task is done while a slow recording still runs."""
+    told: dict[str, tuple[float, float]] = {}
+
+    def then(task: tuple[str, float], result: tuple[float, float]) -> list[tuple[str, float]]:
+        told[task[0]] = result
+        return [("gyro", 0.0)] if task[0] == "quick" else []
+
+    tasks = [("slow", 3.0), ("quick", 0.0)]
+    assert run_tasks(stamped, tasks, executor_for(2), then=then) == [told["slow"], told["quick"]]
+    assert told["gyro"][1] < told["slow"][1]
+
+
+def test_what_follows_goes_before_what_waits():
+    order: list[str] = []
+
+    def work(task: str) -> str:
+        order.append(task)
+        return task.upper()
+
+    counts: list[int] = []
+
+    def then(task: str, result: str) -> list[str]:
+        assert result == task.upper()
+        return [task + "1", task + "2"] if len(task) == 1 else []
+
+    assert run_tasks(work, ["a", "b"], executor_for(1), counts.append, then) == ["A", "B"]
+    assert order == ["a", "a1", "a2", "b", "b1", "b2"] and counts == [1, 2, 3, 4, 5, 6]
+
+
+def test_what_follows_from_a_killed_task_is_done(tmp_path):
+    told: dict[int, int | None] = {}
+
+    def then(task: tuple[str, int], result: int | None) -> list[tuple[str, int]]:
+        told[task[1]] = result
+        return [(task[0], task[1] + 10)] if task[1] < 10 else []
+
+    tasks = [(str(tmp_path / "mark"), n) for n in (2, 3, 5)]
+    assert run_tasks(dies_once, tasks, executor_for(2), then=then) == [4, 9, None]
+    assert told == {2: 4, 3: 9, 5: None, 12: 144, 13: 169, 15: 225}
+
+
+class Counting(InlineExecutor):
+    """Counts the tasks that were given to it and not ended yet."""
+
+    room = 3
+
+    def __init__(self) -> None:
+        self.waiting: list[tuple[Future, object]] = []
+        self.most = 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: Future = Future()
+        self.waiting.append((future, fn(*args)))
+        self.most = max(self.most, len(self.waiting))
+        if len(self.waiting) == self.room:
+            ended, result = self.waiting.pop(0)
+            ended.set_result(result)
+        return future
+
+
+def test_few_tasks_are_on_their_way_at_a_time(monkeypatch):
+    """The parent's memory does not grow with what waits."""
+    executor = Counting()
+    monkeypatch.setattr("hrg_cli.executors.LOOK_S", 0.01)
+
+    def end_the_rest(count: int) -> None:
+        if count > 995:
+            while executor.waiting:
+                ended, result = executor.waiting.pop(0)
+                ended.set_result(result)
+
+    tasks = list(range(1000))
+    found = run_tasks(abs, tasks, lambda: contextlib.nullcontext(executor), end_the_rest)
+    assert found == tasks and executor.most == 3
+
+
+def test_a_damaged_dataset_is_its_gyros_and_named_unreadable(tmp_path):
+    """Whose a recording is, its attributes tell; what else is wrong with it, the work finds."""
+    store.write(tmp_path / "a.h5", run_down("G7", "0", 0.1, 0.3, 0))
+    store.write(tmp_path / "b.h5", run_down("G7", "1", 0.6, 0.3, 1))
+    with h5py.File(tmp_path / "b.h5", "a") as file:
+        del file["recording/s"]
+    (tmp_path / "lot.toml").write_text('recordings = "*.h5"\nstages = ["identify"]\n')
+    report = run_lot(tmp_path / "lot.toml", tmp_path / "out")
+    assert report["status"] == "refused" and [row["gyro_id"] for row in report["rows"]] == ["G7"]
+    row = report["rows"][0]
+    assert row["runs"] == 2 and row["runs_failed"] == 1 and "frequency_split_rad_s" in row
+    lost = report["unreadable"]
+    assert [(r["name"], r["gyro_id"]) for r in lost] == [("b.h5", "G7")]
+    assert "recording/s is missing" in lost[0]["error"]
+
+
 def started(*arguments: str) -> subprocess.Popen[bytes]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-m", f"distributed.cli.{arguments[0]}", *arguments[1:]]
@@ -320,11 +424,11 @@ def test_a_scheduler_that_is_not_there_is_named(lot, tmp_path, monkeypatch):
 
 
 def test_two_programs_do_not_work_on_one_lot(lot, tmp_path):
-    from hrg_cli.lots.batch import _only_writer
+    from hrg_cli.lots.lot_folder import only_writer
 
     (tmp_path / "out").mkdir()
     with (
-        _only_writer(tmp_path / "out"),
+        only_writer(tmp_path / "out"),
         pytest.raises(HrgError, match="another program works on this lot"),
     ):
         run_lot(lot / "lot.toml", tmp_path / "out")

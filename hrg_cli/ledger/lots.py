@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..lots.batch import safe_name
+from ..lots.lot_tasks import safe_name
 from . import database
 from .entering import entry_of
 from .entry import CIRCUMSTANCES

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .. import store
-from ..errors import HrgError
+from ..errors import HrgError, NotHrgError
+from ..formats.hdf5 import SIGNATURE
 from ..records import Recording
 from .groups import GROUPED_BY
 
@@ -29,13 +30,36 @@ class Told:
     groups: Mapping[str, str]
 
 
-def told_by(file: Path) -> Told:
-    """Of an hrg recording. HrgError: it cannot be read."""
-    with store.open_record(file, Recording) as recording:
-        gyro, start = recording.gyro_id, recording.start_time
-    texts = store.texts_of(file, Recording.kind, GROUPED_BY)
+def told_by(file: Path) -> Told | None:
+    """Of an hrg recording, by its attributes alone; None of a laboratory's log. HrgError: it cannot
+    be opened."""
+    if not _may_be_hdf5(file):
+        return None
+    try:
+        texts = store.heading_of(file, Recording, ("gyro_id", "start_time", *GROUPED_BY))
+    except NotHrgError:
+        return None
+    gyro, start = texts.pop("gyro_id", ""), texts.pop("start_time", "")
     day = start[:10] if re.match(r"\d{4}-\d{2}-\d{2}", start) else ""
     return Told(gyro, day, {key: value for key, value in texts.items() if value})
+
+
+def _may_be_hdf5(file: Path) -> bool:
+    """Whether a file starts as HDF5 does, or cannot even be looked at."""
+    try:
+        with open(file, "rb") as opened:
+            return opened.read(len(SIGNATURE)) == SIGNATURE
+    except OSError:
+        return True
+
+
+def is_readable(file: Path) -> bool:
+    """Whether every column of a recording is as declared."""
+    try:
+        with store.open_record(file, Recording):
+            return True
+    except HrgError:
+        return False
 
 
 def owner_of(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:

@@ -24,6 +24,12 @@ from .. import chain
 from ..errors import DiskFullError, HrgError
 from .gyro_page import answered
 
+TABLED = (
+    *("status", "status_reasons", "chi2_per_dof", "parameters", "values", "verdict", "effects"),
+    *("scores", "drift_rms_rad_s", "scale_factor_rms_ppm", "scale_factor"),
+)
+"""What the lot's table and the causes in common are made of; the rest of a result stays in its
+file, so that a lot of thousands fits in memory."""
 _ONE_AT_A_TIME = threading.Lock()
 """The time stands in the environment, which all threads of a Dask worker share."""
 
@@ -43,6 +49,11 @@ class RecordingTask:
     lot_id: str = ""
     command: str = "hrg batch"
 
+    @property
+    def title(self) -> str:
+        """What it is called where tasks are watched."""
+        return f"{self.gyro_id}: {self.name}"
+
 
 @dataclass(frozen=True)
 class GyroTask:
@@ -58,8 +69,21 @@ class GyroTask:
     limits: Mapping[str, Any] = field(default_factory=dict)
     command: str = "hrg batch"
 
+    @property
+    def title(self) -> str:
+        """What it is called where tasks are watched."""
+        return f"{self.gyro_id}: {', '.join(self.stages)}"
 
-def line(task: RecordingTask | GyroTask, stage: str, inputs: Sequence[Path], output: Path) -> str:
+
+Task = RecordingTask | GyroTask
+
+
+def work(task: Task) -> dict[str, Any]:
+    """What came of a task of either kind."""
+    return work_gyro(task) if isinstance(task, GyroTask) else work_recording(task)
+
+
+def line(task: Task, stage: str, inputs: Sequence[Path], output: Path) -> str:
     """The line of `history`: the step as a command of its own, and the command that ran it."""
     return (
         f"hrg {stage} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in:"
@@ -108,7 +132,7 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
 
 def work_gyro(task: GyroTask) -> dict[str, Any]:
     """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage:
-    JSON}, checks, error}."""
+    `TABLED` of its JSON}, checks, answer, error}."""
     results: dict[str, Any] = {}
     errors: list[str] = []
     checks: list[dict[str, Any]] = []
@@ -127,7 +151,7 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
             if step.status == "failed":
                 errors.append(f"{step.name}: {step.reasons[0]}")
                 continue
-            results[step.name] = dict(step.json)
+            results[step.name] = {key: step.json[key] for key in TABLED if key in step.json}
             made.append(step.output)
             checks += [dict(check) for check in step.checks]
     errors += [failed["error"]] if failed.get("error") else []

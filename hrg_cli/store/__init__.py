@@ -8,7 +8,17 @@ replaced only when asked. Datasets carry dimension scales, so each group opens w
 
 from .atomic import atomic_path, check_output, remove_stale
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
-from .reading import changes, is_hdf5, kind_of, open_record, provenance_of, read, read_any, texts_of
+from .reading import (
+    changes,
+    heading_of,
+    is_hdf5,
+    kind_of,
+    open_record,
+    provenance_of,
+    read,
+    read_any,
+    texts_of,
+)
 from .writing import created_now, sha256, write
 
 __all__ = [
@@ -19,6 +29,7 @@ __all__ = [
     "changes",
     "check_output",
     "created_now",
+    "heading_of",
     "is_hdf5",
     "kind_of",
     "open_record",

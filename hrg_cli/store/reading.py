@@ -13,7 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..errors import HrgError
+from ..errors import HrgError, NotHrgError
 from ..records import Column, Provenance, Record, Source
 from ..units import canonical
 from ..version import __version__
@@ -112,8 +112,22 @@ def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, st
     """Those of the named attributes of a group that are there, as texts; also ones that no record
     declares. HrgError: the file cannot be opened."""
     with _opened(Path(path)) as file:
-        held = file[group].attrs if group in file else {}
-        return {name: _text(held[name]) for name in names if name in held}
+        return _texts(file, group, names)
+
+
+def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> dict[str, str]:
+    """Those of the named attributes of a record of that kind that are there, as texts; its datasets
+    are not looked at. HrgError: the file cannot be opened, holds another kind, or an attribute is
+    not as declared; NotHrgError: another program's HDF5."""
+    declared = kind.columns()
+    with _opened(Path(path)) as file:
+        _need_kind(file, Path(path), kind)
+        texts = _texts(file, kind.kind, names)
+        for name in texts.keys() & declared.keys():
+            spec = declared[name]
+            place = place_of(kind, name, spec)
+            texts[name] = str(_read_attribute(file, Path(path), place, name, spec))
+        return texts
 
 
 def changes(path: Path | str) -> list[str] | None:
@@ -134,6 +148,11 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         handle.close()
 
 
+def _texts(file: h5py.File, group: str, names: Sequence[str]) -> dict[str, str]:
+    held = file[group].attrs if group in file else {}
+    return {name: _text(held[name]) for name in names if name in held}
+
+
 def _text(value: Any) -> str:
     if isinstance(value, np.ndarray) and value.shape == (1,):
         value = value[0]
@@ -142,7 +161,7 @@ def _text(value: Any) -> str:
 
 def _kind(file: h5py.File, path: Path) -> type[Record]:
     if _text(file.attrs.get("format", "")) != FORMAT:
-        raise HrgError(
+        raise NotHrgError(
             f'{path}: is HDF5 but not an hrg file (root attribute format = "hrg" is missing); run'
             " `hrg import` on a foreign log"
         )
@@ -161,15 +180,19 @@ def _kind(file: h5py.File, path: Path) -> type[Record]:
     return BY_NAME[kind]
 
 
-def _record(
-    file: h5py.File, path: Path, kind: type[AnyRecord], lazy: Handle | None = None
-) -> AnyRecord:
+def _need_kind(file: h5py.File, path: Path, kind: type[Record]) -> None:
     found = _kind(file, path)
     if found is not kind:
         raise HrgError(
             f"{path}: is a {found.kind} file, a {kind.kind} file was expected; make one with"
             f" `{kind.made_by}`"
         )
+
+
+def _record(
+    file: h5py.File, path: Path, kind: type[AnyRecord], lazy: Handle | None = None
+) -> AnyRecord:
+    _need_kind(file, path, kind)
     values: dict[str, Any] = {}
     sizes: dict[str, tuple[int, str]] = {}
     for field_name, spec in kind.columns().items():

@@ -8,7 +8,7 @@ import pytest
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.lots.groups import Origin
-from hrg_cli.lots.identity import Told, grouped, owner_of, told_by
+from hrg_cli.lots.identity import Told, grouped, is_readable, owner_of, told_by
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.records import Recording
 
@@ -32,11 +32,24 @@ def test_a_recording_says_where_and_when(tmp_path):
 
 def test_a_damaged_dataset_leaves_the_name(tmp_path):
     path = written(tmp_path / "x.h5")
+    assert is_readable(path)
     with h5py.File(path, "a") as file:
         del file["recording/s"]
-    with pytest.raises(HrgError):
-        told_by(path)
+    assert told_by(path).gyro_id == "SN-104" and not is_readable(path)
     assert owner_of(path, {}) == ("SN-104", "its gyro_id can still be read")
+
+
+def test_a_file_of_another_kind_is_no_recording(tmp_path):
+    path = tmp_path / "w.h5"
+    (tmp_path / "log.csv").write_text("time,c,s\n0,1,2\n")
+    assert told_by(tmp_path / "log.csv") is None
+    with h5py.File(path, "w") as file:
+        file["x"] = np.zeros(3)
+    assert told_by(path) is None
+    with h5py.File(written(tmp_path / "r.h5"), "a") as file:
+        file.attrs["kind"] = "wave"
+    with pytest.raises(HrgError, match="is a wave file, a recording file was expected"):
+        told_by(tmp_path / "r.h5")
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ import lots_by_hand
 import numpy as np
 import pytest
 
-from hrg_cli.lots.batch import _measured, _report
 from hrg_cli.lots.groups import Origin
 from hrg_cli.lots.lot_diagnosis import lot_diagnosis
+from hrg_cli.lots.lot_report import measured, report_of
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.lots.lot_table import judged_rows
 from hrg_cli.reporting.figures.lot import distribution, pareto
@@ -65,11 +65,11 @@ def lot():
     recordings.append({**lost, "gyro_id": "", "told_by": ""})
     settings = LotSettings(recordings=["x"], lot_id="L<7>", limits=LIMITS)
     rows = judged_rows(settings, recordings, gyros)
-    whole = lot_diagnosis(gyros, _measured(rows, gyros), origins, settings.common_rate)
+    whole = lot_diagnosis(gyros, measured(rows, gyros), origins, settings.common_rate)
     for row in rows:
         origin = origins.get(row["gyro_id"], Origin({}))
         row |= {**origin.groups, "day": origin.day}
-    return _report(settings, rows, recordings) | whole
+    return report_of(settings, rows, recordings) | whole
 
 
 @pytest.fixture(scope="module")

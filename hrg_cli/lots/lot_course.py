@@ -1,0 +1,83 @@
+"""How far a lot has come: when all recordings of a gyro are done its own task follows, whatever the
+other gyros are at."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from .. import store
+from ..errors import DiskFullError, InterruptedRunError
+from .lot_settings import LotSettings
+from .lot_tasks import LotTasks, gyro_task
+from .lot_work import GyroTask, RecordingTask, Task
+
+Progress = Callable[[float | None], None]
+KILLED = "its process was killed, even alone; it needs more memory than there is, or crashes"
+
+
+class LotCourse:
+    """What came of the recordings and gyros of a lot so far."""
+
+    def __init__(self, lot: LotSettings, tasks: LotTasks, progress: Progress) -> None:
+        self._lot, self._tasks, self._progress = lot, tasks, progress
+        self._of_gyro: dict[str, list[RecordingTask]] = defaultdict(list)
+        for task in tasks.recordings:
+            self._of_gyro[task.gyro_id].append(task)
+        self._recordings: dict[tuple[str, str], dict[str, Any]] = {}
+        self._gyros: dict[str, dict[str, Any]] = {}
+
+    def after(self, task: Task, result: dict[str, Any] | None) -> Sequence[Task]:
+        """Note what came of a task (None: its process was killed); a gyro's, where that was the last
+        of its recordings."""
+        following: list[Task] = []
+        killed = {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED}
+        if isinstance(task, GyroTask):
+            self._gyros[task.gyro_id] = result or killed
+        else:
+            told = self._tasks.examined(task, result or killed | {"name": task.name})
+            self._recordings[task.gyro_id, task.name] = told
+            own = self._of_gyro[task.gyro_id]
+            if all((one.gyro_id, one.name) in self._recordings for one in own):
+                done = [self._recordings[one.gyro_id, one.name] for one in own]
+                following = [gyro_task(self._lot, own[0], done)]
+        self._progress(
+            (len(self._recordings) + len(self._gyros))
+            / (len(self._tasks.recordings) + len(self._of_gyro))
+        )
+        return following
+
+    @property
+    def recordings(self) -> list[dict[str, Any]]:
+        """The results of all recordings, first those that cannot be opened."""
+        done = [self._recordings[task.gyro_id, task.name] for task in self._tasks.recordings]
+        return [*self._tasks.unreadable, *done]
+
+    @property
+    def gyros(self) -> list[dict[str, Any]]:
+        """The results of all gyros, in the order of their names."""
+        return [self._gyros[gyro] for gyro in self._of_gyro]
+
+    def sentence(self) -> str:
+        """How far it has come."""
+        return (
+            f"{len(self._gyros)} of {len(self._of_gyro)} gyros and {len(self._recordings)} of"
+            f" {len(self._tasks.recordings)} recordings done; the same command goes on"
+        )
+
+
+@contextlib.contextmanager
+def saying_how_far(folder: Path, course: LotCourse) -> Iterator[None]:
+    """An interrupted lot says how far it came and cleans up after its workers; so does one whose
+    disk is full."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise InterruptedRunError(f"{folder}: interrupted: {course.sentence()}") from None
+    except DiskFullError as error:
+        raise DiskFullError(f"{error}; {course.sentence()}") from error
+    finally:
+        store.remove_stale(folder, below=True)

@@ -1,0 +1,89 @@
+"""The report of a lot: its status and why, and every gyro's row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .lot_settings import LotSettings
+
+MOST_NAMED, MOST_TOLD = 6, 20
+"""Gyros that a sentence names; gyros that did not pass of which each has a sentence of its own."""
+
+
+def plain_paths(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict[str, Any]:
+    """A result whose sentences name files relative to the lot, so that the table does not depend on
+    where it lies."""
+
+    def strip(value: Any) -> Any:
+        if isinstance(value, str):
+            for root in (folder.absolute(), folder, lot_file.parent.absolute(), lot_file.parent):
+                value = value.replace(f"{root}/", "") if str(root) != "." else value
+            return value
+        if isinstance(value, Mapping):
+            return {key: strip(inner) for key, inner in value.items()}
+        return [strip(inner) for inner in value] if isinstance(value, list) else value
+
+    return {key: strip(value) for key, value in result.items()}
+
+
+def measured(
+    rows: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]
+) -> list[dict[str, tuple[float, float]]]:
+    """(value, σ) of every figure of these gyros, from the table."""
+    of = {row["gyro_id"]: row for row in rows}
+    names = [key.removesuffix("_z") for key in (rows[0] if rows else {}) if key.endswith("_z")]
+    return [
+        {
+            name: (row[name], math.nan if row[f"{name}_std"] is None else row[f"{name}_std"])
+            for name in names
+            if (row := of[gyro["gyro_id"]])[name] is not None
+        }
+        for gyro in gyros
+    ]
+
+
+def report_of(
+    lot: LotSettings, rows: list[dict[str, Any]], recordings: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Refused: a gyro did not pass, or a recording cannot be read; suspect: one has a fault, stands
+    off the lot, or has a result in doubt."""
+    passed = [row for row in rows if row["passed"]]
+    worst = sorted((row for row in rows if not row["passed"]), key=lambda row: row["rank"])
+    reasons = [f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in worst[:MOST_TOLD]]
+    if len(worst) > MOST_TOLD:
+        reasons.append(f"{len(worst) - MOST_TOLD} more gyros did not pass; lot.csv says why")
+    unreadable = [r for r in recordings if r.get("unreadable")]
+    doubts = {
+        "have a fault": [r for r in passed if r["health"] not in ("", "sound", "not examined")],
+        "stand off the lot": [r for r in passed if r["outliers"]],
+        "have a suspect result": [r for r in passed if r["status"] == "suspect"],
+    }
+    for what, ones in doubts.items():
+        if ones:
+            named = sorted(ones, key=lambda row: row["rank"])[:MOST_NAMED]
+            more = f" and {len(ones) - len(named)} more" if len(ones) > len(named) else ""
+            reasons.append(
+                f"{len(ones)} of {len(rows)} gyros {what}:"
+                f" {', '.join(str(row['gyro_id']) for row in named)}{more}"
+            )
+    refused = worst or unreadable or not rows
+    return {
+        "kind": "lot",
+        "status": "refused" if refused else "suspect" if any(doubts.values()) else "valid",
+        "status_reasons": reasons,
+        "lot_id": lot.lot_id,
+        "gyros": len(rows),
+        "passed": len(passed),
+        "recordings": len(recordings),
+        "recordings_failed": sum(r["status"] == "failed" for r in recordings),
+        "unreadable": [
+            {key: r[key] for key in ("name", "gyro_id", "told_by", "error")} for r in unreadable
+        ],
+        "outliers": [row["gyro_id"] for row in rows if row["outliers"]],
+        "outlier_rate": None if lot.outlier_z is not None else lot.outlier_rate,
+        "worst": [row["gyro_id"] for row in sorted(rows, key=lambda row: row["rank"])[:3]],
+        "rows": rows,
+    }

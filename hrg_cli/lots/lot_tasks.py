@@ -1,0 +1,161 @@
+"""The tasks of a lot: every recording to its wave, and the waves of one gyro to its results.
+
+Whose a recording is, its attributes alone tell; what else is wrong with it, the work on it finds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from ..errors import HrgError
+from ..formats import partners
+from .groups import Origin
+from .identity import Told, grouped, is_readable, owner_of, told_by
+from .lot_settings import PER_GYRO, PER_RECORDING, LotSettings
+from .lot_work import GyroTask, RecordingTask
+
+BY_LOT = "by the lot's file"
+
+
+@dataclass(frozen=True)
+class LotTasks:
+    """The recordings of a lot, those of one gyro side by side; what tells their gyro, by file; the
+    results of recordings that cannot be opened; where each gyro's come from."""
+
+    recordings: Sequence[RecordingTask]
+    told_by: Mapping[str, str]
+    unreadable: Sequence[dict[str, Any]]
+    origins: Mapping[str, Origin]
+
+    def examined(self, task: RecordingTask, result: dict[str, Any]) -> dict[str, Any]:
+        """The result of a recording; of one that failed also whether it could be read at all."""
+        if result["status"] != "failed" or task.foreign or is_readable(Path(task.source)):
+            return result
+        by = self.told_by[task.source]
+        return _unreadable(Path(task.source), result["error"], task.gyro_id, by)
+
+
+def tasks_of(
+    lot: LotSettings, recordings: Sequence[tuple[str | None, Path]], folder: Path, command: str
+) -> LotTasks:
+    """The tasks of a lot's recordings, (gyro that the lot's file names or None, file) each."""
+    tasks: list[RecordingTask] = []
+    unread: list[tuple[str | None, Path, str]] = []
+    told: dict[Path, Told] = {}
+    by: dict[str, str] = {}
+    used: set[tuple[str, str]] = set()
+    epoch = epoch_of(lot)
+    second = partners(
+        [file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file")
+    )
+    for named, file in recordings:
+        if file in second:
+            continue
+        try:
+            own = told_by(file)
+        except HrgError as error:
+            unread.append((named, file, str(error)))
+            if named is not None:
+                told[file] = Told(named, "", {})
+            continue
+        foreign = own is None
+        said = own or Told(str(lot.table("import", file.name).get("gyro_id", "")), "", {})
+        gyro = named or said.gyro_id or file.parent.name
+        told[file] = Told(gyro, said.day, said.groups)
+        by[str(file)] = BY_LOT if named else _by_itself(said)
+        name = safe_name(file.stem)
+        if (gyro, name) in used:
+            name = f"{name}-{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
+        used.add((gyro, name))
+        stages = (*(["import"] if foreign else []), *PER_RECORDING)
+        values = {stage: lot.values(stage, file.name) for stage in stages}
+        place = str(folder.absolute() / safe_name(gyro))
+        tasks.append(
+            RecordingTask(str(file), place, name, gyro, epoch, values, foreign, lot.lot_id, command)
+        )
+    known = {file: one.gyro_id for file, one in told.items()}
+    lost = [
+        _unreadable(file, error, *((named, BY_LOT) if named else owner_of(file, known)))
+        for named, file, error in unread
+    ]
+    tasks.sort(key=lambda task: (task.gyro_id, task.folder))
+    return LotTasks(tasks, by, lost, _origins(lot, told))
+
+
+def _by_itself(said: Told) -> str:
+    return "its gyro_id can still be read" if said.gyro_id else "by its folder's name"
+
+
+def gyro_task(
+    lot: LotSettings, one: RecordingTask, results: Sequence[Mapping[str, Any]]
+) -> GyroTask:
+    """The task of a gyro: of one of its recordings, and of what came of all."""
+    waves: dict[str, list[str]] = {"free": [], "forced": []}
+    for result in results:
+        if result["status"] != "failed":
+            waves[result["mode"]].append(result["wave"])
+    stages: tuple[str, ...] = tuple(stage for stage in PER_GYRO if stage in lot.stages)
+    return GyroTask(
+        one.gyro_id,
+        one.folder,
+        tuple(sorted(waves["free"])),
+        tuple(sorted(waves["forced"])),
+        one.epoch,
+        stages,
+        {stage: lot.values(stage) for stage in stages},
+        lot.limits,
+        one.command,
+    )
+
+
+def _unreadable(file: Path, error: str, gyro: str, by: str) -> dict[str, Any]:
+    """The result of a recording that cannot be read, with its gyro where that can be told."""
+    return {
+        "gyro_id": gyro,
+        "name": file.name,
+        "status": "failed",
+        "error": f"{error} (of gyro {gyro} {by})" if gyro and by != BY_LOT else error,
+        "told_by": by,
+        "unreadable": True,
+    }
+
+
+def _origins(lot: LotSettings, told: Mapping[Path, Told]) -> dict[str, Origin]:
+    """Every gyro's day, the first of its recordings, and the keys that group it."""
+    of: dict[str, list[Told]] = {}
+    for one in told.values():
+        of.setdefault(one.gyro_id, []).append(one)
+    return {
+        gyro: Origin(
+            grouped(lot.grouped(gyro), ones),
+            lot.day_of(gyro) or min((one.day for one in ones if one.day), default=""),
+        )
+        for gyro, ones in of.items()
+    }
+
+
+def epoch_of(lot: LotSettings) -> int | None:
+    """The time that all files of the lot bear, s since 1970, where the lot or SOURCE_DATE_EPOCH
+    orders one; None: the true one."""
+    if lot.created:
+        return int(datetime.fromisoformat(lot.created.replace("Z", "+00:00")).timestamp())
+    fixed = os.environ.get("SOURCE_DATE_EPOCH")
+    return int(float(fixed)) if fixed else None
+
+
+def safe_name(text: str) -> str:
+    """A file name that stays in its folder whatever the text; texts that had to be changed stay
+    distinct."""
+    plain = re.sub(r"[^A-Za-z0-9_+.-]", "_", text).lstrip(".")[:60]
+    return (
+        plain
+        if plain == text and plain
+        else f"{plain or 'gyro'}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    )
