@@ -341,6 +341,14 @@ def test_values_that_are_not_finite_are_flagged_and_kept() -> None:
     assert len(made) == 12_500 and np.isfinite(made.signals[:, 2]).all()
 
 
+def test_a_recording_without_one_whole_window_is_refused() -> None:
+    c, s = oscillation()
+    c[::100] = np.nan
+    made = collect(demodulate(recording(c, s, 40_000.0), periods_per_window=20.0))
+    assert ((made.flags & FLAG_NOT_FINITE) != 0).all() and made.status == "refused"
+    assert "no window holds finite samples only" in made.status_reasons
+
+
 def test_a_settling_start_is_flagged_and_a_calm_one_is_not() -> None:
     c, s = oscillation()
     assert not collect(demodulate(recording(c, s, 40_000.0))).flags.any()
@@ -411,7 +419,17 @@ def test_a_converter_without_noise_never_gives_zero_standard_deviations() -> Non
             )
         )
     )
-    assert (made.signals_std >= 0.9e-3 * np.sqrt(2 / 8 / 12)).all()
+    rounding = 1e-3 * np.sqrt(2 / 8 / 12)
+    assert (made.signals_std >= 0.9 * rounding).all() and (made.signals_std < 1.1 * rounding).all()
+
+
+@pytest.mark.parametrize("step", (1e-3, 1e-2))
+def test_rounded_floats_state_their_rounding(step: float) -> None:
+    turned = 2 * np.pi * np.arange(20_000) / 40.37
+    c, s = (step * np.rint(f(turned) / step) for f in (np.cos, np.sin))
+    made = collect(demodulate(recording(c, s, 40_000.0)))
+    rounding = step * np.sqrt(2 / 40.37 / 12)
+    assert (made.signals_std >= 0.9 * rounding).all() and (made.signals_std < 1.2 * rounding).all()
 
 
 def test_the_log_is_interpolated_and_not_stretched() -> None:
