@@ -24,6 +24,7 @@ from .records import (
 )
 from .stages.rehearse import Rehearsal, Rehearsed, Work, once, rehearse, with_verdict
 from .stages.twin import Measured
+from .stages.twin_physical import Identified, is_physical
 from .version import __version__
 
 STAGE_OF = {Resonator: "identify", Calibration: "calibrate", Diagnosis: "diagnose"}
@@ -58,7 +59,7 @@ def rehearsed(
         )
 
     try:
-        told = rehearse(record, inputs, own, share, **values)
+        told = rehearse(record, inputs, own, share, identified_of(path, record, beside), **values)
     except HrgError as error:
         raise HrgError(f"{path}: {error}") from error
     if written_by is not None:
@@ -102,6 +103,27 @@ def inputs_of(path: Path, beside: Sequence[Path]) -> list[Path]:
             " rehearsed"
         )
     return [_must(found_again(source, path.parent, beside), source, path) for source in sources]
+
+
+def identified_of(path: Path, record: Record, beside: Sequence[Path]) -> list[Identified]:
+    """The resonator files that tables of `--model physical` were made of, each with its own waves
+    and settings. HrgError: one is not found, or has changed."""
+    if not is_physical(record):
+        return []
+    out = []
+    for source in store.provenance_of(path).sources:
+        if source.kind == Resonator.kind:
+            file = _must(found_again(source, path.parent, beside), source, path)
+            out.append(
+                Identified(
+                    store.read(file, Resonator),
+                    [measured(wave, beside) for wave in inputs_of(file, beside)],
+                    settings.checked(
+                        pipeline.STAGES["identify"].function(), settings_of(file, "identify")
+                    ),
+                )
+            )
+    return out
 
 
 def _must(found: Path | None, source: Source, path: Path) -> Path:

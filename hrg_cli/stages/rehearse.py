@@ -30,6 +30,7 @@ from .identification.splits import SPLITS
 from .simulate import simulate
 from .twin import Measured, Twin, effects_of, twin_of
 from .twin_diagnosis import base_values, causes, diagnosed, held, same_sign
+from .twin_physical import Identified
 
 Array = np.ndarray
 LARGEST_RATIO = 1.3
@@ -50,8 +51,8 @@ cause may be."""
 MATCHED = (0.2, 5.0)
 """Factors by which the noise of the twin's samples is changed at most to match the measured
 windows'."""
-TRIAL_WINDOWS, MOST_TRIALS = 4000, 8
-"""Windows whose stated noise is looked at to match it, and the trials of a run at most: the median
+TRIAL_SAMPLES, MOST_TRIALS = 16_000, 8
+"""Samples of a run's trials, whose windows' stated noise is matched, and trials at most: the median
 over some hundred windows of few samples scatters by 2 % from draw to draw."""
 CLEAR = 4.0
 """Standard deviations from which a split's size is Gaussian, and its axis; below, its components are
@@ -192,6 +193,7 @@ def rehearse(
     inputs: Sequence[Measured],
     own_settings: Mapping[str, Any],
     share: Callable[[Sequence[Work]], Sequence[Rehearsed | None]] | None = None,
+    identified: Sequence[Identified] = (),
     *,
     times: Annotated[int, Field(ge=2, le=100_000, description="rehearsals")] = 30,
     samples_a_period: Annotated[
@@ -214,7 +216,8 @@ def rehearse(
     """Rehearse a result `times` times; `share` does the work (in other processes, for instance),
     one after the other by default.
 
-    own_settings: those of the stage that gave the result. HrgError: no twin can be made, too much
+    own_settings: those of the stage that gave the result; identified: the resonator files that
+    tables of `--model physical` were made of, identified again too. HrgError: no twin can be made, too much
     work, too few rehearsals succeeded.
     """
     if not inputs:
@@ -224,10 +227,17 @@ def rehearse(
     twin = (
         diagnosed(truth, inputs, own_settings, samples_a_period)
         if isinstance(truth, Diagnosis)
-        else twin_of(truth, inputs, own_settings, samples_a_period)
+        else twin_of(truth, inputs, own_settings, samples_a_period, identified)
     )
     _affordable(twin, times, most_samples, most_samples_a_run)
     twin = matched(twin, inputs, seed)
+    twin = replace(
+        twin,
+        resonators=[
+            matched(beside, one.inputs, seed)
+            for beside, one in zip(twin.resonators, identified, strict=True)
+        ],
+    )
     works = [(twin, seed * STREAMS + k) for k in range(times)]
     done = share(works) if share is not None else [once(work) for work in works]
     return told(
@@ -266,7 +276,7 @@ def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
     runs = []
     for number, (run, measured) in enumerate(zip(twin.config["run"], inputs, strict=True)):
         noise = run["readout"]["noise"]
-        trials = min(MOST_TRIALS, -(-TRIAL_WINDOWS // len(measured.wave)))
+        trials = int(np.clip(np.ceil(TRIAL_SAMPLES / twin.samples_of(run)), 1, MOST_TRIALS))
         found = float(
             np.mean(
                 [
@@ -288,9 +298,7 @@ def once(work: Work) -> Rehearsed:
     stage."""
     twin, seed = work
     try:
-        waves = [twin_wave(twin, number, seed) for number in range(len(twin.runs))]
-        stage = getattr(import_module(f"hrg_cli.stages.{twin.stage}"), twin.stage)
-        record = stage(waves, **checking.checked(stage, twin.settings))
+        record = made_again(twin, seed)
     except HrgError as error:
         return Rehearsed(reason=str(error))
     return Rehearsed(
@@ -299,6 +307,20 @@ def once(work: Work) -> Rehearsed:
         record.status_reasons[0] if record.status_reasons else "",
         tuple(causes(record)) if isinstance(record, Diagnosis) else (),
     )
+
+
+def made_again(twin: Twin, seed: int) -> Record:
+    """The result of a twin's own stage on its runs, and on the resonator files that were made
+    again."""
+    waves = [twin_wave(twin, number, seed) for number in range(len(twin.runs))]
+    stage = getattr(import_module(f"hrg_cli.stages.{twin.stage}"), twin.stage)
+    beside = [
+        made_again(one, seed + number * STREAMS**2)
+        for number, one in enumerate(twin.resonators, start=1)
+    ]
+    given = {"resonator": beside} if beside else {}
+    record: Record = stage(waves, **given, **checking.checked(stage, twin.settings))
+    return record
 
 
 def twin_wave(twin: Twin, number: int, seed: int) -> Wave:

@@ -19,11 +19,12 @@ from ..physics import ellipse
 from ..physics.plant import SlowState
 from ..physics.resonator import J, Mechanics, exponential, generator
 from ..records import Calibration, Record, Resonator, Wave
-from . import twin_colour, twin_mode
+from . import twin_colour, twin_mode, twin_physical
 from .earth_rate import earth_rate_rad_s
 from .rate_table import is_rate_table
 from .run_tables import loops, rate_course, sample_noise, temperature_course
 from .twin_colour import Colour
+from .twin_physical import Identified, is_physical
 
 Array = np.ndarray
 SAMPLES_A_PERIOD = 8
@@ -88,23 +89,26 @@ class Run:
 @dataclass(frozen=True)
 class Twin:
     """A programme to rehearse: tables of a simulation file, its runs, the stage that gave the
-    result, its settings, and the truth."""
+    result, its settings, the truth, and the twins of the resonator files it was made of."""
 
     config: Mapping[str, Any]
     runs: Sequence[Run]
     stage: str
     settings: Mapping[str, Any]
     truth: Record
+    resonators: Sequence[Twin] = ()
 
     @property
     def samples(self) -> int:
         """Samples of all runs together."""
-        return sum(self.samples_of(run) for run in self.config["run"])
+        own = sum(self.samples_of(run) for run in self.config["run"])
+        return own + sum(beside.samples for beside in self.resonators)
 
     @property
     def longest(self) -> int:
         """Samples of the longest run."""
-        return max(self.samples_of(run) for run in self.config["run"])
+        own = max(self.samples_of(run) for run in self.config["run"])
+        return max([own, *(beside.longest for beside in self.resonators)])
 
     @staticmethod
     def samples_of(run: Mapping[str, Any]) -> int:
@@ -117,13 +121,15 @@ def twin_of(
     inputs: Sequence[Measured],
     settings: Mapping[str, Any],
     samples_a_period: float | None = None,
+    identified: Sequence[Identified] = (),
 ) -> Twin:
     """The twin of a result and its inputs; `settings` are the stage's own, as the result's file
     keeps them.
 
-    samples_a_period: of the simulated recordings, instead of the measured ones' own sampling.
-    HrgError: the result holds no device (two modes without axes, a foreign table, tables made of a
-    resonator's coefficients), no wave.
+    samples_a_period: of the simulated recordings, instead of the measured ones' own sampling;
+    identified: the resonator files that tables of `--model physical` were made of.
+    HrgError: the result holds no device (two modes without axes, a foreign table, tables whose
+    resonator files are not at hand), no wave.
     """
     settings = dict(settings)
     colours: Sequence[Colour]
@@ -142,7 +148,7 @@ def twin_of(
     elif isinstance(truth, Calibration):
         stage, device, hidden = (
             "calibrate",
-            _calibrated(truth, inputs),
+            _calibrated(truth, inputs, identified),
             float(settings.get("earth_rate_rad_s") or 0.0),
         )
         settings |= {"ladder": False, "bootstrap": 0}
@@ -171,7 +177,8 @@ def twin_of(
         "recording": {"sample_rate_hz": first["sample_rate_hz"], "duration_s": first["duration_s"]},
         "run": tables,
     }
-    return Twin(config, runs, stage, settings, truth)
+    beside = [twin_of(i.resonator, i.inputs, i.settings, samples_a_period) for i in identified]
+    return Twin(config, runs, stage, settings, truth, beside)
 
 
 def _resonator(
@@ -196,16 +203,18 @@ def _resonator(
     return Mechanics(**values, mode_number=truth.mode_number)
 
 
-def _calibrated(truth: Calibration, inputs: Sequence[Measured]) -> Mechanics:
-    """A device without splits: drift and scale factor are the tables', which the twin's own effect
-    gives it."""
+def _calibrated(
+    truth: Calibration, inputs: Sequence[Measured], identified: Sequence[Identified]
+) -> Mechanics:
+    """A device without splits: drift and scale factor are the tables' or the resonator files', which
+    the twin's own effect gives it."""
     if is_rate_table(truth):
         raise HrgError("was made of a foreign table of dwells; there are no runs to rehearse")
-    if truth.model == "physical":
+    if is_physical(truth) and not identified:
         raise HrgError(
-            "has the coefficients of resonator files (model physical) and their errors: nothing in"
-            " its drift was fitted to these runs, so that runs simulated again tell nothing of it;"
-            " rehearse the resonator files it was made of"
+            "has the coefficients of resonator files (model physical) and their errors, which are"
+            " identified again in every rehearsal; name the resonator files it was made of beside"
+            " it"
         )
     frequency = float(np.median([np.nanmedian(m.wave.frequency_hz) for m in inputs]))
     return Mechanics(
@@ -414,7 +423,11 @@ def effects_of(twin: Twin, number: int, seed: int) -> tuple[Effect, ...]:
     out: list[Effect] = []
     if isinstance(twin.truth, Calibration):
         factor = twin.config["device"]["scale_factor"]
-        out.append(tables_effect(twin.truth, factor, run.frequency))
+        out.append(
+            twin_physical.effect(twin.truth, run.frequency)
+            if is_physical(twin.truth)
+            else tables_effect(twin.truth, factor, run.frequency)
+        )
     elif isinstance(twin.truth, Resonator) and twin_mode.is_modes(twin.truth):
         out.append(twin_mode.effect(twin_mode.laws_of(twin.truth), run.silent))
     if run.colour:

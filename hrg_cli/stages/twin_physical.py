@@ -1,0 +1,82 @@
+"""The twin of tables that were made of resonator files (`--model physical`): the resonators' own
+coefficients move the wave, and the resonator files are identified anew in every rehearsal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects.effect import Effect, Values
+from ..errors import HrgError
+from ..fourier import node_weights
+from ..physics.plant import SlowState
+from ..physics.resonator import J
+from ..records import Calibration, Resonator
+from .calibration.resonators import NAMES
+
+Array = np.ndarray
+PHYSICAL = "identified_resonators"
+"""Name of the twin's own effect: the coefficients of the calibration's resonator files."""
+
+
+@dataclass(frozen=True)
+class Identified:
+    """One resonator file of a calibration: what it says, what it was made of, how."""
+
+    resonator: Resonator
+    inputs: Sequence[Any]
+    settings: Mapping[str, Any]
+
+
+def is_physical(truth: object) -> bool:
+    """Whether a result's drift is that of resonator files."""
+    return isinstance(truth, Calibration) and truth.model == "physical"
+
+
+def coefficients(truth: Calibration) -> tuple[Array, Array]:
+    """Places (J,) and the coefficients of `resonators.NAMES` there (J, 5). HrgError: the file does
+    not keep them."""
+    rows = json.loads(truth.details).get("resonator")
+    if not rows:
+        raise HrgError("keeps no coefficients of its resonator files; make it again")
+    key = "temperature_degc" if truth.axis == "temperature" else "frequency_hz"
+    places = np.array([np.nan if row[key] is None else float(row[key]) for row in rows])
+    return places, np.array([[float(row[name]) for name in NAMES] for row in rows])
+
+
+def effect(truth: Calibration, frequency: tuple[Array, Array] | None = None) -> Effect:
+    """What the resonators' splits and K add to a device that has none: u' = … + (−Δν·R + jδω·R +
+    KΩJ)u, all of them followed over temperature or the course `frequency` (times, Hz) of a run.
+
+    K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ; the measured quadrature's are −2δω(cos, sin)2mθ_ω.
+    """
+    places, values = coefficients(truth)
+    kind = "linear" if truth.interpolation in ("linear", "monotone") else "cubic"
+
+    def slow(_: Values, u: Array, state: SlowState) -> Array:
+        x = state.temperature_degc if frequency is None else np.interp(state.time_s, *frequency)
+        at = np.broadcast_to(np.asarray(x, float), u.shape[:-1])
+        k = (node_weights(at.ravel(), places, kind) @ values).reshape(*at.shape, len(NAMES))
+        damping_cos, damping_sin = k[..., 1], -k[..., 0]
+        split_cos, split_sin = -k[..., 3] / 2, -k[..., 4] / 2
+        along, across = -damping_cos + 1j * split_cos, -damping_sin + 1j * split_sin
+        c, s = u[..., 0], u[..., 1]
+        change = np.stack([along * c + across * s, across * c - along * s], axis=-1)
+        change = change + ((k[..., 2] - state.mechanics.scale_factor) * state.rate_rad_s)[
+            ..., None
+        ] * (u @ J.T)
+        if frequency is not None:
+            change = change + (2j * np.pi * (at - state.mechanics.frequency_hz))[..., None] * u
+        return np.asarray(change)
+
+    return Effect(
+        PHYSICAL,
+        "bench",
+        "Splits and scale factor as a calibration's resonator files have them.",
+        (),
+        slow=slow,
+    )
