@@ -72,12 +72,13 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
             )
         )
     for axis in details.get("stiffness_axes", []):
-        found.append(
-            (
-                "stiffness axis where a_B changes sign",
-                f"{axis['value']:.5g} ± {axis['std']:.1g} rad",
-            )
+        where = (
+            f"stiffness axis where a_B/a_A of {axis['run_id'] or 'a run'} turns back"
+            f" ({axis['side']} side, {axis['passages']} times)"
+            if "side" in axis
+            else "stiffness axis where a_B changes sign"
         )
+        found.append((where, f"{axis['value']:.6g} ± {axis['std']:.1g} rad"))
     whole = details.get("stiffness_axis_of_crossings")
     if whole:
         found.append(
