@@ -8,7 +8,7 @@ import numpy as np
 from hrg_cli.fitting.causes import extended, extended_fit
 from hrg_cli.fitting.causes.extended import Point, Series
 from hrg_cli.fitting.causes.extended_fit import Freedom
-from hrg_cli.stages.diagnosis import closing, drive_log
+from hrg_cli.stages.diagnosis import drive_log
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 1.0])
 NOISE, ROWS, LENGTH_S = 3e-5, 150, 1.5
@@ -74,39 +74,3 @@ def test_no_lateness_is_found_in_a_log_that_is_right():
     column = extended_fit.flat(blind.series, drive_log.of_lateness(blind))
     before = extended_fit.flat(timed.series, drive_log.of_lateness(timed))
     assert np.linalg.norm(column) < 1e-6 * np.linalg.norm(before)
-
-
-def test_a_log_that_scatters_is_told():
-    series, point = programme(0.0)
-    fit = fitted(series, point)
-    assert drive_log.scatter_beyond(fit) == ""
-    noise = np.random.default_rng(5).normal(size=series.time_s.shape)
-    rough = fitted(replace(series, quadrature_drive=series.quadrature_drive + 0.05 * noise), point)
-    assert "scatters by 0.0" in drive_log.scatter_beyond(rough)
-
-
-def test_the_walk_of_a_scatter_is_that_of_independent_commands():
-    """s·h·√n over the noise, against the end points of drawn sums of white commands."""
-    series, point = programme(0.0)
-    random, scatter = np.random.default_rng(6), 0.05
-    noise = scatter * random.normal(size=series.time_s.shape)
-    rough = fitted(replace(series, main_drive=series.main_drive + noise), point)
-    walk, told = drive_log.scatter_of(rough)
-    step = LENGTH_S / ROWS
-    ends = (scatter * step * random.normal(size=(4000, ROWS))).sum(axis=1).std() / NOISE
-    assert abs(told / scatter - 1) < 0.3 and abs(walk / ends - 1) < 0.3
-
-
-def test_beside_such_a_walk_a_small_cause_does_not_earn_its_name():
-    """σ that a cause stands off zero are taken beside the walk, σ/√(1 + walk²)."""
-    series, point = programme(0.0)
-    noise = 0.05 * np.random.default_rng(5).normal(size=series.time_s.shape)
-    rough = fitted(replace(series, main_drive=series.main_drive + noise), point)
-    walk, _ = drive_log.scatter_of(rough)
-
-    def judged(fit, sigma):
-        found = closing.beside_drive_log("gain_mismatch", sigma, drive_log.scatter_of(fit)[0])
-        return [check.passed for check in found]
-
-    assert walk > 10 and judged(rough, 4.0) == [False] and judged(rough, 5 * walk) == [True]
-    assert judged(fitted(series, point), 4.0) == []

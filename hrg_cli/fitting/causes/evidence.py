@@ -120,6 +120,22 @@ class Basis:
 
 
 @dataclass(frozen=True)
+class Softened:
+    """What may be off by a known covariance 1 + Q Λ Qᵀ, in parts that live on some rows alone:
+    orthonormal Q (N, k) and 1 − (1 + λ)^{−1/2} (k,)."""
+
+    own: tuple[tuple[slice, Array, Array], ...]
+
+    def off(self, S: Array) -> Array:
+        """Columns (N, …) whitened, (1 + Q Λ Qᵀ)^{−1/2} S."""
+        out = S.copy()
+        for rows, Q, share in self.own:
+            along = Q.T @ S[rows]
+            out[rows] -= Q @ (along.T * share).T
+        return out
+
+
+@dataclass(frozen=True)
 class Factored:
     """A design J (N, k) = Q T: its orthonormal basis and T (rank, k), in whose few rows all is
     solved that asks for J alone."""

@@ -24,7 +24,7 @@ from ...effects.effect import Effect, frame, no_term
 from ...physics.plant import SlowState
 from ...physics.resonator import Mechanics, exponential
 from ..envelopes import coordinates
-from .evidence import Basis
+from .evidence import Basis, Softened
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
@@ -77,6 +77,9 @@ class Series:
     free_phase: bool = False
     """Every row's phase is its own: what turns both channels together is neither fitted nor
     judged."""
+    scatter: Softened | None = None
+    """By what the waves may stand beside any prediction, since the drive's log does not hold all
+    that the drive did."""
     unsettled: Basis | None = None
     """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
     taken off it."""
@@ -92,12 +95,17 @@ class Series:
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
         names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
         return replace(
-            self, names=names, turn_rad_s=turn, number=self.numbers[index], unsettled=None, **cut
+            self.alone(), names=names, turn_rad_s=turn, number=self.numbers[index], **cut
         )
 
     def later(self, first: int) -> Series:
         """The runs from one row on."""
-        return replace(self, unsettled=None, **{f: getattr(self, f)[:, first:] for f in _ARRAYS})
+        return replace(self.alone(), **{f: getattr(self, f)[:, first:] for f in _ARRAYS})
+
+    def alone(self) -> Series:
+        """The rows without what is said of all of them together: what is unsettled, and what may
+        scatter."""
+        return replace(self, unsettled=None, scatter=None)
 
     @property
     def numbers(self) -> Array:

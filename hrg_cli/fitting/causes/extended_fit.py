@@ -230,12 +230,13 @@ class Fit:
 
 
 def flat(series: Series, values: Array) -> Array:
-    """(R, n, 4, …) -> rows with weight only, (N, …), off what is unsettled."""
+    """(R, n, 4, …) -> rows with weight only, (N, …), whitened and off what is unsettled."""
     keep = series.weight > 0
     if keep.all():
         rows = values.reshape(-1, *values.shape[3:])
     else:
         rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
+    rows = rows if series.scatter is None else series.scatter.off(rows)
     return rows if series.unsettled is None else series.unsettled.off(rows)
 
 

@@ -16,6 +16,7 @@ from ...fitting.causes.extended_fit import Fit
 from ...records import Wave
 from .data import averaged_well, freedom_of, prepare
 from .drive_log import blind, timed
+from .drive_scatter import allowed_for
 from .lost_samples import PhaseStep
 from .rate_steps import settled
 from .refits import loosened
@@ -43,8 +44,10 @@ def fit_base(
     first, guessed = along(None)
     if not gross(first) and not averaged_well(first.series, guessed, first.point):
         first, _ = along(first.point)
-    # a gross misfit would be laid on the log's time
-    return settled(first) if gross(first) else blind(settled(timed(first)))
+    late = timed(first)
+    if gross(late):  # a gross misfit would be laid on the log's time
+        return settled(first)
+    return blind(allowed_for(settled(late)))
 
 
 def started(fit: Fit) -> Fit:

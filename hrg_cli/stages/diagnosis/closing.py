@@ -19,7 +19,7 @@ from ...fitting.checks import Check
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...physics import ellipse
 from .case import Case
-from .drive_log import WALK, scatter_of
+from .drive_scatter import TOLD, Scatter
 from .gain import folds_of, predicted
 from .scoring import is_small
 from .search import Search
@@ -169,10 +169,18 @@ def _expected(fit: Fit, fold: Array) -> float:
     return float(np.sqrt(1 + unknown.sum() / len(fold)))
 
 
+def unknown_walk(fit: Fit) -> float:
+    """Walk of the wave, over σ, that the scatter of the drive's log may have left out of a run and
+    that the fit's own σ do not hold."""
+    if fit.series.scatter is not None:
+        return 0.0
+    return float(np.max(Scatter.of(fit.series).walk))
+
+
 def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
     """A cause so many σ off zero beside a walk of the wave, in σ, that the scatter of the drive's
     log may have left out; nothing where that is less than the noise."""
-    if walk < WALK:
+    if walk < TOLD:
         return
     beside = sigma / float(np.hypot(1.0, walk))
     yield checks.at_least(
@@ -187,7 +195,7 @@ def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
 def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
     """Every named cause on its own: off zero and of a thinkable size."""
     fit = search.final
-    walk, _ = scatter_of(fit)
+    walk = unknown_walk(fit)
     for one in search.found:
         name = one.variant.effect.name
         _, wald = fit.away(one.variant.effect)

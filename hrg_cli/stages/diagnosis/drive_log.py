@@ -27,12 +27,6 @@ REACH = 0.5
 would have been seen as such."""
 SETTLED = 0.03
 """Part of its standard deviation by which τ may still move."""
-WALK = 1.0
-"""σ by which the scatter of the commands must move the wave to be told."""
-FEWEST = 20
-"""Rows from which it is looked for."""
-OF_FOURTH_DIFFERENCES = 0.6745 * 70**0.5
-"""Median of |fourth differences| of white scatter, over its standard deviation."""
 STEP = 1e-3
 """Change of τ for its effect, in row lengths: the model is linear in it."""
 
@@ -96,42 +90,6 @@ def delayed(series: Series, late_s: float) -> Series:
         changes[command] = values - late_s * np.gradient(values, axis=1) / width
         changes[integral] = getattr(series, integral) - late_s * values
     return replace(series, drive_late_s=series.drive_late_s + late_s, **changes)
-
-
-def scatter_of(fit: Fit) -> tuple[float, float]:
-    """(σ by which the scatter of the logged commands moves the wave within a run, that scatter in
-    amplitude/s), of the run where it does most; (0, 0) where none is logged.
-
-    White scatter s of the rows' means over h makes a walk of s h √n in n rows. A log of every value
-    or of means holds it; one of single values does not, and nothing says which a log is.
-    """
-    series, worst, scatter = fit.series, 0.0, 0.0
-    for k, weight in enumerate(series.weight):
-        good = weight > 0
-        rows = int(np.count_nonzero(good))
-        if rows < FEWEST:
-            continue
-        commands = np.stack([series.main_drive[k][good], series.quadrature_drive[k][good]])
-        rough = np.median(np.abs(np.diff(commands, n=4, axis=1)), axis=1) / OF_FOURTH_DIFFERENCES
-        own = float(np.max(rough))
-        step = float(np.median(np.diff(series.time_s[k][good])))
-        walk = own * step * np.sqrt(rows) * float(np.median(weight[good]))
-        if walk > worst:
-            worst, scatter = walk, own
-    return worst, scatter
-
-
-def scatter_beyond(fit: Fit) -> str:
-    """A sentence where the logged commands scatter so much that what a log of single values misses
-    of them between its rows may be what the fit leaves; empty where they do not."""
-    worst, scatter = scatter_of(fit)
-    if worst < WALK:
-        return ""
-    return (
-        f"the drive's log scatters by {scatter:.2g} amplitude/s from row to row, which alone moves"
-        f" the wave by {worst:.2g} σ within a run: what the drive did between the log's rows is not"
-        " known; log its means, or every value that the loops set"
-    )
 
 
 def timely(wave: Wave, late_s: float) -> Wave:

@@ -102,7 +102,7 @@ def folds_of(series: Series) -> list[Fold]:
         return []
     return [
         Fold(
-            replace(series, weight=np.where(keep, series.weight, 0.0), unsettled=None),
+            replace(series.alone(), weight=np.where(keep, series.weight, 0.0)),
             good & ~keep,
             False,
         )
@@ -164,9 +164,7 @@ def trained(base: Fit, fold: Fold) -> Fit:
 
 def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
     """What a training fit misses of the rows held out."""
-    series = replace(
-        base.series, weight=np.where(fold.test, base.series.weight, 0.0), unsettled=None
-    )
+    series = replace(base.series.alone(), weight=np.where(fold.test, base.series.weight, 0.0))
     if fold.whole_runs:
         # a run's start and frequency are its own: they are fitted on it, everything shared is held
         kept = np.flatnonzero(fold.test.any(axis=1))

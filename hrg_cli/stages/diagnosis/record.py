@@ -13,7 +13,7 @@ from ...fitting.causes.wave_frame import real
 from ...physics import ellipse
 from ...records import Diagnosis, Wave
 from .damping_form import Form
-from .drive_log import scatter_beyond
+from .drive_scatter import sentence
 from .report import undescribed
 from .search import Search
 from .shares import Shares
@@ -80,6 +80,6 @@ def doubts(verdict: str, failed: Sequence[str], final: Fit) -> list[str]:
     be why."""
     if verdict in ("adequate", "explained"):
         return []
-    scatter = scatter_beyond(final)
+    scatter = sentence(final)
     open_ = [f'the verdict is "{verdict}": {"; ".join(failed[:3])}'] if failed else []
     return open_ + ([scatter] if scatter else [])

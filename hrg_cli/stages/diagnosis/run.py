@@ -124,7 +124,7 @@ def _start(fit: Fit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
     back = replace(
-        series,
+        series.alone(),
         time_s=times,
         envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
         rate_rad_s=rate,
@@ -137,7 +137,6 @@ def _start(fit: Fit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
         quadrature_drive=command(wave, "drive_quadrature", times[0], series.forced)[None],
         main_impulse=impulse_of(wave, "drive_main", times[0], series.forced)[None],
         quadrature_impulse=impulse_of(wave, "drive_quadrature", times[0], series.forced)[None],
-        unsettled=None,
         **columns,
     )
     point = Point(

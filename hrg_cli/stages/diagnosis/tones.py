@@ -19,6 +19,7 @@ from ...fitting.samples.spectrum import floor
 from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
 from ...records import Wave
+from .drive_scatter import corner_hz
 from .thresholds import GROSS
 
 Array = np.ndarray
@@ -162,6 +163,10 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
     offset = float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi)
     frequency = np.fft.fftfreq(size, step)
     level = np.fft.ifftshift(_floor(np.fft.fftshift(power)))
+    own = fit.point.offset_rad_s / (2 * np.pi)
+    nearest = np.min(np.abs(frequency[:, None] - own), axis=1)
+    # a wave that walks under its drive has a spectrum of its own about the resonance
+    level = level * (1 + (corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2)
     relative = power / level
     distance = frequency - offset
     mirror = np.interp(
@@ -169,8 +174,6 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
     )
     # of a sum of 2·used exponentials, its median set to 1
     expected = 4 * used * np.maximum(relative, 0)
-    own = fit.point.offset_rad_s / (2 * np.pi)
-    nearest = np.min(np.abs(frequency[:, None] - own), axis=1)
     noise = MIRRORED * level / np.sqrt(2 * used)  # of a sum of 2·used exponentials
     wanted = (
         (nearest * shortest > NEAREST_CYCLES)

@@ -1,0 +1,208 @@
+"""Diagnosis, the scatter of a drive's log: a log of single values of a noisy or rippling command
+does not hold what the drive did between its rows, one of means does, and nobody says which it is.
+
+What the log's rows hold beside the drive's own means is at most their scatter from row to row, s.
+A part q s of it, white in time, is the log's own: the wave then walks beside its prediction with
+covariance C = 1 + q² S Sᵀ over σ (S: what s in one row of the log's means does), and residual and
+sensitivities are whitened by C^{−1/2}. A row's mean acts half before its middle and half behind it.
+
+q is not known. Every q up to 1 is as likely beforehand; the residual judges them (REML), and the
+mean of q² is taken, so that a walk too weak to be seen is still part of every σ. Judged is the
+residual beside all that could be taken for a walk: every run has a resonator of its own, and what
+is slower than `SLOW` half cycles a run is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...effects.effect import frame
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.evidence import Basis, Softened
+from ...fitting.causes.extended import Series
+from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.sensitivities import base_sensitivities
+from ...fitting.causes.wave_frame import directions, real
+
+Array = np.ndarray
+SLOW = 4
+"""Half cycles a run up to which nothing is taken for scatter: what no cause of the catalogue holds
+is mostly slow."""
+FEWEST = 20
+"""Rows from which a scatter is looked for."""
+LEAST = 0.1
+"""σ by which the scatter must move the wave within a run to count."""
+TOLD = 1.0
+"""The same from which it is told."""
+MOST = 1.2
+"""Largest q; more than 1 where the scatter itself is measured too small."""
+PARTS = MOST * np.linspace(0, 1, 81) ** 2
+"""Values of q, closer where a large scatter leaves a little of it."""
+WEAKEST = 1e-4
+"""Variance over that of the windows below which a direction is left alone."""
+INDEPENDENT = 1e-8
+OF_FOURTH_DIFFERENCES = 0.6745 * 70**0.5
+"""Median of |fourth differences| of white scatter, over its standard deviation."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """White scatter of the two commands from row to row (R, 2), amplitude/s, and the walk s h √n
+    that it makes of the wave in a run, over σ (R,)."""
+
+    size: Array
+    walk: Array
+
+    @classmethod
+    def of(cls, series: Series) -> Scatter:
+        """Of the logged commands; 0 where none is logged, or too few rows."""
+        size, walk = np.zeros((len(series.names), 2)), np.zeros(len(series.names))
+        for k, weight in enumerate(series.weight):
+            good = weight > 0
+            rows = int(np.count_nonzero(good))
+            if rows < FEWEST or not series.forced[k].any():
+                continue
+            commands = np.stack([series.main_drive[k][good], series.quadrature_drive[k][good]])
+            rough = np.abs(np.diff(commands, n=4, axis=1))
+            size[k] = np.median(rough, axis=1) / OF_FOURTH_DIFFERENCES
+            step = float(np.median(np.diff(series.time_s[k][good])))
+            walk[k] = size[k].max() * step * np.sqrt(rows) * float(np.median(weight[good]))
+        return cls(size, walk)
+
+    @property
+    def worst(self) -> int:
+        """The run where it does most."""
+        return int(np.argmax(self.walk))
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run's rows, what the scatter does to them (N, k), and what else could be taken for it."""
+
+    rows: slice
+    doings: Array
+    beside: Array
+
+
+def allowed_for(fit: Fit) -> Fit:
+    """The fit again beside as much of the log's scatter as the waves leave possible; the same where
+    none could be seen."""
+    scatter = Scatter.of(fit.series)
+    if not np.any(scatter.walk > LEAST):
+        return fit
+    runs = _runs(fit, scatter)
+    part = _part(fit.residual, runs)
+    own = []
+    for run in runs:
+        Q, size, _ = np.linalg.svd(part * run.doings, full_matrices=False)
+        keep = size**2 > WEAKEST
+        own.append((run.rows, Q[:, keep], 1 - 1 / np.sqrt(1 + size[keep] ** 2)))
+    soft = Softened(tuple(own))
+    series = replace(fit.series, scatter=soft, unsettled=_whitened(fit.series.unsettled, soft))
+    return extended_fit.fit(series, fit.point, fit.freedom)
+
+
+def sentence(fit: Fit) -> str:
+    """What is to be said of a log that scatters; empty where it hardly moves the wave."""
+    scatter = Scatter.of(fit.series)
+    walk = scatter.walk[scatter.worst]
+    if walk < TOLD:
+        return ""
+    size = float(np.max(scatter.size[scatter.worst]))
+    allowed = (
+        "; as much of it as the waves show is allowed for in every standard deviation"
+        if fit.series.scatter is not None
+        else ""
+    )
+    return (
+        f"the drive's log scatters by {size:.2g} amplitude/s from row to row, which alone moves"
+        f" the wave by {walk:.2g} σ within a run: what the drive did between the log's rows is not"
+        f" known{allowed}; log its means, or every value that the loops set"
+    )
+
+
+def corner_hz(fit: Fit) -> float:
+    """Distance from the resonance at which the walk that is allowed for is as strong as the noise,
+    s/2πσ: the walk's density is s²h/(2πf)², that of the noise σ²h; 0 where none is."""
+    if fit.series.scatter is None:
+        return 0.0
+    size = Scatter.of(fit.series).size.max(axis=1)
+    weights = [float(np.median(w[w > 0])) if w.any() else 0.0 for w in fit.series.weight]
+    return float(np.max(size * weights)) / (2 * np.pi)
+
+
+def _runs(fit: Fit, scatter: Scatter) -> list[_Run]:
+    """The runs whose scatter counts."""
+    series = fit.series
+    doings = extended_fit.flat(series, _doings(fit, scatter.size))
+    shared = extended_fit.flat(series, base_sensitivities(fit.flow)[0])
+    slow = extended_fit.flat(series, _slow(fit))
+    out = []
+    for k, (rows, _, own) in enumerate(fit.design.own):
+        if scatter.walk[k] > LEAST:
+            beside = np.concatenate([own, shared[rows], slow[rows]], axis=1)
+            out.append(_Run(rows, doings[rows], beside))
+    return out
+
+
+def _doings(fit: Fit, size: Array) -> Array:
+    """What one σ of the commands' scatter does in every row of the log's means, over σ, (R, n, 4,
+    2n): half of it in the step before the row, half in that behind."""
+    series, flow, v = fit.series, fit.flow, fit.flow.middle
+    runs, steps = v.shape[:2]
+    turn, e_A, e_B, _ = frame(v, flow.centre.phase_rad)
+    k = np.arange(steps)
+    kicks = np.zeros((runs, steps, 4, 2, steps + 1))
+    for n, direction in enumerate((e_A, -1j * e_B)):
+        force = (
+            real(turn[..., None] * direction) * (series.step_s * size[:, n, None] / 2)[..., None]
+        )
+        for row in (k, k + 1):
+            kicks[:, k, :, n, row] += np.moveaxis(force, 1, 0)
+    columns = 2 * (steps + 1)
+    nothing = np.zeros((runs, steps + 1, 4, columns))
+    kicks = kicks.reshape(runs, steps, 4, columns)
+    return flow.seen(flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
+
+
+def _slow(fit: Fit) -> Array:
+    """Half cycles over a run of the wave's four components, (R, n, 4, 4 · SLOW)."""
+    t = fit.series.time_s
+    waves = np.cos(
+        np.pi * np.arange(SLOW) * ((t - t[:, :1]) / np.ptp(t, axis=1)[:, None])[..., None]
+    )
+    along = np.moveaxis(real(directions(fit.prediction.seen)), -2, -1)
+    columns = along[..., None] * waves[..., None, None, :]
+    return columns.reshape(*t.shape, 4, -1)
+
+
+def _part(residual: Array, runs: Sequence[_Run]) -> float:
+    """The part q of the scatter, from the mean of q² over all that the residual leaves possible."""
+    powers, squares = [], []
+    for run in runs:
+        beside = evidence.orthonormal(run.beside, INDEPENDENT)
+        doings = run.doings - beside @ (beside.T @ run.doings)
+        Q, size, _ = np.linalg.svd(doings, full_matrices=False)
+        keep = size**2 > WEAKEST
+        powers.append(size[keep] ** 2)
+        squares.append((Q[:, keep].T @ residual[run.rows]) ** 2)
+    power, square = np.concatenate(powers), np.concatenate(squares)
+    spread = 1 + PARTS[:, None] ** 2 * power
+    score = np.sum(np.log(spread) + square / spread, axis=1)
+    likely = np.exp((score.min() - score) / 2) * np.gradient(PARTS)
+    return float(np.sqrt(np.sum(likely * PARTS**2) / np.sum(likely)))
+
+
+def _whitened(known: Basis | None, soft: Softened) -> Basis | None:
+    """What is unsettled, as it stands in the whitened rows."""
+    if known is None:
+        return None
+    own = []
+    for rows, Q in known.own:
+        whole = np.zeros((known.shape[0], Q.shape[1]))
+        whole[rows] = Q
+        own.append((rows, evidence.orthonormal(soft.off(whole)[rows], INDEPENDENT)))
+    return Basis(tuple(own), soft.off(known.shared))
