@@ -31,6 +31,8 @@ Array = np.ndarray
 SLOW = 4
 """Half cycles a run up to which nothing is taken for scatter: what no cause of the catalogue holds
 is mostly slow."""
+PIECES = 120
+"""Pieces of a run over which scatter is one value: what is quicker moves the wave too little."""
 FEWEST = 20
 """Rows from which a scatter is looked for."""
 LEAST = 0.1
@@ -149,22 +151,24 @@ def _runs(fit: Fit, scatter: Scatter) -> list[_Run]:
 
 
 def _doings(fit: Fit, size: Array) -> Array:
-    """What one σ of the commands' scatter does in every row of the log's means, over σ, (R, n, 4,
-    2n): half of it in the step before the row, half in that behind."""
+    """What one σ of the commands' scatter does in every piece of the log, over σ, (R, n, 4, 2 ·
+    pieces): of a row's mean half in the step before its middle, half in that behind."""
     series, flow, v = fit.series, fit.flow, fit.flow.middle
     runs, steps = v.shape[:2]
     turn, e_A, e_B, _ = frame(v, flow.centre.phase_rad)
+    count = min(PIECES, steps + 1)
+    piece = np.arange(steps + 1) * count // (steps + 1)
+    many = np.sqrt(np.bincount(piece))[piece]
     k = np.arange(steps)
-    kicks = np.zeros((runs, steps, 4, 2, steps + 1))
+    kicks = np.zeros((runs, steps, 4, 2, count))
     for n, direction in enumerate((e_A, -1j * e_B)):
         force = (
             real(turn[..., None] * direction) * (series.step_s * size[:, n, None] / 2)[..., None]
         )
         for row in (k, k + 1):
-            kicks[:, k, :, n, row] += np.moveaxis(force, 1, 0)
-    columns = 2 * (steps + 1)
-    nothing = np.zeros((runs, steps + 1, 4, columns))
-    kicks = kicks.reshape(runs, steps, 4, columns)
+            kicks[:, k, :, n, piece[row]] += np.moveaxis(force / many[row][:, None], 1, 0)
+    kicks = kicks.reshape(runs, steps, 4, 2 * count)
+    nothing = np.zeros((runs, steps + 1, 4, 2 * count))
     return flow.seen(flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
 
 
