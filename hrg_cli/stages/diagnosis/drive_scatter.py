@@ -99,9 +99,8 @@ def allowed_for(fit: Fit) -> Fit:
     part = _part(fit.residual, runs)
     own = []
     for run in runs:
-        Q, size, _ = np.linalg.svd(part * run.doings, full_matrices=False)
-        keep = size**2 > WEAKEST
-        own.append((run.rows, Q[:, keep], 1 - 1 / np.sqrt(1 + size[keep] ** 2)))
+        Q, power = _directions(part * run.doings)
+        own.append((run.rows, Q, 1 - 1 / np.sqrt(1 + power)))
     soft = Softened(tuple(own))
     series = replace(fit.series, scatter=soft, unsettled=_whitened(fit.series.unsettled, soft))
     return extended_fit.fit(series, fit.point, fit.freedom)
@@ -188,16 +187,22 @@ def _part(residual: Array, runs: Sequence[_Run]) -> float:
     powers, squares = [], []
     for run in runs:
         beside = evidence.orthonormal(run.beside, INDEPENDENT)
-        doings = run.doings - beside @ (beside.T @ run.doings)
-        Q, size, _ = np.linalg.svd(doings, full_matrices=False)
-        keep = size**2 > WEAKEST
-        powers.append(size[keep] ** 2)
-        squares.append((Q[:, keep].T @ residual[run.rows]) ** 2)
+        Q, power = _directions(run.doings - beside @ (beside.T @ run.doings))
+        powers.append(power)
+        squares.append((Q.T @ residual[run.rows]) ** 2)
     power, square = np.concatenate(powers), np.concatenate(squares)
     spread = 1 + PARTS[:, None] ** 2 * power
     score = np.sum(np.log(spread) + square / spread, axis=1)
     likely = np.exp((score.min() - score) / 2) * np.gradient(PARTS)
     return float(np.sqrt(np.sum(likely * PARTS**2) / np.sum(likely)))
+
+
+def _directions(doings: Array) -> tuple[Array, Array]:
+    """Orthonormal Q (N, r) and variances (r,) of D Dᵀ = Q diag(variance) Qᵀ, from the small Gram
+    matrix DᵀD; those below `WEAKEST` left out."""
+    power, turn = np.linalg.eigh(doings.T @ doings)
+    keep = power > WEAKEST
+    return doings @ (turn[:, keep] / np.sqrt(power[keep])), power[keep]
 
 
 def _whitened(known: Basis | None, soft: Softened) -> Basis | None:
