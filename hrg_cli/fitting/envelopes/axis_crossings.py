@@ -342,6 +342,23 @@ def combined(found: Found, mode_number: int) -> dict[str, float]:
     }
 
 
+def _corrected(
+    runs: Sequence[EnvelopeRun], found: Found, model: Noiseless, start: Array
+) -> tuple[Found, float]:
+    """The crossings less what the method makes of noiseless rows, until they stay; the last change
+    in σ."""
+    change = 0.0
+    for _ in range(CORRECTIONS):
+        here = np.array(start, float)
+        here[3:5] = found.answer[:2]
+        before, found = found, free_crossings(runs, model(here), here)
+        moved = np.abs(found.answer - before.answer)[:2] / np.sqrt(np.diag(found.covariance)[:2])
+        change = float(np.max(moved))
+        if change < SETTLED:
+            break
+    return found, change
+
+
 def solve(
     runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Array | None = None
 ) -> Regression:
@@ -356,14 +373,8 @@ def solve(
     found, change = free_crossings(runs), 0.0
     if not found.sides:
         return Regression(p, covariance, refused=f"{METHOD} needs gapless rows, none were found")
-    for _ in range(CORRECTIONS if model is not None and start is not None else 0):
-        here = np.array(start, float)
-        here[3:5] = found.answer[:2]
-        before, found = found, free_crossings(runs, model(here), here)
-        moved = np.abs(found.answer - before.answer)[:2] / np.sqrt(np.diag(found.covariance)[:2])
-        change = float(np.max(moved))
-        if change < SETTLED:
-            break
+    if model is not None and start is not None:
+        found, change = _corrected(runs, found, model, start)
     covariance[3:5, 3:5] = found.covariance[:2, :2]
     p[3:5], p[6] = found.answer[:2], 0.0
     return Regression(
