@@ -41,6 +41,9 @@ UNFOLLOWED = 2e-3
 are means, and splits turn with the wave within a step."""
 BENT = 0.25
 """Part of what the bends of the course do to a jump to which they are not known."""
+AT_ONCE = 0.5
+"""Part of a jump that the rows next to it must show: a bend that the two sides do not follow looks
+like a step between them, and is none there."""
 ALIKE = 8.0
 """σ that what is left beside a common turn may have."""
 
@@ -166,7 +169,8 @@ def _between(
     bend = table - np.interp(middle, time, table)
     inverse = np.linalg.pinv(design)
     motion = OwnMotion.of(time, z, table, left, right)
-    still = motion.carried_to(middle, time[span], bend[span], z[span])[near - near[0]]
+    carried = motion.carried_to(middle, time[span], bend[span], z[span])
+    still, across = carried[near - near[0]], carried[last - near[0]] - carried[first - near[0]]
     solution = inverse @ still
     before, after = solution[0], solution[0] + solution[3]
     turning = np.interp(middle, (time[1:] + time[:-1]) / 2, np.diff(table) / np.diff(time))
@@ -181,7 +185,8 @@ def _between(
     std = float(np.hypot(std, BENT * np.abs(straight[2] - solution[3]).max()))
     size = float(np.sqrt(np.sum(np.abs(before) ** 2)))
     std = float(np.hypot(std, UNFOLLOWED * size * np.ptp(curved)))
-    if not float(np.abs(after - before).max()) > JUMP_SIGMA * std:
+    step = float(np.abs(after - before).max())
+    if not step > JUMP_SIGMA * std or float(np.abs(across).max()) < AT_ONCE * step:
         return None
     rate = float(np.sum(slope * np.conj(before)).imag) / size**2
     slope = slope - 1j * rate * before  # without the oscillation, which the turn is
