@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from synthetic_waves import GYRO, as_wave, envelope
 
-from hrg_cli.fitting.envelopes.frozen import COLUMNS, frozen
+from hrg_cli.fitting.envelopes.frozen import CHANCE, COLUMNS, _improbable, frozen
+from hrg_cli.fitting.samples.stretches import Stretches
 from hrg_cli.physics import ellipse
 
 STEP_S, ROWS, STD = 0.01, 240, 1e-4
@@ -32,7 +33,7 @@ def held(values, first, last):
 
 
 @pytest.mark.parametrize("name", COLUMNS)
-@pytest.mark.parametrize("rows", ((0, ROWS), (120, ROWS), (50, 58)))
+@pytest.mark.parametrize("rows", ((0, ROWS), (120, ROWS), (50, 55)))
 def test_a_column_that_repeats_its_value_is_named_with_its_rows(name, rows):
     sound = wave()
     stuck = sound.replace(**{name: held(getattr(sound, name), *rows)})
@@ -88,6 +89,19 @@ def test_a_channel_that_stands_still_is_named_before_the_columns_made_of_it(chan
     (one,) = frozen([dead])[0]
     assert one.what == f"channel {'CS'[channel]}" and one.rows == ROWS - 100
     assert one.value == pytest.approx(abs(level), abs=1e-12)
+
+
+@pytest.mark.parametrize(("room", "named"), ((0.5, True), (2.0, False)))
+def test_a_stretch_is_named_by_its_chance_among_all_rows(room, named):
+    """N·pⁿ = 1e-9 decides; p of values on a lattice, or of stretches that begin elsewhere."""
+    pairs, count = 9, 1000
+    p = (room * CHANCE / count) ** (1 / pairs)
+    lattice = Stretches(count, pairs, 1, (10, 10 + pairs))
+    assert (_improbable(lattice, 2 * np.sqrt(np.pi) * p) is not None) == named
+    others = round(p * (count - pairs))
+    begun = Stretches(count, pairs, 1 + others, (10, 10 + pairs))
+    assert (_improbable(begun, 0.0) is not None) == named
+    assert _improbable(Stretches(count, pairs, 1, (10, 10 + pairs)), 0.0) == (10, 10 + pairs)
 
 
 def test_sound_waves_are_none_of_that():

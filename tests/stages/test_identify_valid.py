@@ -4,6 +4,7 @@ quiet answer over the whole range."""
 import json
 import subprocess
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -20,7 +21,14 @@ from synthetic_waves import (
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.envelopes import condensed, coordinates, envelope_runs, matrices, rows
+from hrg_cli.fitting.envelopes import (
+    condensed,
+    coordinates,
+    envelope_runs,
+    frozen,
+    matrices,
+    rows,
+)
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
@@ -430,6 +438,22 @@ def test_long_records_are_read_by_blocks_to_the_same_answer(monkeypatch, course)
     assert blockwise.status == whole.status == "valid" and within(blockwise, GYRO)
     assert np.all(np.abs(blockwise.value - whole.value) < 0.3 * whole.std)
     assert np.allclose(blockwise.std, whole.std, rtol=0.05)
+
+
+def test_blocks_are_let_go(monkeypatch):
+    """What identify keeps of a record does not grow with its windows."""
+    for name, size in (("IN_MEMORY", 1000), ("SAMPLE", 1500), ("CONDENSED", 2400), ("BLOCK", 4096)):
+        monkeypatch.setattr(condensed, name, size)
+    for name in ("BLOCK", "SAMPLE"):
+        monkeypatch.setattr(frozen, name, 4096)
+    peaks = []
+    for count in (15_000, 15_000, 120_000):
+        wave = run_down(0.3, 1.0, seconds=4.0, window=4.0 / count, std=1e-2)
+        tracemalloc.start()
+        assert identify([wave], scale_factor=GYRO.scale_factor).status != "refused"
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[2] < 1.3 * peaks[1], peaks
 
 
 @pytest.mark.slow

@@ -54,9 +54,10 @@ def read(
         )
 
     every = max(1, -(-sum(len(w) for w in waves) // SAMPLE))
+    # rows by their numbers are copied; a slice would keep its whole piece in memory
     sample = [
         _joined(
-            [p.rows(slice(int(-start % every), None, every)) for start, p in _numbered(pieces(w))],
+            [p.rows(np.arange(-start % every, len(p), every)) for start, p in _numbered(pieces(w))],
             w,
             every,
         )

@@ -104,9 +104,7 @@ class _Seen:
         last: dict[str, Array] = {}
         for part, rows in _good_parts(wave):
             for name, values in sampled.items():
-                values.append(
-                    np.asarray(getattr(part, name), float)[rows][-seen.rows % every :: every]
-                )
+                values.append(np.asarray(getattr(part, name), float)[rows[::every]])
             here = {name: np.asarray(getattr(part, name), float)[rows] for name in COLUMNS}
             here["envelope"] = envelopes_of(part, rows)
             seen._add(
