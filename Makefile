@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 TRIALS ?= 20000
 FAILURES ?= 200
+KILLS ?= 500
 READY := $(VENV)/.ready
 INSTALLED := $(VENV)/.installed
 
@@ -38,8 +39,8 @@ test-browser: $(READY)  ## Test the report page in Debian's chromium (installed 
 study: $(READY)  ## Run the long statistical studies
 	$(BIN)/python -m pytest -n $(JOBS) -m slow tests
 
-faults: $(READY)  ## Damaged inputs and failing calls over all commands (TRIALS, FAILURES, HRG_TEST_SEED; PAGE=docs/FAULTS.md keeps the figures)
-	$(BIN)/python tests/robustness/faults.py --trials $(TRIALS) --failures $(FAILURES)
+faults: $(READY)  ## Damaged inputs, failing calls and kills over all commands (TRIALS, FAILURES, KILLS, HRG_TEST_SEED; PAGE=docs/FAULTS.md keeps the figures)
+	$(BIN)/python tests/robustness/faults.py --trials $(TRIALS) --failures $(FAILURES) --kills $(KILLS)
 	HRG_TEST_SEED=$${HRG_TEST_SEED:-$$(date +%s)} $(BIN)/python -m pytest -n $(JOBS) -m hypothesis tests
 	$(BIN)/python tests/robustness/page.py $(PAGE)
 

@@ -448,7 +448,9 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "executors.py": (
         "tests/test_batch.py tests/test_batch_interrupts.py",
         (
-            ("again.append(index)", "pass"),
+            ("(ready if losses[index] < ROUNDS else alone).appendleft(index)", "ended(index, None)"),
+            ("ready.extendleft(reversed(range(len(every), len(every) + len(following))))", "ready.extend(range(len(every), len(every) + len(following)))"),
+            ("and len(running) < _room(executor)", ""),
             ("                child.kill()", "                pass"),
             (", initializer=_end_with_parent", ""),
         ),
@@ -488,6 +490,41 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("(?<![A-Za-z0-9]){re.escape(gyro)}(?![A-Za-z0-9])", "{re.escape(gyro)}"),
             ("if len(siblings) == 1:", "if siblings:"),
+        ),
+    ),
+    "fitting/envelopes/condensed.py": (
+        "tests/stages/test_identify_valid.py",
+        (("p.rows(np.arange(-start % every, len(p), every))", "p.rows(slice(-start % every, None, every))"),),
+    ),
+    "lots/lot_course.py": (
+        "tests/test_batch.py",
+        (
+            ("if all((one.gyro_id, one.name) in", "if any((one.gyro_id, one.name) in"),
+            ("result or killed | {", "killed | {"),
+        ),
+    ),
+    "lots/lot_tasks.py": (
+        "tests/test_batch.py tests/lots/test_identity.py",
+        (
+            ("task.foreign or is_readable(Path(task.source))", "True"),
+            ("BY_LOT if named else _by_itself(said)", "_by_itself(said)"),
+        ),
+    ),
+    "fitting/samples/stretches.py": (
+        "tests/fitting/test_stretches.py",
+        (
+            ("int(np.count_nonzero(starts))", "len(starts)"),
+            ("int(starts[-1]) if piece[-1] else None", "None"),
+            ("[[open_before], piece]", "[[False], piece]"),
+        ),
+    ),
+    "fitting/envelopes/frozen.py": (
+        "tests/fitting/test_frozen.py",
+        (
+            ("[last.get(name, v[:0]), v]", "[v]"),
+            ("begun = found.begun - (found.longest[0] > 0)", "begun = found.begun"),
+            ("rows[::every]", "rows[0]"),
+            ("found.count * chance**pairs > CHANCE", "chance**pairs > CHANCE"),
         ),
     ),
     "lots/lot_work.py": (

@@ -24,7 +24,9 @@ void hrg_fault_arm(const char *where, const char *what, int n, int error) {
     nth = n, code = error, seen = hits = 0, armed = 1;
     memset(ours, 0, sizeof ours);
 }
+void hrg_fault_disarm(void) { armed = 0; }
 long hrg_fault_hits(void) { return hits; }
+long hrg_fault_seen(void) { return seen; }
 
 static int below(const char *path) {
     char cwd[4096];

@@ -1,18 +1,16 @@
 """Faults over all commands: `faults.py --trials 20000` puts damaged inputs into them, `--failures
-200` so many failing calls of each kind.
+200` so many failing calls of each kind, `--kills 500` kills them at random instants.
 
 Every failing input is told with its seed and kept below build/faults, its damage as a line of JSON
-that belongs into corpus.json.
+that belongs into corpus.json. Figures are added to those of earlier runs there.
 """
 
 from __future__ import annotations
 
 import argparse
-import errno
 import json
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,19 +23,15 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 import batches  # noqa: E402
+import calls  # noqa: E402
 import damage  # noqa: E402
 import judge  # noqa: E402
+import kills  # noqa: E402
 import programme  # noqa: E402
 
 KEPT = Path("build/faults")
 """What every run came to, for `page.py`."""
 CORPUS = Path(__file__).with_name("corpus.json")
-SHIM = Path(__file__).with_name("fail_nth.c")
-CALLS = (
-    *(("open", errno.EMFILE), ("open", errno.EACCES), ("read", errno.EIO)),
-    *(("write", errno.ENOSPC), ("write", errno.EIO), ("rename", errno.EIO)),
-    ("alloc", errno.ENOMEM),
-)
 
 
 def words_of(case: programme.Case, good: Path, folder: Path, changed: str) -> list[str]:
@@ -122,36 +116,6 @@ def put_damage(
     return counts, failures
 
 
-def put_failures(
-    good: Path, folder: Path, cases: list[programme.Case], most: int
-) -> tuple[Counter, list[str]]:
-    """The first `most` opens, reads, writes and renames of each command, failing one at a time."""
-    counts: Counter = Counter()
-    failures = []
-    for case in cases:
-        for call, code in CALLS:
-            for nth in range(1, most + 1):
-                judge.clean(folder)
-                for name in (
-                    word[1:-1] for word in case.words if word.startswith("{") and word != "{out}"
-                ):
-                    shutil.copy(good / name, folder / name)
-                if case.name == "batch":
-                    shutil.copy(good / "recording.h5", folder)
-                words = words_of(case, folder, folder, "")
-                found = judge.run(words, folder, folder / case.output, (call, nth, code))
-                counts[case.name, call, found.status] += 1
-                if found.broken:
-                    told = (
-                        f"{case.name}: {call} {nth} fails with {errno.errorcode[code]}:"
-                        f" {'; '.join(found.broken)}"
-                    )
-                    failures.append(f"{told}\n  {found.err.strip()[-300:]}")
-                if found.status == 0 and nth > 3 and counts[case.name, call, 0] > 3:
-                    break
-    return counts, failures
-
-
 def replay(good: Path, folder: Path) -> list[str]:
     """Every damage that ever broke a promise."""
     cases = {case.name: case for case in programme.ready(good)}
@@ -168,79 +132,68 @@ def replay(good: Path, folder: Path) -> list[str]:
     return failures
 
 
-def _preloaded() -> None:
-    """Start again with the shim that makes calls fail."""
-    if "HRG_FAULT_SHIM" in os.environ:
-        return
-    made = Path(tempfile.mkdtemp()) / "fail_nth.so"
-    subprocess.run(
-        ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(SHIM), "-ldl"], check=True
-    )
-    os.environ |= {"LD_PRELOAD": str(made), "HRG_FAULT_SHIM": str(made)}
-    os.execv(sys.executable, [sys.executable, *sys.argv])
+def told_by_case(counts: Counter) -> str:
+    """Counts by (command, …) as a line a command."""
+    lines = []
+    for name in sorted({name for name, *_ in counts}):
+        of = [(rest, n) for (case, *rest), n in sorted(counts.items()) if case == name]
+        said = ", ".join(f"{n} × {' '.join(map(str, rest))}" for rest, n in of)
+        lines.append(f"  {name:20} {said}")
+    return "\n".join(lines)
 
 
-def main() -> int:
-    """Command line: figures on standard output, status 1 where a promise was broken."""
+def keep(name: str, told: dict, counts: Counter, failures: list[str]) -> None:
+    """One run's figures, beside those of earlier ones."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    row = told | {"counts": [[*key, n] for key, n in counts.items()], "failures": failures}
+    with (KEPT / name).open("a") as lines:
+        lines.write(json.dumps(row) + "\n")
+
+
+def parsed() -> argparse.Namespace:
+    """The command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=2000)
-    parser.add_argument("--failures", type=int, default=0)
+    parser.add_argument("--trials", type=int, default=0, help="damaged inputs")
+    parser.add_argument("--failures", type=int, default=0, help="calls of each kind and command")
+    parser.add_argument("--kills", type=int, default=0, help="kills")
     parser.add_argument(
         "--seed", type=int, default=int(os.environ.get("HRG_TEST_SEED") or time.time()) % 2**31
     )
     parser.add_argument("--only", default="", help="commands whose names contain this")
     parser.add_argument("--no-costly", action="store_true")
-    asked = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Figures on standard output; status 1 where a promise was broken."""
+    asked = parsed()
     if asked.failures:
-        _preloaded()
+        calls.preloaded()
     judge.warm()
     folder = Path(tempfile.mkdtemp(prefix="hrg-faults-"))
     good = programme.build(judge.clean(folder / "good"))
     cases = [case for case in programme.ready(good, not asked.no_costly) if asked.only in case.name]
-    failures = replay(good, folder / "trial") if not asked.only else []
-    started, used = time.monotonic(), sum(os.times()[:4])
-    counts, broken = put_damage(good, folder / "trial", cases, asked.trials, asked.seed, KEPT)
-    failures += broken
-    told = {
-        "seed": asked.seed,
-        "trials": asked.trials,
-        "cpu_s": sum(os.times()[:4]) - used,
-        "counts": [[*key, number] for key, number in counts.items()],
-        "failures": broken,
-    }
-    KEPT.mkdir(parents=True, exist_ok=True)
-    with (KEPT / "damage.jsonl").open("a") as lines:
-        lines.write(json.dumps(told) + "\n")
-    print(
-        f"{asked.trials} damaged inputs over {len(cases)} commands, seed {asked.seed},"
-        f" {time.monotonic() - started:.0f} s"
-    )
-    for name in sorted({name for name, _ in counts}):
-        print(
-            f"  {name:20}"
-            + ", ".join(
-                f"{n} × {status}" for (case, status), n in sorted(counts.items()) if case == name
-            )
-        )
-    if asked.failures:
-        counts, broken = put_failures(good, folder / "trial", cases, asked.failures)
+    failures = replay(good, folder / "trial") if asked.trials and not asked.only else []
+    if asked.trials:
+        used = sum(os.times()[:4])
+        counts, broken = put_damage(good, folder / "trial", cases, asked.trials, asked.seed, KEPT)
+        told = {"seed": asked.seed, "trials": asked.trials, "cpu_s": sum(os.times()[:4]) - used}
+        keep("damage.jsonl", told, counts, broken)
+        print(f"{asked.trials} damaged inputs, seed {asked.seed}\n{told_by_case(counts)}")
         failures += broken
-        told = {
-            "most": asked.failures,
-            "counts": [[*key, number] for key, number in counts.items()],
-            "failures": broken,
-        }
-        (KEPT / "calls.json").write_text(json.dumps(told) + "\n")
-        print(f"{sum(counts.values())} failing calls over {len(cases)} commands")
-        for name in sorted({name for name, *_ in counts}):
-            print(
-                f"  {name:20}"
-                + ", ".join(
-                    f"{call} {n} × {status}"
-                    for (case, call, status), n in sorted(counts.items())
-                    if case == name
-                )
-            )
+    if asked.failures:
+        for case in cases:
+            counts, broken = calls.put_failures(good, folder / "trial", [case], asked.failures)
+            keep("calls.jsonl", {"most": asked.failures}, counts, broken)
+            print(f"{sum(counts.values())} failing calls\n{told_by_case(counts)}", flush=True)
+            failures += broken
+    if asked.kills:
+        counts, broken = kills.put_kills(
+            good, folder / "trial", asked.kills, asked.seed, asked.only
+        )
+        keep("kills.jsonl", {"seed": asked.seed, "kills": asked.kills}, counts, broken)
+        print(f"{asked.kills} kills, seed {asked.seed}\n{told_by_case(counts)}")
+        failures += broken
     print(f"{len(failures)} broke a promise")
     print("\n".join(failures[:40]))
     shutil.rmtree(folder, ignore_errors=True)

@@ -23,6 +23,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
 from hrg_cli import store
 
@@ -86,16 +87,19 @@ def pipeline_stages() -> list[str]:
     return list(STAGES)
 
 
-def run(
-    words: list[str], folder: Path, output: Path, arm: tuple[str, int, int] | None = None
-) -> Outcome:
+Arm = tuple[str, int, int]
+"""A call's kind, which one of them fails, and with which errno."""
+NEVER = 1 << 30
+
+
+def run(words: list[str], folder: Path, output: Path, arm: Arm | None = None) -> Outcome:
     """Run `hrg WORDS` in `folder` in a child of this process and judge what it left; arm: (call,
     n-th, errno) to fail there."""
     before, said = _names(folder), _said(folder)
     started = time.monotonic()
     child = os.fork()
     if child == 0:
-        _in_child(words, folder, said, arm)
+        in_child(words, folder, arm)
     status, used = _waited(child)
     seconds, peak_mb = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
     outcome = _judged(status, said, seconds, peak_mb, folder, output, before)
@@ -104,7 +108,7 @@ def run(
     return outcome
 
 
-def run_here(words: list[str], folder: Path, output: Path) -> Outcome:
+def run_here(words: list[str], folder: Path, output: Path, arm: Arm | None = None) -> Outcome:
     """Run `hrg WORDS` in this process and judge what it left: many in turn are quick so, but a
     crash ends them all."""
     before, said = _names(folder), _said(folder)
@@ -113,13 +117,14 @@ def run_here(words: list[str], folder: Path, output: Path) -> Outcome:
     limit = int(started) + PROCESSOR_S + 1
     resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
     os.chdir(folder)
-    with _output_into(said):
+    with _output_into(said), _armed(folder, arm):
         status = _command(words)
     seconds = sum(os.times()[:4]) - started
     return _judged(status, said, seconds, _peak_mb(), folder, output, before)
 
 
-Runner = Callable[[list[str], Path, Path], Outcome]
+Runner = Callable[..., Outcome]
+"""`run` or `run_here`."""
 
 
 def limit_memory() -> None:
@@ -214,24 +219,49 @@ def _command(words: list[str]) -> int:
         return 70
 
 
-def _in_child(
-    words: list[str], folder: Path, said: list[Path], arm: tuple[str, int, int] | None
-) -> None:
+def in_child(words: list[str], folder: Path, arm: Arm | None = None) -> NoReturn:
+    """In a forked child: run `hrg WORDS` and end."""
     status = 70
     try:
         os.chdir(folder)
         resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 5))
         limit_memory()
-        with _output_into(said):
-            if arm is not None:
-                _shim().hrg_fault_arm(str(folder).encode(), arm[0].encode(), arm[1], arm[2])
+        with _output_into(_said(folder)), _armed(folder, arm):
             status = _command(words)
     finally:
         os._exit(status)
 
 
-def _shim() -> ctypes.CDLL:
-    return ctypes.CDLL(None)
+@contextlib.contextmanager
+def _armed(folder: Path, arm: Arm | None) -> Iterator[None]:
+    """Let the n-th call fail that concerns the folder."""
+    if arm is None:
+        yield
+        return
+    shim = ctypes.CDLL(None)
+    shim.hrg_fault_arm(str(folder).encode(), arm[0].encode(), arm[1], arm[2])
+    try:
+        yield
+    finally:
+        shim.hrg_fault_disarm()
+
+
+def calls_of(words: list[str], folder: Path, kind: str) -> int:
+    """How many calls of a kind `hrg WORDS` makes that concern the folder."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.chdir(folder)
+            with _output_into(_said(folder)), _armed(folder, (kind, NEVER, 0)):
+                _command(words)
+            os.write(writing, str(ctypes.CDLL(None).hrg_fault_seen()).encode())
+        finally:
+            os._exit(0)
+    os.close(writing)
+    os.waitpid(child, 0)
+    with os.fdopen(reading) as told:
+        return int(told.read() or 0)
 
 
 def _broken(found: Outcome, folder: Path, output: Path, before: set[str]) -> list[str]:

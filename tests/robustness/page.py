@@ -46,21 +46,46 @@ def damage(runs: list[dict[str, Any]]) -> str:
     )
 
 
-def calls(told: dict[str, Any]) -> str:
-    """Failing calls by kind and exit status."""
+def calls(runs: list[dict[str, Any]]) -> str:
+    """Failing calls by kind and exit status, of each command's latest run."""
+    latest = {run["counts"][0][0]: run for run in runs if run["counts"]}
     counts: Counter = Counter()
-    for _, call, status, number in told["counts"]:
-        counts[call, status] += number
+    for run in latest.values():
+        for _, call, status, number in run["counts"]:
+            counts[call, status] += number
     lines = [
         f"* {call}: "
         + ", ".join(f"{n} × exit {s}" for (c, s), n in sorted(counts.items()) if c == call)
         for call in sorted({call for call, _ in counts})
     ]
-    cases = len({name for name, *_ in told["counts"]})
+    most = sorted({run["most"] for run in latest.values()})
+    broken = sum(len(run["failures"]) for run in latest.values())
     return (
-        f"## Failing calls\n\nThe first {told['most']} of each kind in {cases} commands, one at a"
-        f" time (allocations of 16 KiB or more): {len(told['failures'])} broke a promise.\n\n"
+        f"## Failing calls\n\nThe first {' or '.join(map(str, most))} of each kind that each of"
+        f" {len(latest)} commands makes below its folder, one at a time (allocations of 16 KiB or"
+        f" more): {sum(counts.values())} in all, {broken} broke a promise.\n\n"
         + "\n".join(lines)
+        + "\n"
+    )
+
+
+def kills(runs: list[dict[str, Any]]) -> str:
+    """Kills by command and by when they fell, over all runs."""
+    counts: Counter = Counter()
+    for run in runs:
+        for name, how, number in run["counts"]:
+            counts[name, how] += number
+    whole, broken = sum(counts.values()), sum(len(run["failures"]) for run in runs)
+    when = ("before", "within", "after")
+    rows = [
+        f"| {name} | " + " | ".join(str(counts[name, how] or "") for how in when) + " |"
+        for name in sorted({name for name, _ in counts})
+    ]
+    return (
+        f"## Kills\n\n{whole} commands killed (SIGKILL) at a random instant, looked at, and run"
+        f" again: {broken} broke a promise. Columns: before anything was written, while it was,"
+        f" after the command had ended.\n\n| command | {' | '.join(when)} |\n|---|---|---|---|\n"
+        + "\n".join(rows)
         + "\n"
     )
 
@@ -82,12 +107,12 @@ def mutants(told: dict[str, Any]) -> str:
 def page(folder: Path) -> str:
     """The whole page, of the parts that were run."""
     parts = [HEAD]
-    if (folder / "damage.jsonl").exists():
-        text = (folder / "damage.jsonl").read_text()
-        parts.append(damage([json.loads(line) for line in text.splitlines()]))
-    for name, told in (("calls", calls), ("mutants", mutants)):
-        if (folder / f"{name}.json").exists():
-            parts.append(told(json.loads((folder / f"{name}.json").read_text())))
+    for name, told_runs in (("damage", damage), ("calls", calls), ("kills", kills)):
+        if (folder / f"{name}.jsonl").exists():
+            text = (folder / f"{name}.jsonl").read_text()
+            parts.append(told_runs([json.loads(line) for line in text.splitlines()]))
+    if (folder / "mutants.json").exists():
+        parts.append(mutants(json.loads((folder / "mutants.json").read_text())))
     return "\n".join(parts)
 
 

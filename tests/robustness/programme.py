@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +12,13 @@ import numpy as np
 import scipy.io
 import soundfile
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "reporting")]
+sys.path[:0] = [
+    str(Path(__file__).parent),
+    str(Path(__file__).parents[1]),
+    str(Path(__file__).parents[1] / "reporting"),
+]
 import forced_runs  # noqa: E402
+import judge  # noqa: E402
 import records_by_hand  # noqa: E402
 import synthetic_waves  # noqa: E402
 
@@ -227,6 +233,19 @@ def _logs(folder: Path) -> None:
             )
     except ImportError:
         pass
+
+
+def prepared(case: Case, good: Path, folder: Path) -> list[str]:
+    """All inputs of a command in an empty folder, and its command line there."""
+    judge.clean(folder)
+    named = {word[1:-1] for word in case.words if word.startswith("{") and word != "{out}"}
+    for name in {*named, *case.damaged}:
+        shutil.copy(good / name, folder / name)
+    words = [
+        str(folder / (case.output if word == "{out}" else word[1:-1])) if word[0] == "{" else word
+        for word in case.words
+    ]
+    return [*words, "-q", "--json"]
 
 
 def ready(folder: Path, costly: bool = True) -> list[Case]:

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 sys.path[:0] = [str(Path(__file__).parent)]
+import calls  # noqa: E402
 import faults  # noqa: E402
 import judge  # noqa: E402
+import kills  # noqa: E402
 import programme  # noqa: E402
 
 SEED = int(os.environ.get("HRG_TEST_SEED", "1"))
@@ -57,13 +59,34 @@ def test_thousands_of_damaged_inputs(more, good, tmp_path):
     assert not failures, "\n".join(failures)
 
 
+def test_killed_commands_leave_nothing_half(good, tmp_path, monkeypatch):
+    """A few commands killed at random instants; `make faults` kills all of them, and lots."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", kills.STAMP)
+    cases = [case for case in programme.CASES if case.name in ("demodulate", "check resonator")]
+    for case in cases:
+        whole = kills.undisturbed(case, good, tmp_path / "trial")
+        for part in (0.2, 0.6, 0.95):
+            _, broken = kills.killed(case, good, tmp_path / "trial", part * whole.seconds, whole)
+            assert not broken, f"{case.name}: {broken}"
+
+
+def test_a_half_output_of_a_killed_command_is_seen(tmp_path):
+    whole = kills.Whole(0, "digest", 1.0)
+    (tmp_path / "out.h5").write_bytes(b"half")
+    assert kills.half(tmp_path / "out.h5", whole) == ["a half out.h5"]
+    (tmp_path / "lot" / "G1").mkdir(parents=True)
+    (tmp_path / "lot" / "G1" / "wave.h5").write_bytes(b"half")
+    assert "a half file" in kills.half(tmp_path / "lot", whole)[0]
+    assert kills.half(tmp_path / "none.h5", whole) == []
+
+
 @pytest.fixture(scope="module")
 def shim(tmp_path_factory):
     """The library that makes calls fail."""
     made = tmp_path_factory.mktemp("shim") / "fail_nth.so"
     try:
         subprocess.run(
-            ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(faults.SHIM), "-ldl"],
+            ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(calls.SHIM), "-ldl"],
             check=True,
             capture_output=True,
         )
@@ -79,13 +102,13 @@ def test_calls_that_fail_break_no_promise(call, shim):
 import sys, tempfile
 from pathlib import Path
 sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(__file__).parents[2])!r}]
-import faults, judge, programme
+import calls, judge, programme
 judge.warm()
 folder = Path(tempfile.mkdtemp())
 good = programme.build(judge.clean(folder / "good"))
 cases = [case for case in programme.ready(good) if case.name in ("estimate", "export csv")]
-faults.CALLS = [c for c in faults.CALLS if c[0] == {call!r}][:1]
-counts, failures = faults.put_failures(good, folder / "trial", cases, 8)
+failing = [c for c in calls.CALLS if c[0] == {call!r}][:1]
+counts, failures = calls.put_failures(good, folder / "trial", cases, 8, failing)
 print(sum(n for (_, _, status), n in counts.items() if status == 1), "failed as they should")
 print("\\n".join(failures))
 """

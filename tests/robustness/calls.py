@@ -1,0 +1,101 @@
+"""Calls of the operating system that fail: the n-th open, read, write, rename or allocation of every
+command."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import batches
+import judge
+import programme
+
+SHIM = Path(__file__).with_name("fail_nth.c")
+CALLS = (
+    *(("open", errno.EMFILE), ("open", errno.EACCES), ("read", errno.EIO)),
+    *(("write", errno.ENOSPC), ("write", errno.EIO), ("rename", errno.EIO)),
+    ("alloc", errno.ENOMEM),
+)
+"""Kinds of calls, and how each fails."""
+
+
+@dataclass(frozen=True)
+class Failing:
+    """One call of a command that fails."""
+
+    case: programme.Case
+    call: str
+    nth: int
+    code: int
+
+    def line(self) -> str:
+        """In words."""
+        return f"{self.case.name}: {self.call} {self.nth} fails with {errno.errorcode[self.code]}"
+
+
+def put_failures(
+    good: Path,
+    folder: Path,
+    cases: Sequence[programme.Case],
+    most: int,
+    calls: Sequence[tuple[str, int]] = CALLS,
+) -> tuple[Counter, list[str]]:
+    """The first `most` calls of each kind that each command makes, failing one at a time: how each
+    ended, and what broke a promise."""
+    trials = [
+        Failing(case, call, nth, code)
+        for case in cases
+        for call, code, made in _made(case, good, folder, calls)
+        for nth in range(1, min(most, made) + 1)
+    ]
+    counts: Counter = Counter()
+    failures = []
+    put = partial(attempt, good=good, folder=folder)
+    for trial, found in zip(trials, batches.outcomes(trials, put), strict=True):
+        counts[trial.case.name, trial.call, found.status] += 1
+        if found.broken:
+            failures.append(
+                f"{trial.line()}: {'; '.join(found.broken)}\n  {found.err.strip()[-300:]}"
+            )
+            print(failures[-1], file=sys.stderr, flush=True)
+    return counts, failures
+
+
+def _made(
+    case: programme.Case, good: Path, folder: Path, calls: Sequence[tuple[str, int]]
+) -> list[tuple[str, int, int]]:
+    """(kind, errno, how many of the kind the command makes) of each way to fail."""
+    made = {}
+    for kind in {call for call, _ in calls}:
+        words = programme.prepared(case, good, folder)
+        made[kind] = judge.calls_of(words, folder, kind)
+    return [(call, code, made[call]) for call, code in calls]
+
+
+def attempt(trial: Failing, run: judge.Runner, good: Path, folder: Path) -> judge.Outcome:
+    """One command of which one call fails; in a process of its own unless it only reads: a full disk
+    may end the process, and what one command has allocated the next does not allocate again."""
+    run = run if trial.call in ("open", "read") else judge.run
+    words = programme.prepared(trial.case, good, folder)
+    arm = (trial.call, trial.nth, trial.code)
+    return run(words, folder, folder / trial.case.output, arm)
+
+
+def preloaded() -> None:
+    """Start again with the shim that makes calls fail."""
+    if "HRG_FAULT_SHIM" in os.environ:
+        return
+    made = Path(tempfile.mkdtemp()) / "fail_nth.so"
+    subprocess.run(
+        ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(SHIM), "-ldl"], check=True
+    )
+    os.environ |= {"LD_PRELOAD": str(made), "HRG_FAULT_SHIM": str(made)}
+    os.execv(sys.executable, [sys.executable, *sys.argv])
