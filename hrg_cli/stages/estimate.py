@@ -258,27 +258,26 @@ def _make_continuous(x: Array, block: Periods, context: Array | None) -> Array |
     trusted = finite & ~stray
     if 2 * np.count_nonzero(trusted) < np.count_nonzero(finite):
         trusted = finite
-    rows = np.column_stack([time_s, x[:, 2:]])
-    if not trusted.all():
-        rows = rows[trusted]
-    if len(rows) == 0:
+    rows = np.stack([time_s, *x[:, 2:].T])
+    every = bool(trusted.all())
+    if not every:
+        rows = rows[:, trusted]
+    if rows.shape[1] == 0:
         return context
     known = 0 if context is None else len(context)
     if context is not None:
-        rows = np.concatenate([context, rows])
-    path = np.stack(
-        continued(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], block.window_s), axis=-1
-    )
+        rows = np.concatenate([context.T, rows], axis=1)
+    path = np.stack(continued(*rows, block.window_s))
     if context is not None:
-        path -= np.pi * np.round((path[known - 1] - context[-1, 1:]) / np.pi)
-    x[trusted, 2:] = path[known:]
+        path -= np.pi * np.round((path[:, known - 1] - context[-1, 1:]) / np.pi)[:, None]
+    x[slice(None) if every else trusted, 2:] = path[:, known:].T
     others = finite & ~trusted
     if others.any():
         expected = np.stack(
-            [np.interp(time_s[others], rows[:, 0], column) for column in path.T], axis=-1
+            [np.interp(time_s[others], rows[0], column) for column in path], axis=-1
         )
         x[others, 2:] = nearest_copy(x[others, 2:], expected)
-    return np.column_stack([rows[:, 0], path])[-CONTEXT_ROWS - 1 :]
+    return np.column_stack([rows[0, -CONTEXT_ROWS - 1 :], path[:, -CONTEXT_ROWS - 1 :].T])
 
 
 def _wave(block: Periods, x: Array, misfit: Array, iterations: Array, carrier_known: bool) -> Wave:

@@ -45,29 +45,31 @@ def standard_deviations(x: Array, variances: Array, carrier_known: bool) -> Arra
 
 def _fill(out: Array, x: Array, variances: Array, with_carrier: bool) -> None:
     A, B, theta, phi, psi = np.ascontiguousarray(x.T)
-    cos, sin = np.cos(theta), np.sin(theta)
+    cos2 = np.cos(theta) ** 2
+    sin2, A2, B2 = 1 - cos2, A * A, B * B
     cos_turn, sin_turn = np.cos(2 * phi), np.sin(2 * phi)
-    cos2, sin2, A2, B2, cross = cos * cos, sin * sin, A * A, B * B, 2 * A * B * cos * sin
-    sums = np.zeros((5, len(A)))
-    for (M, real, imaginary), along2, across2, product in zip(
-        _halves(variances, psi), (cos2, sin2), (sin2, cos2), (-cross, cross), strict=True
-    ):
-        P = cos_turn * real - sin_turn * imaginary
-        Q = (cos_turn * imaginary + sin_turn * real) * product
-        more, less = M + P, M - P
-        sums[0] += along2 * more
-        sums[1] += across2 * less
-        sums[2] += A2 * across2 * more + B2 * along2 * less + Q
-        both = A2 * along2 * less + B2 * across2 * more
-        sums[3] += both + Q
-        sums[4] += both - Q
-    spread = np.sqrt(np.maximum(sums, 0.0))
+    more, less, imaginary = [], [], []
+    for M, real, other in _halves(variances, psi):
+        P = cos_turn * real - sin_turn * other
+        more.append(M + P)
+        less.append(M - P)
+        imaginary.append(cos_turn * other + sin_turn * real)
+    turning = sin2 * more[0] + cos2 * more[1]  # of e_B in phase, of e_A beside it
+    beating = cos2 * less[0] + sin2 * less[1]
+    mixed = A * B * np.sin(2 * theta) * (imaginary[1] - imaginary[0])
+    both = A2 * beating + B2 * turning
     determinant = np.abs(A2 - B2)
-    out[:, 0], out[:, 1] = spread[0], spread[1]
-    out[:, 2] = _limited(spread[2], determinant, ANGLE_LIMIT)
-    out[:, 3] = _limited(spread[3], determinant, PHASE_LIMIT)
+    out[:, 0] = _root(cos2 * more[0] + sin2 * more[1])
+    out[:, 1] = _root(sin2 * less[0] + cos2 * less[1])
+    out[:, 2] = _limited(_root(A2 * turning + B2 * beating + mixed), determinant, ANGLE_LIMIT)
+    out[:, 3] = _limited(_root(both + mixed), determinant, PHASE_LIMIT)
     if with_carrier:
-        out[:, 4] = _limited(spread[4], A2 + B2, CARRIER_LIMIT)
+        out[:, 4] = _limited(_root(both - mixed), A2 + B2, CARRIER_LIMIT)
+
+
+def _root(variance: Array) -> Array:
+    """Square root; rounding may leave a variance below zero."""
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _halves(variances: Array, psi: Array) -> tuple[tuple[Array, Array | float, Array | float], ...]:
