@@ -120,10 +120,3 @@ def evaluate(
     harmonics = (np.shape(coefficients)[1] - 1) // 2
     basis = harmonic_basis(wave_angle_rad, harmonics, mode_number, travel_rad)
     return np.asarray((basis * coefficients_at(x, nodes, coefficients, interpolation)).sum(axis=1))
-
-
-def amplitude_and_angle(cosine: Array, sine: Array, order: int) -> tuple[Array, Array]:
-    """c cos nθ + s sin nθ = amplitude · sin n(θ − angle): amplitude and angle in [0, 2π/n), n =
-    `order`."""
-    angle = np.mod(np.arctan2(-np.asarray(cosine), np.asarray(sine)), 2 * np.pi) / order
-    return np.hypot(cosine, sine), angle

@@ -6,7 +6,6 @@ from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
 from hrg_cli.fourier import (
-    amplitude_and_angle,
     coefficients_at,
     evaluate,
     harmonic_basis,
@@ -80,11 +79,3 @@ def test_evaluate_is_periodic_and_linear_between_nodes():
     low, high, middle = (evaluate(np.full(20, x), theta, nodes, table, 2) for x in (0.0, 10.0, 5.0))
     assert middle == pytest.approx((low + high) / 2)
     assert evaluate(np.zeros(20), theta + np.pi / 2, nodes, table, 2) == pytest.approx(low)
-
-
-def test_amplitude_and_angle():
-    amplitude, angle = amplitude_and_angle(np.array(0.3), np.array(-0.4), 4)
-    theta = np.linspace(0, 2, 9)
-    assert 0.3 * np.cos(4 * theta) - 0.4 * np.sin(4 * theta) == pytest.approx(
-        amplitude * np.sin(4 * (theta - angle))
-    )

@@ -37,6 +37,8 @@ Condition = Literal["drive", "temperature cycle", "rate steps", "known scale fac
 REFERENCE_TEMPERATURE = "reference_temperature_degc"
 """Name of the parameter of every effect that counts from a temperature at which the base model
 holds."""
+RELATIVE_TO_TEMPERATURE = "relative_1_k"
+"""Name of the parameter by which an effect that `scales` a parameter does so, a part a kelvin."""
 RUN, OF_EVERY_RUN = "run", -1.0
 """Name of the parameter of every effect that happens in one run of several, the runs' number from
 0, and its value for all of them."""
@@ -126,8 +128,11 @@ class Effect:
     the effect that must stand beside it for it to do anything, as a thermometer's lag needs
     something that follows temperature. part_of: effects of which it is a part: while the
     misfit is gross one of them must stand first, or it must take the misfit away itself.
-    whole_samples: its size comes in samples only, so that it has no small one. starts:
-    values from which it is tried beside these runs: instants at which a parameter that is not
+    whole_samples: its size comes in samples only, so that it has no small one.
+    makes_harmonics: a read-out that puts multiples of the oscillation into the samples. makes_tone:
+    it puts a line of its own there. scales: the resonator's parameter that follows the temperature by
+    it. same_as_parameter: the one that it changes, exactly, in every run. starts: values from which
+    it is tried beside these runs: instants at which a parameter that is not
     fitted is held, levels of one
         that sets in.
     """
@@ -156,6 +161,9 @@ class Effect:
     part_of: tuple[str, ...] = ()
     whole_samples: bool = False
     makes_harmonics: bool = False
+    makes_tone: bool = False
+    scales: str = ""
+    same_as_parameter: str = ""
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:
@@ -188,6 +196,11 @@ class Effect:
     def needs_one_sign(self) -> bool:
         """Whether physics forbids a fitted parameter the values on one side of its neutral one."""
         return any(p.minimum >= p.neutral for p in self.fitted())
+
+    @property
+    def makes_lines(self) -> bool:
+        """Whether it puts lines into the spectrum of the samples, beside the oscillation."""
+        return self.makes_harmonics or self.makes_tone
 
     @property
     def follows_temperature(self) -> bool:

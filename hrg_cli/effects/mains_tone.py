@@ -60,4 +60,5 @@ EFFECT = Effect(
     readout=readout,
     slow_readout=slow_readout,
     seen_in="waveform",
+    makes_tone=True,
 )

@@ -41,5 +41,6 @@ EFFECT = Effect(
     environment=environment,
     slow=slow,
     same_as_base="the scale factor: exactly the same in every run on that table",
+    same_as_parameter="scale_factor",
     shown_by=("known scale factor",),
 )

@@ -52,4 +52,5 @@ EFFECT = Effect(
     next_experiment="ring-downs at several temperatures, each at constant temperature",
     plant=plant,
     slow=slow,
+    scales="damping_rate_1_s",
 )

@@ -47,4 +47,5 @@ EFFECT = Effect(
     next_experiment="a temperature cycle, up and down, at constant amplitude",
     plant=plant,
     slow=slow,
+    scales="frequency_hz",
 )

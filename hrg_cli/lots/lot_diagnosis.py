@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects import EFFECTS
 from ..reporting.answer_words import in_words
 from ..reporting.quantities import LABELS, unit_for
 from ..reporting.text import number, plain
@@ -133,7 +134,7 @@ def _shift(one: Shift, names: Sequence[str]) -> dict[str, Any]:
         "gyros": one.gyros,
         "named_alone_by": [],
         "individual": [],
-        "indistinguishable_from": ["table_rate_error"] if one.name == "scale_factor" else [],
+        "indistinguishable_from": [e.name for e in EFFECTS if e.same_as_parameter == one.name],
         "others": None,
         "estimates": [],
     }

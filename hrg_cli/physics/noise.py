@@ -83,11 +83,6 @@ def angle_random_walk(mechanics: Mechanics, noise: Noise, amplitude: float) -> f
     )
 
 
-def flicker_bias(density2_at_1_hz: float) -> float:
-    """Bias instability B of a rate with one-sided density h/f: B = √(πh)   (IEEE Std 952: two-sided, S = B²/2πf)."""
-    return float(np.sqrt(np.pi * density2_at_1_hz))
-
-
 class Flicker:
     """Real series (n, channels) of one-sided density h/f each, on knots of a spacing, drawn in
     order.

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..effects import EFFECTS
+from ..effects import EFFECTS, find
 from ..effects.effect import Effect
 from ..errors import HrgError
 from ..fitting import checks
@@ -232,17 +232,17 @@ def _seen_in_samples(
 ) -> InSamples:
     """What the samples show beside the causes of the dynamics."""
     frequency_hz = float(np.mean(case.search.final.frequency_hz))
-    named = [f.variant.effect.name for f in case.search.found]
-    shown, lines = causes(waves, cut.steps, tones, frequency_hz, named)
+    found = [one.variant.effect for one in case.search.found]
+    shown, lines = causes(waves, cut.steps, tones, frequency_hz, found)
     return InSamples(
         shown,
         lines,
         next(iter(near_tones(tones, waves, frequency_hz)), None),
-        [t.frequency_hz for t in unnamed(tones, shown, named)],
+        [t.frequency_hz for t in unnamed(tones, shown, found)],
         odd_ones(
             waves,
             _instants(case.search.final, cut),
-            [*named, *(str(entry["name"]) for entry in shown)],
+            [*found, *(find(str(entry["name"])) for entry in shown)],
         ),
     )
 

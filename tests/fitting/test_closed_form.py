@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles.solutions import symmetries
 
 from hrg_cli.fitting.ellipse.closed_form import canonical, closed_form
-from hrg_cli.physics.signals import signals, symmetries
+from hrg_cli.physics.signals import signals
 
 
 def random_waves(n: int, seed: int) -> np.ndarray:

@@ -3,6 +3,7 @@ each against its formula."""
 
 import numpy as np
 import pytest
+from oracles.noise_laws import flicker_bias
 
 from hrg_cli.fitting.tables.allan import allan_deviation
 from hrg_cli.physics import ellipse, fast_engine
@@ -12,7 +13,6 @@ from hrg_cli.physics.noise import (
     Flicker,
     Noise,
     angle_random_walk,
-    flicker_bias,
     thermal_velocity2,
 )
 from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant

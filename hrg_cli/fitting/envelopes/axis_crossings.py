@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from ...physics import ellipse
-from .coordinates import COUNT, physical
+from .coordinates import COUNT, FREQUENCY_SPLIT, SECOND_ORDER, physical
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
 from .method_ranges import USES_AXES, out_of_range, warnings
@@ -350,7 +350,7 @@ def _corrected(
     change = 0.0
     for _ in range(CORRECTIONS):
         here = np.array(start, float)
-        here[3:5] = found.answer[:2]
+        here[FREQUENCY_SPLIT] = found.answer[:2]
         before, found = found, free_crossings(runs, model(here), here)
         moved = np.abs(found.answer - before.answer)[:2] / np.sqrt(np.diag(found.covariance)[:2])
         change = float(np.max(moved))
@@ -375,8 +375,8 @@ def solve(
         return Regression(p, covariance, refused=f"{METHOD} needs gapless rows, none were found")
     if model is not None and start is not None:
         found, change = _corrected(runs, found, model, start)
-    covariance[3:5, 3:5] = found.covariance[:2, :2]
-    p[3:5], p[6] = found.answer[:2], 0.0
+    covariance[FREQUENCY_SPLIT, FREQUENCY_SPLIT] = found.covariance[:2, :2]
+    p[FREQUENCY_SPLIT], p[SECOND_ORDER] = found.answer[:2], 0.0
     return Regression(
         p,
         np.nan_to_num(covariance),

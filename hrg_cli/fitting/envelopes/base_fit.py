@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import HrgError
 from . import phase_course, propagator, rows
-from .coordinates import COORDINATES, COUNT
+from .coordinates import COORDINATES, COUNT, DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
 from .likelihood import Batch, Fit, Freedom, batch, fit, free
 
@@ -80,9 +80,9 @@ def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
     split's size alone."""
     base = free(COORDINATES, np.zeros(COUNT))
     directions, origin = base.directions.copy(), np.zeros(COUNT)
-    damping = max(abs(float(p[0])), 0.01 / span_s)
-    split = max(float(np.hypot(p[3], p[4])), damping, 1 / span_s)
-    mean = np.array([p[0], 0, 0, 0, 0, nominal_scale_factor(mode_number), 0.5])
+    damping = max(abs(float(p[DAMPING])), 0.01 / span_s)
+    split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), damping, 1 / span_s)
+    mean = np.array([p[DAMPING], 0, 0, 0, 0, nominal_scale_factor(mode_number), 0.5])
     # the last is 0 or 1: mean and spread of the two
     std = np.array(
         [np.inf]
@@ -121,7 +121,7 @@ def start(runs: Sequence[EnvelopeRun], known: Known) -> tuple[Array, Array, Arra
     span = max(r.duration_s for r in runs)
     p, offsets = propagator.rough(runs)
     if known.scale_factor is not None:
-        p[5] = known.scale_factor
+        p[SCALE_FACTOR] = known.scale_factor
     thin = propagator.thinned(runs, p, offsets, propagator.START_BLOCKS)
     space = freedom(known, p, runs[0].mode_number, span)
     p = space.origin + space.directions @ np.linalg.pinv(space.directions) @ (p - space.origin)
@@ -281,7 +281,7 @@ def second_order(result: Fit) -> float | None:
     pulls at it; None: it stays free."""
     information = float(result.data_root[-1, -1]) ** 2  # the last coordinate, all others free
     mean, std = float(result.freedom.prior_mean[-1]), float(result.freedom.prior_std[-1])
-    alone = float(result.p[6]) + (float(result.p[6]) - mean) / (
+    alone = float(result.p[SECOND_ORDER]) + (float(result.p[SECOND_ORDER]) - mean) / (
         std**2 * max(information, 1e-300)
     )  # without the prior
     distance2 = (
@@ -291,7 +291,7 @@ def second_order(result: Fit) -> float | None:
     if distance2[near] < SECOND_ORDER_DECIDED < distance2[1 - near] - distance2[near]:
         return float(near)
     misfit = result.chi2 / result.dof > MISFIT
-    return 1.0 if misfit or abs(result.p[6] - 0.5) > SECOND_ORDER_REACH else None
+    return 1.0 if misfit or abs(result.p[SECOND_ORDER] - 0.5) > SECOND_ORDER_REACH else None
 
 
 def _from_start(
@@ -302,7 +302,7 @@ def _from_start(
         return None
     space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
     p = p.copy()
-    p[6] = 1.0
+    p[SECOND_ORDER] = 1.0
     data = batch(propagator.thinned(runs, p, offsets, rows.needed(p, runs, blocks)))
     z = np.linalg.pinv(space.directions) @ (p - space.origin)
     try:

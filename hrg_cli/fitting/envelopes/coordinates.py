@@ -24,6 +24,9 @@ COORDINATES = (
     "second_order",
 )
 COUNT = len(COORDINATES)
+DAMPING, SCALE_FACTOR, SECOND_ORDER = 0, 5, 6
+DAMPING_SPLIT, FREQUENCY_SPLIT = slice(1, 3), slice(3, 5)
+"""Places of the coordinates in p; of a split its two components."""
 R_COS = np.array([[1.0, 0.0], [0.0, -1.0]])
 R_SIN = np.array([[0.0, 1.0], [1.0, 0.0]])
 BASIS = np.array([-np.eye(2), -R_COS, -R_SIN, 1j * R_COS, 1j * R_SIN])

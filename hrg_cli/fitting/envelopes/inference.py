@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import coordinates
+from .coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR
 from .likelihood import Fit, real, triangle
 
 Array = np.ndarray
@@ -72,9 +73,17 @@ def natural_scales(fit: Fit) -> Array:
     the split, K for K; 0: not judged."""
     p = fit.p
     span = float(fit.response.batch.span_s.max())
-    split = max(float(np.hypot(p[3], p[4])), abs(p[0]), 1 / span)
+    split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), abs(p[DAMPING]), 1 / span)
     by_coordinate = np.array(
-        [abs(p[0]), abs(p[0]), abs(p[0]), split, split, max(abs(p[5]), 0.3), 0.0]
+        [
+            abs(p[DAMPING]),
+            abs(p[DAMPING]),
+            abs(p[DAMPING]),
+            split,
+            split,
+            max(abs(p[SCALE_FACTOR]), 0.3),
+            0.0,
+        ]
     )
     return np.abs(fit.freedom.directions.T) @ by_coordinate
 

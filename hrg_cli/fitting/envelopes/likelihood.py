@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from . import coordinates, matrices
-from .coordinates import COUNT
+from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
 from .matrices import Matrix, Vector, applied, product
 
@@ -233,14 +233,14 @@ def respond(data: Batch, state: State) -> Response:
     plain = coordinates.entries(np.append(state.p[:6], 0.0), rate, omega[:, None])
     full = coordinates.entries(np.append(state.p[:6], 1.0), rate, omega[:, None])
     second = _each(lambda a, b: a - b, full, plain)
-    mean, L = matrices.traceless(_each(lambda a, b: a + state.p[6] * b, plain, second))
+    mean, L = matrices.traceless(_each(lambda a, b: a + state.p[SECOND_ORDER] * b, plain, second))
     if steady is not None:
         phi, growth = matrices.exponential(L, data.time_s), mean * data.time_s
         centre = (data.time_s[:, 1:] + data.time_s[:, :-1]) / 2
         middle = matrices.exponential(L, centre)
     else:
         c = (
-            state.p[5] * data.step_s**2 / 12 * data.step_rate_slope
+            state.p[SCALE_FACTOR] * data.step_s**2 / 12 * data.step_rate_slope
         )  # Magnus, c·[J, L]: the rate changes within a step
         L = (
             L[0] + c * (L[1] + L[2]),

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import coordinates, matrices
-from .coordinates import COUNT
+from .coordinates import COUNT, DAMPING, SCALE_FACTOR
 from .envelope_runs import EnvelopeRun, averaged
 from .likelihood import Freedom
 from .matrices import Matrix, applied
@@ -75,8 +75,8 @@ def rough(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
     """First guess: coordinates (7,) without any anisotropy, and the runs' frequency offsets (R,) in
     rad/s."""
     p = np.zeros(COUNT)
-    p[0] = np.median([mean_damping(r) for r in runs])
-    p[5] = scale_factor(runs)
+    p[DAMPING] = np.median([mean_damping(r) for r in runs])
+    p[SCALE_FACTOR] = scale_factor(runs)
     return p, np.array([mean_frequency(r) for r in runs])
 
 

@@ -21,6 +21,7 @@ from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Resonator, Wave, details_number
 from ..checks import goodness
 from . import coordinates, rows
+from .coordinates import SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun, from_wave
 from .likelihood import Response, State, batch, real, respond, triangle
 from .trapezium import integrate
@@ -121,7 +122,7 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         **{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number
     )
     p = coordinates.from_mechanics(mechanics)
-    p[6] = details_number(resonator.details, "second_order", "value", default=1.0)
+    p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
 
     def told(found: RateEstimate) -> RateEstimate:
         return replace(found, most_nodes=min(most, MOST_NODES), window_s=run.window_s)
@@ -132,14 +133,14 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         return told(
             found
             if finer_count > checked
-            else _asked(found, _fitted(run, *_again(run, found, finer_count, p[5]), p))
+            else _asked(found, _fitted(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p))
         )
     found = _first(run, count, p)
     while 2 * len(found.time_s) - 1 <= checked:
         finer_count = 2 * len(found.time_s) - 1
         # what too few nodes found is no start for more
         finer = (
-            _fitted(run, *_again(run, found, finer_count, p[5]), p)
+            _fitted(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p)
             if found.adequate
             else _first(run, finer_count, p)
         )
@@ -169,14 +170,14 @@ def _asked(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
 def _first(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
     """The fit from the Stokes start."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
-    return _fitted(run, grid, stokes_start(run, grid, p), _plain(run, grid, p[5]), p)
+    return _fitted(run, grid, stokes_start(run, grid, p), _plain(run, grid, p[SCALE_FACTOR]), p)
 
 
 def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
     """The best fit from the Stokes start, and where that is poor, from a constant and from the
     plain rate."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
-    plain = _plain(run, grid, p[5])
+    plain = _plain(run, grid, p[SCALE_FACTOR])
     best: RateEstimate | None = None
     for rate in (stokes_start(run, grid, p), np.full(nodes, plain.mean()), plain):
         found = _fitted(run, grid, rate, plain, p)
@@ -310,7 +311,7 @@ def _from(
         response = at(x)
         for _ in range(ITERATIONS):
             shared = response.turning_sensitivity(
-                *(p[5] * h[:, None] for h in (begin, middle, end))
+                *(p[SCALE_FACTOR] * h[:, None] for h in (begin, middle, end))
             )
             design = real(
                 np.concatenate([response.run_sensitivities(), shared])[:, 0],

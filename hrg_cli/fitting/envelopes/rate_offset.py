@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .base_fit import Known, base_fit
+from .coordinates import SCALE_FACTOR
 from .envelope_runs import EnvelopeRun, turned_by
 from .likelihood import Fit, real
 
@@ -68,7 +69,7 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     of its information left to it."""
     response, freedom = fit.response, fit.freedom
     data = response.batch
-    shape = np.full((1, *data.step_s.shape), response.state.p[5])
+    shape = np.full((1, *data.step_s.shape), response.state.p[SCALE_FACTOR])
     columns = np.concatenate(
         [
             freedom.along(response.coordinate_sensitivities()),

@@ -19,15 +19,6 @@ from ...physics.resonator import OF_GENERATOR, Mechanics
 from ...records import Resonator
 
 Array = np.ndarray
-VECTOR = (
-    "damping_rate_1_s",
-    "damping_cos",
-    "damping_sin",
-    "split_cos",
-    "split_sin",
-    "scale_factor",
-)
-"""The coordinates that are moved."""
 CLEAR = 3.0
 """Standard deviations from which a split's axis has the deviation of its own slope; below, both
 components have that of the size."""

@@ -9,6 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...effects import (
+    drive_gain_mismatch,
+    drive_nonorthogonality,
+    drive_rotation,
+    quadrature_drive_phase_error,
+)
+from ...effects.effect import Effect
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import (
     Fitted,
@@ -32,12 +39,12 @@ MEANING = {
     "main_drive": "drive matrix, by the drive's log",
     "drive_matrix": "drive matrix, forced runs against free ones",
 }
-EFFECTS = (
-    ("drive_rotation", 1.0, "rad"),
-    ("drive_nonorthogonality", 2.0, "rad"),
-    ("drive_gain_mismatch", -2.0, "1"),
+ELEMENTS = (
+    (drive_rotation.EFFECT, 1.0),
+    (drive_nonorthogonality.EFFECT, 2.0),
+    (drive_gain_mismatch.EFFECT, -2.0),
 )
-"""What the three coefficients of the drive matrix are, in the catalogue's names: ρ, ε/2, −g/2 of
+"""What the three coefficients of the drive matrix are, by the catalogue's pages: ρ, ε/2, −g/2 of
 a_ΦA/a_A·(1, cos 2mθ, sin 2mθ)."""
 BESIDE = "ellipticity"
 """Fitted beside the tables where free runs with their larger quadrature take part, not a factor of
@@ -284,33 +291,32 @@ def _loops(
     adds its own elements to it. Without a log of the drive its elements come in rad/s and are
     divided by the damping rate, which the free runs show.
     """
-    rows: list[tuple[str, float, float, str]] = []
+    rows: list[tuple[Effect, float, float]] = []
     std = np.sqrt(np.maximum(np.diag(covariance), 0))
     if "quadrature_drive" in factors:
         place = joint.layout.factor("quadrature_drive").start
-        rows.append(("quadrature_drive_phase_error", -coefficients[place], std[place], "rad"))
+        rows.append((quadrature_drive_phase_error.EFFECT, -coefficients[place], std[place]))
     for name in ("main_drive", "drive_matrix"):
         if name in factors:
             damping = 1.0 if name == "main_drive" else _damping_rate(joint.paths)
             first = joint.layout.factor(name).start
-            for k, (effect, factor, unit) in enumerate(EFFECTS):
+            for k, (effect, factor) in enumerate(ELEMENTS):
                 rows.append(
                     (
                         effect,
                         factor * coefficients[first + k] / damping,
                         abs(factor) * std[first + k] / damping,
-                        unit,
                     )
                 )
     return [
         {
-            "name": effect,
+            "name": effect.name,
             "value": float(value),
             "std": float(sigma),
-            "units": unit,
+            "units": effect.parameters[0].units,
             "z": float(value / sigma) if sigma > 0 else 0.0,
         }
-        for effect, value, sigma, unit in rows
+        for effect, value, sigma in rows
     ]
 
 

@@ -15,7 +15,14 @@ from ...fitting.causes.extended import Point, Series
 from ...fitting.causes.extended_fit import Freedom
 from ...fitting.envelopes import envelope_runs, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor, start
-from ...fitting.envelopes.coordinates import COUNT
+from ...fitting.envelopes.coordinates import (
+    COUNT,
+    DAMPING,
+    DAMPING_SPLIT,
+    FREQUENCY_SPLIT,
+    SCALE_FACTOR,
+    SECOND_ORDER,
+)
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.samples.course import Course, course, impulse, mean_of
 from ...physics import ellipse
@@ -73,7 +80,10 @@ def prepare(
     )
     fastest = np.array(
         [
-            abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]) + abs(p[5]) * _fastest_turn(r)
+            abs(p[DAMPING])
+            + np.hypot(*p[DAMPING_SPLIT])
+            + np.hypot(*p[FREQUENCY_SPLIT])
+            + abs(p[SCALE_FACTOR]) * _fastest_turn(r)
             for r in runs
         ]
     )
@@ -125,7 +135,7 @@ def guess(
     known = Known(scale_factor=scale_factor)
     p, rough_offsets = propagator.rough(runs)
     if scale_factor is not None:
-        p[5] = scale_factor
+        p[SCALE_FACTOR] = scale_factor
     offsets = rough_offsets
     if free:
         from_free, found, _, _ = start(free, known)
@@ -140,10 +150,12 @@ def guess(
             if w.drive_main is not None
         ]
         p = np.zeros(COUNT)
-        p[0] = damping[0] if damping and np.isfinite(damping[0]) else 0.0
-        p[5] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
-        p[5] = p[5] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
-    p[6] = 1.0
+        p[DAMPING] = damping[0] if damping and np.isfinite(damping[0]) else 0.0
+        p[SCALE_FACTOR] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
+        p[SCALE_FACTOR] = (
+            p[SCALE_FACTOR] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
+        )
+    p[SECOND_ORDER] = 1.0
     return p, offsets
 
 
@@ -330,16 +342,16 @@ def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Free
     makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
     """
     span = float(series.time_s.max())
-    damping = max(abs(float(point.p[0])), 0.01 / span)
-    split = max(float(np.hypot(point.p[3], point.p[4])), damping, 1 / span)
+    damping = max(abs(float(point.p[DAMPING])), 0.01 / span)
+    split = max(float(np.hypot(*point.p[FREQUENCY_SPLIT])), damping, 1 / span)
     nominal = nominal_scale_factor(series.mode_number) if scale_factor is None else scale_factor
     std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 0.0, 0.0])
     loose = std.copy()
-    loose[6] = 1.0
+    loose[SECOND_ORDER] = 1.0
     if scale_factor is None and shows_scale_factor(series, nominal):
-        std[5] = loose[5] = 3.0
+        std[SCALE_FACTOR] = loose[SCALE_FACTOR] = 3.0
     elif scale_factor is None and series.mode_number > 1:
-        loose[5] = SHAPES * nominal
+        loose[SCALE_FACTOR] = SHAPES * nominal
     mean = np.array([0, 0, 0, 0, 0, nominal, 1.0])
     return Freedom(mean, std, loose=Freedom(np.append(mean[:6], 0.5), loose))
 

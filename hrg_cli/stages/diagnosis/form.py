@@ -17,6 +17,7 @@ import numpy as np
 
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
+from ...fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT
 from .case import Case
 from .damping_form import Form, Tried
 from .inquiry import Inquiry, NoiseLevel
@@ -53,13 +54,13 @@ steps."""
 def least_damping(fit: Fit) -> tuple[float, float]:
     """(ν − |νδμ|, σ): the linear damping along the weaker axis."""
     p = fit.point.p
-    size = float(np.hypot(p[1], p[2]))
-    slope = np.array([1.0, *(-p[1:3] / size if size > 0 else (0.0, 0.0))])
+    size = float(np.hypot(*p[DAMPING_SPLIT]))
+    slope = np.array([1.0, *(-p[DAMPING_SPLIT] / size if size > 0 else (0.0, 0.0))])
     index = [fit.layout.coordinate(name) for name in extended_fit.DAMPING]
     there = [k for k in range(3) if index[k] is not None]
     rows = [column for column in index if column is not None]
     variance = slope[there] @ fit.covariance[np.ix_(rows, rows)] @ slope[there] if there else 0.0
-    return float(p[0]) - size, float(np.sqrt(max(variance, 0.0)))
+    return float(p[DAMPING]) - size, float(np.sqrt(max(variance, 0.0)))
 
 
 def take_better_form(case: Case) -> Case:
@@ -105,7 +106,7 @@ def take_better_form(case: Case) -> Case:
             return value, inflate * std
 
         linear = real(
-            float(final.point.p[0]), final.coordinate_std("damping") if shape.linear else 0.0
+            float(final.point.p[DAMPING]), final.coordinate_std("damping") if shape.linear else 0.0
         )
         numbers = (real(*power_of(final)), real(*level_of(final, amplitude)), linear, amplitude)
         form = Form(

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ...effects import converter_nonlinearity, pickoff_nonlinearity, saturation
+from ...effects.effect import Effect
 from ...records import Array, Wave
 from .lines import Line, amplitude_of, cell_hz
 from .odd_windows import at_the_top, channel_amplitudes, odd_windows
@@ -22,12 +24,15 @@ CLIPPED_PEAK = 4 / np.pi
 
 
 def nonlinear(
-    waves: Sequence[Wave], harmonics: dict[int, Line], codes: Sequence[Line], found: Sequence[str]
+    waves: Sequence[Wave],
+    harmonics: dict[int, Line],
+    codes: Sequence[Line],
+    found: Sequence[Effect],
 ) -> list[dict[str, Any]]:
     """What the odd harmonics are, as entries; none where the dynamics found a read-out that makes
     them (`found`)."""
     odd = [n for n in sorted(harmonics) if n % 2]
-    if {"pickoff_nonlinearity", "saturation", "converter_nonlinearity"} & set(found):
+    if any(effect.makes_harmonics for effect in found):
         return []
     clipped = clipped_windows(waves)
     if any(one.any() for one in clipped):
@@ -42,7 +47,7 @@ def nonlinear(
     if not 0 < cubic * size**2 < CUBIC_LARGEST:
         return []
     offer = entry(
-        "pickoff_nonlinearity",
+        pickoff_nonlinearity.EFFECT,
         float(np.sqrt(2 * line.ratio)),
         {"cubic": (cubic, cubic, "amplitude-2")},
         2 * line.ratio,
@@ -85,7 +90,10 @@ def _clipping(
     level, std = (least + max(most, least)) / 2, max(abs(most - least) / 2, 1e-3 * least)
     z = float(np.sqrt(max([2 * line.ratio for line in odd], default=float(len(high)))))
     return entry(
-        "saturation", z, {"inverse_level": (1 / level, std / level**2, "amplitude-1")}, z**2
+        saturation.EFFECT,
+        z,
+        {"inverse_level": (1 / level, std / level**2, "amplitude-1")},
+        z**2,
     ) | {"clipped_windows": len(high)}
 
 
@@ -123,7 +131,7 @@ def _converter(
     parameters = {"mid_scale": (height, height, "amplitude")}
     if (step := least_count(waves)) is not None:
         parameters["step"] = (step, EXACTLY * step, "amplitude")
-    offer = entry("converter_nonlinearity", float(np.sqrt(gain)), parameters, gain)
+    offer = entry(converter_nonlinearity.EFFECT, float(np.sqrt(gain)), parameters, gain)
     return offer | {
         "lines": len(codes),
         "magnitude": {"mid_scale": height},

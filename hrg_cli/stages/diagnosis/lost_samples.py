@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...effects import dropped_samples
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...records import Wave
 from .jumps import TOUCHED, jumps
@@ -164,7 +165,7 @@ def lost(
         "lost_s": (missing, std / omega, "s"),
         "time_s": (first.time_s, float(waves[first.run].window_s) / 2, "s"),
     }
-    offer = entry("dropped_samples", abs(mean) / std, parameters, (mean / std) ** 2)
+    offer = entry(dropped_samples.EFFECT, abs(mean) / std, parameters, (mean / std) ** 2)
     offer |= {
         "runs": [waves[s.run].run_id for s in group],
         "ambiguity_s": 1 / frequency_hz,

@@ -8,16 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from ...effects import EFFECTS, dropped_samples, find, mains_tone
 from ...effects.effect import OF_EVERY_RUN, RUN
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.layout import FREQUENCY, OWN
 from ...fitting.envelopes.coordinates import physical
+from ...physics.resonator import OF_GENERATOR
 from ...records import Wave
 from ...settings import to_toml
 from .run import Way, run_table
 from .tones import Tone, channel_parts
 
 Array = np.ndarray
+TONE, LOSS = mains_tone.EFFECT.name, dropped_samples.EFFECT.name
+"""The pages by which the file makes a tone, and loses samples."""
 SAMPLES_A_PERIOD = 8.5
 """No whole number: the harmonics that a read-out's defect makes would fold onto the oscillation."""
 
@@ -45,12 +49,7 @@ def simulation_file(
     frequency = fit.frequency_hz + change[:, FREQUENCY] / (2 * np.pi)
     device: dict[str, Any] = {
         "frequency_hz": float(np.median(frequency)),
-        "damping_rate_1_s": float(values[0]),
-        "damping_split_1_s": float(values[1]),
-        "damping_axis_rad": float(values[2]),
-        "frequency_split_rad_s": float(values[3]),
-        "stiffness_axis_rad": float(values[4]),
-        "scale_factor": float(values[5]),
+        **{name: float(v) for name, v in zip(OF_GENERATOR, values, strict=True)},
         "mode_number": fit.series.mode_number,
     }
     if any(effect.follows_temperature for effect, _ in fit.point.active):
@@ -68,16 +67,17 @@ def simulation_file(
     }
     if waves[0].gyro_id:
         table["recording"]["gyro_id"] = waves[0].gyro_id
+    known = (*(effect for effect, _ in fit.point.active), *EFFECTS)
     lost = {
         run: {k: v["value"] for k, v in e["parameters"].items()}
         for e in reversed(effects_named)
-        if e["name"] == "dropped_samples"
+        if find(e["name"], known).whole_samples
         for run in e["runs"]
     }
     far_tone = [
         {k: v["value"] for k, v in e["parameters"].items()}
         for e in effects_named
-        if e["name"] == "mains_tone"
+        if find(e["name"], known).makes_tone
     ][:1]
     effects = {
         effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active
@@ -89,14 +89,14 @@ def simulation_file(
     }
     struck = {name: effects.pop(name) for name in of_one}
     if tone is not None and tone.common:
-        effects["mains_tone"] = _of_file(tone, tone.mean)
+        effects[TONE] = _of_file(tone, tone.mean)
     elif tone is None and far_tone:
-        effects["mains_tone"] = far_tone[0]
+        effects[TONE] = far_tone[0]
     for e in effects_named:
         # a cubic whose sign the spectrum does not tell is a size, and no model
         if (
             e.get("view") == "waveform"
-            and e["name"] in ("pickoff_nonlinearity", "saturation")
+            and find(e["name"], known).makes_harmonics
             and "sign" not in e
         ):
             effects[e["name"]] = {k: v["value"] for k, v in e["parameters"].items()}
@@ -124,12 +124,12 @@ def simulation_file(
         }
         own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
         if loss_s > 0:  # repeated samples have no effect in the engine
-            own_effects["dropped_samples"] = lost[wave.run_id]
+            own_effects[LOSS] = lost[wave.run_id]
             # the run lasted longer than its samples tell
             length_s = float(wave.time_s[-1] + wave.window_s / 2) + loss_s
             run["recording"] = {"duration_s": length_s, "sample_rate_hz": sampling}
         if tone is not None and not tone.common:
-            own_effects["mains_tone"] = _of_file(tone, tone.vector[own[0]])
+            own_effects[TONE] = _of_file(tone, tone.vector[own[0]])
         if own_effects:
             run["effects"] = own_effects
         table["run"].append(run)

@@ -13,6 +13,7 @@ from math import comb
 
 import numpy as np
 
+from ...effects.effect import Effect
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...records import Array, Wave
 
@@ -90,14 +91,14 @@ def at_the_top(
 
 
 def told(
-    waves: Sequence[Wave], instants: Sequence[tuple[int, float]], causes: Sequence[str]
+    waves: Sequence[Wave], instants: Sequence[tuple[int, float]], causes: Sequence[Effect]
 ) -> str:
     """One sentence on the odd windows that no named cause makes; empty where there are none.
 
     instants: (wave, time) at which a cause acts, within a window of which others may be odd.
     """
     odd = odd_windows(waves)
-    if "saturation" in causes and at_the_top(waves, odd, by_chance=1.0):
+    if any(cause.sets_in for cause in causes) and at_the_top(waves, odd, by_chance=1.0):
         return ""
     odd = [
         one

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects import EFFECTS
+from ...effects.effect import Effect
 
 NAMED = 3.0
 """σ that the size of what the waveform offers must stand off nought."""
@@ -15,11 +15,11 @@ UNMEASURED = "not measured: a line of the averaged spectrum"
 
 
 def entry(
-    name: str, z: float, parameters: dict[str, tuple[float, float, str]], gain: float
+    effect: Effect, z: float, parameters: dict[str, tuple[float, float, str]], gain: float
 ) -> dict[str, Any]:
     """A cause as the report's JSON has it: parameters as (value, σ, unit)."""
     return {
-        "name": name,
+        "name": effect.name,
         "z": z,
         "p_value": float(np.exp(-0.5 * min(z**2, 1400))),
         "delta_bic": gain,
@@ -27,9 +27,7 @@ def entry(
             k: {"value": v, "std": s, "units": u} for k, (v, s, u) in parameters.items()
         },
         "indistinguishable_from": [],
-        "next_experiment": next(
-            (effect.next_experiment for effect in EFFECTS if effect.name == name), ""
-        ),
+        "next_experiment": effect.next_experiment,
         "view": "waveform",
     }
 

@@ -18,6 +18,7 @@ from ...fitting.causes.evidence import Basis
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.wave_frame import real
+from ...fitting.envelopes.coordinates import SCALE_FACTOR
 
 Array = np.ndarray
 ABOVE = 10.0
@@ -37,7 +38,7 @@ INDEPENDENT = 1e-6
 def settled(fit: Fit) -> Fit:
     """The fit again with the table angle of every step as the waves show it, blind to what else a
     step can do; the same where none is."""
-    places = steps(fit.series, float(fit.point.p[5]))
+    places = steps(fit.series, float(fit.point.p[SCALE_FACTOR]))
     for _ in range(ROUNDS if places else 0):
         fit = extended_fit.fit(_corrected(fit, places), fit.point, fit.freedom)
     if places:
@@ -138,7 +139,7 @@ def _kicks(fit: Fit, k: int, first: int, last: int) -> list[Array]:
     v, h = flow.middle[k, rows], series.step_s[k, rows, None]
     turned = np.stack([v[:, 1], -v[:, 0]], -1)
     out = []
-    for change in (fit.point.p[5] * turned, v, 1j * v, 1j * turned):
+    for change in (fit.point.p[SCALE_FACTOR] * turned, v, 1j * v, 1j * turned):
         impulse = np.zeros((*flow.middle.shape[:2], 4, 1))
         # one unit over all of them; Simpson's rule of the flow weighs the middle by 4h/6
         impulse[k, rows, :, 0] = real(change * 6 / (4 * h * len(h)))

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes.extended import Point, Stage, motion_of
+from ...fitting.causes.extended import Point, Stage, motion_of, state_of
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.layout import FREQUENCY
 from ...fitting.causes.wave_frame import imaginary
+from ...fitting.envelopes.coordinates import DAMPING
 from ...fitting.samples.course import course
 from ...physics import ellipse
 from ...records import Wave
@@ -80,7 +81,7 @@ def run_table(
         log = drive_log(wave, length) if way.replayed else None
         run["control"] = {"mode": "forced"}
         if log is None:
-            run["control"] |= loops(_moving(fit, own, wave), max(float(fit.point.p[0]), 0.0))
+            run["control"] |= loops(_moving(fit, own, wave), max(float(fit.point.p[DAMPING]), 0.0))
         else:
             both = {"quadrature_loop": "finite"} if "drive_quadrature" in log else {}
             run["control"] |= both | {"log": log}
@@ -153,23 +154,14 @@ def _environment(
     series = fit.series
     out = rate_course(wave.time_s, wave.rate_rad_s, length_s, straight)
     if series.has_temperature:
+        # an effect may make the logged temperature the resonator's
+        true = state_of(series, fit.point)
         good = [series.weight[k] > 0 for k in own]
         t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])
-        warm = np.concatenate(
-            [series.temperature_degc[k][g] for k, g in zip(own, good, strict=True)]
-        )
+        warm = np.concatenate([true.temperature_degc[k][g] for k, g in zip(own, good, strict=True)])
         steep = np.concatenate(
             [series.temperature_rate_degc_s[k][g] for k, g in zip(own, good, strict=True)]
         )
-        lag = next(
-            (
-                float(v["time_constant_s"])
-                for effect, v in fit.point.active
-                if effect.name == "thermal_lag"
-            ),
-            0.0,
-        )
-        warm = warm + lag * steep
         if np.ptp(warm) <= 1e-4:
             out["temperature_degc"] = float(warm.mean())
         else:

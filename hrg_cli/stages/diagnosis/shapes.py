@@ -18,10 +18,11 @@ from ...effects import nonlinear_damping
 from ...effects.effect import Effect, Parameter
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
+from ...fitting.envelopes.coordinates import DAMPING
 from ...physics.plant import SlowState
 
 Array = np.ndarray
-NAME = "nonlinear_damping"
+NAME = nonlinear_damping.EFFECT.name
 LEAST, MOST = -0.5, 8.0
 """Powers that are sought."""
 STEPS = 12
@@ -53,11 +54,15 @@ def in_shape(fit: Fit, shape: Shape) -> Fit | None:
     level, power = _stands(fit, amplitude)
     p, std = fit.point.p.copy(), fit.freedom.std.copy()
     if not shape.linear:
-        level, p[0], std[0] = level + p[0], 0.0, 0.0
+        level, p[DAMPING], std[DAMPING] = level + p[DAMPING], 0.0, 0.0
     if shape.supplied:
         # the same damping and the same slope of it at the data's amplitude
         slope = level * power
-        p[0], level, power = p[0] + level - slope / shape.power, slope / shape.power, shape.power
+        p[DAMPING], level, power = (
+            p[DAMPING] + level - slope / shape.power,
+            slope / shape.power,
+            shape.power,
+        )
     effect = _at(amplitude, fitted=not shape.supplied)
     point = extended_fit.with_effect(
         replace(fit.point, p=p), effect, {"level_1_s": level, "power": power}

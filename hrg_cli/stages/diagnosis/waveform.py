@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ...effects import find, mains_tone
+from ...effects.effect import Effect
 from ...records import Wave
 from .harmonics import below_the_codes, nonlinear
 from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
@@ -22,10 +24,6 @@ from .offered import UNMEASURED, entry, sound
 from .tones import MOST_TONES, Tone, channel_parts
 
 __all__ = ["causes", "near_tones", "phase_steps", "split_at", "unnamed"]
-MAKE_LINES = frozenset(
-    ("mains_tone", "pickoff_nonlinearity", "converter_nonlinearity", "saturation")
-)
-"""Effects of the catalogue that put lines into the samples' spectrum."""
 
 
 def causes(
@@ -33,7 +31,7 @@ def causes(
     steps: Sequence[PhaseStep],
     tones: Sequence[Tone],
     frequency_hz: float,
-    found: Sequence[str],
+    found: Sequence[Effect],
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`:
     effects named by the dynamics."""
@@ -124,11 +122,12 @@ def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
 
 
 def unnamed(
-    tones: Sequence[Tone], shown: Sequence[dict[str, Any]], found: Sequence[str]
+    tones: Sequence[Tone], shown: Sequence[dict[str, Any]], found: Sequence[Effect]
 ) -> list[Tone]:
     """Tones that were taken out of the waves where nothing that is named makes a line."""
-    named = {str(entry["name"]) for entry in shown} | set(found)
-    return [] if named & MAKE_LINES else [tone for tone in tones if tone.standing]
+    named = [*found, *(find(str(offer["name"])) for offer in shown)]
+    makes_lines = any(effect.makes_lines for effect in named)
+    return [] if makes_lines else [tone for tone in tones if tone.standing]
 
 
 def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
@@ -173,7 +172,7 @@ def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
         for name, v in parts.items()
     }
     parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
-    return entry("mains_tone", float(np.sqrt(tone.gain)), parameters, tone.gain) | {
+    return entry(mains_tone.EFFECT, float(np.sqrt(tone.gain)), parameters, tone.gain) | {
         "same_phase_in_all_runs": tone.common
     }
 
@@ -188,7 +187,7 @@ def _tone(line: Line, waves: Sequence[Wave]) -> dict[str, Any]:
         parameters[f"{channel}_sin"] = (0.0, float(max(size, least)), "amplitude")
     parameters["frequency_hz"] = (line.frequency_hz, cell_hz(waves), "Hz")
     return (
-        entry("mains_tone", float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio)
+        entry(mains_tone.EFFECT, float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio)
         | _magnitude(line)
         | {"phase": UNMEASURED}
     )

@@ -26,6 +26,7 @@ from ...fitting.envelopes import (
     rotation_integrals,
 )
 from ...fitting.envelopes.base_fit import Known, base_fit, freedom, nominal_scale_factor
+from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR, SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, State, batch, fit, respond
 from ...fitting.envelopes.regressions import Regression
@@ -126,7 +127,11 @@ def only_second_order(p: Array) -> Freedom:
     only = np.zeros((coordinates.COUNT, 1))
     only[6, 0] = 1.0
     return Freedom(
-        ("second_order",), np.append(p[:6], 0.0), only, np.full(1, p[6]), np.full(1, 1e-9)
+        ("second_order",),
+        np.append(p[:6], 0.0),
+        only,
+        np.full(1, p[SECOND_ORDER]),
+        np.full(1, 1e-9),
     )
 
 
@@ -141,12 +146,12 @@ def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
     """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
-    ready = _first_order(runs, known, best, float(best.p[6]))
+    ready = _first_order(runs, known, best, float(best.p[SECOND_ORDER]))
     std = second_order_std(best)
     if std == 0 or _size_of_second_order(best) * std < closing.SETTLED:
         return ready
     return dataclasses.replace(
-        ready, beside=_first_order(runs, known, best, float(best.p[6]) + std)
+        ready, beside=_first_order(runs, known, best, float(best.p[SECOND_ORDER]) + std)
     )
 
 
@@ -442,7 +447,11 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
             known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
         )
         start = (
-            float(base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[5])
+            float(
+                base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[
+                    SCALE_FACTOR
+                ]
+            )
             / factor
         )
     found = rate_offset.rate_offset(runs, known, blocks, start)
@@ -454,8 +463,8 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
         noise * found.beside,
     )
     std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
-    factor = float(found.fit.p[5])
-    seen = max(abs(found.value), abs(found.fit.p[0] / factor))
+    factor = float(found.fit.p[SCALE_FACTOR])
+    seen = max(abs(found.value), abs(found.fit.p[DAMPING] / factor))
     unclear = not std < 0.3 * seen or (known.scale_factor is not None and one_rate(found.fit))
     span = 2 * max(
         float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))

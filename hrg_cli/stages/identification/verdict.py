@@ -12,7 +12,7 @@ from ...errors import HrgError
 from ...fitting import checks
 from ...fitting.envelopes import inference
 from ...fitting.envelopes.base_fit import Known, nominal_scale_factor, scale_factor_spread
-from ...fitting.envelopes.coordinates import COORDINATES
+from ...fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...physics import ellipse
@@ -31,7 +31,6 @@ CANDIDATES = 3
 """Runs at most that are left out one at a time."""
 ORDER = tuple(name for name, _ in PARAMETERS)
 """Parameters in the contract's order, as the covariance has them."""
-SCALE_FACTOR = COORDINATES.index("scale_factor")
 WORDS = {
     "damping": "the mean decay",
     "damping_cos": "the damping split along the electrodes",
@@ -155,7 +154,7 @@ def judged(
         "runs_differ_in_frequency": differ,
         "run_frequency_drift_hz": [float(d) for d in runs_hz.drift_hz],
         "frequency_note": _frequency_note(differ, drift),
-        "second_order": {"value": float(fit.p[6]), "std": second_order_std(fit)},
+        "second_order": {"value": float(fit.p[SECOND_ORDER]), "std": second_order_std(fit)},
         "split_components": split_components(
             fit.p, _of_coordinates(fit, inference.covariance_z(fit, factor) + between)
         ),

@@ -16,7 +16,6 @@ from .logs import usual_scale_factor
 
 MOST = 2
 """Causes at once that may stand against one wrong run."""
-THERMAL = ("thermal_frequency", "thermal_damping")
 MATTERS = 0.7
 """Part of χ² that a temperature dependence may leave for the thermometers to be looked at."""
 WORTHWHILE = 0.3
@@ -54,7 +53,7 @@ def warmed(
 ) -> Callable[[Sequence[Wave]], Fit] | None:
     """The fit with frequency and damping that follow the temperature; None where that does not
     lower χ² of the runs much."""
-    thermal = [variant for variant in candidates if variant.effect.name in THERMAL]
+    thermal = [variant for variant in candidates if variant.effect.scales]
     if not thermal or not base.series.has_temperature:
         return None
 

@@ -12,7 +12,7 @@ import numpy as np
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
-from ....fitting.envelopes.coordinates import COORDINATES
+from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ..thresholds import GROSS
 from ..variants import Variant
@@ -293,7 +293,7 @@ def _fit(waves: Sequence[Wave], fitted: Fitted) -> Fit | None:
 
 
 def _figures(fit: Fit) -> str:
-    damping, split = fit.coordinate(DAMPING), float(np.hypot(fit.point.p[3], fit.point.p[4]))
+    damping, split = fit.coordinate(DAMPING), float(np.hypot(*fit.point.p[FREQUENCY_SPLIT]))
     return (
         f"{fit.frequency_hz.mean():.6g} Hz, damping {damping:.4g} 1/s, frequency split {split:.4g}"
         " rad/s"

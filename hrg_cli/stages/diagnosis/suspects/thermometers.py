@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ....effects.effect import RELATIVE_TO_TEMPERATURE
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import Fit
@@ -83,9 +84,12 @@ def _lag(wave: Wave, others: Fit) -> float | None:
 def _shown_course(wave: Wave, others: Fit) -> Wave | None:
     """The wave with the quadratic course of temperature that its phase shows beside the others'
     model, at the level of its damping."""
-    active = {effect.name: values for effect, values in others.point.active}
-    slope = active.get("thermal_frequency", {}).get("relative_1_k", 0.0)
-    loss = active.get("thermal_damping", {}).get("relative_1_k", 0.0)
+    relative = {
+        effect.scales: values[RELATIVE_TO_TEMPERATURE]
+        for effect, values in others.point.active
+        if effect.scales
+    }
+    slope, loss = relative.get("frequency_hz", 0.0), relative.get("damping_rate_1_s", 0.0)
     if slope == 0:
         return None
     level, slopes = (
