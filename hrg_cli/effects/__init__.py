@@ -27,7 +27,9 @@ from . import (
     dry_friction,
     electrode_nonorthogonality,
     finite_quadrature_gain,
+    gain_drift,
     gain_mismatch,
+    gain_step,
     gain_temperature,
     inertial_nonlinearity,
     mains_tone,
@@ -56,6 +58,8 @@ from .effect import Effect, Parameter
 EFFECTS: tuple[Effect, ...] = (
     gain_mismatch.EFFECT,
     gain_temperature.EFFECT,
+    gain_drift.EFFECT,
+    gain_step.EFFECT,
     mismatch_temperature.EFFECT,
     electrode_nonorthogonality.EFFECT,
     phase_mismatch.EFFECT,

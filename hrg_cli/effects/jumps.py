@@ -72,6 +72,15 @@ def jumps(runs: Runs) -> list[Jump]:
     ]
 
 
+def part_after(time_s: Array, instant: float) -> Array:
+    """The part (..., n), 0 to 1, of every row that lies after an instant: a row is the mean of its
+    length, which the times (..., n) of its neighbours show."""
+    if time_s.ndim == 0 or time_s.shape[-1] < 2:
+        return np.asarray(time_s > instant, float)
+    width = np.maximum(np.gradient(time_s, axis=-1), np.finfo(float).tiny)
+    return np.asarray(np.clip((time_s - instant) / width + 0.5, 0, 1))
+
+
 def _threshold(rows: int) -> float:
     """x with rows · P(χ²₄ > x) = CHANCE, P = e^{−x/2}(1 + x/2)."""
     x = 40.0

@@ -45,6 +45,8 @@ from .diagnosis.shares import switched_off
 from .diagnosis.sized import Sized
 from .diagnosis.stability import stability
 from .diagnosis.suspects import stuck_columns, suspect_runs
+from .diagnosis.suspects.rivals import nearest
+from .diagnosis.thresholds import GROSS
 from .diagnosis.tones import Tone, taken_out
 from .diagnosis.variants import Variant, variants
 from .diagnosis.wander import wander
@@ -184,7 +186,12 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         return refused(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
     if contradiction := strangers(cut.base):
         raise HrgError(contradiction)
-    base, pieces, tones = taken_out(cut.base, cut.pieces, asked.fit)
+    base, pieces, tones = taken_out(
+        cut.base,
+        cut.pieces,
+        asked.fit,
+        lambda fit: nearest(fit, variants(asked.searched, fit), GROSS),
+    )
 
     case = _explained(asked, base)
     samples = _seen_in_samples(asked.waves, case, cut, tones)

@@ -267,7 +267,8 @@ def _make_continuous(x: Array, block: Periods, context: Array | None) -> Array |
     known = 0 if context is None else len(context)
     if context is not None:
         rows = np.concatenate([context.T, rows], axis=1)
-    path = np.stack(continued(*rows, block.window_s))
+    at, angle, phase, carrier = rows
+    path = np.stack(continued(at, angle, phase, carrier, block.window_s))
     if context is not None:
         path -= np.pi * np.round((path[:, known - 1] - context[-1, 1:]) / np.pi)[:, None]
     x[slice(None) if every else trusted, 2:] = path[:, known:].T

@@ -43,6 +43,8 @@ SIZES = {
         "phase_rad": 0.4,
     },
     "phase_drift": {"slope_rad_s": 1e-2},
+    "gain_drift": {"slope_1_s": 4e-3, "curvature_1_s2": -1e-2},
+    "gain_step": {"c_gain": 4e-3, "s_gain": -7e-3, "time_s": 0.21},
     "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }
 
@@ -59,7 +61,7 @@ TOLERANCE = {
     "thermal_hysteresis": 4.5e-2,
 }
 USUAL = 5e-4
-AT_AN_INSTANT = ("dropped_samples", "momentum_kick")
+AT_AN_INSTANT = ("dropped_samples", "gain_step", "momentum_kick")
 
 
 def wave(model, given, forced):

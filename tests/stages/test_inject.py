@@ -45,6 +45,8 @@ SIZES = {
         "run": -1.0,
     },
     "phase_drift": {"slope_rad_s": 1e-2},
+    "gain_drift": {"slope_1_s": 4e-3, "curvature_1_s2": -1e-2},
+    "gain_step": {"c_gain": 4e-3, "s_gain": -7e-3, "time_s": 0.21},
     "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }
 LOOPS = ("drive_gain_mismatch", "drive_nonorthogonality", "drive_rotation", "parasitic_force", "quadrature_drive_phase_error",
@@ -106,7 +108,7 @@ def test_what_is_injected_is_what_is_simulated(effect, plain):
     )
     count = min(map(len, (wanted, before, made)))
     wanted, before, made, rows = wanted[:count], before[:count], made[:count], np.ones(count, bool)
-    if effect.name in ("dropped_samples", "momentum_kick"):
+    if effect.name in ("dropped_samples", "gain_step", "momentum_kick"):
         rows &= abs(np.arange(count) - 42) >= 8  # windows that see both sides
     size = np.sqrt(np.mean(np.abs(wanted - before)[rows] ** 2))
     missed = np.sqrt(np.mean(np.abs(wanted - made)[rows] ** 2))

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect, frame, no_term
+from ...effects.jumps import part_after
 from ...physics.plant import SlowState
 from ...physics.resonator import Mechanics, exponential
 from ..envelopes import coordinates
@@ -427,8 +428,7 @@ def jump(series: Series, point: Point, effect: Effect, values: Mapping[str, floa
     assert effect.slow_jump is not None
     instant, change = effect.slow_jump(values, state_of(series, point))
     t, h = series.time_s, series.step_s
-    width = np.maximum(np.gradient(t, axis=1), np.finfo(float).tiny)
-    share = np.diff(np.clip((t - instant) / width + 0.5, 0, 1), axis=1) * (h > 0)
+    share = np.diff(part_after(t, instant), axis=1) * (h > 0)
     L = generators(series, point)[:, 1:] + 1j * series.turn_rad_s[:, None, None, None] * np.eye(2)
     near = np.where(share != 0, t[:, 1:] - instant, 0.0)
     return share[..., None] * times(

@@ -20,6 +20,7 @@ from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
 from ...records import Wave
 from .drive_scatter import corner_hz
+from .scoring import gross
 from .thresholds import GROSS
 
 Array = np.ndarray
@@ -36,8 +37,9 @@ MOST_TONES = 4
 DIES, SURE = 0.7, 4.0
 """Part of its power that a tone has in the second half of the runs at least, and σ by which less
 must be sure."""
-TONE_LEAVES = 0.8
-"""Part of a gross misfit's χ² that a tone may leave."""
+ISOLATED, LOBE, BESIDE = 10.0, 2.5, 8.0
+"""Power of a tone beside a gross misfit over all that stands from LOBE to BESIDE cells of the longest
+run away from it: a misfit of the motion is no line alone."""
 SHOWN = 0.05
 """Part of a tone that a window must show for its true size to be told from what is seen."""
 SCATTER = 0.2
@@ -138,7 +140,7 @@ def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array
 
 def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
     """The strongest one-sided tone that stands out of its surroundings by chance once in a million,
-    common to the runs in frequency."""
+    common to the runs in frequency; beside a gross misfit one that stands there alone."""
     from scipy.special import chdtrc
 
     data = residuals(fit, waves)
@@ -180,6 +182,8 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
         & (mirror - level < (power - level) / ONE_SIDED + noise)
         & (chdtrc(4 * used, expected) < 1e-6 / size)
     )
+    if gross(fit):
+        wanted &= power > ISOLATED * _beside(power, longest / (size * step))
     if not wanted.any():
         return None
     best = float(frequency[np.argmax(np.where(wanted, power, 0))])
@@ -198,6 +202,16 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
     std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
     gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
     return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
+
+
+def _beside(power: Array, cells: float) -> Array:
+    """The largest power (n,) near every bin of a whole spectrum, but for the bin's own lobe;
+    `cells`: length of a bin in cells of the longest run."""
+    near, far = int(np.ceil(LOBE / cells)), int(BESIDE / cells)
+    if 2 * far + 1 >= len(power):
+        return np.full(len(power), np.inf)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, far, mode="wrap"), 2 * far + 1)
+    return np.asarray(np.delete(around, np.arange(far - near, far + near + 1), axis=1).max(axis=1))
 
 
 def _stands(data: Sequence[tuple[Array, Array, Array]], beat_hz: float) -> bool:
@@ -273,21 +287,29 @@ def _mean_over_median(ratio: Array) -> Array:
 
 
 def taken_out(
-    fit: Fit, waves: Sequence[Wave], fitted: Callable[[Sequence[Wave]], Fit]
+    fit: Fit,
+    waves: Sequence[Wave],
+    fitted: Callable[[Sequence[Wave]], Fit],
+    nearest: Callable[[Fit], Fit],
 ) -> tuple[Fit, list[Wave], list[Tone]]:
-    """The fit and the waves without the tones found one after another, and these; `fitted`: the
-    base model's fit to waves."""
+    """The fit and the waves without the tones found one after another, and these.
+
+    fitted: the base model's fit to waves; nearest: from it one that leaves as little as a few causes
+    can, beside which the tones of a gross misfit are looked for.
+    """
     left, tones = list(waves), list[Tone]()
-    while len(tones) < MOST_TONES and (tone := strongest(fit, left)) is not None:
+    while len(tones) < MOST_TONES:
+        beside = nearest(fit) if gross(fit) else fit
+        tone = strongest(beside, left)
+        if tone is None:
+            break
         if not tone.standing:
             return fit, left, [*tones, tone]  # listed and not taken out
         cleaned = without(left, tone)
         try:
-            rest = fitted(cleaned)
+            fit = fitted(cleaned)
         except DivergedError:  # what is left has no fit: it was no tone
             break
-        if fit.chi2 > GROSS * fit.dof and rest.chi2 > TONE_LEAVES * fit.chi2:
-            break  # a line of a gross misfit of the motion
-        fit, left = rest, cleaned
+        left = cleaned
         tones.append(tone)
     return fit, left, tones

@@ -27,7 +27,13 @@ TRIED = 3
 def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float:
     """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator
     has; it ends where that is `enough`."""
-    fit, least = base, base.chi2 / base.dof
+    return _left(nearest(base, candidates, enough))
+
+
+def nearest(base: Fit, candidates: Sequence[Variant], enough: float) -> Fit:
+    """The fit that leaves least of those with a few causes, found in few steps, with a scale factor
+    that a resonator has; it ends where χ² a degree of freedom is `enough`."""
+    fit = best = base
     for _ in range(MOST):
         strong = [
             pair
@@ -41,11 +47,15 @@ def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float
         likely = [one for one in fits if usual_scale_factor(one)]
         if not likely:
             break
-        fit = min(likely, key=lambda f: f.chi2 / f.dof)
-        least = min(least, fit.chi2 / fit.dof)
-        if least < enough:
+        fit = min(likely, key=_left)
+        best = min(best, fit, key=_left)
+        if _left(best) < enough:
             break
-    return least
+    return best
+
+
+def _left(fit: Fit) -> float:
+    return fit.chi2 / fit.dof
 
 
 def warmed(
