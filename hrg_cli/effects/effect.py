@@ -39,6 +39,8 @@ REFERENCE_TEMPERATURE = "reference_temperature_degc"
 holds."""
 RELATIVE_TO_TEMPERATURE = "relative_1_k"
 """Name of the parameter by which an effect that `scales` a parameter does so, a part a kelvin."""
+INSTANT = "time_s"
+"""Name of the parameter of every effect that happens at one instant."""
 RUN, OF_EVERY_RUN = "run", -1.0
 """Name of the parameter of every effect that happens in one run of several, the runs' number from
 0, and its value for all of them."""

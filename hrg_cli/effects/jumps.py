@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .effect import Array, Runs
+from .effect import RUN, Array, Runs, Values
 
 FEWEST = 4
 """Rows on either side by which a jump is judged, at least."""
@@ -16,6 +16,8 @@ PARTS = (30, 10)
 enough."""
 CHANCE = 1e-3
 """Chance that one of all rows of runs without a jump is taken for one."""
+MOST = 4
+"""Instants tried, the clearest first."""
 QUARTER = 1.9226
 """First quartile of χ² with the four reals of a jump."""
 
@@ -70,6 +72,11 @@ def jumps(runs: Runs) -> list[Jump]:
         for k, jump in enumerate(found)
         if not any(_same(jump, other, runs) for other in found[:k])
     ]
+
+
+def instants(runs: Runs) -> list[Values]:
+    """Where these runs jump, the clearest first."""
+    return [{"time_s": jump.time_s, RUN: float(jump.run)} for jump in jumps(runs)[:MOST]]
 
 
 def part_after(time_s: Array, instant: float) -> Array:

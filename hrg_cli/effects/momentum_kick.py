@@ -16,10 +16,7 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from .effect import OF_EVERY_RUN, RUN, Array, Effect, Parameter, Runs, Values
-from .jumps import Jump, jumps
-
-MOST = 4
-"""Instants tried, the clearest first."""
+from .jumps import MOST, Jump, jumps
 
 
 def velocity_over_omega(p: Values) -> Array:

@@ -86,8 +86,9 @@ def _told(case: Case, judged: Sequence[Judged]) -> tuple[Case, bool]:
     """The case after the first cause that does not stand is given up; or with the rivals of all
     that do, and True."""
     for one in judged:
-        others = _rivals(case.search.final, one, case.inquiry.candidates)
-        if one.chance > BESIDE_MISFIT or len(others) > MOST_RIVALS:
+        stands = one.chance <= BESIDE_MISFIT
+        others = _rivals(case.search.final, one, case.inquiry.candidates) if stands else []
+        if not stands or len(others) > MOST_RIVALS:
             return case.without(one.cause, one.without), False
         named = replace(one.cause, rivals=tuple(dict.fromkeys([*one.cause.rivals, *others])))
         found = tuple(named if f.variant is one.cause.variant else f for f in case.search.found)
@@ -132,7 +133,7 @@ class Taken:
         power, numbers = np.ones(len(left)), np.full(len(left), np.inf)
         for b, (squares, first) in enumerate(zip(left, before, strict=True)):
             if len(squares) and chdtrc(len(squares), squares.sum()) < INADEQUATE:
-                numbers[b] = max(min(_independent(squares), _independent(first) - rank), LEAST)
+                numbers[b] = max(min(independent(squares), independent(first) - rank), LEAST)
                 power[b] = max(float(squares.sum()) / numbers[b], 1.0)
         return cls(without.chi2 - final.chi2, share / max(share.sum(), 1e-300), power, numbers)
 
@@ -183,12 +184,17 @@ class Spectrum:
         return cls(np.concatenate(coefficients), np.concatenate(band))
 
     @property
+    def cell(self) -> Array:
+        """Number (N,) of the band and component of each coefficient."""
+        return 4 * self.band + np.arange(len(self.band)) % 4
+
+    @property
     def squares(self) -> list[Array]:
         """Squared coefficients, band by band."""
         return [self.coefficients[self.band == b] ** 2 for b in range(int(self.band.max()) + 1)]
 
 
-def _independent(squares: Array) -> float:
+def independent(squares: Array) -> float:
     """How many independent numbers of equal size squared coefficients amount to."""
     whole = float(squares.sum())
     return 3 * whole**2 / float(np.sum(squares**2)) if whole > 0 else np.inf

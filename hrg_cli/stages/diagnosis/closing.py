@@ -198,7 +198,7 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
     walk = unknown_walk(fit)
     for one in search.found:
         name = one.variant.effect.name
-        _, wald = fit.away(one.variant.effect)
+        wald = fit.away(one.variant.effect)[1] if one.sizes is None else one.delta_bic
         sigma = float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
         yield checks.at_least(
             f"{name}_stands_off_zero",

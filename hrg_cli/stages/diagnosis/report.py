@@ -57,6 +57,7 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
     effect, fit = one.variant.effect, sized.fit
     active = fit.values(effect.name)
     score = _beside_the_others(one, fit, sized.factor)
+    stds = {name: std for name, (_, std) in (one.sizes or {}).items()}
     sentences = [effect.next_experiment] + [
         by_name[r].effect.next_experiment for r in one.rivals if r in by_name
     ]
@@ -68,7 +69,9 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
         "parameters": {
             p.name: {
                 "value": float(active[p.name]),
-                "std": sized.std(
+                "std": stds[p.name]
+                if p.name in stds
+                else sized.std(
                     fit.parameter_std(effect.name, p.name),
                     active[p.name],
                     [other.values(effect.name)[p.name] for other in sized.others],
@@ -95,6 +98,8 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
 def _beside_the_others(one: Found, fit: Fit, inflation: float) -> tuple[float, float]:
     """z and p of an effect in the final fit, from its parameters' joint significance."""
     effect = one.variant.effect
+    if one.sizes is not None:
+        return evidence.significance(one.delta_bic, max(1, one.score.rank))
     off, wald = fit.away(effect)
     bound = one.delta_bic + len(off) * float(np.log(len(fit.residual)))
     z, p = evidence.significance(min(wald / inflation, bound), max(1, one.score.rank))

@@ -35,13 +35,17 @@ ROUNDS = 4
 
 @dataclass(frozen=True)
 class Found:
-    """An accepted effect: score at its acceptance, what it cannot be told from, fit with it."""
+    """An accepted effect: score at its acceptance, what it cannot be told from, fit with it.
+
+    sizes: of its parameters, with σ, where they do not come from the fit and are held in it.
+    """
 
     variant: Variant
     score: Score
     tried: int
     delta_bic: float
     rivals: tuple[str, ...]
+    sizes: Mapping[str, tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,198 @@
+"""Diagnosis, beside a gross misfit: what happens at one instant and stands out of it.
+
+A misfit that no cause explains is slow: whatever is as slow takes a part of it away, and says
+nothing. What changes from one row to the next is no slow course. It is judged by its generalised
+least-squares score, the residual itself being the noise: its power λ_b in bands of half cycles a run,
+of each of the wave's four components on its own, with the cause taken out,
+    ΔX² = |P r_w|²,  r_w = (T r)/√λ off the model's own columns,  P onto the cause's (T S)/√λ,
+T the orthonormal cosines of `Spectrum`; F as there. The sizes are those of the same least squares and
+stay as they are in the fit, which the misfit would else bend to its own ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...effects.effect import INSTANT, RUN, Effect
+from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes.extended import Series
+from ...fitting.causes.extended_fit import Fit
+from .beside_misfit import Spectrum, independent
+from .remainder import Remainder
+from .search import Found, Search, Variant, gross, is_small, scored, variants
+from .thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
+from .verdict import rest
+
+Array = np.ndarray
+SWEEPS = 4
+"""Times that sizes and the misfit beside them follow from one another."""
+APART = (-2, -1, 0, 1, 2)
+"""Half rows by which the instant may lie beside where the rows jump most."""
+
+
+@dataclass(frozen=True)
+class Strike:
+    """A cause at an instant: Δχ² against the misfit, its rank and chance, its parameters' sizes and
+    σ (K,), and ΔBIC."""
+
+    variant: Variant
+    gain: float
+    rank: int
+    chance: float
+    size: Array
+    std: Array
+    criterion: float
+
+
+def struck(
+    search: Search,
+    remainder: Remainder | None,
+    noise_factor: float,
+    effects: Sequence[Effect],
+    candidates: Sequence[Variant],
+    most: int,
+) -> tuple[Search, Remainder | None]:
+    """The search with what stands out of a gross misfit at an instant, one after another; as it is
+    where the misfit is none."""
+    sharp = [effect for effect in effects if effect.of_one_run]
+    while remainder is not None and gross(search.final) and len(search.found) < most:
+        found = _clearest(search.final, sharp)
+        if found is None:
+            break
+        fit, one = found
+        last = tuple(score for score, _ in scored(fit, candidates))
+        search = replace(search, final=fit, found=(*search.found, one), last=last)
+        remainder = rest(fit, noise_factor)
+    return search, remainder
+
+
+def _clearest(fit: Fit, effects: Sequence[Effect]) -> tuple[Fit, Found] | None:
+    """The fit with the cause at an instant that chance makes least, and what it cannot be told from;
+    None where chance makes it, where too many would do, or where it has no fit."""
+    active = {effect.name for effect, _ in fit.point.active}
+    tried = around(
+        variants([effect for effect in effects if effect.name not in active], fit), fit.series
+    )
+    strikes = strikes_of(fit, tried)
+    if not strikes:
+        return None
+    best = max(strikes, key=lambda one: one.criterion)
+    rivals = {
+        one.variant.effect.name
+        for one in strikes
+        if one.criterion > best.criterion - WORTH
+    } - {best.variant.effect.name}  # fmt: skip
+    chance = evidence.corrected(min(one.chance for one in strikes), len(tried))
+    if chance > SIGNIFICANT or len(rivals) > MOST_RIVALS:
+        return None
+    with contextlib.suppress(extended_fit.DivergedError):
+        sizes = {
+            name: (best.variant.values[name] + float(size), float(std))
+            for name, size, std in zip(best.variant.steps, best.size, best.std, strict=True)
+        }
+        values = {**best.variant.values, **{name: size for name, (size, _) in sizes.items()}}
+        again = with_held(fit, best.variant.effect, values)
+        if not (again.converged and is_small(best.variant.effect, values, again)):
+            return None
+        S = fit.sensitivities([best.variant.wanted])[0]
+        score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
+        return again, Found(
+            best.variant, score, len(tried), best.gain, tuple(sorted(rivals)), sizes
+        )
+    return None
+
+
+def around(tried: Sequence[Variant], series: Series) -> list[Variant]:
+    """The variants at instants half rows apart about theirs, whole periods away: the rows know the
+    instant to a part of their length."""
+    period = 1 / series.reference_frequency_hz
+    out = []
+    for one in tried:
+        if INSTANT in one.values:
+            t = series.time_s[max(0, int(one.values[RUN]))]
+            row = float(np.median(np.diff(t[: np.searchsorted(t, t.max()) + 1])))
+            shifts = {period * round(k * row / 2 / period) for k in APART}
+            out += [
+                replace(one, values={**one.values, INSTANT: one.values[INSTANT] + shift})
+                for shift in sorted(shifts)
+            ]
+    return out
+
+
+def with_held(fit: Fit, effect: Effect, values: Mapping[str, float]) -> Fit:
+    """The fit again beside an effect that stays as it is."""
+    held = replace(
+        effect,
+        parameters=tuple(replace(p, fitted=False, fitted_then=False) for p in effect.parameters),
+    )
+    point = extended_fit.with_effect(fit.point, held, values)
+    return extended_fit.fit(fit.series, point, fit.freedom)
+
+
+def strikes_of(fit: Fit, tried: Sequence[Variant]) -> list[Strike]:
+    """Of every variant that these runs show beside the model."""
+    columns = fit.sensitivities([variant.wanted for variant in tried])
+    model = _model(fit)
+    residual = Spectrum.of(fit.residual, fit)
+    out = []
+    for variant, S in zip(tried, columns, strict=True):
+        free = fit.basis.off(fit.basis.off(S))
+        shown = np.linalg.norm(free, axis=0) > evidence.BLIND * np.linalg.norm(S, axis=0)
+        if shown.all():
+            S = np.stack([Spectrum.of(column, fit).coefficients for column in free.T], axis=-1)
+            out.append(_strike(variant, S, model, residual))
+    return out
+
+
+def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Strike:
+    """Of a variant with coefficients S (N, K) off the model's (N, k)."""
+    from scipy.special import fdtrc
+
+    r, cell = residual.coefficients, residual.cell
+    # a phase that says at which instant counts, too
+    size, rank = np.zeros(S.shape[1]), sum(p.fitted_then for p in variant.effect.parameters)
+    rank += S.shape[1]
+    for _ in range(SWEEPS):
+        power, numbers = misfit(r - S @ size, r, cell, rank)
+        weight = 1 / np.sqrt(power[cell])
+        own = np.linalg.qr(model * weight[:, None])[0]
+        free, left = S * weight[:, None], r * weight
+        for _ in range(2):
+            free, left = free - own @ (own.T @ free), left - own @ (own.T @ left)
+        information = np.linalg.pinv(free.T @ free, hermitian=True)
+        size = information @ (free.T @ left)
+    taken = free @ size
+    gain = float(taken @ taken)
+    share = np.bincount(cell, taken**2, len(power)) / max(gain, 1e-300)
+    unsure = max(float(np.sum(share**2 / numbers)), 1e-12)
+    std = np.sqrt(np.maximum(np.diag(information), 0.0))
+    chance = float(fdtrc(rank, 1 / unsure, gain / rank))
+    return Strike(variant, gain, rank, chance, size, std, evidence.criterion(gain, rank, len(r)))
+
+
+def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, Array]:
+    """Mean power (B,) of coefficients (N,) in every cell, at least the stated noise's 1, and of how
+    many independent numbers it consists, inf where it is that noise; before: with a cause of so
+    many parameters in them."""
+    from scipy.special import chdtrc
+
+    power, numbers = np.ones(cell.max() + 1), np.full(cell.max() + 1, np.inf)
+    for b in range(len(power)):
+        squares = left[cell == b] ** 2
+        if len(squares) and chdtrc(len(squares), squares.sum()) < INADEQUATE:
+            power[b] = max(float(squares.mean()), 1.0)
+            numbers[b] = max(
+                min(independent(squares), independent(before[cell == b] ** 2) - rank), 1.0
+            )
+    return power, numbers
+
+
+def _model(fit: Fit) -> Array:
+    """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
+    J = fit.design.whole()
+    basis = evidence.orthonormal(J[:, np.linalg.norm(J, axis=0) > 0], evidence.CLEAR_RANK)
+    return np.stack([Spectrum.of(column, fit).coefficients for column in basis.T], axis=-1)
