@@ -116,9 +116,11 @@ def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any
     errors = {}
     own = next((e for e in entries if e["name"] == name), None)
     if own is not None:
-        parts = {k: v for k, v in own["parameters"].items() if k in true and v["std"]}
+        fitted = {p.name for p in hidden.effect.fitted()}
+        parts = {k: v for k, v in own["parameters"].items() if k in fitted and v["std"]}
         sign = 1.0
-        if hidden.effect.coherent:
+        # half a period later the same knock has the other sign
+        if hidden.effect.coherent or hidden.effect.slow_jump is not None:
             sign = float(
                 np.sign(sum(v["value"] * true[k] / v["std"] ** 2 for k, v in parts.items())) or 1.0
             )

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..effects import find
-from ..effects.effect import Effect
+from ..effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect
 from ..errors import UsageError
 from ..fitting.causes import extended_fit
 from ..fitting.causes.extended import state_of
@@ -32,6 +32,8 @@ from ..stages.simulate import run_ids, simulate
 Array = np.ndarray
 SAMPLE_RATE_HZ, DURATION_S = 20011.0, 2.0
 RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0)
+MIDDLE = (0.2, 0.8)
+"""Part of a run in which something happens at an instant."""
 REFERENCE_DEGC = 22.5
 BESIDE_IT = {
     "thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": REFERENCE_DEGC}
@@ -71,10 +73,13 @@ class Hiding:
 
     def measured(self, size: float | None, seed: int) -> list[Wave]:
         """Waves of the programme with the effect at a size, or without it."""
-        effects = beside(self.effect)
+        table = copy.deepcopy(dict(self.table)) | {"effects": beside(self.effect)}
         if size is not None:
-            effects[self.effect.name] = self.values(size)
-        return waves({**self.table, "effects": effects}, seed, self.effect.name)
+            values = self.values(size)
+            run = values.pop(RUN, OF_EVERY_RUN)
+            own = table if run == OF_EVERY_RUN else table["run"][int(run)]
+            own.setdefault("effects", {})[self.effect.name] = values
+        return waves(table, seed, self.effect.name)
 
 
 def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
@@ -92,10 +97,13 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
     if effect.whole_samples:
         lost = {
             "lost_s": 1 / SAMPLE_RATE_HZ,
-            "time_s": float(random.uniform(0.2, 0.8)) * DURATION_S,
+            INSTANT: float(random.uniform(*MIDDLE)) * DURATION_S,
         }
         # one sample at "size 1", whatever that is in σ
         return Hiding(effect, table, neutral, lost, fit, K)
+    if effect.of_one_run:
+        neutral[RUN] = float(random.integers(len(RATES)))
+        neutral[INSTANT] = float(random.uniform(*MIDDLE)) * DURATION_S
     if effect.seen_in == "waveform":
         away = float(random.choice([-1, 1]) * random.uniform(5, 50))
         neutral["frequency_hz"] = table["device"]["frequency_hz"] + away

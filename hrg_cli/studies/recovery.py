@@ -31,7 +31,7 @@ from ..stages.diagnosis.data import freedom_of, prepare
 from ..stages.diagnosis.rate_steps import settled
 from ..stages.estimate import estimate
 from ..stages.inject import UnchangedError, inject
-from .hidden import ALL_ROWS, direction_of, setting_in
+from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
 from .power import coverage, share
 
 if TYPE_CHECKING:
@@ -45,8 +45,6 @@ LARGEST_GROUP = 3
 """Names that a group may have in which the effect counts as named."""
 TONE_AWAY = (0.01, 0.05)
 """Part of the oscillation's frequency by which a tone is beside it."""
-MIDDLE = (0.2, 0.8)
-"""Part of the run in which an instant lies."""
 
 
 def recovery_study(

@@ -43,7 +43,7 @@ SIZES = {
         "phase_rad": 0.4,
     },
     "phase_drift": {"slope_rad_s": 1e-2},
-    "gain_drift": {"slope_1_s": 4e-3, "curvature_1_s2": -1e-2},
+    "gain_drift": {"curvature_1_s2": -2e-2},
     "gain_step": {"c_gain": 4e-3, "s_gain": -7e-3, "time_s": 0.21},
     "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }

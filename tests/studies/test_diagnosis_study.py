@@ -134,3 +134,19 @@ def test_what_an_effect_needs_beside_it_has_a_size():
     for effect in EFFECTS:
         for name, values in hidden.beside(effect).items():
             assert find(name).fitted()[0].name in values
+
+
+@pytest.mark.parametrize("name", ["momentum_kick", "gain_step"])
+def test_what_happens_at_an_instant_is_hidden_inside_one_run(name):
+    """At a run's start nothing tells it from another start, whatever its size."""
+    one = hidden.hiding(name, np.random.default_rng(7), 3e-4)
+    values = one.values(10.0)
+    run, instant = int(values["run"]), values["time_s"]
+    assert 0 <= run < len(hidden.RATES) and 0.2 <= instant / hidden.DURATION_S <= 0.8
+    largest = max(abs(values[p.name]) for p in one.effect.fitted())
+    assert 1e-5 < largest < 1e-2
+    struck, plain = one.measured(10.0, 3), one.measured(None, 3)
+    for k, (a, b) in enumerate(zip(struck, plain, strict=True)):
+        changed = np.abs(a.main_amplitude - b.main_amplitude) > 1e-9
+        assert changed.any() == (k == run)
+        assert not changed[a.time_s < instant - 10 * a.window_s].any()

@@ -3,7 +3,7 @@ frequency, the effects' parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
@@ -177,6 +177,12 @@ class Fit:
     @cached_property
     def _known(self) -> dict[Any, Array]:
         return {}
+
+    def remembered(self, key: Hashable, made: Callable[[], Any]) -> Any:
+        """What is made beside this fit, the same for the same key."""
+        if key not in self._known:
+            self._known[key] = made()
+        return self._known[key]
 
     def sensitivities(self, wanted: Sequence[Wanted]) -> list[Array]:
         """Of many effects at the optimum, (N, K) each; what was asked for once is remembered."""

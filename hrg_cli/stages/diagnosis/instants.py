@@ -23,7 +23,16 @@ from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
 from .beside_misfit import Spectrum, independent
 from .remainder import Remainder
-from .search import Found, Search, Variant, gross, is_small, scored, variants
+from .search import (
+    Found,
+    Search,
+    Variant,
+    gross,
+    is_small,
+    leaving_out,
+    scored,
+    variants,
+)
 from .thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
 from .verdict import rest
 
@@ -58,8 +67,14 @@ def struck(
 ) -> tuple[Search, Remainder | None]:
     """The search with what stands out of a gross misfit at an instant, one after another; as it is
     where the misfit is none."""
+    if remainder is None or not gross(search.final):
+        return search, remainder
     sharp = [effect for effect in effects if effect.of_one_run]
-    while remainder is not None and gross(search.final) and len(search.found) < most:
+    search = _without(search, sharp, candidates)
+    remainder = rest(search.final, noise_factor)
+    for _ in range(most):
+        if remainder is None or not gross(search.final):
+            break
         found = _clearest(search.final, sharp)
         if found is None:
             break
@@ -68,6 +83,18 @@ def struck(
         search = replace(search, final=fit, found=(*search.found, one), last=last)
         remainder = rest(fit, noise_factor)
     return search, remainder
+
+
+def _without(search: Search, sharp: Sequence[Effect], candidates: Sequence[Variant]) -> Search:
+    """The search without the causes at an instant that plain least squares found: beside a gross
+    misfit their sizes are its own."""
+    names = {effect.name for effect in sharp}
+    for one in search.found:
+        if one.variant.effect.name in names:
+            reduced = leaving_out(search.final, one.variant.effect.name, search.base)
+            if reduced is not None:
+                search = search.without(one, reduced, candidates)
+    return search
 
 
 def _clearest(fit: Fit, effects: Sequence[Effect]) -> tuple[Fit, Found] | None:
