@@ -39,7 +39,7 @@ from .verdict import rest
 Array = np.ndarray
 SWEEPS = 4
 """Times that sizes and the misfit beside them follow from one another."""
-APART = (-2, -1, 0, 1, 2)
+APART = range(-4, 5)
 """Half rows by which the instant may lie beside where the rows jump most."""
 
 

@@ -299,8 +299,7 @@ def taken_out(
     """
     left, tones = list(waves), list[Tone]()
     while len(tones) < MOST_TONES:
-        beside = nearest(fit) if gross(fit) else fit
-        tone = strongest(beside, left)
+        tone = strongest(nearest(fit), left)
         if tone is None:
             break
         if not tone.standing:
