@@ -13,7 +13,6 @@ from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
 from hrg_cli.stages.diagnosis.instants import struck
 from hrg_cli.stages.diagnosis.search import Search, gross, variants
-from hrg_cli.stages.diagnosis.verdict import rest
 
 PENDULUM = Mechanics(0.3563, 3e-4, 4e-5, 0.4, 6e-4, 0.7, 1.0, 1)
 RATE_RAD_S, LENGTH_S, ROWS, NOISE = -5e-5, 1450.0, 103, 3e-4
@@ -42,7 +41,8 @@ def named(wave):
     base = extended_fit.fit(series, point, freedom_of(series, point, None))
     assert gross(base), "a slow misfit was expected"
     candidates = variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
-    search, _ = struck(Search(base, base, (), (), ()), rest(base, 1.0), 1.0, EFFECTS, candidates, 5)
+    left_over = object()  # what it is does not matter here, only that it is
+    search, _ = struck(Search(base, base, (), (), ()), left_over, 1.0, EFFECTS, candidates, 5)
     return search.found
 
 

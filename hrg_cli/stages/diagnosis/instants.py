@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...effects.effect import INSTANT, RUN, Effect
+from ...effects.jumps import FEWEST
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
@@ -70,19 +71,15 @@ def struck(
     if remainder is None or not gross(search.final):
         return search, remainder
     sharp = [effect for effect in effects if effect.of_one_run]
-    search = _without(search, sharp, candidates)
-    remainder = rest(search.final, noise_factor)
+    before, search = search, _without(search, sharp, candidates)
     for _ in range(most):
-        if remainder is None or not gross(search.final):
-            break
-        found = _clearest(search.final, sharp)
+        found = _clearest(search.final, sharp) if gross(search.final) else None
         if found is None:
             break
         fit, one = found
         last = tuple(score for score, _ in scored(fit, candidates))
         search = replace(search, final=fit, found=(*search.found, one), last=last)
-        remainder = rest(fit, noise_factor)
-    return search, remainder
+    return search, remainder if search is before else rest(search.final, noise_factor)
 
 
 def _without(search: Search, sharp: Sequence[Effect], candidates: Sequence[Variant]) -> Search:
@@ -134,18 +131,21 @@ def _clearest(fit: Fit, effects: Sequence[Effect]) -> tuple[Fit, Found] | None:
 
 
 def around(tried: Sequence[Variant], series: Series) -> list[Variant]:
-    """The variants at instants half rows apart about theirs, whole periods away: the rows know the
-    instant to a part of their length."""
+    """The variants at instants half rows apart about theirs, whole periods away, with rows enough on
+    either side: the rows know the instant to a part of their length."""
     period = 1 / series.reference_frequency_hz
     out = []
     for one in tried:
         if INSTANT in one.values:
-            t = series.time_s[max(0, int(one.values[RUN]))]
-            row = float(np.median(np.diff(t[: np.searchsorted(t, t.max()) + 1])))
-            shifts = {period * round(k * row / 2 / period) for k in APART}
+            number = max(0, int(one.values[RUN]))
+            t = series.time_s[number][series.weight[number] > 0]
+            row = float(np.median(np.diff(t)))
+            shifts = sorted({period * round(k * row / 2 / period) for k in APART})
+            places = [one.values[INSTANT] + shift for shift in shifts]
             out += [
-                replace(one, values={**one.values, INSTANT: one.values[INSTANT] + shift})
-                for shift in sorted(shifts)
+                replace(one, values={**one.values, INSTANT: place})
+                for place in places
+                if t[FEWEST] < place < t[-1 - FEWEST]
             ]
     return out
 
