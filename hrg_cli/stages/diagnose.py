@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ..effects import EFFECTS, find
-from ..effects.effect import Effect
+from ..effects.effect import INSTANT, Effect
 from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.causes import extended_fit
@@ -41,6 +41,7 @@ from .diagnosis.record import doubts, in_form, left_over, record_of, with_shares
 from .diagnosis.refusal import refused, stopped
 from .diagnosis.report import report as report_of
 from .diagnosis.scores import scores
+from .diagnosis.scoring import gross
 from .diagnosis.shares import switched_off
 from .diagnosis.sized import Sized
 from .diagnosis.stability import stability
@@ -180,18 +181,17 @@ class InSamples:
 
 def _diagnosed(asked: Asked) -> Diagnosis:
     """The diagnosis with all the fits that it takes."""
-    cut = cut_at_losses(asked.waves, asked.fit)
+
+    def near(fit: Fit) -> Fit:
+        return nearest(fit, variants(asked.searched, fit), GROSS) if gross(fit) else fit
+
+    cut = cut_at_losses(asked.waves, asked.fit, near)
     candidates = variants(asked.searched, cut.untouched)
     if suspicions := suspect_runs(asked.waves, asked.fit, cut.untouched, candidates):
         return refused(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
     if contradiction := strangers(cut.base):
         raise HrgError(contradiction)
-    base, pieces, tones = taken_out(
-        cut.base,
-        cut.pieces,
-        asked.fit,
-        lambda fit: nearest(fit, variants(asked.searched, fit), GROSS),
-    )
+    base, pieces, tones = taken_out(cut.base, cut.pieces, asked.fit, near)
 
     case = _explained(asked, base)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
@@ -276,10 +276,11 @@ def _untouched(case: Case, cut: Cut) -> Fit:
 
 def _instants(fit: Fit, cut: Cut) -> list[tuple[int, float]]:
     """(wave, time) of every instant at which samples were lost or a cause of the fit strikes."""
-    struck = jump_times(fit.series, fit.point)
+    strikes = jump_times(fit.series, fit.point)
+    strikes += [values[INSTANT] for effect, values in fit.point.active if effect.of_one_run]
     return [
         *((step.run, step.time_s) for step in cut.steps),
-        *((run, time_s) for run in cut.origin for time_s in struck),
+        *((run, time_s) for run in cut.origin for time_s in strikes),
     ]
 
 

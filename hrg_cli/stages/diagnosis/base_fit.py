@@ -74,8 +74,12 @@ class Cut:
     own: list[int]
 
 
-def cut_at_losses(waves: Sequence[Wave], fitted: Callable[..., Fit]) -> Cut:
-    """The runs as they are to be diagnosed: whole where cuts are not worth it.
+def cut_at_losses(
+    waves: Sequence[Wave], fitted: Callable[..., Fit], near: Callable[[Fit], Fit]
+) -> Cut:
+    """The runs as they are to be diagnosed: whole where cuts are not worth it, and where a gross
+    misfit is left of the pieces by the few causes that leave least (`near`): a loss is then held
+    against that (`instants`).
 
     HrgError: the base model finds no fit to them together.
     """
@@ -85,7 +89,7 @@ def cut_at_losses(waves: Sequence[Wave], fitted: Callable[..., Fit]) -> Cut:
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):
             whole, runs = fitted(waves), list(range(len(waves)))
-            if not _needs_cuts(base, whole):
+            if not _needs_cuts(base, whole) or gross(near(base)):
                 return Cut([], list(waves), runs, whole, whole, runs)
             return Cut(steps, pieces, origin, base, whole, runs)
     return Cut(steps, pieces, origin, base, base, origin)

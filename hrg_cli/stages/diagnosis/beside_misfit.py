@@ -48,16 +48,21 @@ def drop_indistinct(case: Case) -> Case:
     many others could take.
 
     The weakest goes first, and the rest is looked at again. Where nothing is left over the case
-    stays as it is.
+    stays as it is, and so do causes whose sizes stand out of the misfit already.
     """
     stands = False
-    while not stands and case.remainder is not None and case.search.found:
+    while (
+        not stands
+        and case.remainder is not None
+        and any(one.sizes is None for one in case.search.found)
+    ):
         search = case.search
         judged = sorted(
             (
                 _judged(one, without, search.final)
                 for one in search.found
-                if (without := leaving_out(search.final, one.variant.effect.name, search.base))
+                if one.sizes is None
+                and (without := leaving_out(search.final, one.variant.effect.name, search.base))
             ),
             key=lambda j: -j.chance,
         )

@@ -16,10 +16,11 @@ from .case import Case
 from .forecast import drop_misleading
 from .form import take_better_form
 from .inquiry import Inquiry, NoiseLevel
+from .instants import take_strikes
 from .open_rivals import give_way_to_open_terms
 from .remainder import Remainder, adequacy, rest
 from .search import select
-from .thresholds import INADEQUATE, NEVER_LESS
+from .thresholds import GROSS, INADEQUATE, NEVER_LESS
 from .variants import Variant
 
 LEAST_CHANGE = 0.03
@@ -43,6 +44,7 @@ def explain(base: Fit, candidates: Sequence[Variant], most: int) -> Case:
         give_way_to_open_terms,
         take_better_form,
         drop_misleading,
+        take_strikes,
         drop_indistinct,
     ):
         case = step(case)
@@ -72,7 +74,7 @@ def reweighted(fit: Fit, level: float) -> Fit:
 
 def noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None
-    where they agree."""
+    where they agree, and where a gross misfit is left, however large the noise."""
     values = np.zeros((*fit.series.weight.shape, 4))
     values[tuple(fit.rows.T)] = (remainder.fit if remainder else fit).residual
     ok = fit.series.weight > 0
@@ -82,6 +84,8 @@ def noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
     level = float(
         np.sqrt(np.median(rough**2) / (6 * 0.45494))
     )  # median of χ² with one degree of freedom
+    if fit.chi2 > GROSS * fit.dof * max(level, 1.0) ** 2:
+        return None
     return (
         level
         if abs(level - 1) > max(LEAST_CHANGE, 8 / np.sqrt(rough.size)) and level > 1e-9

@@ -17,25 +17,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...effects import EFFECTS
 from ...effects.effect import INSTANT, RUN, Effect
 from ...effects.jumps import FEWEST
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended import Series
 from ...fitting.causes.extended_fit import Fit
 from .beside_misfit import Spectrum, independent
-from .remainder import Remainder
-from .search import (
-    Found,
-    Search,
-    Variant,
-    gross,
-    is_small,
-    leaving_out,
-    scored,
-    variants,
-)
+from .case import Case
+from .refits import leaving_out
+from .remainder import rest
+from .scoring import gross, is_small, scored
+from .search import Found
 from .thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
-from .verdict import rest
+from .variants import Variant, variants
 
 Array = np.ndarray
 SWEEPS = 4
@@ -58,40 +53,37 @@ class Strike:
     criterion: float
 
 
-def struck(
-    search: Search,
-    remainder: Remainder | None,
-    noise_factor: float,
-    effects: Sequence[Effect],
-    candidates: Sequence[Variant],
-    most: int,
-) -> tuple[Search, Remainder | None]:
-    """The search with what stands out of a gross misfit at an instant, one after another; as it is
+def take_strikes(case: Case) -> Case:
+    """The case with what stands out of a gross misfit at an instant, one after another; as it is
     where the misfit is none."""
-    if remainder is None or not gross(search.final):
-        return search, remainder
-    sharp = [effect for effect in effects if effect.of_one_run]
-    before, search = search, _without(search, sharp, candidates)
-    for _ in range(most):
-        found = _clearest(search.final, sharp) if gross(search.final) else None
+    if case.remainder is None or not gross(case.search.final):
+        return case
+    sharp = [effect for effect in EFFECTS if effect.of_one_run]
+    before, case = case, _without(case, sharp)
+    for _ in range(case.inquiry.most):
+        found = _clearest(case.search.final, sharp) if gross(case.search.final) else None
         if found is None:
             break
         fit, one = found
-        last = tuple(score for score, _ in scored(fit, candidates))
-        search = replace(search, final=fit, found=(*search.found, one), last=last)
-    return search, remainder if search is before else rest(search.final, noise_factor)
+        last = tuple(score for score, _ in scored(fit, case.inquiry.candidates))
+        search = replace(case.search, final=fit, found=(*case.search.found, one), last=last)
+        case = replace(case, search=search)
+    if case is before:
+        return case
+    return replace(case, remainder=rest(case.search.final, case.inquiry.noise))
 
 
-def _without(search: Search, sharp: Sequence[Effect], candidates: Sequence[Variant]) -> Search:
-    """The search without the causes at an instant that plain least squares found: beside a gross
+def _without(case: Case, sharp: Sequence[Effect]) -> Case:
+    """The case without the causes at an instant that plain least squares found: beside a gross
     misfit their sizes are its own."""
     names = {effect.name for effect in sharp}
+    search = case.search
     for one in search.found:
         if one.variant.effect.name in names:
             reduced = leaving_out(search.final, one.variant.effect.name, search.base)
             if reduced is not None:
-                search = search.without(one, reduced, candidates)
-    return search
+                search = search.without(one, reduced, case.inquiry.candidates)
+    return case if search is case.search else replace(case, search=search)
 
 
 def _clearest(fit: Fit, effects: Sequence[Effect]) -> tuple[Fit, Found] | None:

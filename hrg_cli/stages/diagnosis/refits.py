@@ -87,8 +87,14 @@ def refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     none.
 
     Many are refitted in few steps first where the misfit is gross, and only the best of these to
-    the end.
+    the end. A selection at another noise asks for the same: what was refitted once is remembered.
     """
+    tried = tuple((variant.effect, tuple(variant.values.items())) for _, variant in close)
+    trials: list[Trial] = fit.remembered(("refitted", tried), lambda: _refitted(fit, close))
+    return trials
+
+
+def _refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     trials: list[Trial] = []
     for score, variant in close:
         with contextlib.suppress(extended_fit.DivergedError):

@@ -21,7 +21,6 @@ from ...physics import ellipse
 from ...records import Wave
 from .drive_scatter import corner_hz
 from .scoring import gross
-from .thresholds import GROSS
 
 Array = np.ndarray
 NEAREST_CYCLES = 4.0
