@@ -10,9 +10,13 @@ from synthetic_waves import as_wave, envelope
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.physics.resonator import Mechanics
+from hrg_cli.stages.diagnosis.case import Case
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
-from hrg_cli.stages.diagnosis.instants import struck
-from hrg_cli.stages.diagnosis.search import Search, gross, variants
+from hrg_cli.stages.diagnosis.inquiry import Inquiry
+from hrg_cli.stages.diagnosis.instants import take_strikes
+from hrg_cli.stages.diagnosis.scoring import gross
+from hrg_cli.stages.diagnosis.search import Search
+from hrg_cli.stages.diagnosis.variants import variants
 
 PENDULUM = Mechanics(0.3563, 3e-4, 4e-5, 0.4, 6e-4, 0.7, 1.0, 1)
 RATE_RAD_S, LENGTH_S, ROWS, NOISE = -5e-5, 1450.0, 103, 3e-4
@@ -42,8 +46,8 @@ def named(wave):
     assert gross(base), "a slow misfit was expected"
     candidates = variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
     left_over = object()  # what it is does not matter here, only that it is
-    search, _ = struck(Search(base, base, (), (), ()), left_over, 1.0, EFFECTS, candidates, 5)
-    return search.found
+    case = Case(Inquiry(tuple(candidates), 5), Search(base, base, (), (), ()), left_over)
+    return take_strikes(case).search.found
 
 
 def gain_step(c, s):
