@@ -82,8 +82,9 @@ def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, 
     small = np.abs(x2) < SLOPE_SERIES**2
     safe = np.where(small, 1.0, d2)
     d = np.sqrt(safe)
-    even = np.where(small, 1 + x2 / 2 + x2**2 / 24, np.cosh(d * time_s))
-    slope = np.where(small, time_s * (1 + x2 / 6 + x2**2 / 120), np.sinh(d * time_s) / d)
+    x = np.where(small, 0.0, d * time_s)  # the series stands there, in any unit of time
+    even = np.where(small, 1 + x2 / 2 + x2**2 / 24, np.cosh(x))
+    slope = np.where(small, time_s * (1 + x2 / 6 + x2**2 / 120), np.sinh(x) / d)
     third = np.where(
         small, time_s**3 * (1 / 6 + x2 / 60 + x2**2 / 1680), (time_s * even - slope) / (2 * safe)
     )
