@@ -8,6 +8,7 @@ as the waves show it, the same in all runs, and no cause is judged by what a cha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.wave_frame import real
 from ...fitting.samples.course import impulse, mean_of
 from ...records import Wave
+from .drive_scatter import Scatter
 
 Array = np.ndarray
 ROUNDS = 4
@@ -27,6 +29,8 @@ REACH = 0.5
 would have been seen as such."""
 SETTLED = 0.03
 """Part of its standard deviation by which τ may still move."""
+CLEAR = 3.0
+"""σ of the commands' scatter from which a part of them is more than that."""
 STEP = 1e-3
 """Change of τ for its effect, in row lengths: the model is linear in it."""
 
@@ -36,12 +40,14 @@ def timed(fit: Fit) -> Fit:
     logged."""
     if not _logged(fit.series):
         return fit
-    row = _row(fit.series)
+    before = 1 / (REACH * _row(fit.series)) ** 2
     for _ in range(ROUNDS):
         column = fit.basis.off(extended_fit.flat(fit.series, of_lateness(fit)))
-        information = float(column @ column) + 1 / (REACH * row) ** 2
+        told = fit.basis.off(extended_fit.flat(fit.series, of_lateness(fit, beyond_scatter)))
+        along, power = float(told @ column), max(float(told @ told), np.finfo(float).tiny)
+        information = along**2 / power + before
         late = fit.series.drive_late_s
-        step = (float(column @ fit.residual) - late / (REACH * row) ** 2) / information
+        step = (along / power * float(told @ fit.residual) - late * before) / information
         fit = extended_fit.fit(delayed(fit.series, step), fit.point, fit.freedom)
         if step**2 * information < SETTLED**2:
             break
@@ -62,10 +68,10 @@ def blind(fit: Fit) -> Fit:
     return extended_fit.fit(replace(series, unsettled=basis), fit.point, fit.freedom)
 
 
-def of_lateness(fit: Fit) -> Array:
-    """What is seen of a lateness of one second, over σ, (R, n, 4)."""
+def of_lateness(fit: Fit, part: Callable[[Series], Series] = lambda series: series) -> Array:
+    """What is seen of a lateness of one second, over σ, (R, n, 4); of a part of the commands."""
     flow, point, small = fit.flow, fit.point, STEP * _row(fit.series)
-    later = delayed(fit.series, small)
+    later = delayed(fit.series, small, part(fit.series))
     motion, rows = fit.prediction.motion, Stage(later, point)
     halves = Stage(later.middle(), point)
     at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None] / small
@@ -77,8 +83,34 @@ def of_lateness(fit: Fit) -> Array:
     return fit.prediction.judged(carried + direct)[..., 0]
 
 
-def delayed(series: Series, late_s: float) -> Series:
-    """The commands later still by a time that is short against the rows: f − τḟ, and ∫f − τf."""
+def beyond_scatter(series: Series) -> Series:
+    """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of
+    them, s the white scatter from row to row.
+
+    Loops on noisy envelopes answer the noise that the fit leaves, which would be taken for a
+    lateness of what they command.
+    """
+    from scipy.fft import dct, idct
+
+    size = Scatter.of(series).size
+    columns = {}
+    for n, name in enumerate(("main_drive", "quadrature_drive")):
+        values = getattr(series, name).copy()
+        for k, weight in enumerate(series.weight):
+            good = weight > 0
+            c = dct(values[k, good], norm="ortho")
+            power = np.maximum(c**2, np.finfo(float).tiny)
+            values[k, good] = idct(
+                c * np.maximum(1 - (CLEAR * size[k, n]) ** 2 / power, 0.0), norm="ortho"
+            )
+        columns[name] = values
+    return replace(series, **columns)
+
+
+def delayed(series: Series, late_s: float, moving: Series | None = None) -> Series:
+    """The commands later still by a time that is short against the rows: f − τḟ, and ∫f − τf;
+    moving: the series whose commands f are late, where that is a part of them."""
+    moving = series if moving is None else moving
     width = np.gradient(series.time_s, axis=1)
     width = np.where(width > 0, width, np.inf)
     changes = {}
@@ -86,8 +118,8 @@ def delayed(series: Series, late_s: float) -> Series:
         ("main_drive", "main_impulse"),
         ("quadrature_drive", "quadrature_impulse"),
     ):
-        values = getattr(series, command)
-        changes[command] = values - late_s * np.gradient(values, axis=1) / width
+        values = getattr(moving, command)
+        changes[command] = getattr(series, command) - late_s * np.gradient(values, axis=1) / width
         changes[integral] = getattr(series, integral) - late_s * values
     return replace(series, drive_late_s=series.drive_late_s + late_s, **changes)
 
