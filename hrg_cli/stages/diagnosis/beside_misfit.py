@@ -27,7 +27,8 @@ from ...fitting.causes import evidence
 from ...fitting.causes.extended_fit import Fit
 from ...fitting.causes.wave_frame import directions, real
 from .case import Case
-from .refits import bic, leaving_out, refitted
+from .refits import as_fitted, bic, leaving_out, refitted
+from .remainder import rest
 from .scoring import scored
 from .search import Found
 from .thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
@@ -93,12 +94,34 @@ def _told(case: Case, judged: Sequence[Judged]) -> tuple[Case, bool]:
     for one in judged:
         stands = one.chance <= BESIDE_MISFIT
         others = _rivals(case.search.final, one, case.inquiry.candidates) if stands else []
+        if not stands and (simpler := _simpler(case, one)) is not None:
+            return simpler, False
         if not stands or len(others) > MOST_RIVALS:
             return case.without(one.cause, one.without), False
         named = replace(one.cause, rivals=tuple(dict.fromkeys([*one.cause.rivals, *others])))
         found = tuple(named if f.variant is one.cause.variant else f for f in case.search.found)
         case = replace(case, search=replace(case.search, found=found))
     return case, True
+
+
+def _simpler(case: Case, one: Judged) -> Case | None:
+    """The case with a rival of fewer parameters in the place of a cause that does not stand; None
+    where none stands either. What takes as much away with less may stand where more does not."""
+    pairs = [
+        pair
+        for pair in scored(one.without, case.inquiry.candidates)
+        if pair[0].name in one.cause.rivals and pair[0].rank < one.cause.score.rank
+    ]
+    for level, fit, score, variant in refitted(one.without, pairs):
+        others = {one.cause.variant.effect.name, *one.cause.rivals} - {score.name}
+        worth = bic(one.without) - level
+        found = Found(as_fitted(variant, fit), score, one.cause.tried, worth, tuple(sorted(others)))
+        if _judged(found, one.without, fit).chance <= BESIDE_MISFIT:
+            kept = case.without(one.cause, one.without).search
+            last = tuple(s for s, _ in scored(fit, case.inquiry.candidates))
+            search = replace(kept, final=fit, found=(*kept.found, found), last=last)
+            return replace(case, search=search, remainder=rest(fit, case.inquiry.noise))
+    return None
 
 
 def _rivals(final: Fit, one: Judged, candidates: Sequence[Variant]) -> list[str]:

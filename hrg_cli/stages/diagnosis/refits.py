@@ -119,9 +119,11 @@ def _refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
 
 def _may_stand(effect: Effect, fit: Fit, trial: Fit) -> bool:
     """Whether a cause may be taken in: while the misfit is gross and stays so, a part of what does
-    not stand there would do for the whole."""
+    not stand there would do for the whole, and what happens at an instant would have the misfit's
+    own size (`instants`)."""
     active = {one.name for one, _ in fit.point.active}
-    return not effect.part_of or bool(active & set(effect.part_of)) or not gross(trial)
+    part = bool(effect.part_of) and not active & set(effect.part_of)
+    return not (part or effect.of_one_run) or not gross(trial)
 
 
 def loosened(fit: Fit) -> Fit:
