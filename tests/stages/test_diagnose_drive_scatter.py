@@ -12,6 +12,7 @@ import pytest
 
 from hrg_cli.effects.effect import frame
 from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.fitting.causes.evidence import Softened
 from hrg_cli.fitting.causes.extended import Point, Series
 from hrg_cli.fitting.causes.extended_fit import Freedom
 from hrg_cli.fitting.envelopes import coordinates
@@ -141,7 +142,7 @@ def test_a_log_that_scatters_is_told():
     seen, commands = loops(1, 3e-5, seed=5)
     rough = fitted(measured(seen[0], commands[0], VALUES, 1))
     told = drive_scatter.sentence(drive_scatter.allowed_for(rough))
-    assert "scatters by 0.000" in told and "is allowed for" in told
+    assert "scatters by 0.000" in told and "is in every standard deviation" in told
     seen, commands = loops(1, 0.0, seed=5)
     smooth = fitted(measured(seen[0], commands[0], VALUES, 1))
     assert drive_scatter.sentence(smooth) == ""
@@ -177,3 +178,16 @@ def test_a_line_must_stand_out_of_the_walk_and_a_cause_of_what_is_not_allowed_fo
         return [one.passed for one in closing.beside_drive_log("gain_mismatch", sigma, walk)]
 
     assert named(4.0, walk) == [False] and named(5 * walk, walk) == [True] and named(4.0, 0.0) == []
+
+
+def test_what_may_be_off_is_whitened_and_scales_with_the_noise():
+    """(1 + QΛQᵀ)^{−1/2} against the matrix itself, and over other σ."""
+    random = np.random.default_rng(8)
+    Q = np.linalg.qr(random.normal(size=(9, 3)))[0]
+    power = np.array([0.3, 2.0, 40.0])
+    soft, S = Softened(((slice(2, 11), Q, power),)), random.normal(size=(12, 4))
+    for level in (1.0, 2.0):
+        C = np.eye(12)
+        C[2:11, 2:11] += Q @ np.diag(power / level**2) @ Q.T
+        white = soft.over(level).off(S)
+        assert np.allclose(white.T @ white, S.T @ np.linalg.solve(C, S), rtol=1e-12)

@@ -122,17 +122,21 @@ class Basis:
 @dataclass(frozen=True)
 class Softened:
     """What may be off by a known covariance 1 + Q Λ Qᵀ, in parts that live on some rows alone:
-    orthonormal Q (N, k) and 1 − (1 + λ)^{−1/2} (k,)."""
+    orthonormal Q (N, k) and variances λ (k,)."""
 
     own: tuple[tuple[slice, Array, Array], ...]
 
     def off(self, S: Array) -> Array:
         """Columns (N, …) whitened, (1 + Q Λ Qᵀ)^{−1/2} S."""
         out = S.copy()
-        for rows, Q, share in self.own:
+        for rows, Q, power in self.own:
             along = Q.T @ S[rows]
-            out[rows] -= Q @ (along.T * share).T
+            out[rows] -= Q @ (along.T * (1 - 1 / np.sqrt(1 + power))).T
         return out
+
+    def over(self, level: float) -> Softened:
+        """The same where every σ is `level` times as large."""
+        return Softened(tuple((rows, Q, power / level**2) for rows, Q, power in self.own))
 
 
 @dataclass(frozen=True)

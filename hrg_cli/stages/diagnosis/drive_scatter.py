@@ -97,11 +97,7 @@ def allowed_for(fit: Fit) -> Fit:
         return fit
     runs = _runs(fit, scatter)
     part = _part(fit.residual, runs)
-    own = []
-    for run in runs:
-        Q, power = _directions(part * run.doings)
-        own.append((run.rows, Q, 1 - 1 / np.sqrt(1 + power)))
-    soft = Softened(tuple(own))
+    soft = Softened(tuple((run.rows, *_directions(part * run.doings)) for run in runs))
     series = replace(fit.series, scatter=soft, unsettled=_whitened(fit.series.unsettled, soft))
     return extended_fit.fit(series, fit.point, fit.freedom)
 
@@ -114,7 +110,7 @@ def sentence(fit: Fit) -> str:
         return ""
     size = float(np.max(scatter.size[scatter.worst]))
     allowed = (
-        "; as much of it as the waves show is allowed for in every standard deviation"
+        "; as much of that as the waves leave possible is in every standard deviation"
         if fit.series.scatter is not None
         else ""
     )
@@ -172,14 +168,14 @@ def _doings(fit: Fit, size: Array) -> Array:
 
 
 def _slow(fit: Fit) -> Array:
-    """Half cycles over a run of the wave's four components, (R, n, 4, 4 · SLOW)."""
+    """Half cycles over a run of the wave's four components, over σ, (R, n, 4, 4 · SLOW)."""
     t = fit.series.time_s
     waves = np.cos(
         np.pi * np.arange(SLOW) * ((t - t[:, :1]) / np.ptp(t, axis=1)[:, None])[..., None]
     )
     along = np.moveaxis(real(directions(fit.prediction.seen)), -2, -1)
     columns = along[..., None] * waves[..., None, None, :]
-    return columns.reshape(*t.shape, 4, -1)
+    return fit.prediction.judged(columns.reshape(*t.shape, 4, -1))
 
 
 def _part(residual: Array, runs: Sequence[_Run]) -> float:

@@ -67,9 +67,10 @@ def _searched(base: Fit, inquiry: Inquiry) -> Case:
 
 def reweighted(fit: Fit, level: float) -> Fit:
     """The fit again with every σ times `level`."""
-    return extended_fit.fit(
-        replace(fit.series, weight=fit.series.weight / level), fit.point, fit.freedom
-    )
+    series = fit.series
+    scatter = None if series.scatter is None else series.scatter.over(level)
+    series = replace(series, weight=series.weight / level, scatter=scatter)
+    return extended_fit.fit(series, fit.point, fit.freedom)
 
 
 def noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
