@@ -25,6 +25,9 @@ CALLS = (
     ("alloc", errno.ENOMEM),
 )
 """Kinds of calls, and how each fails."""
+READING = ("open", "read")
+"""Kinds that many commands are tried with in one process. A full disk may end the process, and what
+one command has allocated the next does not allocate again: the others run in one of their own."""
 
 
 @dataclass(frozen=True)
@@ -56,10 +59,16 @@ def put_failures(
         for call, code, made in _made(case, good, folder, calls)
         for nth in range(1, min(most, made) + 1)
     ]
+    together = [trial for trial in trials if trial.call in READING]
+    alone = [trial for trial in trials if trial.call not in READING]
+    put = partial(attempt, good=good, folder=folder)
+    ended = (
+        *zip(together, batches.outcomes(together, put), strict=True),
+        *((trial, put(trial, judge.run)) for trial in alone),
+    )
     counts: Counter = Counter()
     failures = []
-    put = partial(attempt, good=good, folder=folder)
-    for trial, found in zip(trials, batches.outcomes(trials, put), strict=True):
+    for trial, found in ended:
         counts[trial.case.name, trial.call, found.status] += 1
         if found.broken:
             failures.append(
@@ -81,9 +90,7 @@ def _made(
 
 
 def attempt(trial: Failing, run: judge.Runner, good: Path, folder: Path) -> judge.Outcome:
-    """One command of which one call fails; in a process of its own unless it only reads: a full disk
-    may end the process, and what one command has allocated the next does not allocate again."""
-    run = run if trial.call in ("open", "read") else judge.run
+    """One command of which one call fails."""
     words = programme.prepared(trial.case, good, folder)
     arm = (trial.call, trial.nth, trial.code)
     return run(words, folder, folder / trial.case.output, arm)

@@ -17,6 +17,9 @@ import h5py
 import mutation
 import numpy as np
 
+from hrg_cli.errors import HrgError
+from hrg_cli.store.heaps import check_heaps
+
 Damage = list[Any]
 LARGEST = 1 << 20
 """Values of a dataset that is damaged once more."""
@@ -142,9 +145,11 @@ def apply(path: Path, damages: list[Damage]) -> None:
             _token(path, *rest)
         else:
             try:
+                check_heaps(path)  # an earlier damage may be one that HDF5 never comes back from
                 with h5py.File(path, "r+") as file:
                     HDF5[kind](file, *rest)
             except (
+                HrgError,
                 OSError,
                 RuntimeError,
                 KeyError,

@@ -8,6 +8,7 @@ that belongs into corpus.json. Figures are added to those of earlier runs there.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import shutil
@@ -31,6 +32,7 @@ import programme  # noqa: E402
 
 KEPT = Path("build/faults")
 """What every run came to, for `page.py`."""
+KILLS_AT_ONCE = 20
 CORPUS = Path(__file__).with_name("corpus.json")
 
 
@@ -150,6 +152,22 @@ def keep(name: str, told: dict, counts: Counter, failures: list[str]) -> None:
         lines.write(json.dumps(row) + "\n")
 
 
+def put_kills(good: Path, folder: Path, asked: argparse.Namespace) -> list[str]:
+    """The kills, kept a few at a time: what broke a promise."""
+    killed = kills.put_kills(good, folder, asked.kills, asked.seed, asked.only)
+    counts: Counter = Counter()
+    failures = []
+    while some := list(itertools.islice(killed, KILLS_AT_ONCE)):
+        counted = Counter((name, how) for name, how, _ in some)
+        broken = [told for *_, told in some if told]
+        keep("kills.jsonl", {"seed": asked.seed, "kills": len(some)}, counted, broken)
+        counts += counted
+        failures += broken
+        print("\n".join(broken), end="\n" if broken else "", file=sys.stderr, flush=True)
+    print(f"{sum(counts.values())} kills, seed {asked.seed}\n{told_by_case(counts)}")
+    return failures
+
+
 def parsed() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -188,12 +206,7 @@ def main() -> int:
             print(f"{sum(counts.values())} failing calls\n{told_by_case(counts)}", flush=True)
             failures += broken
     if asked.kills:
-        counts, broken = kills.put_kills(
-            good, folder / "trial", asked.kills, asked.seed, asked.only
-        )
-        keep("kills.jsonl", {"seed": asked.seed, "kills": asked.kills}, counts, broken)
-        print(f"{asked.kills} kills, seed {asked.seed}\n{told_by_case(counts)}")
-        failures += broken
+        failures += put_kills(good, folder / "trial", asked)
     print(f"{len(failures)} broke a promise")
     print("\n".join(failures[:40]))
     shutil.rmtree(folder, ignore_errors=True)

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from forced_runs import Truth, forced_run, programme, wave_of
 
+from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Resonator, collect
 from hrg_cli.reporting.calibration import bought
 from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibration.table import measured_drift
 from hrg_cli.stages.compensate import compensate
 from hrg_cli.stages.compensate import summary as compensated_figures
 
@@ -80,6 +82,19 @@ def test_phase_variant_needs_no_stiffness_axes_but_the_mean_frequency(free_runs)
     assert json.loads(record.details)["measured"]["mean_frequency_hz"][0] == pytest.approx(
         5000.0, abs=2e-5
     )
+
+
+def test_a_phase_variant_of_an_old_file_is_the_exact_one_to_first_order(free_runs):
+    record = calibrate(free_runs, model="phase", scale_factor_harmonics=0, bootstrap=0)
+    details = json.loads(record.details)
+    details["measured"]["exact"] = False
+    old = record.replace(details=json.dumps(details))
+    for run in free_runs:
+        path = path_of(run, harmonics=1)
+        exact, first = measured_drift(record, path), measured_drift(old, path)
+        ratio = np.abs(path.ratio).max()
+        assert np.abs(exact).max() > 0 and ratio < 0.5
+        assert np.abs(first - exact).max() < ratio * np.abs(exact).max()
 
 
 def test_all_variants_in_one_table(free_runs):

@@ -91,6 +91,19 @@ def test_gaps_are_flagged_and_no_row_is_dropped() -> None:
     assert 0.75 < (error**2).mean() < 1.3 and np.isfinite(made.signals[~gap]).all()
 
 
+@pytest.mark.parametrize(("lost_s", "status"), ((40.0, "valid"), (1500.0, "suspect")))
+def test_more_than_a_tenth_of_windows_in_gaps_is_suspect(lost_s: float, status: str) -> None:
+    time = camera_times(12_000)
+    whole, _ = pendulum(time)
+    kept = ~((time > 300) & (time < 300 + lost_s))
+    made = collect(
+        demodulate(dataclasses.replace(whole, c=whole.c[kept], s=whole.s[kept], time_s=time[kept]))
+    )
+    part = ((made.flags & FLAG_GAP) != 0).mean()
+    assert made.status == status and (part > 0.1) == (status == "suspect")
+    assert "gaps of the sampling" in " ".join(made.status_reasons)
+
+
 def test_blocks_do_not_change_results() -> None:
     made_from, _ = pendulum(camera_times(9_000))
     for periods in (1.0, 5.0):

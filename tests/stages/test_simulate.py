@@ -237,6 +237,11 @@ def test_rate_programmes(table, times, expected):
     )
 
 
+def test_the_earth_turns_about_the_vertical_by_the_sine_of_the_latitude():
+    record = run(config(2.0, environment={"earth_latitude_rad": np.pi / 6}))
+    np.testing.assert_allclose(record.rate_rad_s, 7.292115e-5 / 2, rtol=1e-6)
+
+
 def test_unlogged_earth_rate_turns_the_wave():
     rest = {"frequency_split_rad_s": 0.0, "damping_split_1_s": 0.0}
     record = run(
