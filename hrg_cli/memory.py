@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from . import store
+from .errors import HrgError
 from .version import __version__
 
 
@@ -71,5 +72,5 @@ def _unchanged(noted: Mapping[str, Any], folder: Path) -> bool:
         return isinstance(noted["result"], dict) and all(
             store.sha256(folder / name) == digest for name, digest in noted["outputs"].items()
         )
-    except OSError:
+    except HrgError:
         return False

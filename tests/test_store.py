@@ -1,6 +1,7 @@
 """Files: what is written is read back, opens in xarray, is whole or absent, and is refused in words
 when it is wrong."""
 
+import errno
 import json
 import os
 import threading
@@ -368,3 +369,17 @@ def test_a_zeroed_heap_is_refused_before_the_library_sees_it(tmp_path):
         check_heaps(path)
     with pytest.raises(HrgError, match="are overwritten"):
         store.kind_of(path)
+
+
+def test_a_file_that_cannot_be_hashed_is_named(tmp_path, monkeypatch):
+    """The input is to blame, not the output that its hash goes into."""
+    with pytest.raises(HrgError, match=r"gone\.h5: no such file"):
+        store.sha256(tmp_path / "gone.h5")
+    (tmp_path / "x.h5").write_bytes(b"x")
+
+    def failing(*_):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("hashlib.file_digest", failing)
+    with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
+        store.sha256(tmp_path / "x.h5")

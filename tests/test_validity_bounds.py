@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hrg_cli.records import Column, Valid
+from hrg_cli.records import Column, Valid, Wave
 from hrg_cli.store.validity import attribute_problem, bound_together, values_problem
 
 sys.path[:0] = [str(Path(__file__).parent / "reporting")]
@@ -49,3 +49,10 @@ def test_the_fields_of_a_calibration_agree(change, says):
     record = records_by_hand.calibration()
     assert bound_together(record) is None
     assert says in bound_together(record.replace(**change(record)))
+
+
+@pytest.mark.parametrize("first", (-1e300, -1.1e12))
+def test_times_out_of_all_proportion_are_refused(first):
+    times = np.array([first, 0.0, 1.0])
+    assert "at least -1000000000000" in values_problem(times, Wave.columns()["time_s"])
+    assert values_problem(np.array([-9e11, 0.0, 9e11]), Wave.columns()["time_s"]) is None

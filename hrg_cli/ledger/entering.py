@@ -49,7 +49,7 @@ def enter(
 
 def entry_of(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
     """The entry of a file; gyro_id: where it names none; given: `CIRCUMSTANCES` that are known."""
-    digest = _digest(path)
+    digest = store.sha256(path)
     kind = store.kind_of(path)
     if kind.kind not in KINDS:
         raise HrgError(
@@ -139,21 +139,12 @@ def _waves_of(path: Path, record: Record) -> list[Wave]:
     for source in record.provenance.sources:
         beside = path.parent / Path(source.name).name
         try:
-            if source.kind == "wave" and _digest(beside) == source.sha256:
+            if source.kind == "wave" and store.sha256(beside) == source.sha256:
                 with store.open_record(beside, Wave) as wave:
                     found.append(wave)
         except HrgError:
             continue  # not there any more, or not readable: then its times are not known
     return found
-
-
-def _digest(path: Path) -> str:
-    try:
-        return store.sha256(path)
-    except OSError as error:
-        raise HrgError(
-            f"{path}: cannot be read ({error.strerror}); name a file that hrg wrote"
-        ) from error
 
 
 def _checked_time(path: Path, text: str) -> str:

@@ -44,7 +44,11 @@ FINITE = Valid()
 
 RAW = Valid(raw=True)
 
-RISING = Valid(rising=True)
+FARTHEST = 1e12
+"""Of times and nodes in their own unit (30 000 years in s): beyond it nothing was measured, and
+squares of differences run out of numbers."""
+
+RISING = Valid(rising=True, at_least=-FARTHEST, at_most=FARTHEST)
 
 FLAGGED = Valid(missing="flagged")
 

@@ -116,6 +116,8 @@ def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
             f"{path}: cannot be opened, too many files are open here; raise the limit (ulimit -n)"
             " or give fewer --jobs"
         )
+    if number == errno.ENOENT:
+        return HrgError(f"{path}: no such file; name a file that is there")
     if number == errno.ENAMETOOLONG:
         return HrgError(
             f"{str(path)[:80]}…: the name is too long for a file; name a file that is there"

@@ -29,6 +29,7 @@ from ..records import GROWING, Column, Record
 from ..version import __version__
 from .atomic import atomic_path, quiet
 from .checksums import Running, seal
+from .handles import reading
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
 from .validity import WrittenBlocks
 
@@ -45,8 +46,8 @@ def created_now() -> str:
 
 
 def sha256(path: Path | str) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
-    with open(path, "rb") as file:
+    """SHA-256 of a file's bytes, hexadecimal. HrgError: it cannot be read."""
+    with reading(Path(path)), open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
