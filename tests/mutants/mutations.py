@@ -257,7 +257,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "stages/demodulate.py": (
-        "tests/stages/test_demodulate.py tests/test_bad_inputs.py",
+        "tests/stages/test_demodulate.py tests/stages/test_demodulate_uneven.py tests/test_bad_inputs.py",
         (
             ("(suspect if clipped > 0.01 * self.rows", "(suspect if clipped > 0.2 * self.rows"),
             ("(suspect if bad > 0.01 * self.rows", "(suspect if bad > 0.2 * self.rows"),
