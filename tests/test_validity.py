@@ -25,7 +25,7 @@ DAMAGES = {
     ),
     "negative": (
         lambda v: _put(v, -3),
-        lambda valid: valid.at_least is not None or valid.above is not None,
+        lambda valid: any(b is not None and b > -3 for b in (valid.at_least, valid.above)),
         "was expected",
     ),
     "equal rows": (lambda v: _put(v, v.flat[0]), lambda valid: valid.rising, "increase"),

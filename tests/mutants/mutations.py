@@ -114,10 +114,10 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("np.pi / np.sqrt(12), np.pi / np.sqrt(3), np.pi / np.sqrt(12)", "np.pi / np.sqrt(12), np.pi / np.sqrt(12), np.pi / np.sqrt(12)"),
             ("np.pi / np.sqrt(12), np.pi / np.sqrt(3)", "np.pi / np.sqrt(3), np.pi / np.sqrt(3)"),
             ("np.abs(A2 - B2)", "np.abs(A2 + B2)"),
-            ("sums[4] += both - Q", "sums[4] += both"),
+            ("_root(both - mixed)", "_root(both)"),
             ("np.ascontiguousarray(variances.T) / 8", "np.ascontiguousarray(variances.T) / 4"),
             ("np.cos(2 * psi), np.sin(2 * psi)", "np.cos(psi), np.sin(psi)"),
-            ("sums[1] += across2 * less", "sums[1] += across2 * more"),
+            ("_root(sin2 * less[0] + cos2", "_root(sin2 * more[0] + cos2"),
         ),
     ),
     "fitting/ellipse/continuity.py": (
