@@ -383,3 +383,17 @@ def test_a_file_that_cannot_be_hashed_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("hashlib.file_digest", failing)
     with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
         store.sha256(tmp_path / "x.h5")
+
+
+def test_whether_a_file_is_hdf5_is_not_said_where_it_cannot_be_read(tmp_path, monkeypatch):
+    (tmp_path / "x.h5").write_bytes(b"x" * 2000)
+    assert not store.is_hdf5(tmp_path / "x.h5")
+
+    def failing(path):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("h5py.is_hdf5", failing)
+    with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
+        store.is_hdf5(tmp_path / "x.h5")
+    with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
+        store.kind_of(tmp_path / "x.h5")

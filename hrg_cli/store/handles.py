@@ -97,7 +97,11 @@ def _open_error(error: Exception, path: Path) -> HrgError:
         )
     if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
         return read_error(error, path)
-    if not h5py.is_hdf5(path):
+    try:
+        other = not h5py.is_hdf5(path)
+    except OSError as unread:
+        return read_error(unread, path)
+    if other:
         return HrgError(
             f"{path}: is not an HDF5 file; for a log in another format run `hrg import"
             f" {path.name}` first"

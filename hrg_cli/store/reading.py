@@ -98,8 +98,9 @@ def provenance_of(path: Path | str) -> Provenance:
 
 
 def is_hdf5(path: Path | str) -> bool:
-    """Whether the file's first bytes are those of HDF5."""
-    return bool(h5py.is_hdf5(path))
+    """Whether the file's first bytes are those of HDF5. HrgError: they cannot be read."""
+    with reading(Path(path)):
+        return bool(h5py.is_hdf5(path))
 
 
 def kind_of(path: Path | str) -> type[Record]:
