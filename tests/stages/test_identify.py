@@ -85,8 +85,10 @@ def test_errors_are_honest():
 def test_all_methods_in_one_table_and_each_alone():
     waves = programme(std=1e-3, ratio=0.05, seed=2)
     table = details(identify(waves, method="all"))["methods"]
-    assert table[0]["method"] == "likelihood" and len(table) == 12
+    assert table[0]["method"] == "likelihood" and len(table) == 13
     for row in table[1:]:
+        if row["method"] == "axis-crossings":
+            continue  # of the frequency split alone
         cell = row["parameters"]["damping_rate_1_s"]
         if row["method"] not in (
             "moving-axes-small-quadrature",

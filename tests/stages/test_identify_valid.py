@@ -37,6 +37,7 @@ from hrg_cli.stages.identification.methods import ALL
 from hrg_cli.stages.identify import identify, summary
 from hrg_cli.stages.rate import rate
 from hrg_cli.stages.simulate import simulate
+from hrg_cli.studies.run_downs import draw
 
 TABLE = Mechanics(5000.0, 1 / 600, 2e-5, 0.35, 3.1e-3, 0.9, 0.554)
 TEN_DEG_S = np.radians(10)
@@ -92,7 +93,8 @@ def test_every_method_on_a_turning_table():
             off = cell["value"] - true
             off = (off + np.pi / 4) % (np.pi / 2) - np.pi / 4 if name.endswith("axis_rad") else off
             assert abs(off) < 4.5 * cell["std"], (method, name, off / cell["std"])
-        assert abs(row["parameters"]["scale_factor"]["std"]) < 1e-6
+        if method != "axis-crossings":  # of the frequency split alone
+            assert abs(row["parameters"]["scale_factor"]["std"]) < 1e-6
     alone = identify(waves, method="products")
     assert (
         alone.status == "valid"
@@ -514,3 +516,16 @@ def test_a_phase_that_stands_still_is_no_measurement_though_the_fit_is_good():
         judged = identify([runs[0], runs[1].replace(**{column: values})])
         assert judged.status == "refused"
         assert any(f"run1: {words} stuck (50 of 200" in said for said in judged.status_reasons)
+
+
+def test_a_false_optimum_is_left_over_growing_parts_of_the_runs():
+    """A beat of many radians through nearly circular orbits: the first fit ends elsewhere and takes
+    nine orders of phase for it; a tenth of the runs, with straight phases, leads to the answer."""
+    drawn = draw(44)
+    record = identify(
+        drawn.waves,
+        scale_factor=drawn.scale_factor,
+        earth_rate_deg_h=np.degrees(drawn.earth_rad_s) * 3600,
+    )
+    assert record.status == "valid" and record.chi2_per_dof < 1.1, record.status_reasons
+    assert within(record, drawn.gyro)

@@ -320,14 +320,22 @@ def _rate_varies(data: Batch) -> bool:
 
 
 def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> Fit:
-    """Gauss–Newton; where it does not settle, again over the first quarter, half and whole of the
-    runs in turn."""
+    """Gauss–Newton; where it does not settle, again over growing parts of the runs from their
+    beginning on.
+
+    A part has straight phases alone: higher orders that a tenth of a run fixes lead anywhere beyond
+    it.
+    """
     result = fit(data, space, z, first, phase)
     if result.converged:
         return result
+    none = np.zeros_like(phase[:, 1:])
+    phase = phase[:, :1]
     for share in (0.1, 0.3, 0.6, 1.0):
         kept = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
         part = Batch(data.runs, data.time_s, data.turn_rad, data.envelope, data.weight * kept)
+        if share == 1.0:
+            phase = np.concatenate([phase, none], axis=1)
         result = fit(part, space, z, first, phase)
         z, first, phase = result.z, result.response.state.start, result.response.state.phase
     return result
