@@ -25,6 +25,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import FLAG_GAP, FLAG_NOT_FINITE, Array, Periods
+from ..records.clock import moved
 from .columns import Roles, find
 from .envelope_signal import EnvelopeSignal
 from .envelope_windows import WindowPlan, mean_turn, plan_windows, window_means
@@ -52,7 +53,7 @@ from .log_options import (
 )
 from .readers import guarded, open_log
 from .slow import SlowLog
-from .taken import GAP_STEPS, Taken, checked_range, moved
+from .taken import GAP_STEPS, Taken, checked_range
 from .timing import Timing, timing_of
 
 UNKNOWN_PHASE = np.pi / np.sqrt(3)

@@ -20,6 +20,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Recording
+from ..records.clock import moved
 from .columns import ALIASES, Roles, find
 from .log import Array, Log
 from .log_options import (
@@ -47,7 +48,7 @@ from .pairing import paired, second_file
 from .quantities import channel_unit, is_level
 from .readers import guarded, open_log
 from .slow import SlowLog
-from .taken import Taken, checked_range, moved
+from .taken import Taken, checked_range
 from .timing import Timing, timing_of
 
 States = tuple[tuple[int, int], ...] | None

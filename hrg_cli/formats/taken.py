@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -37,17 +36,6 @@ def checked_range(from_s: float | None, to_s: float | None) -> None:
         raise HrgError(
             f"from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the log was expected"
         )
-
-
-def moved(start_time: str, by_s: float) -> str:
-    """An ISO 8601 time so many seconds later; as it is where it cannot be read."""
-    if not by_s:
-        return start_time
-    try:
-        later = datetime.fromisoformat(start_time.replace("Z", "+00:00")) + timedelta(seconds=by_s)
-    except ValueError:
-        return start_time
-    return later.isoformat().replace("+00:00", "Z")
 
 
 @dataclass

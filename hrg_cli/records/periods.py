@@ -36,5 +36,7 @@ class Periods(Windowed):
     )
     units: str = attribute("unit of the signals", default="1", name="signal_units")
     details: str = attribute(
-        "JSON: what import --envelope took of the log, and the noise it found", default="{}"
+        "JSON: what import --envelope took of the log, and the noise it found; clock_origin_s where"
+        " demodulate counted times from the first sample",
+        default="{}",
     )

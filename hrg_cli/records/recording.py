@@ -30,10 +30,10 @@ FASTEST_HZ = 1e12
 
 class Slice:
     """Rows start:stop of an array or of a dataset on disk, read when sliced (by slices without a
-    step)."""
+    step), `less` a number."""
 
-    def __init__(self, values: Any, start: int, stop: int) -> None:
-        self._values, self._start, self._stop = values, start, stop
+    def __init__(self, values: Any, start: int, stop: int, less: float = 0.0) -> None:
+        self._values, self._start, self._stop, self._less = values, start, stop, less
         self.dtype = values.dtype
 
     def __len__(self) -> int:
@@ -46,7 +46,8 @@ class Slice:
 
     def __getitem__(self, rows: slice) -> Array:
         first, last, _ = rows.indices(len(self))
-        return np.asarray(self._values[self._start + first : self._start + max(first, last)])
+        part = np.asarray(self._values[self._start + first : self._start + max(first, last)])
+        return part - self._less if self._less else part
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

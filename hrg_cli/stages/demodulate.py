@@ -10,6 +10,7 @@ two side bands |ω_c ∓ ω| and the carrier's leakage: eight signals (PHYSICS �
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -39,6 +40,7 @@ from ..records import (
     Periods,
     Recording,
 )
+from ..records.clock import from_first_sample
 
 SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1
 """A settling start has a residual so many times the run's, absolutely and relative to the wave, and
@@ -92,7 +94,8 @@ def demodulate(
     a carrier the coefficients at both side bands |ω_c ∓ ω| (seed B (1), PHYSICS §3). Memory does not
     grow with the recording. With `from_s`, `to_s` the rest is as if it had not been recorded, but
     rows keep the times of the whole recording, to which the reference phase, the auxiliary log and
-    `start_time` belong.
+    `start_time` belong. Times whose clock began so long before that doubles are too coarse (seconds
+    since 1970) count from the first sample; details keep its time as `clock_origin_s`.
 
     Parameters
     ----------
@@ -125,7 +128,10 @@ def demodulate(
     1.0
     """
     name = _checked(recording)
+    recording, origin_s = from_first_sample(recording)
     recording, notes = _part(recording, name, from_s, to_s)
+    if origin_s:
+        notes.append(f"its clock had run {origin_s:.15g} s; times count from the first sample on")
     if nominal_frequency_hz is not None:
         recording = recording.replace(nominal_frequency_hz=nominal_frequency_hz)
     looked = survey(recording, name)
@@ -153,6 +159,7 @@ def demodulate(
             spectrum_line_frequency_hz=looked.line_hz,
             spectrum_line_amplitude=looked.line_amplitude,
             spectrum_line_ratio=looked.line_ratio,
+            details=json.dumps({"clock_origin_s": origin_s} if origin_s else {}),
         )
     )
 

@@ -2,6 +2,7 @@
 inputs that cannot be demodulated."""
 
 import dataclasses
+import json
 import os
 from pathlib import Path
 
@@ -250,3 +251,59 @@ def test_the_recorded_bell(measured: Path) -> None:
     )
     assert 3610 < made.reference_frequency_hz < 3626
     assert np.isfinite(made.signals).all() and made.status != "refused"
+
+
+POSIX = 1.7e9
+
+
+def gyro_on_a_clock(offset_s: float, **more: object) -> Recording:
+    """A 1 kHz wave whose stamps are rounded as doubles of seconds since 1970 are; the clock is
+    `offset_s` behind 1970's."""
+    rng = np.random.default_rng(11)
+    time = np.arange(8000) / 8000 + POSIX
+    z = np.exp((-0.5 + 2j * np.pi * 1000.3) * np.arange(8000) / 8000)
+    c, s = (part + 1e-3 * rng.normal(size=8000) for part in (z.real, 0.3 * z.imag))
+    log = POSIX - offset_s + np.arange(5) / 4
+    return Recording(
+        c=c,
+        s=s,
+        time_s=time - offset_s,
+        auxiliary_time_s=log,
+        temperature_degc=20 + np.arange(5.0),
+        mode="free",
+        nominal_frequency_hz=1000.0,
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def test_seconds_since_1970_lose_nothing() -> None:
+    """The same samples and stamps on a clock from 1970 and from the first sample: same rows."""
+    absolute, own = (
+        collect(demodulate(gyro_on_a_clock(offset), periods_per_window=20.0))
+        for offset in (0.0, POSIX)
+    )
+    np.testing.assert_array_equal(absolute.signals, own.signals)
+    np.testing.assert_array_equal(absolute.time_s, own.time_s)
+    np.testing.assert_array_equal(absolute.temperature_degc, own.temperature_degc)
+    assert json.loads(absolute.details) == {"clock_origin_s": POSIX}
+    assert json.loads(own.details) == {}
+    assert absolute.status == "valid" and any("1700000000 s" in r for r in absolute.status_reasons)
+
+
+@pytest.mark.parametrize(
+    ("start", "expected"),
+    [
+        ("1970-01-01T00:00:00Z", "2023-11-14T22:13:20Z"),
+        ("2023-11-14T22:13:20Z", "2023-11-14T22:13:20Z"),
+        ("", ""),
+    ],
+)
+def test_start_time_is_that_of_the_first_sample(start: str, expected: str) -> None:
+    """ISO time of t = 0: of the clock's beginning, or the first stamp's own moment."""
+    made = collect(demodulate(gyro_on_a_clock(0.0, start_time=start), periods_per_window=20.0))
+    assert made.start_time == expected
+
+
+def test_times_that_doubles_hold_stay_as_they_are() -> None:
+    made = collect(demodulate(pendulum(camera_times(1200, 1e4))[0]))
+    assert made.time_s[0] > 1e4 and json.loads(made.details) == {}
