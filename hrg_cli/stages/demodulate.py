@@ -46,6 +46,9 @@ SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1
 """A settling start has a residual so many times the run's, absolutely and relative to the wave, and
 is at most this part of the run."""
 
+GAPS_SHARE = 0.1
+"""Part of the windows above which gaps make the result suspect."""
+
 COMMANDS = ("drive_main", "drive_quadrature")
 AUXILIARY = ("temperature_degc", "rate_rad_s", *COMMANDS)
 
@@ -435,6 +438,14 @@ class _Judge:
                 series[outside] = np.nan
         return values
 
+    def _shorter(self, flagged: int) -> str:
+        """Advice where gaps touch many windows and would touch fewer shorter ones."""
+        gaps = self.run.gaps
+        if gaps is None or flagged <= GAPS_SHARE * self.rows:
+            return ""
+        periods = gaps.shorter_periods(self.end_s - self.begin_s, GAPS_SHARE)
+        return "" if periods is None else f"; use periods_per_window of at most {periods:.2g}"
+
     def verdict(self, periods: Periods) -> Periods:
         """The last block with the reasons to note, suspect or refuse the whole."""
         found, recording = self.run.survey, self.run.recording
@@ -448,8 +459,8 @@ class _Judge:
                 f"{clipped} {of} hold clipped samples"
             )
         if gaps:
-            (suspect if gaps > 0.1 * self.rows else notes).append(
-                f"{gaps} {of} lie in or beside gaps of the sampling"
+            (suspect if gaps > GAPS_SHARE * self.rows else notes).append(
+                f"{gaps} {of} lie in or beside gaps of the sampling{self._shorter(gaps)}"
             )
         if bad:
             (suspect if bad > 0.01 * self.rows else notes).append(

@@ -307,3 +307,50 @@ def test_start_time_is_that_of_the_first_sample(start: str, expected: str) -> No
 def test_times_that_doubles_hold_stay_as_they_are() -> None:
     made = collect(demodulate(pendulum(camera_times(1200, 1e4))[0]))
     assert made.time_s[0] > 1e4 and json.loads(made.details) == {}
+
+
+@pytest.mark.parametrize(("kind", "periods"), [("lost", 20.0), ("poisson", 20.0), ("lost", 1.0)])
+def test_samples_lost_at_random_are_no_gap(kind: str, periods: float) -> None:
+    """A fifth of the samples lost, or times drawn at random: windows are full of samples, and
+    their errors as large as their standard deviations say."""
+    rng = np.random.default_rng(5)
+    time = np.arange(12_000) / 8000
+    if kind == "lost":
+        time = time[rng.uniform(size=len(time)) > 0.2]
+    else:
+        time = np.sort(rng.uniform(0, 1.5, len(time)))
+    made_from, u = pendulum(time, 1000.3, nominal_frequency_hz=1000.0)
+    made = collect(demodulate(made_from, periods_per_window=periods))
+    gap = made.flags & FLAG_GAP != 0
+    assert made.status == "valid" and gap.mean() < 0.1
+    error = errors(made, u, 1000.3)[~gap]
+    assert 0.85 < (error**2).mean() < 1.15
+
+
+@pytest.mark.parametrize("periods", [1.0, 20.0])
+def test_long_gaps_stay_flagged_in_longer_windows(periods: float) -> None:
+    time = camera_times(6_000)
+    whole, _ = pendulum(time, nominal_frequency_hz=0.11)
+    kept = ~((time > 300) & (time < 316)) & ~((time > 900) & (time < 976))
+    made = collect(
+        demodulate(
+            dataclasses.replace(whole, c=whole.c[kept], s=whole.s[kept], time_s=time[kept]),
+            periods_per_window=periods,
+        )
+    )
+    for middle in (308.0, 938.0):
+        at = np.argmin(np.abs(made.time_s - middle))
+        assert made.flags[at] & FLAG_GAP
+
+
+def test_gaps_that_shorter_windows_avoid_are_said() -> None:
+    time = camera_times(6_000)
+    whole, _ = pendulum(time, nominal_frequency_hz=0.11)
+    kept = time % 400 > 15
+    broken = dataclasses.replace(whole, c=whole.c[kept], s=whole.s[kept], time_s=time[kept])
+    long = collect(demodulate(broken, periods_per_window=20.0))
+    said = [r for r in long.status_reasons if "gaps of the sampling" in r]
+    assert long.status == "suspect" and len(said) == 1
+    shorter = float(said[0].split("at most ")[1])
+    assert 1 <= shorter < 20
+    assert collect(demodulate(broken, periods_per_window=shorter)).status == "valid"

@@ -11,6 +11,7 @@ from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
 from .basis import WindowBasis, columns, window_basis
 from .frequency import bands, nuisances
+from .gaps import Gaps
 from .spectrum import colour
 from .survey import Survey
 from .windows import (
@@ -81,6 +82,8 @@ class Demodulator:
         self.bent, self.bent_by = 0, 0.0
         """Channel windows whose envelope moves too much for the window, and by how many standard
         deviations."""
+        self.gaps: Gaps | None = None
+        """Of uneven sampling."""
         self._ahead_hz = 0.0
         self._basis: tuple[float, WindowBasis] | None = None
         self._course = np.zeros((0, 1), complex)

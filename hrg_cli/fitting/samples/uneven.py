@@ -11,12 +11,10 @@ from ...errors import HrgError
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
 from .basis import columns, pairs, pull, window_basis
 from .demodulator import Demodulator, Rows
+from .gaps import Gaps
 from .windows import NEIGHBOURS, Fits, pool_rows
 
 Array = np.ndarray
-
-GAP_STEPS = 2.5
-"""A stretch without samples longer than so many usual steps is a gap."""
 
 
 def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
@@ -34,6 +32,7 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     pool = pool_rows(width / step - run.columns())
     chunk = run.chunk_windows(width / step, pool)
     _learn(run, width, step)
+    run.gaps = Gaps(begin, width, step, run.reference_hz)
     reader = _Reader(recording, begin, width, block_samples, run.name)
     for first in range(0, total, chunk):
         last = min(first + chunk, total)
@@ -46,7 +45,7 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
             time, y, window - low, centre, width, run.local_bands(local), run.nuisance, run.moving
         )
         flags = np.zeros(high - low, "u1")
-        flags[_gaps(time, begin, width, step, low, high)] |= FLAG_GAP
+        flags[run.gaps.touched(time, low, high)] |= FLAG_GAP
         flags[window[~np.isfinite(y).all(0)] - low] |= FLAG_NOT_FINITE
         flags[~np.isfinite(fits.residual2).all(0) & (flags & FLAG_NOT_FINITE == 0)] |= FLAG_GAP
         for k in range(2):
@@ -197,19 +196,6 @@ def _learn(run: Demodulator, width: float, step: float) -> None:
     )
     if basis is not None:
         run.learn_colour(basis, 1 / step)
-
-
-def _gaps(time: Array, begin: float, width: float, step: float, low: int, high: int) -> Array:
-    """Rows (of low … high − 1) touched by a stretch without a sample of more than `GAP_STEPS` usual
-    steps."""
-    touched = np.zeros(high - low, bool)
-    edges = np.concatenate(
-        [[begin + low * width - step / 2], time, [begin + high * width + step / 2]]
-    )
-    for k in np.flatnonzero(np.diff(edges) > GAP_STEPS * step):
-        a, b = int((edges[k] - begin) / width) - low, int((edges[k + 1] - begin) / width) - low
-        touched[max(0, a) : max(0, b) + 1] = True
-    return touched
 
 
 class _Reader:
