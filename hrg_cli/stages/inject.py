@@ -134,7 +134,8 @@ def _chosen(
             for p in effect.parameters
             if p.fitted or p.name not in given
         ):
-            own = ", ".join(f"{p.name} [{p.units}]" for p in effect.parameters)
+            sizes = effect.fitted() or effect.parameters
+            own = ", ".join(f"{p.name} [{p.units}]" for p in sizes)
             raise HrgError(f"effects.{name}: does nothing with the values given; set one of {own}")
         hidden.append((effect, values))
     return hidden

@@ -209,6 +209,8 @@ def test_the_samples_do_not_depend_on_the_blocks(plain):
         ({"gain_mismach": {"gain": 1.0}}, "did you mean gain_mismatch"),
         ({"gain_mismatch": {"size": 1.0}}, "it has gain"),
         ({"gain_mismatch": {}}, "does nothing with the values given; set one of gain"),
+        ({"mains_tone": {"frequency_hz": 50.0}}, r"set one of c_cos \[.*s_sin \[[^,]*$"),
+        ({"momentum_kick": {"time_s": 0.5}}, r"set one of (?!.*(time_s|phase_rad|run)).*\["),
         ({"drive_rotation": {"electrical_angle_rad": 1e-3}}, "the effects do nothing in it"),
     ],
 )
