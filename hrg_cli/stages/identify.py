@@ -224,9 +224,11 @@ def _temperature(waves: Sequence[Wave]) -> tuple[float | None, float | None]:
 def summary(resonator: Resonator) -> dict[str, Any]:
     """The contract's JSON keys of identify."""
     details = json.loads(resonator.details)
+    assumed = details.get("assumed", [])
     return {
         "parameters": {
-            n: {"value": v, "std": s, "units": u} for n, (v, s, u) in resonator.parameters().items()
+            n: {"value": v, "std": s, "units": u} | ({"assumed": True} if n in assumed else {})
+            for n, (v, s, u) in resonator.parameters().items()
         },
         "chi2_per_dof": resonator.chi2_per_dof if np.isfinite(resonator.chi2_per_dof) else None,
         "runs": [] if resonator.run is None else [str(r) for r in resonator.run],

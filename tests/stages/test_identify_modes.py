@@ -215,3 +215,37 @@ def test_a_chain_of_one_channel_ends_with_its_modes(hrg, tmp_path):
     assert [s["name"] for s in report["steps"]] == ["demodulate", "estimate", "identify"]
     assert "no cause can be sought" in report["answer"]["sentence"]
     assert not any("diagnose" in line for line in report["answer"]["commands"])
+
+
+def test_an_amplitude_alone_measures_no_frequency():
+    """Without a phase the frequency is the reference's, within half the windows' rate, of however
+    many runs; with a run that has one it is that run's."""
+
+    def recorded(phase, seed):
+        t = np.arange(0.02, 5.0, 0.04)
+        z = np.exp((-0.13 + 2j) * t)
+        wave = one_signal(z if phase else np.abs(z), t, 1e-4, seed)
+        if phase:
+            return wave
+        return wave.replace(
+            phase_rad=np.zeros(len(t)), phase_rad_std=np.full(len(t), np.pi / np.sqrt(3))
+        )
+
+    for runs in ([recorded(False, 1)], [recorded(False, 1), recorded(False, 2)]):
+        record = identify(runs)
+        value, std, _ = record.parameters()["frequency_hz"]
+        assert value == 526.4 and std == pytest.approx(12.5)
+        told = summary(record)
+        assert told["parameters"]["frequency_hz"]["assumed"]
+        assert "assumed" not in told["parameters"]["damping_rate_1_s"]
+        said = told["identifiability"]["flat_directions"]
+        assert any("not measured" in s for s in said) and not any("cannot tell" in s for s in said)
+        assert not any(
+            key.startswith("frequency") for key in details(record)["amplitude_dependence"]
+        )
+        decay, error, _ = record.parameters()["damping_rate_1_s"]
+        assert abs(decay - 0.13) < 5 * error < 1e-3 and 0.7 < record.chi2_per_dof < 1.3
+    record = identify([recorded(False, 1), recorded(True, 2)])
+    value, std, _ = record.parameters()["frequency_hz"]
+    assert abs(value - 526.4 - 1 / np.pi) < 5 * std < 1e-3
+    assert "assumed" not in summary(record)["parameters"]["frequency_hz"]

@@ -17,6 +17,8 @@ from .matrices import Matrix, applied
 
 Array = np.ndarray
 MIN_ROWS = 8
+PHASE_UNKNOWN_RAD = 1.0
+"""Standard deviation of a phase that was not recorded, or is lost in noise."""
 SMOOTHING_ROWS = 64
 """Windows over which the noise estimate is pooled: one window of a few samples knows its own noise
 to 20 % only."""
@@ -29,7 +31,7 @@ ODD_WINDOW, ODD_SPREAD = 1.3, 8.0
 @dataclass(frozen=True)
 class EnvelopeRun:
     """Envelopes (n, 2) of one run at times (n,), standard deviation (n,) of one real component,
-    turned table angle ∫Ω dt (n,)."""
+    turned table angle ∫Ω dt (n,); `phase_known` False: their phases are none that was measured."""
 
     run_id: str
     time_s: Array
@@ -40,6 +42,7 @@ class EnvelopeRun:
     reference_frequency_hz: float
     mode_number: int
     window_s: float
+    phase_known: bool = True
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -141,6 +144,8 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
         reference_frequency_hz=float(wave.reference_frequency_hz),
         mode_number=int(wave.mode_number),
         window_s=float(wave.window_s),
+        phase_known=not len(chosen)
+        or not np.all(np.asarray(wave.phase_rad_std, float)[chosen] > PHASE_UNKNOWN_RAD),
     )
 
 

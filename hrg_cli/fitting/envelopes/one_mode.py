@@ -44,6 +44,10 @@ class Law:
         return float(self.value[i]), float(np.sqrt(self.covariance[i, i]))
 
 
+NO_LAW = Law((), np.zeros(0), np.zeros((0, 0)), 0.0, 0, np.zeros(0))
+"""The law of what was not measured."""
+
+
 @dataclass(frozen=True)
 class OneMode:
     """The two laws of one mode, of ln a and of φ, and the rows (n,) they were fitted to; χ² a
@@ -66,7 +70,7 @@ class OneMode:
 
 def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     """The laws of one mode from its envelope z (n,); `nonlinear` False: ν and δ alone. Rows lost in
-    noise are left out."""
+    noise are left out. A run without phases has no law of its frequency: `NO_LAW`."""
     a = np.abs(z)
     clear = a > CLEAR * run.std
     last = len(a) if clear.all() else int(np.argmin(clear)) if clear[0] else 0
@@ -75,7 +79,9 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     phase = np.unwrap(np.angle(z[rows]))
     weight = a / std
     decay = _law(-np.log(a), t, a, weight, DECAY_POWERS, nonlinear)
-    frequency = _law(phase, t, a, weight, FREQUENCY_POWERS, nonlinear)
+    frequency = (
+        _law(phase, t, a, weight, FREQUENCY_POWERS, nonlinear) if run.phase_known else NO_LAW
+    )
     return OneMode(decay, frequency, rows)
 
 

@@ -17,10 +17,17 @@ class Identifiability(Shape):
     """What these runs cannot tell: sentences."""
 
 
+class Parameter(Estimated):
+    """A parameter of the resonator."""
+
+    assumed: bool = False
+    """Whether the runs do not show it: the value was given, σ is the range it may have."""
+
+
 class Identify(Rehearsed):
     """`hrg identify`."""
 
-    parameters: dict[str, Estimated]
+    parameters: dict[str, Parameter]
     """The resonator by the names of its parameters."""
     chi2_per_dof: Number
     """χ² per degree of freedom."""

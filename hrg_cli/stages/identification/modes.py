@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from ...fitting.envelopes.two_modes import Modes
 from . import closing
 from .outcome import Verdict
 from .verdict import ORDER
+from .window_band import alias_sentence, aliases, band_hz, band_sentence
 
 Array = np.ndarray
 ROWS = 2000
@@ -53,8 +53,8 @@ class Seen:
         """Its misfit over the noise, row by row (n, k)."""
         if self.two is not None:
             return self.two.residual
-        laws = _of(self.one)
-        return np.column_stack([laws.decay.residual, laws.frequency.residual])
+        laws = (_of(self.one).decay, _of(self.one).frequency)
+        return np.column_stack([law.residual for law in laws if law.names])
 
 
 def _of(one: OneMode | None) -> OneMode:
@@ -110,9 +110,13 @@ def has_dead_channel(run: EnvelopeRun) -> bool:
 
 def _seen(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
     """The decay's rows and its modes: two where they are apart and leave less than one whose decay
-    and frequency follow its amplitude."""
-    from_two = decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
+    and frequency follow its amplitude; one where no phase tells them apart."""
     from_one = decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
+    from_two = (
+        decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
+        if run.phase_known
+        else from_one
+    )
     both = [
         _fitted(thin, u, s, run)
         for s in dict.fromkeys(((from_one.start, from_one.stop), (from_two.start, from_two.stop)))
@@ -124,8 +128,10 @@ def _fitted(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: Envelope
     rows = slice(*stretch)
     part, signal = thin.rows(rows), u[rows]
     one = one_mode.identify(part, signal[:, 0])
-    two, single = two_modes.identify(part, signal, 2), two_modes.identify(part, signal, 1)
     spacing = float(np.median(np.diff(run.time_s)))
+    if not run.phase_known:
+        return Seen(part, thin, spacing, one, None)
+    two, single = two_modes.identify(part, signal, 2), two_modes.identify(part, signal, 1)
     adequate = checks.goodness(one.chi2, one.dof).passed
     if two_modes.resolved(two, single) and not adequate and two.chi2_per_dof < one.chi2 / one.dof:
         return Seen(part, thin, spacing, None, two)
@@ -193,7 +199,10 @@ def _row(seen: Seen) -> tuple[list[float], list[float]]:
             -(high.real - low.real) / 2,
         ], [half / (2 * np.pi), half, half, half]
     laws = _of(seen.one)
-    omega, nu = laws.frequency.of("zero_amplitude_rad_s"), laws.decay.of("viscous_1_s")
+    nu = laws.decay.of("viscous_1_s")
+    if not seen.run.phase_known:
+        return [seen.run.reference_frequency_hz, nu[0]], [band_hz(seen.spacing_s), wider * nu[1]]
+    omega = laws.frequency.of("zero_amplitude_rad_s")
     return [(reference + omega[0]) / (2 * np.pi), nu[0]], [
         wider * omega[1] / (2 * np.pi),
         wider * nu[1],
@@ -221,8 +230,14 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
             )
             for s in found
         ]
-    rows, stds = zip(*(_row(s) for s in found), strict=True)
-    mean, std = _mean(np.array(rows), np.array(stds))
+    rows, stds = (np.array(v) for v in zip(*(_row(s) for s in found), strict=True))
+    mean, std = _mean(rows, stds)
+    phased = np.array([s.run.phase_known for s in found])
+    measured = bool(phased.any())
+    if measured:
+        mean[:1], std[:1] = _mean(rows[phased, :1], stds[phased, :1])
+    else:  # bands about one reference are no independent errors
+        std[0] = stds[:, 0].max()
     names = ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")[: 3 if pair else 2]
     covariance = np.zeros((7, 7))
     for name, error in zip(names, std, strict=False):
@@ -234,7 +249,8 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
         what=(
             "the split and both decays are given"
             if pair
-            else f"one mode is seen{laws}; its frequency and decay are given"
+            else f"one mode is seen{laws}; its {'frequency and ' * measured}decay"
+            f" {'are' if measured else 'is'} given"
         )
     )
     verdict = Verdict(
@@ -260,16 +276,22 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
         shown = [(mean[0], mean[1])]
         verdict.details["amplitude_dependence"] = _dependence(found)
     error = float(std[1] * np.sqrt(2)) if pair else float(std[1])
+    spacing = float(np.median([s.spacing_s for s in found]))
     verdict.details["modes"] = [
         {
             "frequency_hz": float(f),
             "damping_rate_1_s": float(d),
             "std_1_s": error,
-            "aliases_hz": _aliases(float(f), found),
+            "aliases_hz": aliases(float(f), spacing) if measured else [],
         }
         for f, d in shown
     ]
-    verdict.flat.append(_alias_sentence(verdict.details["modes"], found))
+    if measured:
+        verdict.flat.append(alias_sentence(verdict.details["modes"], spacing))
+    else:
+        verdict.details["assumed"] = ["frequency_hz"]
+        verdict.flat.append(band_sentence(float(mean[0]), float(std[0])))
+        verdict.suspect.append(verdict.flat[-1])
     verdict.suspect += [sentence for s in found if (sentence := _cut_sentence(s))]
     refusing, doubting = closing.physical(verdict)
     model = "two modes leave" if pair else "one mode leaves"
@@ -332,23 +354,6 @@ def _laws(found: Sequence[Seen]) -> str:
     if any(len(_of(s.one).decay.names) > 1 for s in found):
         out.append("its decay is not exponential")
     return f", {' and '.join(out)}" if out else ""
-
-
-def _aliases(frequency_hz: float, found: Sequence[Seen]) -> list[float]:
-    """The nearest frequencies that windows so far apart show alike."""
-    spacing = float(np.median([s.spacing_s for s in found]))
-    return [frequency_hz - 1 / spacing, frequency_hz + 1 / spacing]
-
-
-def _alias_sentence(modes: Sequence[dict[str, Any]], found: Sequence[Seen]) -> str:
-    spacing = float(np.median([s.spacing_s for s in found]))
-    each = "; ".join(
-        f"{m['frequency_hz']:.8g} Hz for {m['aliases_hz'][0]:.8g} or {m['aliases_hz'][1]:.8g} Hz"
-        for m in modes
-    )
-    return (
-        f"windows every {spacing:.3g} s cannot tell {each}: shorter windows move these aliases away"
-    )
 
 
 def _cut_sentence(seen: Seen) -> str:
