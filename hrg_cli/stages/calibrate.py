@@ -31,6 +31,7 @@ from .figures_of_merit import trade_figures
 from .one_gyro import of_one_gyro
 from .rate_table import is_rate_table
 from .rate_table import summary as table_summary
+from .usable import not_refused, with_known_rates
 
 Array = np.ndarray
 LARGEST_LIMIT = 4
@@ -162,20 +163,23 @@ def calibrate(
         )
     limits = _looked_at(harmonics, scale_factor_harmonics, interpolation)
     rates = rates_rad_s or {}
-    paths = [
-        path_of(
-            w,
-            harmonics=max(limits),
-            rate_rad_s=rates.get(w.run_id, rate_rad_s if w.rate_rad_s is None else None),
-            earth_rate_rad_s=earth_rate_rad_s,
-        )
-        for w in waves
-    ]
+    usable = with_known_rates(not_refused(waves), rates)
+    waves = usable.waves
+    with usable.blamed():
+        paths = [
+            path_of(
+                w,
+                harmonics=max(limits),
+                rate_rad_s=rates.get(w.run_id, rate_rad_s if w.rate_rad_s is None else None),
+                earth_rate_rad_s=earth_rate_rad_s,
+            )
+            for w in waves
+        ]
     forced, free, remarks = _of_the_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     needed = 1 if harmonics is None else harmonics
     findings = examine(forced, table_nodes, axis, needed)
-    refusals = [f.sentence for f in findings if f.refuses]
+    refusals = [*usable.refusals, *(f.sentence for f in findings if f.refuses)]
     remarks += words + [f.sentence for f in findings if not f.refuses]
 
     # every table, measured part and suspected cause is free: what is left is the noise at which
@@ -226,7 +230,8 @@ def calibrate(
             "hour": an_hour_more(record, fitted.paths),
         }
         record = record.replace(details=json.dumps(details | told_of_tables))
-    return record.judged(refusals, "refused").judged(remarks, "suspect")
+    noted = record.judged(usable.notes, "valid").judged(usable.doubts, "suspect")
+    return noted.judged(refusals, "refused").judged(remarks, "suspect")
 
 
 def _looked_at(

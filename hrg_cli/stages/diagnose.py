@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -45,7 +45,7 @@ from .diagnosis.scoring import gross
 from .diagnosis.shares import switched_off
 from .diagnosis.sized import Sized
 from .diagnosis.stability import stability
-from .diagnosis.suspects import stuck_columns, suspect_runs
+from .diagnosis.suspects import Suspicion, stuck_columns, suspect_runs
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
 from .diagnosis.tones import Tone, taken_out
@@ -55,6 +55,7 @@ from .diagnosis.waveform import causes, near_tones, unnamed
 from .diagnosis.written import Written, faithful
 from .identification.modes import has_dead_channel, thinned
 from .one_gyro import of_one_gyro
+from .usable import ESTIMATE_AGAIN, not_refused, why_refused, with_known_rates
 
 Array = np.ndarray
 MOTIONS_EACH = 40 * extended_fit.MOST_STEPS
@@ -130,27 +131,39 @@ def diagnose(
     ('explained', ['gain_mismatch'])
     """
     of_one_gyro(waves, "diagnose")
-    _need_both_channels(waves)
+    usable = with_known_rates(not_refused(waves))
+    with usable.blamed():
+        _need_both_channels(usable.waves)
     asked = Asked(
-        tuple(_with_clipped(w) for w in waves),
+        tuple(_with_clipped(w) for w in usable.waves),
         resonator,
         tuple(e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"),
         tuple(extra_effects),
         most_effects,
         partial(fit_base, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase),
     )
-    if stuck := stuck_columns(asked.waves):
+    return replace(usable, refusals=()).judged(_of_usable(asked))
+
+
+def _of_usable(asked: Asked) -> Diagnosis:
+    """The diagnosis of runs that can be used, or the refusal of runs that are not what they say."""
+    unfit = [
+        Suspicion(w.run_id, "its wave is refused", why_refused(w), ESTIMATE_AGAIN)
+        for w in asked.waves
+        if w.status == "refused"
+    ]
+    if stuck := unfit or stuck_columns(asked.waves):
         try:
             base = fit_together(asked.waves, asked.fit)
         except HrgError as error:
             raise HrgError("; ".join(one.sentence for one in stuck)) from error
-        return refused(asked.waves, base, asked.searched, stuck, resonator)
+        return refused(asked.waves, base, asked.searched, stuck, asked.resonator)
     try:
         with extended_fit.limited(MOTIONS_EACH * len(asked.searched)):
             return _diagnosed(asked)
     except extended_fit.WorkSpentError as spent:
         base = asked.fit(asked.waves)
-        return stopped(asked.waves, base, asked.searched, resonator, str(spent))
+        return stopped(asked.waves, base, asked.searched, asked.resonator, str(spent))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -29,6 +30,7 @@ from .identification.methods import (
 from .identification.monitored import monitored
 from .identification.outcome import Verdict
 from .one_gyro import of_one_gyro
+from .usable import not_refused, with_known_rates
 
 Array = np.ndarray
 ROWS_AT_ONCE = 1 << 16
@@ -136,30 +138,37 @@ def identify(
     if not waves:
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     of_one_gyro(waves, "identify")
-    if method == "working-mode":
-        return record(monitored([w.rows(0, len(w)) for w in waves], rate_rad_s), waves, method)
-    known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
-    if window == "auto":
-        waves = [part for wave in waves for part in free_windows.cut(wave)]
-    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
-    runs = condensed.read(waves, rate_rad_s, earth, known, blocks)
-    check(runs)
-    if most_different is not None:
-        chosen = free_windows.most_different(runs, most_different)
-        runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
-    if fit_rate:
-        return record(unknown_rate(runs, known, blocks), waves, method)
-    if method in ("likelihood", "all"):
-        verdict = by_likelihood(runs, known, blocks)
-        if profile:
-            verdict.details["profile"] = profiles(verdict, runs)
-        if bootstrap:
-            resampled(verdict, bootstrap, seed)
-    else:
-        verdict = by_regression(runs, known, method, eliminate_rate, blocks)
-    if method == "all":
-        verdict.details["methods"] = compared(runs, known, verdict, eliminate_rate)
-    return record(verdict, waves, method)
+    usable = not_refused(waves)
+    if window == "auto" and method != "working-mode":
+        free = [part for wave in usable.waves for part in free_windows.cut(wave)]
+        usable = replace(usable, waves=free)
+    given = [] if rate_rad_s is None else [w.run_id for w in usable.waves]
+    usable = with_known_rates(usable, given)
+    waves = usable.waves
+    with usable.blamed():
+        if method == "working-mode":
+            whole = [w.rows(0, len(w)) for w in waves]
+            return usable.judged(record(monitored(whole, rate_rad_s), waves, method))
+        known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
+        earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+        runs = condensed.read(waves, rate_rad_s, earth, known, blocks)
+        check(runs)
+        if most_different is not None:
+            chosen = free_windows.most_different(runs, most_different)
+            runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
+        if fit_rate:
+            return usable.judged(record(unknown_rate(runs, known, blocks), waves, method))
+        if method in ("likelihood", "all"):
+            verdict = by_likelihood(runs, known, blocks)
+            if profile:
+                verdict.details["profile"] = profiles(verdict, runs)
+            if bootstrap:
+                resampled(verdict, bootstrap, seed)
+        else:
+            verdict = by_regression(runs, known, method, eliminate_rate, blocks)
+        if method == "all":
+            verdict.details["methods"] = compared(runs, known, verdict, eliminate_rate)
+        return usable.judged(record(verdict, waves, method))
 
 
 def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:

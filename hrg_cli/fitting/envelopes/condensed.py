@@ -17,6 +17,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import Wave
+from ..samples.rate_log import within_log
 from . import rows
 from .base_fit import Known, base_fit
 from .envelope_runs import MIN_ROWS, EnvelopeRun, averaged, from_wave, good_rows, turned, turned_by
@@ -47,6 +48,8 @@ def read(
     """
     if sum(len(w) for w in waves) <= IN_MEMORY:
         return [turned_by(from_wave(w.rows(0, len(w)), rate_rad_s), earth_rad_s) for w in waves]
+    if rate_rad_s is None:
+        waves = [within_log(w) for w in waves]
 
     def pieces(wave: Wave) -> Iterator[EnvelopeRun]:
         return (

@@ -13,6 +13,7 @@ from ...errors import HrgError
 from ...physics import ellipse
 from ...records import Wave
 from ..samples.course import course
+from ..samples.rate_log import within_log
 from .matrices import Matrix, applied
 
 Array = np.ndarray
@@ -83,9 +84,12 @@ def turned_by(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
 def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     """Envelopes of a wave's good rows; the rate is the wave's own, or `rate_rad_s`, or zero.
 
+    Rows that the wave's own rate log does not cover are no good rows.
     HrgError: fewer than 8 good rows, times that do not increase.
     """
     name = wave.run_id or "the run"
+    if rate_rad_s is None:
+        wave = within_log(wave)
     time = np.asarray(wave.time_s, float)
     run = good_rows(
         wave,

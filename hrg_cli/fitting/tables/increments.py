@@ -23,6 +23,7 @@ from ...errors import HrgError
 from ...fourier import harmonic_basis
 from ...records import Wave
 from ..samples.course import course
+from ..samples.rate_log import covered, left_out, within_log
 
 Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6
@@ -136,7 +137,8 @@ def path_of(
     need_rate: bool = True,
 ) -> Path:
     """Average a run to blocks. `rate_rad_s` replaces a missing log. Memory does not grow with the
-    run: rows are read piece by piece.
+    run: rows are read piece by piece. Windows that the rate log does not cover are left out, unless
+    `need_rate` is False.
 
     per_block: windows a block; by default as many as the run's speed and `harmonics` allow.
     HrgError: no rate (unless `need_rate` is False: then zeros), fewer than three good windows,
@@ -150,6 +152,10 @@ def path_of(
                 " given; log the table's rate or give it with rate_rad_s or rates_rad_s"
             )
         rate_rad_s = 0.0
+    if need_rate and rate_rad_s is None:
+        if not covered(wave).any():
+            raise HrgError(f"{left_out(wave)}; log the table's rate or give it with rate_rad_s")
+        wave = within_log(wave)
     per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
     pieces: list[dict[str, Array]] = []
     turned = 0.0
@@ -210,10 +216,7 @@ def _rate(block: Wave, constant: float | None) -> Array:
     rate = np.asarray(block.rate_rad_s, float)
     bad = ~np.isfinite(rate)
     if bad.all():
-        raise HrgError(
-            f"run {block.run_id or '?'}: rate_rad_s is not finite; log the table's rate or give it"
-            " with rate_rad_s"
-        )
+        return np.zeros(len(block))  # no row of it is used for its rate
     if bad.any():
         rate[bad] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), rate[~bad])
     return rate

@@ -102,10 +102,10 @@ def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
 
 
 def has_dead_channel(run: EnvelopeRun) -> bool:
-    """Whether one of the two channels holds no more than noise."""
+    """Whether one of the two channels holds no more than noise, and the other a signal."""
     power = np.sum(np.abs(run.envelope / run.std[:, None]) ** 2, axis=0)
     noise = 2 * len(run) * (1 + 6 / np.sqrt(len(run)))
-    return bool(power.min() < max(DEAD * power.max(), noise))
+    return bool(power.max() > noise and power.min() < max(DEAD * power.max(), noise))
 
 
 def _seen(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
