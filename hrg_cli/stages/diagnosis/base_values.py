@@ -27,7 +27,7 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     covariance = fit.coordinate_covariance()
     stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * sized.factor)
     period = np.pi / fit.series.mode_number
-    for other in sized.others:
+    for other in (*sized.others, *sized.in_place):
         moved = numbers - physical(other.point.p, fit.series.mode_number)[0]
         moved[[2, 4]] = (moved[[2, 4]] + period / 2) % period - period / 2
         stds = np.hypot(stds, moved)

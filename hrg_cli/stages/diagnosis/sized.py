@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import Fit
 from .case import Case
 from .held_shapes import one_sigma_off
+from .refits import adopted, leaving_out
+from .scoring import scored
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,9 @@ class Sized:
     factor: float
     off: Sequence[Fit] = ()
     """Refits with a held shape moved by one σ (`held_shapes`)."""
+    in_place: Sequence[Fit] = ()
+    """Refits with a rival in the place of a cause that it is not told from: base values that differ
+    between them are not known better than that."""
 
     @classmethod
     def of(cls, case: Case) -> Sized:
@@ -34,7 +41,7 @@ class Sized:
         final = case.search.final
         factor = max(case.inquiry.noise.slow, final.chi2 / final.dof, 1.0)
         beside = final if case.remainder is None else case.remainder.fit
-        return cls(final, beside, factor, one_sigma_off(final, factor))
+        return cls(final, beside, factor, one_sigma_off(final, factor), with_rivals(case))
 
     def std(self, std: float, value: float, others: Sequence[float]) -> float:
         """Standard deviation of a number with σ `std` in the fit, which stands at `others` in each
@@ -45,3 +52,21 @@ class Sized:
     def others(self) -> list[Fit]:
         """Fits in which a number stands elsewhere by what counts as an error of its own."""
         return [self.beside, *self.off]
+
+
+def with_rivals(case: Case) -> list[Fit]:
+    """The final fit with each rival in the place of its cause, where that has a fit."""
+    out: list[Fit] = []
+    for one in case.search.found:
+        if not one.rivals:
+            continue
+        reduced = leaving_out(case.search.final, one.variant.effect.name, case.search.base)
+        if reduced is None:
+            continue
+        for score, variant in scored(reduced, case.inquiry.candidates):
+            if score.name in one.rivals and score.visible:
+                with contextlib.suppress(extended_fit.DivergedError):
+                    fit = adopted(reduced, score, variant)
+                    if fit.converged:
+                        out.append(fit)
+    return out
