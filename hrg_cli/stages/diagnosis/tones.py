@@ -164,7 +164,8 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
     offset = float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi)
     frequency = np.fft.fftfreq(size, step)
     level = np.fft.ifftshift(_floor(np.fft.fftshift(power)))
-    own = fit.point.offset_rad_s / (2 * np.pi)
+    # where a cause pulls it, a run's own frequency is not the one at which it turned
+    own = np.concatenate([fit.point.offset_rad_s, fit.series.turn_rad_s]) / (2 * np.pi)
     nearest = np.min(np.abs(frequency[:, None] - own), axis=1)
     # a wave that walks under its drive has a spectrum of its own about the resonance
     level = level * (1 + (corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2)
