@@ -38,6 +38,14 @@ LINE = 9
 FEWEST_PIECES = 3
 """Pieces of one length whose median is taken."""
 
+STILL = 32
+"""Rows, at least, of the pieces in which independent rows are looked for: the polynomial takes a
+fifth of the freedom there; in longer ones the wave may move more than it."""
+
+LAGS, UNLIKELY = 4, 3.5
+"""Rows apart between which independent ones must show no correlation, and the standard deviations
+that chance does not reach."""
+
 DELAY = 0.55
 """Delay of a filter of one to four poles over its κ, see above."""
 
@@ -67,7 +75,8 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
 
     Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there,
     the shortest stands, unless a longer one shows clearly more; a filter's S ≈ S₀(1 − cf²) is
-    continued to f = 0 from both octaves.
+    continued to f = 0 from both octaves. Rows that are independent have the one variance of all
+    their residuals, many times better known, where the spectrum's low end agrees with it.
     """
     longest = max(look.shape[1] for look in looks)
     tried: list[tuple[float, Array, Array, float]] = []
@@ -92,7 +101,12 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
     for one in level:
         if one[1].sum() > (MORE + 2 * one[3]) * chosen[1].sum():
             chosen = one
-    ratio, low, whole, _ = chosen
+    ratio, low, whole, chance = chosen
+    white = _white(looks)
+    if white is not None and (
+        1 / (LEVEL + 2 * chance) < low.sum() / white.sum() < LEVEL + 2 * chance
+    ):
+        return RowNoise(white, white, True)
     return RowNoise(
         low * max(1.0, min(ratio, LEVEL)) ** (1 / 3), np.maximum(whole, 1e-300), bool(level)
     )
@@ -116,6 +130,40 @@ def _by_differences(looks: Sequence[Array]) -> RowNoise:
     )
     both = np.repeat(np.maximum(scatter, 1e-300)[:, None], 2, axis=1)
     return RowNoise(both, both, False)
+
+
+def _white(looks: Sequence[Array]) -> Array | None:
+    """Variance (channel, 2) of rows whose residuals show no correlation between neighbours, along
+    and across as one where they do not differ; None where there is one, or a piece of `STILL`
+    rows is wanting.
+
+    r = M e, M = I − QQᵀ: E Σ r² = σ² tr M, E Σ r_j r_{j+k} = −σ² Σ_j (QQᵀ)_{j,j+k}.
+    """
+    pieces, missed = [], np.zeros(LAGS)
+    products = np.zeros(LAGS)
+    for look in looks:
+        rows = look.shape[1] // max(1, look.shape[1] // STILL)
+        if rows < STILL:
+            continue
+        basis = _polynomials(rows)
+        taken = [np.trace(basis @ basis.T, k) for k in range(1, LAGS + 1)]
+        for left in _residuals(look, rows, rows, basis):
+            parts = np.stack([left.real, left.imag], 1)
+            pieces.append(((parts**2).sum(-1), rows - DEGREE - 1))
+            scale = np.sqrt(pieces[-1][0] / pieces[-1][1])[..., None]
+            parts = parts / np.maximum(scale, 1e-300)
+            missed += parts[..., 0].size * np.asarray(taken)
+            products += [(parts[..., k:] * parts[..., :-k]).sum() for k in range(1, LAGS + 1)]
+    if not pieces:
+        return None
+    freedom = sum(count for _, count in pieces)
+    variance = np.asarray(sum(square for square, _ in pieces)) / freedom
+    correlated = np.abs(products + missed) / np.sqrt(freedom * variance.size)
+    if (correlated > UNLIKELY).any():
+        return None
+    both = variance.mean(1, keepdims=True)
+    apart = np.abs(np.diff(np.log(np.maximum(variance, 1e-300)), axis=1)) * np.sqrt(freedom) / 2
+    return np.maximum(np.where(apart > UNLIKELY, variance, both), 1e-300)
 
 
 def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int]:
@@ -157,23 +205,34 @@ def passed(looks: Sequence[Array]) -> float:
 
 
 def _pieces(looks: Sequence[Array], rows: int) -> Iterator[Array]:
-    """What a moving envelope leaves of pieces (channel, rows), in the stronger channel's phase,
-    under a Hann window of power 1."""
-    basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, rows), DEGREE))[0]
+    """What a moving envelope leaves of overlapping pieces (channel, rows) under a Hann window of
+    power 1."""
     window = np.hanning(rows + 2)[1:-1]
     window = window / np.sqrt((window**2).sum())
+    basis = _polynomials(rows)
     for look in looks:
-        turn = _turn(look)
-        for start in range(0, look.shape[1] - rows + 1, max(1, rows // 2)):
-            u = look[:, start : start + rows] * np.exp(-1j * turn * np.arange(rows))
-            if np.isfinite(u).all():
-                fit = (u @ basis) @ basis.T
-                along = fit[np.argmax((np.abs(fit) ** 2).sum(1))]
-                yield (
-                    (u - fit)
-                    * np.where(along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300))
-                    * window
-                )
+        for left in _residuals(look, rows, max(1, rows // 2), basis):
+            yield left * window
+
+
+def _polynomials(rows: int) -> Array:
+    """Orthonormal polynomials (rows, `DEGREE` + 1)."""
+    places = np.linspace(-1, 1, rows)
+    return np.asarray(np.linalg.qr(np.polynomial.legendre.legvander(places, DEGREE))[0])
+
+
+def _residuals(look: Array, rows: int, every: int, basis: Array) -> Iterator[Array]:
+    """What polynomials leave of pieces (channel, rows), one in `every` rows, in the stronger
+    channel's phase."""
+    turn = _turn(look)
+    for start in range(0, look.shape[1] - rows + 1, every):
+        u = look[:, start : start + rows] * np.exp(-1j * turn * np.arange(rows))
+        if np.isfinite(u).all():
+            fit = (u @ basis) @ basis.T
+            along = fit[np.argmax((np.abs(fit) ** 2).sum(1))]
+            yield (u - fit) * np.where(
+                along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300)
+            )
 
 
 def _median_of(count: int) -> float:

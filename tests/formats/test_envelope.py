@@ -315,3 +315,21 @@ def test_a_stream_of_blocks_is_the_whole(tmp_path, monkeypatch):
     np.testing.assert_allclose(many.temperature_degc, whole.temperature_degc, atol=1e-9)
     np.testing.assert_allclose(many.signals, whole.signals, atol=0.05 * whole.signals_std.min())
     assert many.window_s == whole.window_s and not many.flags.any()
+
+
+@pytest.mark.parametrize("rows", [150, 600])
+def test_white_rows_noise_is_as_well_known_as_their_number_allows(rows):
+    """σ from 4·rows numbers: unbiased, and scattered like χ² of what the polynomials leave, though
+    the wave turns by 2 rad/s."""
+    rng = np.random.default_rng(rows)
+    time = 3 * np.arange(rows) / rows
+    u = np.exp((-0.4 + 4j) * time) * np.stack([np.cos(2 * time), np.sin(2 * time)])
+    found = []
+    for _ in range(40):
+        noise = rng.normal(size=(2, 2, rows)) * 2e-4
+        found.append(row_noise([u + noise[0] + 1j * noise[1]]))
+    size = np.sqrt([one.density.mean() for one in found]) / 2e-4
+    expected = 1 / np.sqrt(2 * 4 * rows * 26 / 32)
+    assert abs(size.mean() - 1) < 4 * expected / np.sqrt(len(size)) + 0.01
+    assert size.std() < 1.6 * expected
+    assert np.mean([one.correlated_rows == 1 for one in found]) > 0.9
