@@ -165,6 +165,13 @@ def forecast(
     ]
     if len(table["time_s"]) < len(_times(duration_s)):
         reasons.append(_short(table, duration_s, drive))
+    lost = np.isnan(table["error_worst_rad"])
+    if lost.any():
+        reasons.append(
+            "the wave of another start angle is nearly a circle from"
+            f" {table['time_s'][np.argmax(lost)]:g} s on: rms and worst over all start angles end"
+            " before"
+        )
     figures = _figures(gyros, drawn, drive, quadrature_gain_1_s, rate_rad_s)
     status = "suspect" if reasons else "valid"
     return Forecast(
@@ -290,19 +297,22 @@ def _table(
     duration: float,
 ) -> tuple[dict[str, Array], float]:
     """The table over time, and the Adams rule's error against the largest error forecast (the same
-    with twice the step, over 15)."""
+    with twice the step, over 15). It ends with the wave that was asked for; the columns over all
+    start angles are NaN once one of their waves has ended."""
     times = _times(duration)
     angles = start + np.concatenate(
         [[0.0], np.arange(STARTS) * np.pi / mechanics.mode_number / STARTS]
     )
     followed = _followed(gyros, angles, drive, gain, rate, times, STEP_ANGLE / 2)
     m, K = mechanics.mode_number, mechanics.scale_factor
-    live = np.all(np.abs(followed[:, 1]) < LARGEST_RATIO, axis=(1, 2))
+    alive = np.logical_and.accumulate(
+        np.all(np.abs(followed[:, 1]) < LARGEST_RATIO, axis=1), axis=0
+    )  # (times, angles): a course ends by itself, and does not begin again
     if drive == "free":
-        live &= np.exp(-mechanics.damping_rate_1_s * times) > FADED
-    count = int(np.argmin(live)) if not live.all() else len(times)
+        alive &= (np.exp(-mechanics.damping_rate_1_s * times) > FADED)[:, None]
+    count = int(np.count_nonzero(alive[:, 0]))
     if count == 0:
-        poorly = np.abs(followed[0, 1, 0]).max() < LARGEST_RATIO
+        poorly = abs(followed[0, 1, 0, 0]) < LARGEST_RATIO
         raise HrgError(
             f"within {times[0]:g} s the wave is a circle"
             + (
@@ -313,7 +323,8 @@ def _table(
             )
             + ", add a quadrature loop (--quadrature-gain-1-s) or forecast a shorter --duration-s"
         )
-    times, followed = times[:count], followed[:count]
+    times, followed, alive = times[:count], followed[:count], alive[:count]
+    followed = np.where(alive[:, None, None, :], followed, np.nan)
     error = -(m * (followed[:, 0] - angles) / K + rate * times[:, None, None])
     coarse = _followed(
         from_vector(vector_of(mechanics)[None], mechanics),
@@ -324,7 +335,7 @@ def _table(
         times[-1:],
         STEP_ANGLE,
     )
-    off = float(np.max(np.abs(coarse[0, 0] - followed[-1, 0, :1]))) * m / K / 15
+    off = float(np.nanmax(np.abs(coarse[0, 0] - followed[-1, 0, :1]))) * m / K / 15
     spread = np.stack([deviation(e) for e in error])
     nominal = error[:, 0]
     table = {
@@ -339,7 +350,7 @@ def _table(
         "error_worst_rad": np.abs(nominal[:, 1:]).max(axis=1),
         "left_rms_rad": np.sqrt(np.mean(spread[:, 1:] ** 2, axis=1)),
     }
-    return table, off / max(float(table["error_worst_rad"][-1]), 1e-12)
+    return table, off / max(float(np.nanmax(np.abs(nominal[-1]))), 1e-12)
 
 
 def _followed(

@@ -145,6 +145,31 @@ def test_forecast_figures_are_the_papers():
     )
 
 
+def test_a_course_ends_by_itself_and_not_with_those_of_other_starts():
+    """A run-down along the stiffness axis keeps its wave; those from between the axes become
+    circles: their columns end, the course that was asked for does not, and it is scipy's."""
+    resonator_ = made(nu=0.02, split=0.6, spread=1e-4, stiffness_axis_rad=0.05)
+    found = forecast(resonator_, drive="free", wave_angle_rad=0.05, duration_s=20.0)
+    table = found.table
+    assert table["time_s"][-1] == 20.0 and np.isfinite(table["error_rad"]).all()
+    lost = np.isnan(table["error_worst_rad"])
+    assert lost[-1] and not lost[0] and np.all(np.diff(lost.astype(int)) >= 0)
+    assert np.array_equal(lost, np.isnan(table["error_rms_rad"]))
+    assert any("another start angle" in s for s in found.status_reasons)
+    assert not any("the forecast ends" in s for s in found.status_reasons)
+    assert {c.name: c.passed for c in found.checks}["integration"]
+    ended = forecast(resonator_, drive="free", wave_angle_rad=0.05 + np.pi / 8, duration_s=20.0)
+    assert any("the forecast ends" in s for s in ended.status_reasons)
+    g = mechanics_of(resonator_)
+    L = resonator.generator(g, 0.0, second_order=0.0)
+    start = np.array([np.cos(2 * 0.05), np.sin(2 * 0.05)], complex)
+    u = solve_ivp(
+        lambda _, y: L @ y, (0, 20), start, t_eval=table["time_s"], rtol=1e-9, atol=1e-12
+    ).y.T
+    angle = ellipse.wave(u, 2)[2]
+    assert table["wave_angle_rad"] == pytest.approx(angle, abs=1e-4)
+
+
 def test_the_trim_leaves_a_round_resonator():
     """The spring's −2ωs(I + R(2mα)) added to W leaves equal frequencies, lower by s."""
     record = made(split=0.3, spread=1e-3)

@@ -76,7 +76,8 @@ def drift_forecast(made: Forecast) -> Plot:
     log_axis(ax.xaxis)
     log_axis(ax.yaxis)
     legend(ax)
-    last = -1
+    told = np.flatnonzero(np.isfinite(table["error_worst_rad"]))
+    last = int(told[-1]) if len(told) else -1
     worst, left = (
         float(table[name][last] / DEGREE) for name in ("error_worst_rad", "left_rms_rad")
     )
