@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from .columns import JSON_OBJECT, ORDER, RISING, SCATTER, Array, attribute, column
+from .columns import JSON_OBJECT, LOGGED, ORDER, RISING, SCATTER, Array, attribute, column
 from .record import Record
 
 
@@ -23,10 +23,10 @@ class Compensated(Record):
     )
     angle_estimate_rad: Array = column("rad", "its integral from the run's start")
     residual_before_rad_s: Array | None = column(
-        "rad s-1", "rate error with a constant scale factor only", optional=True
+        "rad s-1", "rate error with a constant scale factor only", optional=True, valid=LOGGED
     )
     residual_after_rad_s: Array | None = column(
-        "rad s-1", "rate error after the tables", optional=True
+        "rad s-1", "rate error after the tables", optional=True, valid=LOGGED
     )
     gyro_id: str = attribute("the gyro", default="")
     run_id: str = attribute("the run", default="")

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
+from ..fitting.samples.rate_log import covered, left_out
 from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
@@ -137,7 +138,9 @@ def _stream(
     wave: Wave, calibration: Calibration, windows: int, earth_rate: float
 ) -> Iterator[Compensated]:
     name = f"run {wave.run_id or '?'}"
-    known = wave.rate_rad_s is not None
+    inside = covered(wave)
+    known = wave.rate_rad_s is not None and bool(inside.any())
+    unknown = [f"{sentence} of its figures" for sentence in [left_out(wave)] if sentence]
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
     totals = _Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf
@@ -151,6 +154,9 @@ def _stream(
             continue
         # the next piece begins with this one's last good block, so that no increment is lost
         # between them
+        of_log = np.logical_and.reduceat(inside[begin:stop], np.arange(0, stop - begin, windows))[
+            kept
+        ]
         begin += int(kept[-1]) * windows
         path = path_of(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
@@ -163,22 +169,21 @@ def _stream(
         drift = drift + measured_drift(calibration, path)
         time = path.interval_s
         rate = (drift - path.turn / time) / scale
-        steady = path.rate_rad_s if known else _smooth(rate)
+        logged = of_log[1:] & of_log[:-1]
+        steady = path.rate_rad_s[logged] if logged.any() and known else _smooth(rate)
         slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
         middle = angle + np.cumsum(rate * time) - rate * time / 2
         angle += float((rate * time).sum())
-        before, after = (
-            (-path.turn / time / scale_factor - path.rate_rad_s, rate - path.rate_rad_s)
-            if known
-            else (None, None)
-        )
-        if before is not None and after is not None:
+        before, after = None, None
+        if known:
+            true = np.where(logged, path.rate_rad_s, np.nan)
+            before, after = -path.turn / time / scale_factor - true, rate - true
             totals.add(path, before, after)
         record = Compensated(
             time_s=path.middle(path.time_s), rate_estimate_rad_s=rate, angle_estimate_rad=middle,
             residual_before_rad_s=before, residual_after_rad_s=after,
             gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
-            status=wave.status, status_reasons=wave.status_reasons, details=json.dumps(totals.figures() if known else {}),
+            status=wave.status, status_reasons=(*wave.status_reasons, *unknown), details=json.dumps(totals.figures() if known else {}),
         )  # fmt: skip
         yield _judged(
             record, calibration, totals if known else None, scale_factor, slowest, fastest, name
@@ -212,21 +217,25 @@ class _Totals:
         self.followed = self.turned = 0.0
 
     def add(self, path: Path, before: Array, after: Array) -> None:
+        """Take in the increments whose rate is known: those whose errors are finite."""
+        known = np.isfinite(after)
+        if not known.any():
+            return
+        before, after, time = before[known], after[known], path.interval_s[known]
+        rotation, turn = path.rotation[known], path.turn[known]
         period = np.pi / path.mode_number
-        cell = (np.mod(path.middle(path.angle_rad), period) / period * CELLS_A_PERIOD).astype(
-            int
-        ) % CELLS_A_PERIOD
-        for row, weight in enumerate(
-            (path.interval_s, before * path.interval_s, after * path.interval_s)
-        ):
+        cell = (
+            np.mod(path.middle(path.angle_rad)[known], period) / period * CELLS_A_PERIOD
+        ).astype(int) % CELLS_A_PERIOD
+        for row, weight in enumerate((time, before * time, after * time)):
             self.cells[row] += np.bincount(cell, weight, CELLS_A_PERIOD)
         whole = len(after) // self.together * self.together
         self.errors.append(after[:whole].reshape(-1, self.together).mean(axis=1))
-        self.time_s += float(path.interval_s.sum())
+        self.time_s += float(time.sum())
         self.squares += [before @ before, after @ after]
         self.rows += len(before)
-        self.followed += float(path.turn @ path.rotation)
-        self.turned += float(path.rotation @ path.rotation)
+        self.followed += float(turn @ rotation)
+        self.turned += float(rotation @ rotation)
 
     @property
     def scale_factor_seen(self) -> float:

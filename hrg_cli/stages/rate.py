@@ -22,6 +22,7 @@ from ..fitting.envelopes.rate_from_model import (
     RateEstimate,
     rate_from_model,
 )
+from ..fitting.samples.rate_log import covered, left_out
 from ..records import Compensated, Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
 
@@ -107,7 +108,9 @@ def rate(
             _figures(found, wave) | {"checks": [c.table() for c in (*impossible, *doubtful)]}
         ),
     )
-    return result.judged(checks.failures(impossible), "refused").judged(
+    unknown = [f"{sentence} of the comparison with it" for sentence in [left_out(wave)] if sentence]
+    noted = result.judged(unknown, "valid")
+    return noted.judged(checks.failures(impossible), "refused").judged(
         checks.failures(doubtful), "suspect"
     )
 
@@ -192,12 +195,14 @@ def _integral(values: Array, time_s: Array) -> Array:
 
 
 def _less(estimate: Array, wave: Wave, time_s: Array) -> Array | None:
-    """The estimate less the logged rate; None without a log."""
-    if wave.rate_rad_s is None or not np.isfinite(wave.rate_rad_s).any():
+    """The estimate less the logged rate, NaN where the log does not reach; None without a log."""
+    if wave.rate_rad_s is None or not (inside := covered(wave)).any():
         return None
     logged = np.asarray(wave.rate_rad_s, float)
-    known = np.isfinite(logged)
-    return np.asarray(estimate - np.interp(time_s, np.asarray(wave.time_s)[known], logged[known]))
+    known = np.isfinite(logged) & inside
+    at, half = np.asarray(wave.time_s, float)[known], wave.window_s / 2
+    reached = (time_s >= at[0] - half) & (time_s <= at[-1] + half)
+    return np.where(reached, estimate - np.interp(time_s, at, logged[known]), np.nan)
 
 
 def _figures(found: RateEstimate, wave: Wave) -> dict[str, Any]:
@@ -225,6 +230,6 @@ def _figures(found: RateEstimate, wave: Wave) -> dict[str, Any]:
         ("error_rms_rad_s", found.rate_rad_s),
     ):
         left = _less(values, wave, found.time_s)
-        if left is not None:
-            figures[name] = float(np.sqrt(np.mean(left**2)))
+        if left is not None and np.isfinite(left).any():
+            figures[name] = float(np.sqrt(np.nanmean(left**2)))
     return figures

@@ -213,7 +213,7 @@ def path_of(
 def _rate(block: Wave, constant: float | None) -> Array:
     if block.rate_rad_s is None or constant is not None:
         return np.full(len(block), constant if constant is not None else 0.0)
-    rate = np.asarray(block.rate_rad_s, float)
+    rate = np.array(block.rate_rad_s, float)  # a copy: the wave keeps what was logged
     bad = ~np.isfinite(rate)
     if bad.all():
         return np.zeros(len(block))  # no row of it is used for its rate
