@@ -326,6 +326,7 @@ def _table(
     times, followed, alive = times[:count], followed[:count], alive[:count]
     followed = np.where(alive[:, None, None, :], followed, np.nan)
     error = -(m * (followed[:, 0] - angles) / K + rate * times[:, None, None])
+    told = slice(None) if alive[-1].all() else slice(1)  # the last row's courses
     coarse = _followed(
         from_vector(vector_of(mechanics)[None], mechanics),
         angles,
@@ -335,7 +336,7 @@ def _table(
         times[-1:],
         STEP_ANGLE,
     )
-    off = float(np.nanmax(np.abs(coarse[0, 0] - followed[-1, 0, :1]))) * m / K / 15
+    off = float(np.max(np.abs(coarse[0, 0, 0] - followed[-1, 0, 0])[told])) * m / K / 15
     spread = np.stack([deviation(e) for e in error])
     nominal = error[:, 0]
     table = {
@@ -350,7 +351,7 @@ def _table(
         "error_worst_rad": np.abs(nominal[:, 1:]).max(axis=1),
         "left_rms_rad": np.sqrt(np.mean(spread[:, 1:] ** 2, axis=1)),
     }
-    return table, off / max(float(np.nanmax(np.abs(nominal[-1]))), 1e-12)
+    return table, off / max(float(np.abs(nominal[-1, told]).max()), 1e-12)
 
 
 def _followed(
