@@ -23,7 +23,7 @@ from typing import Any
 
 from . import memory, pipeline, store
 from .errors import DiskFullError, HrgError, UsageError
-from .extended import beside as extended_beside
+from .extended import extended_paths as extended_beside
 from .extended import write_extended
 from .records import Diagnosis, Record, Resonator, Wave
 
@@ -97,17 +97,17 @@ def recording_to_wave(
         key = memory.key_of(
             [*work.same_if, {s: work.settings[s] for s, _ in steps}, *identity], inputs
         )
-        done = memory.remembered(note, key)
+        done = memory.recall(note, key)
         if done is not None and done.get("steps"):
-            yield from _told(done["steps"])
+            yield from _list_steps(done["steps"])
             return
         read = inputs
         for stage, output in steps:
             first = (stage, output)
             record = (
-                _imported(work, read, output, note)
+                _import_logs(work, read, output, note)
                 if stage == "import"
-                else _staged(work, stage, read, output, note).record
+                else _run_noted_stage(work, stage, read, output, note).record
             )
             told = {"mode": str(getattr(record, "mode", "free"))} if stage == "estimate" else {}
             made.append(
@@ -191,10 +191,10 @@ def _result(
             ],
             [*inputs, *beside.values()],
         )
-        done = memory.remembered(note, key)
+        done = memory.recall(note, key)
         if done is not None and done.get("steps"):
-            return list(_told(done["steps"]))
-        outcome = _staged(work, stage, inputs, output, note, beside)
+            return list(_list_steps(done["steps"]))
+        outcome = _run_noted_stage(work, stage, inputs, output, note, beside)
         outputs = [output]
         if isinstance(outcome.record, Diagnosis):
             force = work.replace or all(
@@ -205,7 +205,7 @@ def _result(
         record = outcome.record
         further = []
         if asked is not None and record.status != "refused":
-            further = [_rehearsed(work, asked, inputs, output)]
+            further = [_rehearse_result(work, asked, inputs, output)]
             record = store.read(output, type(record))
         step = Step(
             stage,
@@ -214,7 +214,7 @@ def _result(
             record.status,
             record.status_reasons,
             told,
-            tuple(_checked(record, work.limits)),
+            tuple(_check_against_limits(record, work.limits)),
         )
         steps = [step, *further]
         memory.remember(note, key, {"steps": [dataclasses.asdict(s) for s in steps]}, outputs)
@@ -225,15 +225,17 @@ def _result(
         return [Step(stage, read, output.name, "failed", (str(error),))]
 
 
-def _rehearsed(work: Work, values: Mapping[str, Any], inputs: Sequence[Path], output: Path) -> Step:
+def _rehearse_result(
+    work: Work, values: Mapping[str, Any], inputs: Sequence[Path], output: Path
+) -> Step:
     """The rehearsal of a result that was just made, its verdict written into the result's status;
     one that cannot be done is told."""
-    from .rehearsal import rehearsed
+    from .rehearsal import rehearse_file
 
     typed = f"hrg rehearse {output.name} --times {values['times']}"
     try:
         beside = [*inputs, *work.recordings]
-        told = rehearsed(output, beside, values, work.jobs, lambda _: None, typed)
+        told = rehearse_file(output, beside, values, work.jobs, lambda _: None, typed)
     except (DiskFullError, UsageError):
         raise
     except HrgError as error:
@@ -241,7 +243,7 @@ def _rehearsed(work: Work, values: Mapping[str, Any], inputs: Sequence[Path], ou
     return Step("rehearse", (output.name,), output.name, told.status, told.reasons, told.table())
 
 
-def _told(steps: Sequence[Mapping[str, Any]]) -> Iterator[Step]:
+def _list_steps(steps: Sequence[Mapping[str, Any]]) -> Iterator[Step]:
     """Steps as they were noted."""
     for step in steps:
         lists = {key: tuple(step[key]) for key in ("inputs", "reasons", "checks")}
@@ -260,7 +262,7 @@ def _may_replace(work: Work, note: Path, output: Path) -> bool:
     return work.replace or (output.exists() and memory.is_ours(note, output))
 
 
-def _staged(
+def _run_noted_stage(
     work: Work,
     stage: str,
     inputs: Sequence[Path],
@@ -280,7 +282,7 @@ def _staged(
     )
 
 
-def _imported(work: Work, logs: Sequence[Path], output: Path, note: Path) -> Record:
+def _import_logs(work: Work, logs: Sequence[Path], output: Path, note: Path) -> Record:
     from .formats import import_log
 
     values = work.settings["import"]
@@ -296,7 +298,7 @@ def _imported(work: Work, logs: Sequence[Path], output: Path, note: Path) -> Rec
     )
 
 
-def _checked(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _check_against_limits(record: Record, limits: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The figures of a record against the limits of its kind, where there are some."""
     if record.kind not in limits:
         return []

@@ -85,7 +85,7 @@ def compare(old: Record, new: Record) -> Comparison:
         for n in names
     ]
     if isinstance(old, Calibration) and isinstance(new, Calibration):
-        found += of_tables(old, new)
+        found += compare_tables(old, new)
     words: list[tuple[str, str, str]] = [("status", old.status, new.status)]
     if isinstance(old, Diagnosis) and isinstance(new, Diagnosis):
         words.append(("verdict", old.verdict, new.verdict))
@@ -140,7 +140,7 @@ def std_of(name: str, figures: dict[str, float]) -> float | None:
     return next((figures[k] for k in keys if k in figures and math.isfinite(figures[k])), None)
 
 
-def of_tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
+def compare_tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
     """Where the tables differ most in σ, on the old table's nodes that the new one reaches, of D
     and of K."""
     if old.axis != new.axis:

@@ -59,7 +59,7 @@ def run_gyro(
     stages = [*(["import"] if any(i.logs for i in inputs) else []), *PER_RECORDING, *RESULTS]
     work = Work(
         folder,
-        resolved(tables, stages),
+        resolve_settings(tables, stages),
         limits or {},
         (),
         force,
@@ -89,7 +89,7 @@ def run_gyro(
     return steps
 
 
-def planned(
+def plan_steps(
     paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]], rehearse: bool = False
 ) -> list[tuple[str, tuple[str, ...], str]]:
     """What a run would do, without doing it: (stage, inputs, output) a line, a rehearsal without
@@ -124,7 +124,7 @@ def planned(
     return lines
 
 
-def resolved(
+def resolve_settings(
     tables: Mapping[str, Mapping[str, Any]], stages: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
     """The whole settings of these stages."""

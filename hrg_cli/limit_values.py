@@ -154,11 +154,11 @@ def _factor(name: str, unit: str) -> float:
     what = f"{unit} is no unit of {within}" if unit in every else f"{unit} is no unit"
     raise UsageError(
         f"limit {name}: {what};"
-        f" {meant(unit, known) or 'one of ' + ', '.join(k for k in known if k) + ' was expected'}"
+        f" {suggest(unit, known) or 'one of ' + ', '.join(k for k in known if k) + ' was expected'}"
     )
 
 
-def meant(word: str, known: Iterable[str]) -> str:
+def suggest(word: str, known: Iterable[str]) -> str:
     """The question "did you mean …?" where a known word is close, else nothing."""
     names = [k for k in known if k]
     close = difflib.get_close_matches(word, names, 1, 0.72) or difflib.get_close_matches(

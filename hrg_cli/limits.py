@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .errors import HrgError, UsageError
-from .limit_values import limit_value, meant, unit_of
+from .limit_values import limit_value, suggest, unit_of
 from .records import KINDS, Calibration, Diagnosis, Record, Resonator
 
 STATUSES = {"valid": 0, "suspect": 1, "refused": 2}
@@ -97,7 +97,7 @@ def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
         if (
             _is_group(value)
             and name not in (cls.kind for cls in KINDS)
-            and (hint := meant(name, [cls.kind for cls in KINDS]))
+            and (hint := suggest(name, [cls.kind for cls in KINDS]))
         ):
             raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
     own = limits.get(kind)
@@ -129,7 +129,7 @@ def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
             continue
         minimum, maximum = bounds(name, limit)
         value = figures.get(name)
-        if value is None and (hint := meant(name, [*figures, "verdict", "status"])):
+        if value is None and (hint := suggest(name, [*figures, "verdict", "status"])):
             raise UsageError(f"limit {name} is no figure of a {judged.kind} file; {hint}")
         inside = value is not None and math.isfinite(value)
         inside = (
@@ -167,7 +167,7 @@ def _verdict_row(verdict: str, wanted: Any) -> Row:
     )
     for word in words:
         if word not in VERDICTS:
-            hint = meant(word, VERDICTS) if isinstance(word, str) else ""
+            hint = suggest(word, VERDICTS) if isinstance(word, str) else ""
             raise UsageError(
                 f"limit verdict = {word!r}: {hint or ', '.join(VERDICTS) + ' was expected'}"
             )
@@ -188,7 +188,7 @@ def bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
         if key not in ("minimum", "maximum"):
             raise UsageError(
                 f"limit {name} has {key};"
-                f" {meant(key, ('minimum', 'maximum')) or 'minimum and maximum are known'}"
+                f" {suggest(key, ('minimum', 'maximum')) or 'minimum and maximum are known'}"
             )
     if not limit:
         raise UsageError(f"limit {name} has nothing; minimum and maximum are known")

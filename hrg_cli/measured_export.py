@@ -11,7 +11,7 @@ import numpy as np
 
 from .records import Calibration
 from .stages.calibration.factors import LEAST_FLATNESS
-from .stages.calibration.table import Measured, measured_at
+from .stages.calibration.table import MeasuredDrift, measured_at
 
 Array = np.ndarray
 FINE_NODES = 129
@@ -39,7 +39,7 @@ def csv_measured(calibration: Calibration) -> tuple[list[str], list[list[float]]
     return names, values.tolist()
 
 
-def _columns(part: Measured) -> tuple[list[str], Array]:
+def _columns(part: MeasuredDrift) -> tuple[list[str], Array]:
     if part.kind == "phase":
         assert part.mean_frequency_hz is not None
         names, first = ["mean_frequency_hz"], part.mean_frequency_hz[:, None]

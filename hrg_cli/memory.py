@@ -28,7 +28,7 @@ def key_of(content: Sequence[Any], inputs: Sequence[Path]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def remembered(note: Path, key: str) -> dict[str, Any] | None:
+def recall(note: Path, key: str) -> dict[str, Any] | None:
     """What was noted for this key, if every output is still there, unchanged."""
     noted = _read(note)
     return (

@@ -44,7 +44,7 @@ PLOTTED = (
 """Columns whose first plot tells most, in that order."""
 
 
-def needed(package: str, what: str) -> Any:
+def need_package(package: str, what: str) -> Any:
     """A package of the notebook. HrgError: it is not installed."""
     try:
         return import_module(package)
@@ -72,7 +72,7 @@ class NotebookView:
 
         HrgError: xarray is not installed.
         """
-        xr = needed("xarray", "to_xarray")
+        xr = need_package("xarray", "to_xarray")
         variables, attributes = {}, {"kind": self.kind, "status": self.status}  # type: ignore[attr-defined]
         for name, spec in self.columns().items():  # type: ignore[attr-defined]
             value = getattr(self, name)
@@ -121,7 +121,7 @@ class NotebookView:
                 f" {', '.join(there)}"
             )
         if ax is None:
-            ax = needed("matplotlib.pyplot", "plot").subplots()[1]
+            ax = need_package("matplotlib.pyplot", "plot").subplots()[1]
         spec, y = columns[name], np.asarray(getattr(self, name)[:])
         across = spec.dims[1] if spec.dims[0] == "node" and len(spec.dims) > 1 else spec.dims[0]
         along = next(

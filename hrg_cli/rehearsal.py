@@ -22,7 +22,7 @@ from .records import (
     Source,
     Wave,
 )
-from .stages.rehearse import Rehearsal, Rehearsed, Work, once, rehearse, with_verdict
+from .stages.rehearse import Rehearsal, Rehearsed, Work, rehearse, rehearse_once, with_verdict
 from .stages.twin import Measured
 from .stages.twin_physical import Identified, is_physical
 from .version import __version__
@@ -31,7 +31,7 @@ STAGE_OF = {Resonator: "identify", Calibration: "calibrate", Diagnosis: "diagnos
 """The stage that made a result, for every kind that is rehearsed."""
 
 
-def rehearsed(
+def rehearse_file(
     path: Path,
     beside: Sequence[Path],
     values: Mapping[str, Any],
@@ -51,11 +51,14 @@ def rehearsed(
     record = store.read(path, kind)
     stage = STAGE_OF[kind]
     own = settings.checked(pipeline.STAGES[stage].function(), settings_of(path, stage))
-    inputs = [measured(wave, beside) for wave in inputs_of(path, beside)]
+    inputs = [attach_measured(wave, beside) for wave in inputs_of(path, beside)]
 
     def share(works: Sequence[Work]) -> list[Rehearsed | None]:
         return run_tasks(
-            once, works, lambda: local_processes(jobs), lambda count: progress(count / len(works))
+            rehearse_once,
+            works,
+            lambda: local_processes(jobs),
+            lambda count: progress(count / len(works)),
         )
 
     try:
@@ -102,7 +105,7 @@ def inputs_of(path: Path, beside: Sequence[Path]) -> list[Path]:
             f"{path}: names no wave file among its sources; only what was made of wave files is"
             " rehearsed"
         )
-    return [_must(found_again(source, path.parent, beside), source, path) for source in sources]
+    return [_must(find_source(source, path.parent, beside), source, path) for source in sources]
 
 
 def identified_of(path: Path, record: Record, beside: Sequence[Path]) -> list[Identified]:
@@ -113,11 +116,11 @@ def identified_of(path: Path, record: Record, beside: Sequence[Path]) -> list[Id
     out = []
     for source in store.provenance_of(path).sources:
         if source.kind == Resonator.kind:
-            file = _must(found_again(source, path.parent, beside), source, path)
+            file = _must(find_source(source, path.parent, beside), source, path)
             out.append(
                 Identified(
                     store.read(file, Resonator),
-                    [measured(wave, beside) for wave in inputs_of(file, beside)],
+                    [attach_measured(wave, beside) for wave in inputs_of(file, beside)],
                     settings.checked(
                         pipeline.STAGES["identify"].function(), settings_of(file, "identify")
                     ),
@@ -141,7 +144,7 @@ def _must(found: Path | None, source: Source, path: Path) -> Path:
     )
 
 
-def found_again(source: Source, folder: Path, beside: Sequence[Path]) -> Path | None:
+def find_source(source: Source, folder: Path, beside: Sequence[Path]) -> Path | None:
     """The file with a source's SHA-256: named by the user, under its own name in the folder, or
     under another one there; files of its name are read first."""
     own = folder / source.name
@@ -160,7 +163,7 @@ def found_again(source: Source, folder: Path, beside: Sequence[Path]) -> Path | 
     return None
 
 
-def measured(wave: Path, beside: Sequence[Path]) -> Measured:
+def attach_measured(wave: Path, beside: Sequence[Path]) -> Measured:
     """A wave and, where they lie beside it, what its periods and its recording say of sampling and
     windows."""
     record = store.read(wave, Wave)
@@ -189,4 +192,4 @@ def measured(wave: Path, beside: Sequence[Path]) -> Measured:
 def _parent(path: Path, kind: str, beside: Sequence[Path]) -> Path | None:
     """The file of a kind that `path` was made of, where it is at hand."""
     sources = [source for source in store.provenance_of(path).sources if source.kind == kind]
-    return found_again(sources[0], path.parent, beside) if sources else None
+    return find_source(sources[0], path.parent, beside) if sources else None

@@ -9,9 +9,9 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
-from hrg_cli.comparing import compare, of_tables
+from hrg_cli.comparing import compare, compare_tables
 from hrg_cli.errors import UsageError
-from hrg_cli.limit_values import limit_value, meant, quantity_of, unit_of
+from hrg_cli.limit_values import limit_value, quantity_of, suggest, unit_of
 from hrg_cli.reporting.quantities import quantity
 from hrg_cli.units import DEGREE_PER_HOUR
 
@@ -97,8 +97,8 @@ def test_what_the_screen_shows_is_understood_as_a_limit(name, size):
 
 def test_what_was_meant():
     assert (
-        meant("adeqate", ("adequate", "explained")) == "did you mean adequate?"
-        and meant("xyz", ("adequate",)) == ""
+        suggest("adeqate", ("adequate", "explained")) == "did you mean adequate?"
+        and suggest("xyz", ("adequate",)) == ""
     )
     assert quantity_of("rows") == "a ratio" and quantity_of("values.bias_rad_s") == "a rate"
 
@@ -214,7 +214,7 @@ def test_diff_of_diagnoses_and_tables():
     shifted = tables.replace(
         drift_harmonics=tables.drift_harmonics + np.eye(1, tables.drift_harmonics.shape[1]) * 1e-4
     )
-    assert {d.name: d for d in of_tables(tables, shifted)}[
+    assert {d.name: d for d in compare_tables(tables, shifted)}[
         "table.drift_rad_s"
     ].difference == pytest.approx(1e-4, rel=1e-6)
 

@@ -95,7 +95,7 @@ def test_snakefile_makes_a_task_of_every_gyro(tmp_path):
 
     first = run()
     assert first.returncode == 1 and "free.h5" in first.stdout + first.stderr
-    entered = database.read(lab / "results" / "ledger.sqlite")
+    entered = database.read_entries(lab / "results" / "ledger.sqlite")
     assert {e.gyro_id for e in entered} == {"SN-1", "SN 2"}
     assert {e.station for e in entered} == {"2"}
     settings = json.loads((lab / "results" / "SN 2" / "run.json").read_text())
@@ -110,7 +110,7 @@ def test_snakefile_makes_a_task_of_every_gyro(tmp_path):
     last = run()
     assert last.returncode == 0, last.stderr[-2000:]
     assert (lab / "results" / "SN 2" / "run.json").stat().st_mtime_ns == before
-    rows = database.read(lab / "results" / "ledger.sqlite")
+    rows = database.read_entries(lab / "results" / "ledger.sqlite")
     count = [sum(e.gyro_id == gyro for e in entered) for gyro in ("SN-1", "SN 2")]
     assert [sum(e.gyro_id == g for e in rows) for g in ("SN-1", "SN 2")] == [2 * count[0], count[1]]
 

@@ -250,7 +250,7 @@ def test_words_of_libraries_do_not_reach_standard_output(tmp_path):
             "    libc.puts(b' ** On entry to DLASCL parameter number 4 had an illegal value')",
             "    libc.fflush(None)",
             "    print('{}')",
-            "guard.guarded(body)",
+            "guard.run_guarded(body)",
             "print('after')",
         ]
     )

@@ -70,7 +70,7 @@ def batch_file(
     )
     assignments = (*run.assignments, *(seeds if run.seed is not None else ()))
     if run.show_config:
-        run.leave_with_settings({"batch": resolved(read_lot(path, assignments, over))})
+        run.leave_with_settings({"batch": resolve_lot(read_lot(path, assignments, over))})
     folder = run.need_output("lot/")
     if ledger is not None:
         database.add(ledger, [])  # what cannot be written is said before the work, not after it
@@ -114,7 +114,7 @@ def show(report: Mapping[str, Any], folder: Path) -> None:
     console.say(f"page: {folder / 'lot.html'}")
 
 
-def resolved(lot: LotSettings) -> dict[str, Any]:
+def resolve_lot(lot: LotSettings) -> dict[str, Any]:
     """The whole lot with every default of every stage, in the form of a lot's file."""
     tree = lot.model_dump(by_alias=True, exclude_unset=False)
     for name in (*PER_RECORDING, *lot.stages):

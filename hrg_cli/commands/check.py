@@ -142,7 +142,7 @@ def check_files(
         "status_reasons": [
             f"{one.path.name}: {reason}" if named else reason
             for one in done
-            for reason in check_pages.missed(one)
+            for reason in check_pages.why_missed(one)
         ],
         "elapsed_s": round(time.monotonic() - started, 3),
         "passed": passed,

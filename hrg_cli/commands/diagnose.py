@@ -13,7 +13,7 @@ import typer
 from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..errors import HrgError
-from ..extended import beside as beside_it
+from ..extended import extended_paths as beside_it
 from ..extended import write_extended
 from ..physics.resonator import PARAMETERS
 from ..records import Diagnosis, Resonator, Wave
@@ -82,7 +82,7 @@ def diagnose_files(
         {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
     )
     if model is not None and model.suffix == ".toml":
-        further["resonator"] = believed(model, mean_temperature(waves))
+        further["resonator"] = read_believed(model, mean_temperature(waves))
     elif model is not None:
         beside["resonator"] = model
     outcome = pipeline.run_stage(
@@ -120,7 +120,7 @@ def mean_temperature(waves: Sequence[Path]) -> float | None:
     return float(np.mean(means)) if means else None
 
 
-def believed(file: Path, temperature_degc: float | None) -> Resonator:
+def read_believed(file: Path, temperature_degc: float | None) -> Resonator:
     """The resonator of a simulation file at the runs' temperature, without errors: values the user
     holds for true."""
     settings_of_run = runs_of(settings.load_toml(file), str(file))[0]

@@ -19,7 +19,7 @@ import typer.main
 from ..errors import InterruptedRunError, UsageError
 from ..extras import without_compiler
 from ..reporting.text import first_paragraph
-from .guard import DONE, REFUSED, guarded, unread_is_no_failure
+from .guard import DONE, REFUSED, run_guarded, unread_is_no_failure
 
 SAME_CONTENT = {".h5": (".h5", ".hdf5", ".he5", ".nc", ".nc4"), ".html": (".html", ".htm")}
 OTHER_CONTENT = (
@@ -164,9 +164,9 @@ class Common:
         from ..reporting import console
 
         if self.piped and self.output is not None:
-            from .pipes import handed_on
+            from .pipes import hand_on
 
-            print(*handed_on(self.output), sep="\n")
+            print(*hand_on(self.output), sep="\n")
         elif self.json:
             console.print_json(report)
         elif not self.quiet:
@@ -301,7 +301,7 @@ def command(
         def run(**arguments: Any) -> None:
             given = {key: arguments.pop(key) for key in _OPTIONS}
             given["assignments"] = tuple(given["assignments"] or ())
-            guarded(
+            run_guarded(
                 functools.partial(_piped, name, function, Common(**given), arguments),
                 given["verbose"],
             )
@@ -341,13 +341,13 @@ def _piped(
 ) -> None:
     """The command with its pipes: `-` among the inputs, `-o -`; what an interrupted one leaves is
     said."""
-    from .pipes import DASH, piped_output, remove, taken
+    from .pipes import DASH, piped_output, remove, take_from_pipe
 
     if common.output == DASH:
         if common.json:
             raise UsageError("-o - prints the name of a file, --json an object; choose one of them")
         common = replace(common, output=piped_output(name), piped=True)
-    given, names = taken(name, arguments)
+    given, names = take_from_pipe(name, arguments)
     if name in SIMULATING and not common.quiet and (slow := without_compiler()):
         from ..reporting.console import message
 

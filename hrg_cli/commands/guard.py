@@ -93,7 +93,7 @@ def libraries_silent(verbose: bool) -> Iterator[None]:
         logging.disable(before)
 
 
-def guarded(body: Callable[[], None], verbose: bool = False) -> None:
+def run_guarded(body: Callable[[], None], verbose: bool = False) -> None:
     """Run a command's body; every failure becomes one line on standard error and an exit status."""
     try:
         with libraries_silent(verbose), own_standard_output(), unread_is_no_failure():

@@ -225,13 +225,13 @@ def show_ledger(
 ) -> Shown:
     """Tell of all gyros; the command's JSON and its tables."""
     started = time.monotonic()
-    wanted = _wanted(run, limits)
-    entries = _chosen(database.read(ledger), chosen)
+    wanted = _parse_wanted(run, limits)
+    entries = _choose_entries(database.read_entries(ledger), chosen)
     found = overview(
         entries, limits=wanted, golden=golden, names=chosen[1], guard_sigma=guard_sigma, by=by
     )
-    report = _judged(found, started, ledger) | of_overview(found)
-    return _handed(run, report, entries), lambda: ledger_tables.show_overview(found)
+    report = _judge_overview(found, started, ledger) | of_overview(found)
+    return _hand_over(run, report, entries), lambda: ledger_tables.show_overview(found)
 
 
 def show_history(
@@ -245,25 +245,25 @@ def show_history(
 ) -> Shown:
     """Tell of one gyro; the command's JSON and its tables."""
     started = time.monotonic()
-    wanted = _wanted(run, limits)
+    wanted = _parse_wanted(run, limits)
     if gyro is None:
         raise UsageError("no gyro is named; name its serial number")
-    entries = _chosen(database.read(ledger), chosen)
+    entries = _choose_entries(database.read_entries(ledger), chosen)
     found = history_of(
         entries, gyro, limits=wanted, names=chosen[1], guard_sigma=guard_sigma, by=by
     )
-    report = _judged(found, started, ledger) | of_history(found)
-    return _handed(run, report, found.entries), lambda: ledger_tables.show_history(found)
+    report = _judge_overview(found, started, ledger) | of_history(found)
+    return _hand_over(run, report, found.entries), lambda: ledger_tables.show_history(found)
 
 
-def _wanted(run: Common, limits: Path | None) -> dict[str, Any]:
+def _parse_wanted(run: Common, limits: Path | None) -> dict[str, Any]:
     wanted = limits_of(run, limits)
     if run.show_config:
         run.leave_with_settings(wanted)
     return wanted
 
 
-def _chosen(entries: Sequence[Entry], chosen: Chosen) -> list[Entry]:
+def _choose_entries(entries: Sequence[Entry], chosen: Chosen) -> list[Entry]:
     """The results that are told of. UsageError: a time that is none."""
     kind, _, since = chosen
     try:
@@ -275,7 +275,7 @@ def _chosen(entries: Sequence[Entry], chosen: Chosen) -> list[Entry]:
     return [e for e in entries if kind in (None, e.kind) and moment(e.processed) >= first]
 
 
-def _judged(found: Overview | History, started: float, ledger: Path) -> dict[str, Any]:
+def _judge_overview(found: Overview | History, started: float, ledger: Path) -> dict[str, Any]:
     """Refused where a gyro misses its limits, suspect where a chart is out of control."""
     status = "refused" if found.missed else "suspect" if found.doubts else "valid"
     return {
@@ -287,7 +287,7 @@ def _judged(found: Overview | History, started: float, ledger: Path) -> dict[str
     }
 
 
-def _handed(run: Common, report: Mapping[str, Any], entries: Sequence[Entry]) -> dict[str, Any]:
+def _hand_over(run: Common, report: Mapping[str, Any], entries: Sequence[Entry]) -> dict[str, Any]:
     """The report with its output: the results for other programs by the suffix, else the report
     itself."""
     output = run.output

@@ -51,7 +51,7 @@ def piped_output(command: str) -> Path:
     return Path(name)
 
 
-def taken(command: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path]]:
+def take_from_pipe(command: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path]]:
     """The arguments with every `-` replaced by the names that came through the pipe, and those
     names.
 
@@ -82,7 +82,7 @@ def taken(command: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], l
     return {**arguments, dashes[0]: names[0]}, names
 
 
-def handed_on(output: Path) -> list[Path]:
+def hand_on(output: Path) -> list[Path]:
     """The files made under a temporary output's name: itself, or one a run."""
     return [output] if output.exists() else sorted(output.parent.glob(f"{output.stem}-*.h5"))
 

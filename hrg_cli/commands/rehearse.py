@@ -15,7 +15,7 @@ import typer
 from .. import pipeline, settings, store
 from ..errors import UsageError
 from ..records import Calibration, Diagnosis, Resonator
-from ..rehearsal import rehearsed
+from ..rehearsal import rehearse_file
 from ..reporting import console
 from ..stages.rehearse import rehearse
 from .frame import Common, Files, command, command_line, existing
@@ -81,7 +81,7 @@ def rehearse_files(
             f"one resonator, calibration or diagnosis file is rehearsed at a time, {found} was given; the rest"
             " of FILE are its inputs"
         )
-    told = rehearsed(
+    told = rehearse_file(
         results[0], given, values, run.jobs, progress, None if keep_file else command_line()
     )
     report = {
@@ -185,7 +185,7 @@ def and_rehearse(
         rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True
     )
     with console.progress_bar("rehearse", run.quiet or run.json) as progress:
-        told = rehearsed(
+        told = rehearse_file(
             output, inputs, values, run.jobs, progress, f"{command_line()} (its rehearsal)"
         )
     record = store.read(output, type(outcome.record))

@@ -16,7 +16,7 @@ from .. import settings, store
 from ..chain import Step
 from ..errors import HrgError
 from ..extras import without_pages
-from ..gyro import gyro_of, inputs_of, planned, run_gyro
+from ..gyro import gyro_of, inputs_of, plan_steps, run_gyro
 from ..limits import Row, check
 from ..pipeline import STAGES
 from ..reporting import answer_text, console
@@ -152,7 +152,9 @@ def run_files(
             full,
             run.force or ours,
         )
-    deciding = [step for step in steps if step.name != "identify"] if _explained(steps) else steps
+    deciding = (
+        [step for step in steps if step.name != "identify"] if _is_explained(steps) else steps
+    )
     missed = [row.sentence() for row in rows if not row.passed]
     worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
     report: dict[str, Any] = {
@@ -249,7 +251,7 @@ def reasons_of(steps: Sequence[Step]) -> list[str]:
     ]
 
 
-def _explained(steps: Sequence[Step]) -> bool:
+def _is_explained(steps: Sequence[Step]) -> bool:
     """Whether a diagnosis explains what the linear resonator leaves, so that the doubt about that
     resonator is settled."""
     return any(
@@ -271,7 +273,7 @@ def _plan(
         f"hrg {name} {' '.join(inputs)} -o {folder / output}"
         if output
         else f"hrg {name} {folder / inputs[0]} --times {(rehearsals or {})['times']}"
-        for name, inputs, output in planned(paths, tables, rehearsals is not None)
+        for name, inputs, output in plan_steps(paths, tables, rehearsals is not None)
     ]
     report = {
         "kind": "plan of a run",

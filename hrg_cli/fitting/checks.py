@@ -167,7 +167,7 @@ def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covari
     return at_most(name, float(correlation.max(initial=0.0)), LARGEST_CORRELATION, sentence)
 
 
-def closing(
+def check_statistics(
     chi2: float,
     dof: int,
     residuals: Sequence[Array] = (),
@@ -183,7 +183,7 @@ def closing(
     return checks
 
 
-def sound(covariance: Array, converged: bool, reason: str = "") -> list[Check]:
+def check_fit(covariance: Array, converged: bool, reason: str = "") -> list[Check]:
     """What a fit must be whatever it says: converged (else `reason`), with a covariance that is
     one."""
     return [

@@ -150,7 +150,7 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
     ]
     for role in ALIASES:
         if taken[role] is None and role not in left_out:
-            taken[role] = _told(log, role, free)
+            taken[role] = _find_told(log, role, free)
             free = [i for i in free if i != taken[role]]
     if taken["time"] is None and log.sample_rate_hz is None and "time" not in left_out:
         taken["time"] = _unnamed_time(log, free)
@@ -163,7 +163,7 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
     return Roles(**taken)  # type: ignore[arg-type]
 
 
-def _told(log: Log, role: str, free: list[int]) -> int | None:
+def _find_told(log: Log, role: str, free: list[int]) -> int | None:
     """The free column that the log itself or its title gives a role; None where there is none."""
     told = [i for i in free if log.channels[i].role == role]
     if told:
@@ -248,7 +248,7 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
     return index
 
 
-def numbered(log: Log, path: str, role: str, wanted: str | int) -> int:
+def number_of_column(log: Log, path: str, role: str, wanted: str | int) -> int:
     """Index of the column of numbers that was named. HrgError: there is none, or it holds no
     numbers."""
     return _named(log, path, role, wanted)

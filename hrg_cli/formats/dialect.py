@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..errors import HrgError
 from .clock import clock_kind
-from .left_out import FEWEST_OTHERWISE, LeftOut, grouped, unread_rows
+from .left_out import FEWEST_OTHERWISE, LeftOut, group_lines, unread_rows
 from .quantities import is_unit, split_name
 
 HEAD_BYTES = 1 << 18
@@ -202,7 +202,7 @@ def _described(
         lambda line: _numbers_otherwise(line, sep, dec, count),
         lambda cell: bool(_BESIDE_TITLES.match(cell)),
     )
-    left_out = grouped(unread)
+    left_out = group_lines(unread)
     for rows in left_out:
         if rows.otherwise and rows.rows >= FEWEST_OTHERWISE:
             raise HrgError(

@@ -51,7 +51,7 @@ from .log_options import (
     TimeUnits,
     ToS,
 )
-from .readers import guarded, open_log
+from .readers import guard_reading, open_log
 from .slow import SlowLog
 from .taken import GAP_STEPS, Taken, checked_range
 from .timing import Timing, timing_of
@@ -236,7 +236,7 @@ class _Source:
             *([] if self.roles.time is None else [self.roles.time]),
         ]
         count, row = len(self.signal.columns), 0
-        with guarded(self.path, self.log.format):
+        with guard_reading(self.path, self.log.format):
             for columns in self.log.read(wanted):
                 n = len(columns[0])
                 if n == 0:
@@ -272,7 +272,7 @@ def _stream(source: _Source, blank: Periods, plan: WindowPlan, taken: Taken) -> 
         row += len(times)
         piece = (times[part], u[:, part], [values[part] for values in slow])
         if left is not None:
-            piece = _joined(left, piece)
+            piece = _join_blocks(left, piece)
         whole = len(piece[0]) // plan.rows * plan.rows
         left = (piece[0][whole:], piece[1][:, whole:], [values[whole:] for values in piece[2]])
         if whole:
@@ -311,7 +311,7 @@ def _stream(source: _Source, blank: Periods, plan: WindowPlan, taken: Taken) -> 
     yield held.replace(details=json.dumps(facts | {"noise": noise}, ensure_ascii=False))
 
 
-def _joined(
+def _join_blocks(
     a: tuple[Array, Array, list[Array]], b: tuple[Array, Array, list[Array]]
 ) -> tuple[Array, Array, list[Array]]:
     """Rows left over before the next ones."""

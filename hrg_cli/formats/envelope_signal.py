@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Array, Status
-from .columns import listing, numbered
+from .columns import listing, number_of_column
 from .log import Log
 from .quantities import channel_unit, is_level, phase_factor
 
@@ -61,7 +61,7 @@ class EnvelopeSignal:
         """The columns that were named, or those that their titles tell. HrgError: none, or half a
         pair."""
         columns = {
-            role: numbered(log, str(path), role, wanted)
+            role: number_of_column(log, str(path), role, wanted)
             for role, wanted in named.items()
             if wanted is not None
         }

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Array, Status
-from .row_noise import DELAY, RowNoise, passed, row_noise
+from .row_noise import DELAY, RowNoise, gain_of_filter, row_noise
 
 LOOKS, LOOK_ROWS = 16, 1 << 14
 """Stretches of rows, at most, from which noise and correlation are found."""
@@ -132,7 +132,7 @@ def plan_windows(
         noise = row_noise(looks)
         offset_hz = float(np.median([mean_turn(look) for look in looks])) / (2 * np.pi * step_s)
     if asked is not None:
-        return WindowPlan(min(asked, total), step_s, noise, offset_hz, passed(looks))
+        return WindowPlan(min(asked, total), step_s, noise, offset_hz, gain_of_filter(looks))
     kappa = noise.correlated_rows
     power = float(np.nanmedian(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
     clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)
@@ -142,7 +142,7 @@ def plan_windows(
     rows = max(1, min(rows, total // FEWEST_WINDOWS))
     while rows > 1 and _bends(looks, rows, noise):
         rows //= 2
-    return WindowPlan(rows, step_s, noise, offset_hz, passed(looks))
+    return WindowPlan(rows, step_s, noise, offset_hz, gain_of_filter(looks))
 
 
 def mean_turn(look: Array) -> float:

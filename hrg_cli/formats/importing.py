@@ -44,9 +44,9 @@ from .log_options import (
     TimeUnits,
     ToS,
 )
-from .pairing import paired, second_file
+from .pairing import pair_logs, second_file
 from .quantities import channel_unit, is_level
-from .readers import guarded, open_log
+from .readers import guard_reading, open_log
 from .slow import SlowLog
 from .taken import Taken, checked_range
 from .timing import Timing, timing_of
@@ -231,7 +231,7 @@ def _open(
     asked = dict(asked)
     if s_file is not None:
         other = open_log(files[1], format, separator, decimal)
-        log, asked = paired(path, log, files[1], other, asked)
+        log, asked = pair_logs(path, log, files[1], other, asked)
     roles = find(log, str(path), asked)
     _same_length(log, roles, str(path))
     return _Opened(files, log, roles, before)
@@ -332,7 +332,7 @@ def _stream(
     path, log, roles = opened.files[0], opened.log, opened.roles
     rows = 0
     fast = 1 if roles.s is None else 2
-    with guarded(path, log.format):
+    with guard_reading(path, log.format):
         pieces = _pieces(log, roles, timing, slow, taken)
         held = next(pieces, None)
         while held is not None:

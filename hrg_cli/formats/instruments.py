@@ -23,7 +23,7 @@ _NUMBER = r"([+-]?\d[\d.]*(?:[eE][+-]?\d+)?)"
 
 
 @dataclass(frozen=True)
-class Layout:
+class LogLayout:
     """The columns as the instrument meant them, its sampling rate where it is written, why the
     result may be doubted."""
 
@@ -32,7 +32,7 @@ class Layout:
     reasons: tuple[str, ...] = ()
 
 
-def understood(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout:
+def understand(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout:
     """The first layout whose words are there; plain columns with the rate and units of the lines
     above them otherwise."""
     nameless = tuple(
@@ -43,10 +43,12 @@ def understood(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> L
         (layout for known in LAYOUTS if (layout := known(path, dialect, nameless)) is not None),
         None,
     )
-    return found or Layout(_with_units(dialect, nameless), _preamble_rate(dialect))
+    return found or LogLayout(_with_units(dialect, nameless), _preamble_rate(dialect))
 
 
-def _columns_beside(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
+def _columns_beside(
+    path: Path, dialect: Dialect, channels: tuple[Channel, ...]
+) -> LogLayout | None:
     """Tektronix TDS: key, value, blank, time, value in every row; the keys stand beside the first
     samples, one channel a file."""
     told = {row[0].lower(): row[1] for row in dialect.sample if len(row) > 4 and row[0]}
@@ -59,10 +61,10 @@ def _columns_beside(path: Path, dialect: Dialect, channels: tuple[Channel, ...])
         full[0]: Channel("time", told.get("horizontal units", "s"), rising=True, role="time"),
         full[1]: Channel(told.get("source", "channel"), told.get("vertical units", "")),
     }
-    return Layout(tuple(named.get(i, replace(c, kind="text")) for i, c in enumerate(channels)))
+    return LogLayout(tuple(named.get(i, replace(c, kind="text")) for i, c in enumerate(channels)))
 
 
-def _sequence(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
+def _sequence(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout | None:
     """Rigol DS1000Z: samples are numbered, start and increment stand beside the titles
     (X,CH1,CH2,Start,Increment)."""
     above = [
@@ -85,12 +87,12 @@ def _sequence(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> La
         if c.name.lower() in ("start", "increment", "") or (numbers and i == 0)
     ]
     kept = (Channel(c.name, kind="text") if i in idle else c for i, c in enumerate(channels))
-    return Layout(tuple(kept), 1 / steps[-1])
+    return LogLayout(tuple(kept), 1 / steps[-1])
 
 
 def _increment_in_title(
     path: Path, dialect: Dialect, channels: tuple[Channel, ...]
-) -> Layout | None:
+) -> LogLayout | None:
     """Rigol MSO5000: CH1(V),CH2(V),t0 = -1e-3, tInc = 1e-6 above rows without times."""
     found = next(
         (m for line in dialect.preamble if (m := re.search(rf"\btInc\s*=\s*{_NUMBER}", line))), None
@@ -99,7 +101,7 @@ def _increment_in_title(
     if step is None:
         return None
     idle = re.compile(r"^(t0|tinc)\b", re.IGNORECASE)
-    return Layout(
+    return LogLayout(
         tuple(replace(c, kind="text") if idle.match(c.name) else c for c in channels), 1 / step
     )
 
@@ -113,7 +115,7 @@ def _positive(text: str) -> float | None:
     return value if 0 < value < math.inf and 1 / value < math.inf else None
 
 
-def _data_below(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
+def _data_below(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout | None:
     """Keysight Infiniium: a list of keys (XInc, XUnits, YUnits …) and the word Data: above times
     and values."""
     told = {
@@ -132,10 +134,10 @@ def _data_below(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> 
         named[0] = Channel(
             "time", next(iter(told.get("xunits", [])), "s"), rising=True, role="time"
         )
-    return Layout(tuple(named), _preamble_rate(dialect))
+    return LogLayout(tuple(named), _preamble_rate(dialect))
 
 
-def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
+def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout | None:
     """Rohde & Schwarz RTO and RTE: NAME.Wfm.csv holds the values, NAME.csv beside it the keys
     (Resolution:1e-9:)."""
     beside = header_beside(path)
@@ -156,7 +158,7 @@ def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) ->
     named = tuple(
         replace(c, name=sources[i] if i < len(sources) else c.name) for i, c in enumerate(values)
     )
-    return Layout(
+    return LogLayout(
         (replace(channels[0], name="time", units="s", role="time"), *named) if timed else named,
         None if timed else 1 / step,
     )
@@ -169,7 +171,7 @@ def header_beside(path: Path) -> Path | None:
     return beside if beside is not None and beside.is_file() else None
 
 
-def _labone(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layout | None:
+def _labone(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout | None:
     """Zurich Instruments LabOne: chunk;timestamp;… with time stamps in ticks of the instrument's
     clock."""
     names = [channel.name.lower() for channel in channels]
@@ -178,10 +180,10 @@ def _labone(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> Layo
     whole = all(row[1].isdigit() for row in dialect.sample)
     stamp = replace(channels[1], units="ticks" if whole else channels[1].units, role="time")
     reasons = (ONE_DEMODULATOR,) if "x" in names and "y" in names else ()
-    return Layout((replace(channels[0], kind="text"), stamp, *channels[2:]), None, reasons)
+    return LogLayout((replace(channels[0], kind="text"), stamp, *channels[2:]), None, reasons)
 
 
-LAYOUTS: tuple[Callable[[Path, Dialect, tuple[Channel, ...]], Layout | None], ...] = (
+LAYOUTS: tuple[Callable[[Path, Dialect, tuple[Channel, ...]], LogLayout | None], ...] = (
     _columns_beside,
     _sequence,
     _increment_in_title,
@@ -191,7 +193,7 @@ LAYOUTS: tuple[Callable[[Path, Dialect, tuple[Channel, ...]], Layout | None], ..
 )
 
 
-def _told(dialect: Dialect) -> Iterator[tuple[str, list[str]]]:
+def _read_told(dialect: Dialect) -> Iterator[tuple[str, list[str]]]:
     """Key and values of every line above the data."""
     for line in dialect.preamble:
         cells = [
@@ -204,7 +206,7 @@ def _told(dialect: Dialect) -> Iterator[tuple[str, list[str]]]:
 def _with_units(dialect: Dialect, channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
     """Units that stand in a line of their own above (Tektronix: Vertical Units,V,V), where the
     titles have none."""
-    told = next((values for key, values in _told(dialect) if key == "vertical units"), [])
+    told = next((values for key, values in _read_told(dialect) if key == "vertical units"), [])
     bare = [
         i
         for i, c in enumerate(channels)
@@ -218,7 +220,7 @@ def _with_units(dialect: Dialect, channels: tuple[Channel, ...]) -> tuple[Channe
 
 def _preamble_rate(dialect: Dialect) -> float | None:
     """The sampling rate an instrument wrote above the data, where it did."""
-    for key, values in _told(dialect):
+    for key, values in _read_told(dialect):
         value = re.match(rf"^\s*{_NUMBER}\s*([a-zA-Zµ/]*)", values[0])
         if value is None:
             continue

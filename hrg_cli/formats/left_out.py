@@ -126,7 +126,7 @@ def _is_key(first: str, firsts: list[str], is_value: Callable[[str], bool]) -> b
     return bool(first) and not is_value(first) and firsts.count(first) == 1
 
 
-def grouped(found: Sequence[tuple[Line, Class]]) -> tuple[LeftOut, ...]:
+def group_lines(found: Sequence[tuple[Line, Class]]) -> tuple[LeftOut, ...]:
     """Neighbouring lines of one class as one entry."""
     why = {
         "otherwise": "rows of numbers, written in another way than the rows below",

@@ -57,11 +57,13 @@ def partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None]) -> s
     return {log for log in logs if log.absolute() in found}
 
 
-def paired(path: Path, log: Log, other_path: Path, other: Log, asked: Asked) -> tuple[Log, Asked]:
+def pair_logs(
+    path: Path, log: Log, other_path: Path, other: Log, asked: Asked
+) -> tuple[Log, Asked]:
     """The log with the other file's channel as its last column, and its columns by number.
     HrgError: times that disagree."""
     mine = find(log, str(path), {**asked, "s": "none"})
-    theirs = find(other, str(other_path), _asked_of_second(other, asked))
+    theirs = find(other, str(other_path), _column_of_second(other, asked))
     _same_clock(path, log, mine, other_path, other, theirs)
     channel = other.channels[theirs.c]
     last = len(log.channels)
@@ -76,7 +78,7 @@ def paired(path: Path, log: Log, other_path: Path, other: Log, asked: Asked) -> 
         right = other.read([theirs.c, *([] if theirs.time is None else [theirs.time])])
         compare = _times_compared(path, log, mine, other_path, other, theirs)
         row = 0
-        for a, b in _together(path, left, other_path, right):
+        for a, b in _read_together(path, left, other_path, right):
             if clocks:
                 compare(row, a[-1], b[1])
             row += len(b[0])
@@ -94,7 +96,7 @@ def paired(path: Path, log: Log, other_path: Path, other: Log, asked: Asked) -> 
     return joined, {**asked, "c": mine.c + 1, "s": last + 1, "time": time}
 
 
-def _asked_of_second(other: Log, asked: Asked) -> Asked:
+def _column_of_second(other: Log, asked: Asked) -> Asked:
     """What to look for in the second file: the column asked for as S, or the one that bears the
     name asked for as C."""
     names = {channel.name.lower() for channel in other.channels}
@@ -166,7 +168,7 @@ def _seconds(log: Log, index: int) -> float:
     return channel.scale_factor * (time_factor(channel.units) if known else 1.0)
 
 
-def _together(
+def _read_together(
     path: Path, left: Blocks, other_path: Path, right: Blocks
 ) -> Iterator[tuple[list[Array], list[Array]]]:
     """Blocks of both with the same rows, however each file is cut. HrgError: one ends before the

@@ -41,7 +41,7 @@ def open_log(
         raise HrgError(
             f"{path}: is of no format known here (it begins with {head[:8]!r}); {EXPECTED}"
         )
-    with guarded(path, reader.name):
+    with guard_reading(path, reader.name):
         return reader.open(path, separator, decimal) if reader is text.READER else reader.open(path)
 
 
@@ -65,7 +65,7 @@ def _head(path: Path) -> bytes:
 
 
 @contextlib.contextmanager
-def guarded(path: Path, format: str) -> Iterator[None]:
+def guard_reading(path: Path, format: str) -> Iterator[None]:
     """Every way a library fails on a damaged file becomes one sentence."""
     try:
         yield

@@ -182,7 +182,7 @@ def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int
     return low, high, middle.mean(-1), len(power)
 
 
-def passed(looks: Sequence[Array]) -> float:
+def gain_of_filter(looks: Sequence[Array]) -> float:
     """Gain of the filter at the oscillation over that at the reference, from the noise of both
     places; 1 where it cannot be told."""
     rows = min(max(look.shape[1] for look in looks) // FEWEST_PIECES, LONGEST)

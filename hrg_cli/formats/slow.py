@@ -10,7 +10,7 @@ from ..errors import HrgError
 from .columns import Roles
 from .log import Array, Log
 from .quantities import rate_factor, temperature_scale
-from .readers import guarded
+from .readers import guard_reading
 from .timing import Timing
 
 MOST_OWN_ROWS = 1 << 26
@@ -136,7 +136,7 @@ class SlowLog:
                 f"{path}: its slow columns have {rows} rows, {MOST_OWN_ROWS} at the most were"
                 " expected; thin them out"
             )
-        with guarded(path, self.log.format):
+        with guard_reading(path, self.log.format):
             blocks = list(self.log.read([*indexes, *([] if clock is None else [clock])]))
         joined = [
             np.concatenate([np.asarray(b[k], float) for b in blocks]) for k in range(len(blocks[0]))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
-from .readers import guarded, open_log
+from .readers import guard_reading, open_log
 
 LARGEST_TABLE = 1 << 28
 """Most values a table may hold in memory."""
@@ -35,7 +35,7 @@ def read_table(
             f"{path}: its columns differ in length ({shown}); columns of one length were expected"
         )
     blocks, size = [], 0
-    with guarded(path, log.format):
+    with guard_reading(path, log.format):
         for block in log.read(chosen):
             size += sum(len(column) for column in block)
             if size > LARGEST_TABLE:

@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import HrgError
 from .clock import Clock, quantum
 from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
-from .instruments import understood
+from .instruments import understand
 from .log import Array, Blocks, Channel, Log, Reader
 
 BLOCK_BYTES = 8 << 20
@@ -42,7 +42,7 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
         Channel(name, unit, kind={"date": "clock"}.get(kind, kind), rising=rising[i])  # type: ignore[arg-type]
         for i, (name, unit, kind) in enumerate(zip(dialect.names, dialect.units, dialect.kinds))
     )
-    layout = understood(path, dialect, channels)
+    layout = understand(path, dialect, channels)
     start = next(
         (
             Clock("date", row[i], str(path)).start_time()

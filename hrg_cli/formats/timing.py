@@ -12,7 +12,7 @@ from .columns import Roles, listing
 from .even_times import TimeJudge
 from .log import Channel, Log
 from .quantities import time_factor
-from .readers import guarded
+from .readers import guard_reading
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def timing_of(
         return _given(log, roles, path, factor, given)
     single_precision = False
     judge = TimeJudge(str(path), log.where)
-    with guarded(path, log.format):
+    with guard_reading(path, log.format):
         for (times,) in log.read((roles.time,)):
             single_precision |= times.dtype == np.float32
             judge.add(np.asarray(times, float) * factor * channel.scale_factor)
@@ -106,7 +106,7 @@ def _given(log: Log, roles: Roles, path: Path, factor: float, given: float) -> T
     assert roles.time is not None
     first = last = np.nan
     rows = 0
-    with guarded(path, log.format):
+    with guard_reading(path, log.format):
         for (times,) in log.read((roles.time,)):
             finite = np.asarray(times[np.isfinite(times)], float)
             if len(finite):

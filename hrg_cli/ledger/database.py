@@ -53,7 +53,7 @@ def add(path: Path, entries: Sequence[Entry]) -> list[bool]:
     return new
 
 
-def read(path: Path) -> list[Entry]:
+def read_entries(path: Path) -> list[Entry]:
     """Every entry, in the order they were entered. HrgError: no ledger there, or as `add`."""
     if not path.is_file():
         raise HrgError(

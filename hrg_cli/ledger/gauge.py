@@ -126,7 +126,7 @@ def gauge_study(
         return None
     design = _design((x - middle) / scale, (own / scale) ** 2, gyros, stations)
     cells, gyro_count = int(design.cell[-1]) + 1, int(design.gyro[-1]) + 1
-    names = _told_apart(design, gyro_count, cells)
+    names = _separable_components(design, gyro_count, cells)
     best, level = _most_likely(design, names)
     wanted = level - float(stats.chi2.ppf(confidence, 1)) / 2
     components = {}
@@ -156,7 +156,7 @@ def _design(x: Array, own: Array, gyros: Sequence[str], stations: Sequence[str])
     return _Design(x[order], own[order], station[order], cell, gyro[order])
 
 
-def _told_apart(design: _Design, gyros: int, cells: int) -> list[str]:
+def _separable_components(design: _Design, gyros: int, cells: int) -> list[str]:
     """The components these data tell apart: repeats by a gyro measured twice on a station, stations
     by a gyro on two of them (else their difference may be the gyros'), the interaction by both."""
     repeats = len(design.values) - cells
@@ -197,14 +197,14 @@ def likelihoods(design: _Design, std: dict[str, Array]) -> tuple[Array, Array]:
     logarithm = np.log(variance).sum(axis=1)
     (_, cell, of_cell), (_, gyro, of_gyro) = design.levels
     values = np.broadcast_to(design.values, variance.shape)[..., None]
-    means, within, weight, more = _gathered(
+    means, within, weight, more = _gather_groups(
         values, 1 / variance, cell, of_cell, power["interaction"]
     )
     logarithm += more
     # within a cell only the values differ: ones and stations are the same in its rows
     rows = np.array(np.broadcast_to(design.columns[of_cell], (*weight.shape, 2 + design.stations)))
     rows[..., :1] = means
-    rows, gram, weight, more = _gathered(rows, weight, gyro, of_gyro, power["gyro"])
+    rows, gram, weight, more = _gather_groups(rows, weight, gyro, of_gyro, power["gyro"])
     logarithm += more
     gram += rows.swapaxes(1, 2) @ (rows * weight[..., None])
     gram[:, 0, 0] += within[:, 0, 0]
@@ -214,7 +214,7 @@ def likelihoods(design: _Design, std: dict[str, Array]) -> tuple[Array, Array]:
     return -0.5 * (logarithm + more + np.log(gram[:, 1, 1]) + rest), mean
 
 
-def _gathered(
+def _gather_groups(
     rows: Array, weight: Array, group: Array, first: Array, power: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Rows (p, n, c) of weights (p, n) as the means of their groups: those, the products (p, c, c)
@@ -248,7 +248,7 @@ def _with_stations(gram: Array, power: Array) -> tuple[Array, Array]:
     return gram[:, :2, :2] - power[:, None, None] * taken, logarithm
 
 
-def _climbed(design: _Design, names: Sequence[str], start: Array, fixed: dict[str, float]) -> Any:
+def _climb(design: _Design, names: Sequence[str], start: Array, fixed: dict[str, float]) -> Any:
     """The largest likelihood over the logarithms of the named components, the others fixed; its
     slopes by differences, all points at once."""
     shifts = STEP * np.vstack([np.zeros(len(names)), np.eye(len(names))])
@@ -274,7 +274,7 @@ def _most_likely(design: _Design, names: Sequence[str]) -> tuple[dict[str, float
         for gyro in (1.0, 0.1)
         for part in (1.0, 0.1)
     ]
-    best = min((_climbed(design, names, s, {}) for s in starts), key=lambda f: float(f.fun))
+    best = min((_climb(design, names, s, {}) for s in starts), key=lambda f: float(f.fun))
     found, level = dict(zip(names, map(float, np.exp(best.x)))), -float(best.fun)
     for name in names:
         without = log_likelihood(design, {**found, name: 0.0})
@@ -300,7 +300,7 @@ def _interval(
     def short_of(value: float) -> float:
         if not others:
             return log_likelihood(design, {name: value}) - wanted
-        return -float(_climbed(design, others, start, {name: value}).fun) - wanted
+        return -float(_climb(design, others, start, {name: value}).fun) - wanted
 
     def edge(outside: float, factor: float) -> float:
         """From the best value outwards to one that falls short, then back to where it does."""

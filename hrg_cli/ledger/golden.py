@@ -11,7 +11,7 @@ import numpy as np
 
 from .charts import Chart, chart
 from .entry import Entry
-from .series import Series, series
+from .series import FigureSeries, series
 from .trend import Move, Trend, mean_of, move, repeats_p, trend
 
 
@@ -49,7 +49,7 @@ def golden_unit(entries: Sequence[Entry], names: Sequence[str], by: str) -> list
     return rows
 
 
-def _row(station: str, own: Series, others: Series) -> Golden:
+def _row(station: str, own: FigureSeries, others: FigureSeries) -> Golden:
     mean, std = mean_of(own)
     return Golden(
         station=station,
@@ -66,7 +66,7 @@ def _row(station: str, own: Series, others: Series) -> Golden:
     )
 
 
-def _difference(own: Series, others: Series) -> Move:
+def _difference(own: FigureSeries, others: FigureSeries) -> Move:
     (mean, std), (other, other_std) = mean_of(own), mean_of(others)
     both = math.hypot(std, other_std)
     return Move(mean - other, (mean - other) / both if both > 0 else None)

@@ -33,7 +33,7 @@ class Risks:
     outside_if_accepted: float
 
 
-def guarded(
+def guard_limits(
     minimum: float | None, maximum: float | None, measurement_std: float, k: float
 ) -> tuple[float | None, float | None]:
     """The acceptance limits (lower, upper): the tolerance less k·u on each side."""
@@ -78,7 +78,7 @@ def risks(
     """The risks of a decision with guard bands of k·u, u > 0, by integration over the true values
     η (JCGM 106:2012, 9.5): ∫ N(η; μ, σ_g²) P(accepted | η) dη outside the limits, and its like."""
     mean, spread = population[0], max(population[1], LEAST_SPREAD * measurement_std)
-    low, high = guarded(minimum, maximum, measurement_std, k)
+    low, high = guard_limits(minimum, maximum, measurement_std, k)
     true, weight = _nodes(mean, spread, measurement_std, [minimum, maximum], [low, high])
     density = weight * stats.norm.pdf(true, mean, spread)
     passed = np.ones_like(true)

@@ -9,8 +9,8 @@ from typing import Any
 
 from .charts import Chart, chart
 from .entry import KINDS, Entry
-from .judging import Bounds, Held, bounds_of, held, share_of_limit, tables_of
-from .overview import gauge_of, no_such, over_gyros
+from .judging import Bounds, Held, bounds_of, hold_limits, share_of_limit, tables_of
+from .overview import gauge_of, list_gyros, no_such
 from .series import AXIS, independent, series, usual
 from .trend import Move, Trend, days_to_limit, move, trend
 
@@ -108,11 +108,11 @@ def history(
         ]
         whole = independent([e for e in entries if e.kind == kind])
         gauges = {
-            name: gauge_of(over_gyros(whole, kind, name, limit, None, by, guard_sigma))
+            name: gauge_of(list_gyros(whole, kind, name, limit, None, by, guard_sigma))
             for name, limit in bounds.items()
             if not name.endswith(AXIS)
         }
-        against += held(every[-1], table, guard_sigma, gauges) if table else []
+        against += hold_limits(every[-1], table, guard_sigma, gauges) if table else []
     return History(
         gyro_id, tuple(own), tuple(counting), tuple(figures), tuple(against), guard_sigma
     )

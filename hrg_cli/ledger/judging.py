@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import HrgError
 from ..limits import Judged, Row, rows_of, table_of
 from .entry import Entry
-from .guard import guarded, probability_outside
+from .guard import guard_limits, probability_outside
 
 NO_FIGURE = ("status", "verdict")
 Bounds = tuple[float | None, float | None]
@@ -73,18 +73,18 @@ def bounds_of(entries: Sequence[Entry], table: Mapping[str, Any]) -> dict[str, B
     have."""
     found: dict[str, Bounds] = {}
     for entry in entries:
-        for row in rows_of(_judged(entry), table):
+        for row in rows_of(_judge_entry(entry), table):
             if row.name not in NO_FIGURE and row.value is not None:
                 found[_own_name(row.name)] = (row.minimum, row.maximum)
     return found
 
 
-def held(
+def hold_limits(
     entry: Entry, table: Mapping[str, Any], k: float, gauges: Mapping[str, GaugeOf]
 ) -> list[Held]:
     """A result's figures against the limits of its kind, guard bands k σ of measurement wide."""
     found = []
-    for row in rows_of(_judged(entry), table):
+    for row in rows_of(_judge_entry(entry), table):
         if row.name in NO_FIGURE or row.value is None:
             found.append(Held(row, None, False, None))
             continue
@@ -93,7 +93,7 @@ def held(
         if std is None:
             found.append(Held(row, None, False, None))
             continue
-        low, high = guarded(row.minimum, row.maximum, std, k)
+        low, high = guard_limits(row.minimum, row.maximum, std, k)
         clear = (low is None or row.value >= low) and (high is None or row.value <= high)
         risk = probability_outside(row.value, std, row.minimum, row.maximum, gauge.population)
         found.append(Held(row, std, row.passed and not clear, risk))
@@ -117,7 +117,7 @@ def _own_name(name: str) -> str:
     return parts[1] if len(parts) == 3 and (parts[0], parts[2]) == ("parameters", "value") else name
 
 
-def _judged(entry: Entry) -> Judged:
+def _judge_entry(entry: Entry) -> Judged:
     figures: dict[str, float] = {}
     for name, figure in entry.figures.items():
         figures[name] = figure.value

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import UsageError
-from ..limit_values import meant
+from ..limit_values import suggest
 from .capability import Capability, capability
 from .charts import BEYOND, FALSE_ALARMS, Chart, chart
 from .entry import KINDS, Entry
 from .gauge import GaugeStudy, gauge_study
 from .golden import Golden, golden_unit
 from .guard import Risks, risks
-from .judging import Bounds, GaugeOf, Held, bounds_of, held, tables_of
+from .judging import Bounds, GaugeOf, Held, bounds_of, hold_limits, tables_of
 from .series import AXIS, independent, newest, series, usual
 from .trend import move
 
@@ -150,7 +150,7 @@ def overview(
         told = [n for n in names if any(n in e.figures for e in of_kind)]
         told = told or ([] if names else list(bounds) if limits else usual(of_kind))
         found = [
-            over_gyros(of_kind, kind, name, bounds.get(name, (None, None)), golden, by, guard_sigma)
+            list_gyros(of_kind, kind, name, bounds.get(name, (None, None)), golden, by, guard_sigma)
             for name in told
             if not name.endswith(AXIS)
         ]
@@ -175,11 +175,11 @@ def overview(
 
 def no_such(word: str, what: str, known: Iterable[str]) -> UsageError:
     """The error for a name that the ledger does not hold."""
-    hint = meant(word, known) or "`hrg ledger show` lists what is there"
+    hint = suggest(word, known) or "`hrg ledger show` lists what is there"
     return UsageError(f"the ledger holds no {what} {word!r}; {hint}")
 
 
-def over_gyros(
+def list_gyros(
     entries: Sequence[Entry],
     kind: str,
     name: str,
@@ -241,7 +241,7 @@ def _standings(
     for entry in last.values():
         own = [e for e in counting if e.gyro_id == entry.gyro_id]
         figure, sigma = _most_moved(own)
-        against = tuple(held(entry, table, guard_sigma, gauges)) if table else ()
+        against = tuple(hold_limits(entry, table, guard_sigma, gauges)) if table else ()
         rows.append(Standing(entry, results[entry.gyro_id], len(own), figure, sigma, against))
     return sorted(
         rows,

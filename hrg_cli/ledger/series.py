@@ -21,7 +21,7 @@ of them over many gyros."""
 
 
 @dataclass(frozen=True)
-class Series:
+class FigureSeries:
     """A figure of n results: values, their σ (NaN where unknown), times in s, and whose they are."""
 
     name: str
@@ -34,10 +34,10 @@ class Series:
     def __len__(self) -> int:
         return len(self.values)
 
-    def where(self, chosen: Array) -> Series:
+    def where(self, chosen: Array) -> FigureSeries:
         """The measurements of a mask (n,)."""
         entries = tuple(e for e, wanted in zip(self.entries, chosen, strict=True) if wanted)
-        return Series(
+        return FigureSeries(
             self.name,
             self.units,
             self.values[chosen],
@@ -91,7 +91,7 @@ def newest(entries: Iterable[Entry]) -> dict[tuple[str, str], Entry]:
     return {(e.kind, e.gyro_id): e for e in entries}
 
 
-def series(entries: Sequence[Entry], name: str) -> Series:
+def series(entries: Sequence[Entry], name: str) -> FigureSeries:
     """A figure of the results that have it; an axis, which repeats after π/m, without its jumps
     from the first one."""
     having = [e for e in entries if name in e.figures]
@@ -102,7 +102,9 @@ def series(entries: Sequence[Entry], name: str) -> Series:
     ]
     stds = [np.nan if f.std is None else f.std for f in figures]
     units = figures[0].units if figures else ""
-    return Series(name, units, np.array(values), np.array(stds), times_of(having), tuple(having))
+    return FigureSeries(
+        name, units, np.array(values), np.array(stds), times_of(having), tuple(having)
+    )
 
 
 def with_std(entries: Iterable[Entry]) -> list[str]:

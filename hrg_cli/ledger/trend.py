@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from .series import Series
+from .series import FigureSeries
 
 Array = np.ndarray
 SIGNIFICANT = 3.0
@@ -38,7 +38,7 @@ class Trend:
         return self.slope_per_day / self.slope_std if self.slope_std > 0 else 0.0
 
 
-def move(series: Series, old: int = -2, new: int = -1) -> Move | None:
+def move(series: FigureSeries, old: int = -2, new: int = -1) -> Move | None:
     """From one measurement to another; None where there is only one."""
     if len(series) < 2:
         return None
@@ -47,7 +47,7 @@ def move(series: Series, old: int = -2, new: int = -1) -> Move | None:
     return Move(change, change / both if both > 0 else None)
 
 
-def trend(series: Series) -> Trend | None:
+def trend(series: FigureSeries) -> Trend | None:
     """The line by least squares with weights 1/σ² (equal ones where a σ is not known); None for
     fewer than three measurements, or for all of one time.
 
@@ -69,7 +69,7 @@ def trend(series: Series) -> Trend | None:
     return Trend(slope, std, scatter if known else None)
 
 
-def mean_of(series: Series) -> tuple[float, float]:
+def mean_of(series: FigureSeries) -> tuple[float, float]:
     """Weighted mean of a series and its σ, widened by the scatter where that exceeds the own σ."""
     known = bool(np.all(series.stds > 0))
     weight = 1 / series.stds**2 if known else np.ones(len(series))
@@ -81,7 +81,7 @@ def mean_of(series: Series) -> tuple[float, float]:
     return mean, math.sqrt(factor / float(weight.sum()))
 
 
-def repeats_p(series: Series) -> float | None:
+def repeats_p(series: FigureSeries) -> float | None:
     """Probability that repeats of one gyro scatter so far by their own σ alone (χ²); None without
     σ."""
     if len(series) < 2 or not np.all(series.stds > 0):

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from .groups import Group, Origin, groups_of, tests
-from .pooling import Pooled, improbability, pooled
+from .pooling import Pooled, improbability, pool
 
 Array = np.ndarray
 WORTH = 10.0
@@ -54,7 +54,7 @@ class Estimates:
 
 
 @dataclass(frozen=True)
-class Common:
+class CommonCause:
     """A cause ("effect.parameter") that a group of gyros has in common: value ± σ, spread between
     the gyros, |z|, p with all that was looked at, causes it cannot be told from, gyros that stand
     alone in it."""
@@ -75,10 +75,10 @@ class Common:
 
 
 @dataclass(frozen=True)
-class Found:
+class CommonCauses:
     """The common causes, surest first, and how many pairs of cause and group were looked at."""
 
-    causes: tuple[Common, ...]
+    causes: tuple[CommonCause, ...]
     tested: int
     groups: int
     rate: float
@@ -104,7 +104,7 @@ def estimates_of(scores: Sequence[Mapping[str, Any] | None]) -> Estimates:
     return Estimates(tuple(names), units, z, per_sigma, alike)
 
 
-def beside(estimates: Estimates, cause: int, members: Sequence[int]) -> Estimates:
+def estimate_beside(estimates: Estimates, cause: int, members: Sequence[int]) -> Estimates:
     """The estimates of all other causes beside one that is free in these gyros; what does the same
     there is no longer known."""
     z, per_sigma, alike = estimates.z.copy(), estimates.per_sigma.copy(), estimates.alike.copy()
@@ -129,7 +129,7 @@ def common_causes(
     scores: Sequence[Mapping[str, Any] | None],
     origins: Sequence[Origin],
     rate: float = 0.01,
-) -> Found:
+) -> CommonCauses:
     """What groups of a lot's gyros have in common; `rate`: chance that a clean lot is given
     anything."""
     first = estimates_of(scores)
@@ -149,19 +149,22 @@ def common_causes(
         members = [k for k, there in zip(groups[place].members, used, strict=True) if there]
         explained[members, cause] += tables[place].value[cause]
         taken.append((cause, groups[place]))
-        now = beside(now, cause, members)
+        now = estimate_beside(now, cause, members)
         less = Estimates(
             now.names, now.units, now.z - explained * now.per_sigma, now.per_sigma, now.alike
         )
         tables = [_pooled(less, group) for group in groups]
-    causes = [_told(first, taken, k, price[groups.index(taken[k][1])]) for k in range(len(taken))]
+    causes = [
+        _describe_cause(first, taken, k, price[groups.index(taken[k][1])])
+        for k in range(len(taken))
+    ]
     kept = [one for one in causes if one is not None and one.p_value < rate]
-    return Found(tuple(sorted(kept, key=lambda one: -abs(one.z))), tested, len(groups), rate)
+    return CommonCauses(tuple(sorted(kept, key=lambda one: -abs(one.z))), tested, len(groups), rate)
 
 
 def _pooled(estimates: Estimates, group: Group) -> Pooled:
     rows = list(group.members)
-    return pooled(estimates.value[rows], estimates.std[rows])
+    return pool(estimates.value[rows], estimates.std[rows])
 
 
 def _surest(
@@ -184,12 +187,12 @@ def _surest(
     return None if best is None else best[1:]
 
 
-def _told(
+def _describe_cause(
     first: Estimates,
     taken: Sequence[tuple[int, Group]],
     which: int,
     price: int,
-) -> Common | None:
+) -> CommonCause | None:
     """A common cause beside all others that were taken in, with what it cannot be told from."""
     cause, group = taken[which]
     others = first
@@ -200,7 +203,7 @@ def _told(
         if other == cause:
             less[list(its.members), cause] += _pooled(first, its).value[cause]
         else:
-            others = beside(others, other, its.members)
+            others = estimate_beside(others, other, its.members)
     mine = Estimates(
         others.names,
         others.units,
@@ -221,7 +224,7 @@ def _told(
     ]
     known = np.flatnonzero(np.isfinite(mine.z[:, cause]))
     in_group = np.isfinite(mine.z[rows, cause])
-    return Common(
+    return CommonCause(
         first.names[cause],
         first.units[first.names[cause]],
         group,

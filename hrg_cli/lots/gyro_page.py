@@ -15,7 +15,9 @@ from ..reporting.quantities import LABELS
 PAGE = "report.html"
 
 
-def answered(files: Sequence[Path], limits: Mapping[str, Any], epoch: int | None) -> dict[str, Any]:
+def answer_gyro(
+    files: Sequence[Path], limits: Mapping[str, Any], epoch: int | None
+) -> dict[str, Any]:
     """Write the page of a gyro's results into their folder, unless it was written before; sentence,
     health, causes with their shares, error before and after. Nothing where there is no result."""
     if not files:
@@ -23,7 +25,7 @@ def answered(files: Sequence[Path], limits: Mapping[str, Any], epoch: int | None
     page = files[0].with_name(PAGE)
     note = page.with_suffix(".json")
     key = memory.key_of([limits, epoch], files)
-    done = memory.remembered(note, key)
+    done = memory.recall(note, key)
     if done is not None:
         return done
     records = [store.read_any(path) for path in files]

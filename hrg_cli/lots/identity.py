@@ -30,7 +30,7 @@ class Told:
     groups: Mapping[str, str]
 
 
-def told_by(file: Path) -> Told | None:
+def read_gyro_id(file: Path) -> Told | None:
     """Of an hrg recording, by its attributes alone; None of a laboratory's log. HrgError: it cannot
     be opened."""
     if not _may_be_hdf5(file):
@@ -84,7 +84,7 @@ def owner_of(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:
     }
     if len(siblings) == 1:
         return siblings.pop(), "by the names of the files beside it"
-    inside = _held(file, known)
+    inside = _names_held(file, known)
     if len(inside) == 1:
         return inside.pop(), "by the name in what is left of the file"
     around = [gyro for path, gyro in readable.items() if path.parent == file.parent]
@@ -105,7 +105,7 @@ def _family(stem: str) -> str:
     return re.sub(r"[-_. ]*(?:run)?[-_. ]*\d+$", "", stem, flags=re.IGNORECASE)
 
 
-def _held(file: Path, known: Sequence[str]) -> set[str]:
+def _names_held(file: Path, known: Sequence[str]) -> set[str]:
     """The gyros whose names what is left of a file holds as texts of their own."""
     try:
         with open(file, "rb") as opened:
@@ -123,7 +123,7 @@ def _held(file: Path, known: Sequence[str]) -> set[str]:
     return {match[1].decode() for match in found}
 
 
-def grouped(own: Mapping[str, str], told: Sequence[Told]) -> dict[str, str]:
+def group_keys(own: Mapping[str, str], told: Sequence[Told]) -> dict[str, str]:
     """The keys that group a gyro: what the lot's file says, else what all its recordings agree
     on."""
     out = {}

@@ -13,7 +13,7 @@ from ..effects import EFFECTS
 from ..reporting.answer_words import in_words
 from ..reporting.quantities import LABELS, unit_for
 from ..reporting.text import number, plain
-from .common_causes import Common, common_causes, estimates_of
+from .common_causes import CommonCause, common_causes, estimates_of
 from .groups import Group, Origin
 from .lot_table import NO_ORDER
 from .shifts import Population, Shift, populations, shifts
@@ -64,7 +64,7 @@ def _scores(gyro: Gyro) -> Mapping[str, Any] | None:
 
 
 def _cause(
-    one: Common, names: Sequence[str], gyros: Sequence[Gyro], own: Sequence[Origin]
+    one: CommonCause, names: Sequence[str], gyros: Sequence[Gyro], own: Sequence[Origin]
 ) -> dict[str, Any]:
     """A common cause; which of the gyros' own diagnoses name it says how far it was known."""
     effect, _, parameter = one.name.partition(".")
@@ -79,9 +79,7 @@ def _cause(
     alone = [names[k] for k in one.alone]
     inside = set(one.group.members)
     others = [e for e in one.estimates if e[0] not in inside]
-    sentence = (
-        f"{one.group.words()}: {in_words(effect)} {sized(parameter, one.value, one.std, one.units)}"
-    )
+    sentence = f"{one.group.words()}: {in_words(effect)} {size_cause(parameter, one.value, one.std, one.units)}"
     return {
         "kind": "cause",
         "name": effect,
@@ -117,7 +115,7 @@ def _shift(one: Shift, names: Sequence[str]) -> dict[str, Any]:
     units = _units(one.name)
     words = LABELS.get(one.name, in_words(one.name))
     sign = "higher" if one.value > 0 else "lower"
-    size = sized(one.name, abs(one.value), one.std, units)
+    size = size_cause(one.name, abs(one.value), one.std, units)
     sentence = f"{one.group.words()}: {words} {sign} by {size} than the others'"
     return {
         "kind": "parameter",
@@ -159,7 +157,7 @@ def _mean(estimates: Sequence[tuple[int, float, float]]) -> dict[str, float] | N
     return {"value": float(w @ x / w.sum()), "std": float(w.sum() ** -0.5)}
 
 
-def sized(name: str, value: float, std: float, units: str) -> str:
+def size_cause(name: str, value: float, std: float, units: str) -> str:
     """A size with its σ as people read it: 0.050 ± 0.010 %."""
     factor, unit = unit_for(name, value, units)
     if not (math.isfinite(std) and std > 0):

@@ -17,7 +17,7 @@ from typing import Any
 from ..errors import HrgError
 from ..formats import partners
 from .groups import Origin
-from .identity import Told, grouped, is_readable, owner_of, told_by
+from .identity import Told, group_keys, is_readable, owner_of, read_gyro_id
 from .lot_settings import PER_GYRO, PER_RECORDING, LotSettings
 from .lot_work import GyroTask, RecordingTask
 
@@ -59,7 +59,7 @@ def tasks_of(
         if file in second:
             continue
         try:
-            own = told_by(file)
+            own = read_gyro_id(file)
         except HrgError as error:
             unread.append((named, file, str(error)))
             if named is not None:
@@ -134,7 +134,7 @@ def _origins(lot: LotSettings, told: Mapping[Path, Told]) -> dict[str, Origin]:
         of.setdefault(one.gyro_id, []).append(one)
     return {
         gyro: Origin(
-            grouped(lot.grouped(gyro), ones),
+            group_keys(lot.grouped(gyro), ones),
             lot.day_of(gyro) or min((one.day for one in ones if one.day), default=""),
         )
         for gyro, ones in of.items()

@@ -22,7 +22,7 @@ from typing import Any
 
 from .. import chain
 from ..errors import DiskFullError, HrgError
-from .gyro_page import answered
+from .gyro_page import answer_gyro
 
 TABLED = (
     *("status", "status_reasons", "chi2_per_dof", "parameters", "values", "verdict", "effects"),
@@ -157,7 +157,7 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
     errors += [failed["error"]] if failed.get("error") else []
     answer: dict[str, Any] = {}
     with _stamped(task.epoch), _reporting({}) as failed:
-        answer = answered([Path(task.folder) / name for name in made], task.limits, task.epoch)
+        answer = answer_gyro([Path(task.folder) / name for name in made], task.limits, task.epoch)
     errors += [f"page: {failed['error']}"] if failed.get("error") else []
     return {
         "gyro_id": task.gyro_id,

@@ -41,7 +41,7 @@ class Pooled:
     """(n, M): the gyros that were not left out as standing alone."""
 
 
-def pooled(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
+def pool(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
     """Of estimates (n, M) with σ (n, M), NaN where a gyro has none; gyros that stand alone are left
     out.
 
@@ -51,7 +51,7 @@ def pooled(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
     gyros where they do not. It is given as the |z| of a normal variable as improbable.
     """
     used = np.isfinite(x) & np.isfinite(std) & (std > 0)
-    used &= ~alone(x, std, used)
+    used &= ~find_outliers(x, std, used)
     count = used.sum(axis=0)
     x, variance = np.where(used, x, 0.0), np.where(used, std, 1.0) ** 2
     t2, w, mean = _between(x, variance, used)
@@ -61,7 +61,7 @@ def pooled(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
         at_most = t2 + ESTIMATED_SIGMA * t2_std
         known = np.where(used, variance, 0.0).sum(axis=0) / count
         dof = (count - 2) * (known + at_most) / at_most
-        typical = middle(np.where(used, std, np.nan))
+        typical = medians(np.where(used, std, np.nan))
         error = np.sqrt(1 / total + (exact * typical) ** 2)
         z = np.sign(mean) * equivalent(np.abs(mean) / error, dof)
         spread = np.sqrt(t2)
@@ -100,7 +100,7 @@ def _between(x: Array, variance: Array, used: Array) -> tuple[Array, Array, Arra
     return t2, np.where(used, 1 / (variance + t2), 0.0), mean
 
 
-def alone(x: Array, std: Array, used: Array) -> Array:
+def find_outliers(x: Array, std: Array, used: Array) -> Array:
     """(n, M): gyros that stand so far from the median of the others that they do not belong to their
     distribution: individual causes, which a common value is not to be made of."""
     out = np.zeros(x.shape, bool)
@@ -113,15 +113,15 @@ def alone(x: Array, std: Array, used: Array) -> Array:
         known, known_std = known[:, enough], known_std[:, enough]
         if not known.shape[1]:
             return out
-        off = np.abs(known - middle(known))
-        robust = MAD * middle(off)
-        between = np.maximum(robust**2 - middle(known_std) ** 2, 0.0)
+        off = np.abs(known - medians(known))
+        robust = MAD * medians(off)
+        between = np.maximum(robust**2 - medians(known_std) ** 2, 0.0)
         limits = np.array([far_limit(int(n), 0.05) for n in used.sum(axis=0)[enough]])
         out[:, enough] = off / np.sqrt(known_std**2 + between) > limits
     return out
 
 
-def middle(x: Array) -> Array:
+def medians(x: Array) -> Array:
     """Medians (M,) of columns (n, M) without their NaN."""
     if not len(x):
         return np.full(x.shape[1], np.nan)

@@ -15,7 +15,7 @@ import numpy as np
 
 from .common_causes import MOST, WORTH
 from .groups import Group, Origin, groups_of, tests
-from .pooling import Pooled, equivalent, improbability, pooled
+from .pooling import Pooled, equivalent, improbability, pool
 
 Array = np.ndarray
 Measured = Mapping[str, tuple[float, float]]
@@ -69,7 +69,7 @@ def populations(gyros: Sequence[Measured]) -> list[Population]:
     names, value, std = side_by_side(gyros)
     if not names:
         return []
-    whole = pooled(value, std, 0.0)
+    whole = pool(value, std, 0.0)
     known = np.where(np.isfinite(value), std, np.nan)
     return [
         Population(
@@ -137,8 +137,8 @@ def _against(
 ) -> tuple[Array, Array, Array, Pooled]:
     """Difference, its σ, signed equivalent |z| (M,), and the group's own values."""
     inside, outside = (
-        pooled(value[list(group.members)], std[list(group.members)]),
-        pooled(value[list(others)], std[list(others)]),
+        pool(value[list(group.members)], std[list(group.members)]),
+        pool(value[list(others)], std[list(others)]),
     )
     with np.errstate(all="ignore"):
         difference = inside.value - outside.value

@@ -119,7 +119,7 @@ class Flicker:
         return np.asarray(out * self._std)
 
 
-class Series:
+class FlickerSeries:
     """`Flicker` on knots at multiples of `stride` steps, handed out for ranges of steps that follow
     each other."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .fast_loop import Disturbance
-from .noise import Flicker, Noise, Series, thermal_kicks
+from .noise import Flicker, FlickerSeries, Noise, thermal_kicks
 from .resonator import Mechanics
 
 Array = np.ndarray
@@ -43,7 +43,7 @@ class NoiseSource:
     @staticmethod
     def _flicker(
         noise: Noise, h: float, substeps: int, steps: int, random: np.random.Generator
-    ) -> Series | None:
+    ) -> FlickerSeries | None:
         """1/f envelopes: read-out 2S₀f_c/f a quadrature, S₀ = 2σ²/f_s; drive S_d f_c/f a
         quadrature."""
         corner = max(noise.readout_corner_hz, noise.drive_corner_hz)
@@ -51,7 +51,7 @@ class NoiseSource:
             return None
         readout = 4 * noise.readout**2 * h * substeps * noise.readout_corner_hz
         drive = noise.drive_density**2 * noise.drive_corner_hz
-        return Series(Flicker(np.repeat([readout, drive], 4), corner, steps * h, random), h)
+        return FlickerSeries(Flicker(np.repeat([readout, drive], 4), corner, steps * h, random), h)
 
     def kicks(self, steps: int) -> tuple[Array, Array]:
         """Changes of the momentum (over ω) at the next steps (n, 2) by Brownian force, and by white

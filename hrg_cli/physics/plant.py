@@ -71,7 +71,7 @@ class Plant:
 
     def accelerate(self, further: Acceleration) -> None:
         """Add a further acceleration to what is there."""
-        self.extra = further if self.extra is None else together(self.extra, further)
+        self.extra = further if self.extra is None else add_accelerations(self.extra, further)
 
     def retuned(self, factor: Array) -> Array:
         """W of a frequency `factor` (k,) times as high, the split in rad/s as it was (so measured
@@ -86,7 +86,7 @@ class Plant:
 
 
 @functools.lru_cache(maxsize=16)
-def together(first: Acceleration, second: Acceleration) -> Acceleration:
+def add_accelerations(first: Acceleration, second: Acceleration) -> Acceleration:
     """The sum of two accelerations, compiled where numba is installed."""
     try:
         from numba import njit

@@ -52,7 +52,7 @@ def least_count(readout: Readout) -> float:
     return 2 * readout.full_scale / 2**readout.adc_bits if readout.adc_bits else 1.0
 
 
-def kept(readout: Readout, first: int, count: int, sample_rate_hz: float) -> Array | None:
+def kept_samples(readout: Readout, first: int, count: int, sample_rate_hz: float) -> Array | None:
     """Which of the samples first … first+count−1 are not lost (`Readout.dropped`); None: all."""
     if not readout.dropped:
         return None

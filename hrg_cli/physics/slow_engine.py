@@ -145,7 +145,7 @@ def run(
         times = (first + np.arange(n)) * step_s
         cell, part = np.divmod(np.arange(n), stride)
         x = (part / stride)[:, None]
-        values = _between(path, slope, nodes, h, t, times, (cell, x), jumps)
+        values = _interpolate(path, slope, nodes, h, t, times, (cell, x), jumps)
         drives = force[cell] * (1 - x) + force[cell + 1] * x
         commands = command[cell] * (1 - x) + command[cell + 1] * x
         state = replace(
@@ -165,7 +165,7 @@ def run(
         yield Block(samples, commands.T, values.__getitem__)
 
 
-def _between(
+def _interpolate(
     path: Array,
     slope: Array,
     nodes: Array,
@@ -180,7 +180,7 @@ def _between(
     cell, x = places
     values = _hermite(path, slope * h, cell, x)
     for k, instant, jump in jumps:
-        end, bent = _unjumped(
+        end, bent = _undo_jump(
             path, slope, nodes, k, exponential(nodes[k], t[k + 1] - instant) @ jump
         )
         own = cell == k
@@ -190,7 +190,7 @@ def _between(
     return values
 
 
-def _unjumped(
+def _undo_jump(
     path: Array, slope: Array, nodes: Array, k: int, gained: Array
 ) -> tuple[Array, Array]:
     """Path and slope (steps + 1, 2) to where cell k would have ended without its jump, which

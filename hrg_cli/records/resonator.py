@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..notebook import needed
+from ..notebook import need_package
 from .columns import JSON_LIST, JSON_OBJECT, ORDER, SCATTER, Array, Valid, attribute, column
 from .record import Record
 
@@ -106,6 +106,9 @@ class Resonator(Record):
 
         HrgError: the package is not installed.
         """
-        package, values = needed("uncertainties", "uncertain()"), np.asarray(self.value, float)
+        package, values = (
+            need_package("uncertainties", "uncertain()"),
+            np.asarray(self.value, float),
+        )
         numbers = package.correlated_values(values, np.asarray(self.covariance, float))
         return dict(zip(map(str, self.name), numbers, strict=True))

@@ -38,7 +38,7 @@ class Requirement:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ShownParameter:
     """A parameter of the (extended) model: in words for people, and as it stands in the file."""
 
     name: str
@@ -50,7 +50,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Moved:
+class MovedFigure:
     """A value of the supplied model that the runs contradict."""
 
     name: str
@@ -74,9 +74,9 @@ class Answer:
     requirements: tuple[Requirement, ...]
     departure: Departure | None
     causes: tuple[Cause, ...]
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ShownParameter, ...]
     parameters_of: str
-    moved: tuple[Moved, ...]
+    moved: tuple[MovedFigure, ...]
     forecast: str
     suspect_runs: tuple[str, ...]
     stability: tuple[str, ...]
@@ -242,7 +242,7 @@ def requirement(row: Row) -> Requirement:
 
 def _parameters(
     diagnosis: Record | None, resonator: Record | None
-) -> tuple[tuple[Parameter, ...], str]:
+) -> tuple[tuple[ShownParameter, ...], str]:
     """Those beside the causes where there is a diagnosis, else the identified ones; and whose they
     are."""
     report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
@@ -258,7 +258,7 @@ def _parameters(
     else:
         return (), ""
     found = [
-        Parameter(
+        ShownParameter(
             plain(name),
             LABELS.get(name, plain(name)),
             parameter(name, value, std, units),
@@ -272,7 +272,7 @@ def _parameters(
     return tuple(found), of
 
 
-def _moved(report: Mapping[str, Any]) -> tuple[Moved, ...]:
+def _moved(report: Mapping[str, Any]) -> tuple[MovedFigure, ...]:
     found = []
     for v in entries(dict(report), "values"):
         numbers = [v.get(key) for key in ("value", "std", "believed", "sigma")]
@@ -281,7 +281,7 @@ def _moved(report: Mapping[str, Any]) -> tuple[Moved, ...]:
             value, std, believed, sigma = (float(n) for n in numbers)  # type: ignore[arg-type]
             said = parameter(name, value, std, units)
             found.append(
-                Moved(
+                MovedFigure(
                     plain(name),
                     LABELS.get(name, plain(name)),
                     parameter(name, believed, 0.0, units),

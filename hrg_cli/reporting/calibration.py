@@ -14,10 +14,10 @@ def show(report: Mapping[str, Any]) -> None:
     """Print the tables of a calibration's JSON that it holds."""
     for head, rows in (
         variants(report),
-        bought(report),
+        show_bought(report),
         stability(report),
         coefficients(report),
-        moved(report),
+        show_moved(report),
     ):
         if rows:
             print_table("", head, rows)
@@ -65,7 +65,7 @@ def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any
     ), rows
 
 
-def bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def show_bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Every factor of the final analysis: by how much it lowers the errors of data left out, how
     clearly it is there, and what has to be measured for it."""
     rows = []
@@ -138,7 +138,7 @@ def coefficients(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
     return ("coefficient", "at", "value", "std"), rows
 
 
-def moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def show_moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """What an update moved: each coefficient before and now, and the change in its standard
     deviation."""
     rows = [

@@ -14,7 +14,7 @@ from .answer import Answer, requirement
 from .text import number, plain
 
 
-class Judged(Protocol):
+class JudgedFile(Protocol):
     """A file held against limits and a baseline."""
 
     @property
@@ -34,7 +34,7 @@ class Judged(Protocol):
         """What is too far from the baseline; None: not compared."""
 
 
-def missed(one: Judged) -> list[str]:
+def why_missed(one: JudgedFile) -> list[str]:
     """Why a file does not pass."""
     return [row.sentence() for row in one.rows if not row.passed] + list(one.moved or [])
 
@@ -51,7 +51,7 @@ def cells(row: Row) -> tuple[str, str, str, str, str]:
     )
 
 
-def junit(files: Sequence[Judged], found: Answer | None) -> str:
+def junit(files: Sequence[JudgedFile], found: Answer | None) -> str:
     """JUnit XML: a suite a file, a case a figure and one for the baseline; the sentence as the
     suite's output."""
     root = ElementTree.Element("testsuites", name="hrg check")
@@ -83,9 +83,9 @@ def junit(files: Sequence[Judged], found: Answer | None) -> str:
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def markdown(files: Sequence[Judged], found: Answer | None) -> str:
+def markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
     """A summary for a merge request."""
-    passed = not any(missed(one) for one in files)
+    passed = not any(why_missed(one) for one in files)
     lines = [f"### hrg check: {'passed' if passed else 'FAILED'}", ""]
     if found is not None:
         lines += [

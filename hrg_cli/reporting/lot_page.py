@@ -25,7 +25,7 @@ from .figures.drawing import Plot, style, svg
 from .figures.lot import Limits, caterpillar, distribution, in_words, pareto, unit_of
 from .lot_words import WORST, sentence
 from .page import SHADES
-from .quantities import rounded, unit_for
+from .quantities import round_with_std, unit_for
 from .text import number, plain
 
 FOLDER = Path(__file__).parent
@@ -45,7 +45,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Line:
+class GyroLine:
     """A gyro in the table."""
 
     row: Row
@@ -145,9 +145,9 @@ def _svg(plot: Plot) -> Markup:
     return Markup(svg(plot, plot.key))
 
 
-def _line(row: Row, page: str | None, names: Sequence[str], keys: Sequence[str]) -> Line:
+def _line(row: Row, page: str | None, names: Sequence[str], keys: Sequence[str]) -> GyroLine:
     share = "" if row["cause_share"] is None else f"{100 * row['cause_share']:.0f} %"
-    return Line(
+    return GyroLine(
         row,
         None if page is None else f"./{quote(page)}",
         "valid" if row["passed"] else "refused",
@@ -167,7 +167,7 @@ def _cell(row: Row, name: str) -> Cell:
     if value is None:
         return Cell("–", "", "")
     factor, unit = unit_of(name, value)
-    text = rounded(value * factor, None if std is None else std * abs(factor))
+    text = round_with_std(value * factor, None if std is None else std * abs(factor))
     z = row[f"{name}_z"]
     far = _z(z) if name in row["outliers"].split() and z is not None else ""
     return Cell(f"{text} {unit}".strip(), repr(float(value)), far)
@@ -209,7 +209,7 @@ def _populations(found: Mapping[str, Any]) -> list[tuple[str, list[str], bool]]:
             factor, unit = unit_of(name, one["mean"])
         size = abs(factor)
         spread = (
-            f"{rounded(one['spread'] * size, one['spread_std'] * size)} {unit}"
+            f"{round_with_std(one['spread'] * size, one['spread_std'] * size)} {unit}"
             if one["spread"] > one["spread_std"]
             else f"less than {number((one['spread'] + 2 * one['spread_std']) * size, 2)} {unit}"
         )
@@ -217,7 +217,7 @@ def _populations(found: Mapping[str, Any]) -> list[tuple[str, list[str], bool]]:
             plain(in_words(name)) if not cause else plain(name.replace("_", " ").replace(".", ": "))
         )
         cells = [
-            f"{rounded(one['mean'] * factor, one['mean_std'] * size)} {unit}".strip(),
+            f"{round_with_std(one['mean'] * factor, one['mean_std'] * size)} {unit}".strip(),
             spread.strip(),
             f"{number(one['measured_std'] * size, 2)} {unit}".strip(),
             str(one["gyros"]),

@@ -41,7 +41,7 @@ from .figures.answer import before_and_after
 from .figures.drawing import Plot, png, style, svg
 from .living import as_text, living_data
 from .methods import CITATIONS, methods
-from .page_content import STEPS, Step, Table, cell, steps, tables
+from .page_content import STEPS, PageTable, ShownStep, cell, steps, tables
 from .surface import surface_data
 from .tables import facts
 from .text import number, plain
@@ -86,7 +86,7 @@ class Picture:
 
 
 @dataclass
-class Entry:
+class PageEntry:
     """One file on the page."""
 
     name: str
@@ -95,7 +95,7 @@ class Entry:
     size: int
     sha256: str
     facts: list[tuple[str, str]]
-    tables: list[Table]
+    tables: list[PageTable]
     sources: list[tuple[str, str, str, str]] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     left_out: int = 0
@@ -140,7 +140,7 @@ def build_report(
     return _render(entries, answers, truth, full)
 
 
-def _draw_all(paths: Sequence[Path], entries: list[Entry], truth: bool) -> None:
+def _draw_all(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> None:
     """The figures of every file, results first, as long as there is room."""
     beside = _beside(paths, entries, truth)
     order = sorted(range(len(entries)), key=lambda i: RESULTS_FIRST.index(entries[i].record.kind))
@@ -179,7 +179,7 @@ class Shown:
     methods: str
 
 
-def _answers(paths: Sequence[Path], entries: list[Entry], rows: Sequence[Row]) -> list[Shown]:
+def _answers(paths: Sequence[Path], entries: list[PageEntry], rows: Sequence[Row]) -> list[Shown]:
     """The answer of every gyro that has a result, in the files' order."""
     gyros: dict[str, dict[str, Path]] = {}
     counts: dict[str, dict[str, int]] = {}
@@ -292,14 +292,14 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def _entry(path: Path, index: int, full: bool) -> Entry:
+def _entry(path: Path, index: int, full: bool) -> PageEntry:
     with store.open_record(path, store.kind_of(path)) as record:
         record = _thinned(record) if full or not isinstance(record, Periods | Wave) else record
         shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
         kept = record
         found_tables = tables(kept) if full else []
     bare = _bare(kept)
-    return Entry(
+    return PageEntry(
         plain(path.name),
         f"file-{index + 1}",
         bare,
@@ -343,7 +343,7 @@ def _thinned(record: Record) -> Record:
     return replace(record, **joined)
 
 
-def _beside(paths: Sequence[Path], entries: list[Entry], truth: bool) -> Beside:
+def _beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> Beside:
     truths = {}
     for path, entry in zip(_unique(paths), entries):
         if truth and isinstance(entry.record, Recording):
@@ -379,7 +379,7 @@ _DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
 }
 
 
-def _link_sources(entries: list[Entry]) -> None:
+def _link_sources(entries: list[PageEntry]) -> None:
     """Say of each source whether the file on this page is the very one."""
     by_hash = {entry.sha256: entry for entry in entries}
     names = {entry.name for entry in entries}
@@ -398,7 +398,7 @@ def _link_sources(entries: list[Entry]) -> None:
             )
 
 
-def _render(entries: list[Entry], answers: list[Shown], truth: bool, full: bool) -> str:
+def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: bool) -> str:
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
         autoescape=True,
@@ -412,7 +412,7 @@ def _render(entries: list[Entry], answers: list[Shown], truth: bool, full: bool)
     kinds = [cls.kind for cls in KINDS]
     groups = [(kind, [e for e in entries if e.record.kind == kind]) for kind in kinds]
     history = list(dict.fromkeys(line for e in entries for line in e.provenance["history"]))
-    chain: list[Step] = steps([(e.record.kind, e.record.status) for e in entries], history)
+    chain: list[ShownStep] = steps([(e.record.kind, e.record.status) for e in entries], history)
     gyros = sorted({plain(getattr(e.record, "gyro_id", "")) for e in entries} - {""})
     return environment.get_template("page.html").render(
         entries=entries,
@@ -438,7 +438,7 @@ def _render(entries: list[Entry], answers: list[Shown], truth: bool, full: bool)
     )
 
 
-def _reasons(entries: list[Entry]) -> list[tuple[str, str, list[str]]]:
+def _reasons(entries: list[PageEntry]) -> list[tuple[str, str, list[str]]]:
     """Every reason once: (status, reason, the files that give it); what a result inherits from its
     inputs is told at the input."""
     doubted = {entry.name for entry in entries if entry.record.status != "valid"}

@@ -29,7 +29,7 @@ STEPS = (
 
 
 @dataclass(frozen=True)
-class Step:
+class ShownStep:
     """One step of the chain: `state` is "run", "suspect", "failed" or "skipped", `note` says
     why."""
 
@@ -39,7 +39,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table: its caption, heads and rows; the first column names the row."""
 
     caption: str
@@ -56,7 +56,7 @@ def cell(value: Any) -> str:
     return "–" if value is None else plain(value)
 
 
-def steps(records: Iterable[tuple[str, Status]], history: Iterable[str]) -> list[Step]:
+def steps(records: Iterable[tuple[str, Status]], history: Iterable[str]) -> list[ShownStep]:
     """The chain's steps from the files given (kind, status) and the commands in their histories."""
     states: dict[str, list[Status]] = {}
     for kind, status in records:
@@ -67,15 +67,17 @@ def steps(records: Iterable[tuple[str, Status]], history: Iterable[str]) -> list
         given = states.get(kind, [])
         files = f"{len(given)} file{'s' if len(given) != 1 else ''}"
         if "refused" in given:
-            found.append(Step(name, "failed", f"{given.count('refused')} of {files} refused"))
+            found.append(ShownStep(name, "failed", f"{given.count('refused')} of {files} refused"))
         elif "suspect" in given:
-            found.append(Step(name, "suspect", f"{given.count('suspect')} of {files} suspect"))
+            found.append(ShownStep(name, "suspect", f"{given.count('suspect')} of {files} suspect"))
         elif given:
-            found.append(Step(name, "run", f"{files}, valid"))
+            found.append(ShownStep(name, "run", f"{files}, valid"))
         elif ran.intersection(commands):
-            found.append(Step(name, "run", "named in the history; its file is not on this page"))
+            found.append(
+                ShownStep(name, "run", "named in the history; its file is not on this page")
+            )
         else:
-            found.append(Step(name, "skipped", "no file and no line in any history"))
+            found.append(ShownStep(name, "skipped", "no file and no line in any history"))
     return found
 
 
@@ -103,7 +105,7 @@ def for_people(name: str, value: float, std: float, frequency_hz: float | None) 
     return ""
 
 
-def tables(record: Record) -> list[Table]:
+def tables(record: Record) -> list[PageTable]:
     """The tables of a result."""
     if isinstance(record, Resonator):
         return _resonator(record)
@@ -116,7 +118,7 @@ def tables(record: Record) -> list[Table]:
     return []
 
 
-def _resonator(record: Resonator) -> list[Table]:
+def _resonator(record: Resonator) -> list[PageTable]:
     parameters = record.parameters()
     frequency = parameters.get("frequency_hz", (None,))[0]
     rows = [
@@ -124,7 +126,7 @@ def _resonator(record: Resonator) -> list[Table]:
         for n, (v, s, u) in parameters.items()
     ]
     found = [
-        Table(
+        PageTable(
             "Parameters with standard deviations",
             ("parameter", "value", "σ", "unit", "for people"),
             rows,
@@ -133,7 +135,7 @@ def _resonator(record: Resonator) -> list[Table]:
     flat = json_list(record.flat_directions)
     if flat:
         found.append(
-            Table(
+            PageTable(
                 "What these runs cannot tell",
                 ("direction",),
                 [(plain(sentence),) for sentence in flat],
@@ -142,7 +144,7 @@ def _resonator(record: Resonator) -> list[Table]:
     return found + _figures("Details", json_object(record.details))
 
 
-def _calibration(record: Calibration) -> list[Table]:
+def _calibration(record: Calibration) -> list[PageTable]:
     drift, scale = calibration_rms(record.details)
     found = []
     if drift or scale:
@@ -154,7 +156,7 @@ def _calibration(record: Calibration) -> list[Table]:
             )
             for key in ("before", "after", "held_out")
         ]
-        found.append(Table("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
+        found.append(PageTable("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
     shown = ("drift_rms_rad_s", "scale_factor_rms_ppm", "figures", "ladder", "harmonics")
     left = {k: v for k, v in json_object(record.details).items() if k not in shown}
     return found + _figures("Details", left)
@@ -165,7 +167,7 @@ def _range(value: Any, factor: float) -> str:
     return middle if low == "–" else f"{middle} ({low} … {high})"
 
 
-def _diagnosis(record: Diagnosis) -> list[Table]:
+def _diagnosis(record: Diagnosis) -> list[PageTable]:
     report = json_object(record.report)
     found = []
     values = [v for v in entries(report, "values") if v.get("believed") is not None]
@@ -184,7 +186,7 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
             for v in values
         ]
         found.append(
-            Table(
+            PageTable(
                 "Values of the supplied model",
                 ("parameter", "believed", "measured", "moved by, σ", ""),
                 moved,
@@ -215,7 +217,7 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
                 )
             )
         found.append(
-            Table(
+            PageTable(
                 "Causes found",
                 ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment"),
                 rows,
@@ -224,7 +226,7 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
     found += _gain_tables(report)
     if child(report, "remainder"):
         found.append(
-            Table(
+            PageTable(
                 "What is left unexplained",
                 ("", ""),
                 [(plain(k), cell(v)) for k, v in child(report, "remainder").items()],
@@ -233,7 +235,7 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
     if entries(report, "not_separable"):
         rows = [tuple(cell(v) for v in e.values()) for e in entries(report, "not_separable")]
         found.append(
-            Table(
+            PageTable(
                 "What these runs cannot tell apart",
                 [plain(k) for k in entries(report, "not_separable")[0]],
                 rows,
@@ -255,7 +257,7 @@ def _diagnosis(record: Diagnosis) -> list[Table]:
             )
             for e in tested
         ]
-        found.append(Table("Causes tested", ("effect", "z", "upper limit", "unit"), rows))
+        found.append(PageTable("Causes tested", ("effect", "z", "upper limit", "unit"), rows))
     return found
 
 
@@ -266,14 +268,14 @@ FORECAST = (
 )
 
 
-def _gain_tables(report: dict[str, Any]) -> list[Table]:
+def _gain_tables(report: dict[str, Any]) -> list[PageTable]:
     """What the extended model gains where it was not fitted: held-out errors in physical units, the
     forecast cause by cause."""
     found, gain, forecast = [], child(report, "gain"), child(report, "forecast")
     rows = gains(gain)
     if rows:
         found.append(
-            Table(
+            PageTable(
                 f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms",
                 ("quantity", "before", "after"),
                 rows,
@@ -286,7 +288,7 @@ def _gain_tables(report: dict[str, Any]) -> list[Table]:
         ]
         held = plain(forecast.get("held_out", "time"))
         found.append(
-            Table(
+            PageTable(
                 f"Forecast of {held} left out, rms errors",
                 ("model", *(words for _, words in FORECAST)),
                 rows,
@@ -304,7 +306,7 @@ def forecast_parts(forecast: Mapping[str, Any]) -> list[tuple[str, dict[str, Any
     ]
 
 
-def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
+def _figures(caption: str, content: Any, depth: int = 0) -> list[PageTable]:
     """Tables of a JSON object: its numbers and sentences in one, each comparison (objects of one
     shape) in its own."""
     if not isinstance(content, Mapping):
@@ -317,11 +319,13 @@ def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
         if isinstance(value, Mapping) and all(isinstance(v, Mapping) for v in value.values()):
             head = list(dict.fromkeys(k for v in value.values() for k in v))[:10]
             rows = [(plain(name), *(_short(v.get(k)) for k in head)) for name, v in value.items()]
-            found.append(Table(title, ("", *(plain(h).replace("_", " ") for h in head)), rows[:60]))
+            found.append(
+                PageTable(title, ("", *(plain(h).replace("_", " ") for h in head)), rows[:60])
+            )
         elif isinstance(value, list) and all(isinstance(v, Mapping) for v in value):
             head = list(dict.fromkeys(k for v in value for k in v))[:10]
             found.append(
-                Table(
+                PageTable(
                     title,
                     [plain(h).replace("_", " ") for h in head],
                     [tuple(_short(v.get(k)) for k in head) for v in value][:60],
@@ -341,7 +345,7 @@ def _figures(caption: str, content: Any, depth: int = 0) -> list[Table]:
             ]
         else:
             single.append((title, _short(value)))
-    return ([Table(caption, ("figure", "value"), single[:80])] if single else []) + found
+    return ([PageTable(caption, ("figure", "value"), single[:80])] if single else []) + found
 
 
 def _objects(value: Any) -> bool:

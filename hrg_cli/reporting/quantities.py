@@ -21,7 +21,7 @@ TWO_DIGITS = 354
 rounds to 10."""
 
 
-def rounded(value: Any, std: Any) -> str:
+def round_with_std(value: Any, std: Any) -> str:
     """A value with its standard deviation in brackets, in units of the last digit shown; a value
     without a σ has six digits."""
     if not isinstance(value, int | float) or not math.isfinite(value):
@@ -60,7 +60,7 @@ def quantity(name: str, value: Any, std: Any, units: str) -> str:
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "–"
     factor, unit = unit_for(name, float(value), units)
-    shown = rounded(value * factor, None if std is None else std * abs(factor))
+    shown = round_with_std(value * factor, None if std is None else std * abs(factor))
     return f"{shown} {unit}".strip()
 
 
@@ -151,9 +151,9 @@ def parameter(name: str, value: float, std: float, units: str) -> str:
     """A resonator's parameter for people: the damping as decay time, the damping split as the drift
     it makes."""
     if name == "damping_rate_1_s" and value > 0:
-        return f"{rounded(1 / value, std / value / value)} s"
+        return f"{round_with_std(1 / value, std / value / value)} s"
     if name == "damping_split_1_s":
-        return f"{rounded(value / DEGREE_PER_HOUR, std / DEGREE_PER_HOUR)} °/h of drift"
+        return f"{round_with_std(value / DEGREE_PER_HOUR, std / DEGREE_PER_HOUR)} °/h of drift"
     if name == "frequency_hz":
-        return f"{rounded(value, std)} Hz"
+        return f"{round_with_std(value, std)} Hz"
     return quantity(name, value, std, units)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..records import Array, Calibration
 from ..units import DEGREE, DEGREE_PER_HOUR
-from .quantities import rounded
+from .quantities import round_with_std
 from .text import plain
 
 ANGLES, NODES = 49, 25
@@ -50,7 +50,7 @@ def surface_data(record: Calibration) -> dict[str, Any] | None:
             ),
             quantity(
                 "scale factor K",
-                f"K/{rounded(mean, abs(mean) * 1e-6).partition('(')[0]} − 1, ppm",
+                f"K/{round_with_std(mean, abs(mean) * 1e-6).partition('(')[0]} − 1, ppm",
                 "ppm",
                 (record.scale_factor / mean - 1) * 1e6,
                 record.scale_factor_std / abs(mean) * 1e6,

@@ -14,18 +14,25 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.checks import failures
 from ..fitting.tables.increments import Path, path_of
-from ..fitting.tables.joint import Fitted, Layout, fit
+from ..fitting.tables.joint import Fitted, TableLayout, fit
 from ..records import Calibration, Resonator, Wave
 from .calibration.checks import noisy_angles, stray_harmonics
-from .calibration.choice import Wanted, answers, best, compared, possible, told
+from .calibration.choice import (
+    Wanted,
+    answers,
+    choose_best,
+    compare_variants,
+    explain_choice,
+    list_possible,
+)
 from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.factors import build
 from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import Settings, climb
 from .calibration.prices import an_hour_more
 from .calibration.programme import choose_nodes, examine
-from .calibration.resonators import Coefficients, over
-from .calibration.stability import unstable
+from .calibration.resonators import ResonatorCoefficients, pool_resonators
+from .calibration.stability import say_unstable
 from .calibration.variants import FACTORS
 from .figures_of_merit import trade_figures
 from .one_gyro import of_one_gyro
@@ -186,17 +193,17 @@ def calibrate(
     # each variant is judged
     factors, widths = build(forced, table_nodes, axis, interpolation, FACTORS)
     mode_number = waves[0].mode_number
-    layout = Layout(table_nodes, axis, mode_number, *limits, interpolation, factors, widths)
+    layout = TableLayout(table_nodes, axis, mode_number, *limits, interpolation, factors, widths)
     fitted = fit(forced, layout)
     folds, held_out_by = choose_folds(fitted, needed)
     coefficients, why_not = _of_resonators(
         given, model, axis, table_nodes, low, high, interpolation
     )
-    possible_names, not_tried = possible(layout, coefficients, why_not)
+    possible_names, not_tried = list_possible(layout, coefficients, why_not)
     names = _to_try(model, possible_names, not_tried, bool(refusals), factors)
     wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
     tried = answers(fitted, folds, names, wanted, coefficients)
-    answer = best(tried) if model == "auto" else tried[0]
+    answer = choose_best(tried) if model == "auto" else tried[0]
     chosen = Chosen.of(fitted, folds, answer, wanted, programmes)
     if stable_only:
         chosen = chosen.stable_alone()
@@ -207,17 +214,21 @@ def calibrate(
     if not refusals:
         remarks += noisy_angles(fitted, answer.limits[0])
         remarks += [s["sentence"] for s in strays if s["significant"]]
-        remarks += unstable(chosen.stability, chosen.dropped)
+        remarks += say_unstable(chosen.stability, chosen.dropped)
         (refusals if answer.tried.foreign else remarks).extend(answer.failed)
     details = chosen.details(bootstrap, seed) | {
         "held_out_by": held_out_by,
         "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
-        "choice": told(fitted, tried, answer, not_tried) if model in ("auto", "all") else None,
+        "choice": explain_choice(fitted, tried, answer, not_tried)
+        if model in ("auto", "all")
+        else None,
         "stray_harmonics": strays,
         "resonator": None if coefficients is None else coefficients.table(),
     }
     if len(tried) > 1:
-        details["variants"] = compared(fitted, folds, tried, chosen.scale_factor, bootstrap, seed)
+        details["variants"] = compare_variants(
+            fitted, folds, tried, chosen.scale_factor, bootstrap, seed
+        )
     if ladder:
         settings = Settings(*answer.limits, chosen.scale_factor, bootstrap, seed)
         details["ladder"], details["final_analysis"] = climb(
@@ -303,13 +314,13 @@ def _of_resonators(
     low: float,
     high: float,
     interpolation: str,
-) -> tuple[Coefficients | None, str | None]:
+) -> tuple[ResonatorCoefficients | None, str | None]:
     """The resonators' coefficients over the nodes' quantity, or why there are none; an error where
     they were asked for by name."""
     if not resonators:
         return None, None
     try:
-        found = over(resonators, axis, nodes, low, high, interpolation)
+        found = pool_resonators(resonators, axis, nodes, low, high, interpolation)
     except HrgError as error:
         if model == "physical":
             raise

@@ -15,7 +15,7 @@ from ..fitting.samples.rate_log import covered, left_out
 from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
-from .calibration.table import in_range, measured_drift
+from .calibration.table import measured_drift, need_range
 from .figures_of_merit import allan_figures
 
 Array = np.ndarray
@@ -162,7 +162,7 @@ def _stream(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
         )
         blocks = path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
-        in_range(calibration, blocks, name)
+        need_range(calibration, blocks, name)
         drift, scale = calibration.values_at(
             path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad)
         )
@@ -185,7 +185,7 @@ def _stream(
             gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
             status=wave.status, status_reasons=(*wave.status_reasons, *unknown), details=json.dumps(totals.figures() if known else {}),
         )  # fmt: skip
-        yield _judged(
+        yield _judge_rates(
             record, calibration, totals if known else None, scale_factor, slowest, fastest, name
         )
     if not np.isfinite(slowest):
@@ -273,7 +273,7 @@ class _Totals:
         return {"trade": trade, "allan": {**found.intervals, "chi2_per_dof": found.chi2_per_dof}}
 
 
-def _judged(
+def _judge_rates(
     record: Compensated,
     calibration: Calibration,
     totals: _Totals | None,

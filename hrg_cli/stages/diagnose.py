@@ -23,37 +23,37 @@ from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.causes import extended_fit
 from ..fitting.causes.extended import jump_times
-from ..fitting.causes.extended_fit import Fit
+from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base_fit import Cut, cut_at_losses, fit_base, fit_together
 from .diagnosis.case import Case
 from .diagnosis.closing import closing_checks, word
-from .diagnosis.contradiction import strangers
+from .diagnosis.contradiction import find_strangers
 from .diagnosis.explain import explain, reweighted
 from .diagnosis.forecast import forecast
 from .diagnosis.gain import held_out
-from .diagnosis.heard import unheard
+from .diagnosis.heard import find_unheard
 from .diagnosis.model import simulation_file
-from .diagnosis.odd_windows import told as odd_ones
-from .diagnosis.orientation import oriented
+from .diagnosis.odd_windows import say_odd_windows as odd_ones
+from .diagnosis.orientation import orient_runs
 from .diagnosis.record import doubts, in_form, left_over, record_of, with_shares
-from .diagnosis.refusal import refused, stopped
+from .diagnosis.refusal import refuse, stop_search
 from .diagnosis.report import report as report_of
 from .diagnosis.scores import scores
-from .diagnosis.scoring import gross
+from .diagnosis.scoring import is_gross
 from .diagnosis.shares import switched_off
 from .diagnosis.sized import Sized
 from .diagnosis.stability import stability
 from .diagnosis.suspects import Suspicion, stuck_columns, suspect_runs
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
-from .diagnosis.tones import Tone, taken_out
+from .diagnosis.tones import Tone, take_out_tones
 from .diagnosis.variants import Variant, variants
 from .diagnosis.wander import wander
 from .diagnosis.waveform import causes, near_tones, unnamed
-from .diagnosis.written import Written, faithful
-from .identification.modes import has_dead_channel, thinned
+from .diagnosis.written import Written, write_faithfully
+from .identification.modes import has_dead_channel, thin_run
 from .one_gyro import of_one_gyro
 from .usable import ESTIMATE_AGAIN, not_refused, why_refused, with_known_rates
 
@@ -157,13 +157,13 @@ def _of_usable(asked: Asked) -> Diagnosis:
             base = fit_together(asked.waves, asked.fit)
         except HrgError as error:
             raise HrgError("; ".join(one.sentence for one in stuck)) from error
-        return refused(asked.waves, base, asked.searched, stuck, asked.resonator)
+        return refuse(asked.waves, base, asked.searched, stuck, asked.resonator)
     try:
-        with extended_fit.limited(MOTIONS_EACH * len(asked.searched)):
+        with extended_fit.limit_motions(MOTIONS_EACH * len(asked.searched)):
             return _diagnosed(asked)
     except extended_fit.WorkSpentError as spent:
         base = asked.fit(asked.waves)
-        return stopped(asked.waves, base, asked.searched, asked.resonator, str(spent))
+        return stop_search(asked.waves, base, asked.searched, asked.resonator, str(spent))
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class Asked:
     searched: tuple[Effect, ...]
     extra_effects: tuple[Effect, ...]
     most: int
-    fit: Callable[..., Fit]
+    fit: Callable[..., ExtendedFit]
 
 
 @dataclass(frozen=True)
@@ -195,18 +195,18 @@ class InSamples:
 def _diagnosed(asked: Asked) -> Diagnosis:
     """The diagnosis with all the fits that it takes."""
 
-    def near(fit: Fit) -> Fit:
-        return nearest(fit, variants(asked.searched, fit), GROSS) if gross(fit) else fit
+    def near(fit: ExtendedFit) -> ExtendedFit:
+        return nearest(fit, variants(asked.searched, fit), GROSS) if is_gross(fit) else fit
 
     cut = cut_at_losses(asked.waves, asked.fit, near)
     candidates = variants(asked.searched, cut.untouched)
     if suspicions := suspect_runs(asked.waves, asked.fit, cut.untouched, candidates):
-        return refused(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
-    if contradiction := strangers(cut.base):
+        return refuse(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
+    if contradiction := find_strangers(cut.base):
         raise HrgError(contradiction)
-    base, pieces, tones = taken_out(cut.base, cut.pieces, asked.fit, near)
+    base, pieces, tones = take_out_tones(cut.base, cut.pieces, asked.fit, near)
 
-    case = _explained(asked, base)
+    case = _explain_heard(asked, base)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
     closing = closing_checks(case, written, samples.shown, samples.unnamed_hz, samples.odd)
@@ -236,12 +236,12 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     return with_shares(record, shares).judged(doubts(verdict, failed, case.search.final))
 
 
-def _explained(asked: Asked, base: Fit) -> Case:
+def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
     """The causes beside the base fit, without those whose waveform the samples do not hold."""
     candidates: Sequence[Variant] = variants(asked.searched, base)
-    start = oriented(base, candidates)
+    start = orient_runs(base, candidates)
     case = explain(start, candidates, asked.most)
-    while silent := unheard(case.search.final, asked.waves):
+    while silent := find_unheard(case.search.final, asked.waves):
         candidates = [one for one in candidates if one.effect.name not in silent]
         case = explain(start, candidates, asked.most)
     return case
@@ -278,16 +278,16 @@ def _written(
             samples.tone,
         )  # fmt: skip
 
-    return faithful(file, case.search.final, cut.origin, asked.extra_effects, samples.tone)
+    return write_faithfully(file, case.search.final, cut.origin, asked.extra_effects, samples.tone)
 
 
-def _untouched(case: Case, cut: Cut) -> Fit:
+def _untouched(case: Case, cut: Cut) -> ExtendedFit:
     """The base fit of whole runs, at the noise that the case is judged by."""
     white = case.inquiry.noise.white
     return cut.untouched if white == 1.0 else reweighted(cut.untouched, white)
 
 
-def _instants(fit: Fit, cut: Cut) -> list[tuple[int, float]]:
+def _instants(fit: ExtendedFit, cut: Cut) -> list[tuple[int, float]]:
     """(wave, time) of every instant at which samples were lost or a cause of the fit strikes."""
     strikes = jump_times(fit.series, fit.point)
     strikes += [values[INSTANT] for effect, values in fit.point.active if effect.of_one_run]
@@ -299,7 +299,7 @@ def _instants(fit: Fit, cut: Cut) -> list[tuple[int, float]]:
 
 def _need_both_channels(waves: Sequence[Wave]) -> None:
     """HrgError: in every run one channel holds noise alone, so that there is no wave to model."""
-    if waves and all(has_dead_channel(thinned(envelope_runs.from_wave(wave))) for wave in waves):
+    if waves and all(has_dead_channel(thin_run(envelope_runs.from_wave(wave))) for wave in waves):
         raise HrgError(
             f"{', '.join(wave.run_id or 'a run' for wave in waves)}: one channel alone was recorded,"
             " diagnose needs both; hrg identify gives the modes that it shows"

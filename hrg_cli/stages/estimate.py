@@ -17,8 +17,8 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.ellipse.closed_form import canonical, closed_form
-from ..fitting.ellipse.continuity import CONTEXT_ROWS, continued, local_slope, nearest_copy
+from ..fitting.ellipse.closed_form import choose_canonical, closed_form
+from ..fitting.ellipse.continuity import CONTEXT_ROWS, continue_angles, local_slope, nearest_copy
 from ..fitting.ellipse.gauss_newton import gauss_newton
 from ..fitting.ellipse.levenberg_marquardt import levenberg_marquardt
 from ..fitting.ellipse.uncertainty import standard_deviations
@@ -210,7 +210,10 @@ def _solve(
         )
         stuck = ~(solution.residual_rms <= rms * (1 + WORSE) + 1e-7 * best[:, 0])
         counts = np.where(stuck, -np.abs(solution.evaluations), solution.evaluations)
-        fit, rms = canonical(solution.x, how.carrier_phase_rad is not None), solution.residual_rms
+        fit, rms = (
+            choose_canonical(solution.x, how.carrier_phase_rad is not None),
+            solution.residual_rms,
+        )
     else:
         fit = best
     rms = np.zeros(len(z)) if direct else rms
@@ -268,7 +271,7 @@ def _make_continuous(x: Array, block: Periods, context: Array | None) -> Array |
     if context is not None:
         rows = np.concatenate([context.T, rows], axis=1)
     at, angle, phase, carrier = rows
-    path = np.stack(continued(at, angle, phase, carrier, block.window_s))
+    path = np.stack(continue_angles(at, angle, phase, carrier, block.window_s))
     if context is not None:
         path -= np.pi * np.round((path[:, known - 1] - context[-1, 1:]) / np.pi)[:, None]
     x[slice(None) if every else trusted, 2:] = path[:, known:].T

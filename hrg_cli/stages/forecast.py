@@ -22,7 +22,7 @@ from ..fitting.envelopes.resonator_spread import (
     deviation,
     from_vector,
     mechanics_of,
-    moved,
+    spread_points,
     vector_covariance,
     vector_of,
 )
@@ -131,7 +131,7 @@ def forecast(
     x, covariance = vector_of(whole), vector_covariance(resonator)
     spring, trimmed = trim_of(whole, x, covariance, drive, quadrature_gain_1_s, trim_step_rad_s)
     x = trimmed if trim else x
-    points = moved(x, covariance)
+    points = spread_points(x, covariance)
     gyros = from_vector(points, whole)
     mechanics = Mechanics(
         **{k: float(np.ravel(v)[0]) for k, v in vars(gyros).items() if k != "mode_number"},

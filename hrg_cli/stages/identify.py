@@ -13,8 +13,8 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.envelopes import condensed, free_windows
-from ..fitting.envelopes.base_fit import Known, check
-from ..fitting.envelopes.frozen import CORRECTION, frozen
+from ..fitting.envelopes.base_fit import Known, check_runs
+from ..fitting.envelopes.frozen import CORRECTION, find_frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
@@ -22,12 +22,12 @@ from .identification.methods import (
     RegressionMethod,
     by_likelihood,
     by_regression,
-    compared,
-    profiles,
-    resampled,
+    compare_methods,
+    profile_intervals,
+    resample_errors,
     unknown_rate,
 )
-from .identification.monitored import monitored
+from .identification.monitored import monitor_working_mode
 from .identification.outcome import Verdict
 from .one_gyro import of_one_gyro
 from .usable import not_refused, with_known_rates
@@ -140,7 +140,7 @@ def identify(
     of_one_gyro(waves, "identify")
     usable = not_refused(waves)
     if window == "auto" and method != "working-mode":
-        free = [part for wave in usable.waves for part in free_windows.cut(wave)]
+        free = [part for wave in usable.waves for part in free_windows.cut_free_windows(wave)]
         usable = replace(usable, waves=free)
     given = [] if rate_rad_s is None else [w.run_id for w in usable.waves]
     usable = with_known_rates(usable, given)
@@ -148,30 +148,30 @@ def identify(
     with usable.blamed():
         if method == "working-mode":
             whole = [w.rows(0, len(w)) for w in waves]
-            return usable.judged(record(monitored(whole, rate_rad_s), waves, method))
+            return usable.judged(record_of(monitor_working_mode(whole, rate_rad_s), waves, method))
         known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
         earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
-        runs = condensed.read(waves, rate_rad_s, earth, known, blocks)
-        check(runs)
+        runs = condensed.read_runs(waves, rate_rad_s, earth, known, blocks)
+        check_runs(runs)
         if most_different is not None:
-            chosen = free_windows.most_different(runs, most_different)
+            chosen = free_windows.choose_different(runs, most_different)
             runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
         if fit_rate:
-            return usable.judged(record(unknown_rate(runs, known, blocks), waves, method))
+            return usable.judged(record_of(unknown_rate(runs, known, blocks), waves, method))
         if method in ("likelihood", "all"):
             verdict = by_likelihood(runs, known, blocks)
             if profile:
-                verdict.details["profile"] = profiles(verdict, runs)
+                verdict.details["profile"] = profile_intervals(verdict, runs)
             if bootstrap:
-                resampled(verdict, bootstrap, seed)
+                resample_errors(verdict, bootstrap, seed)
         else:
             verdict = by_regression(runs, known, method, eliminate_rate, blocks)
         if method == "all":
-            verdict.details["methods"] = compared(runs, known, verdict, eliminate_rate)
-        return usable.judged(record(verdict, waves, method))
+            verdict.details["methods"] = compare_methods(runs, known, verdict, eliminate_rate)
+        return usable.judged(record_of(verdict, waves, method))
 
 
-def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
+def record_of(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
     """The verdict as a record: parameters in the contract's order, unknown ones left out."""
     units = dict(PARAMETERS)
     names = [n for n, _ in PARAMETERS if n in verdict.values]
@@ -204,7 +204,7 @@ def record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
         raise HrgError("the fit gives no finite parameters; look at the runs' envelopes")
     stuck = [
         f"{wave.run_id}: {one.what} stuck ({one.evidence}); {CORRECTION}"
-        for wave, found in zip(waves, frozen(waves), strict=True)
+        for wave, found in zip(waves, find_frozen(waves), strict=True)
         for one in found
     ]
     return resonator.judged(verdict.suspect, "suspect").judged(

@@ -25,8 +25,8 @@ from .. import effects as catalogue
 from ..effects.effect import Effect, frame, nothing
 from ..errors import HrgError
 from ..fitting.causes import extended, extended_fit
-from ..fitting.causes.extended import Point, Series
-from ..fitting.causes.extended_fit import Freedom
+from ..fitting.causes.extended import MeasuredRuns, Point
+from ..fitting.causes.extended_fit import CoordinatePriors
 from ..fitting.envelopes.base_fit import nominal_scale_factor
 from ..fitting.envelopes.coordinates import COUNT, from_mechanics
 from ..fitting.envelopes.envelope_runs import envelopes_of
@@ -78,7 +78,7 @@ def inject(
     effect or parameter, values that do nothing in this recording, a read-out by carrier.
     """
     name = f"run {recording.run_id}" if recording.run_id else "the recording"
-    hidden = _chosen(effects, extra_effects)
+    hidden = _choose_effects(effects, extra_effects)
     if recording.readout != "direct":
         raise HrgError(
             f"{name}: its read-out is {recording.readout}, samples of a direct read-out were"
@@ -116,7 +116,7 @@ def summary(record: Recording) -> dict[str, Any]:
     }
 
 
-def _chosen(
+def _choose_effects(
     effects: Mapping[str, Mapping[str, float]], extra_effects: Sequence[Effect]
 ) -> list[Hidden]:
     """The effects with all their parameters; one that is given nothing but neutral values is a
@@ -183,7 +183,7 @@ def _product(changes: Sequence[ChangeAt], times: Array) -> Array:
     return out
 
 
-def _motion(series: Series, point: Point) -> Array:
+def _motion(series: MeasuredRuns, point: Point) -> Array:
     """Envelopes (n, 2) of the one run as the model has them. HrgError: they have no end."""
     with np.errstate(over="ignore", invalid="ignore"):
         seen = extended.predict(series, point).seen[0]
@@ -203,7 +203,9 @@ def _ratio(t: Array, changed: Array, plain: Array) -> ChangeAt:
     return spline
 
 
-def _after(series: Series, point: Point, instant: float, plain: Array, changed: Array) -> ChangeAt:
+def _after(
+    series: MeasuredRuns, point: Point, instant: float, plain: Array, changed: Array
+) -> ChangeAt:
     """T from an instant on, at which the envelopes `plain` (2,) become `changed`; the identity
     before."""
     first = int(np.searchsorted(series.time_s[0], instant))
@@ -222,7 +224,7 @@ def _after(series: Series, point: Point, instant: float, plain: Array, changed: 
     return at
 
 
-def _model(wave: Wave, resonator: Resonator | None) -> tuple[Series, Point]:
+def _model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, Point]:
     """The run's rows and the slow model's start in them; the resonator is given, or fitted to this
     run.
 
@@ -240,7 +242,7 @@ def _model(wave: Wave, resonator: Resonator | None) -> tuple[Series, Point]:
     free = freedom_of(series, point, scale)
     if resonator is not None:
         p = from_mechanics(mechanics_of(resonator))
-        point, free = replace(point, p=p), Freedom(p, np.zeros(COUNT))
+        point, free = replace(point, p=p), CoordinatePriors(p, np.zeros(COUNT))
     try:
         fit = extended_fit.fit(series, point, free)
         if resonator is None and not fit.coordinate_std("scale_factor") < KNOWN * abs(

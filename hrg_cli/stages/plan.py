@@ -18,7 +18,7 @@ from pydantic import Field
 from ..effects import find
 from ..errors import HrgError
 from ..records import Diagnosis, Resonator, Status, Wave
-from .planning.information import Layout, information, wave_of
+from .planning.information import InformationColumns, information, wave_of
 from .planning.known import (
     device_table,
     information_of,
@@ -131,7 +131,7 @@ def plan(
     chosen_effects = tuple(
         find(name) for name in dict.fromkeys([*sizes, *acting, *(r for g in groups for r in g)])
     )
-    layout = Layout(chosen_effects, acting)
+    layout = InformationColumns(chosen_effects, acting)
     common, tables, feasible = candidates(menu, device_table(mechanics))
     waves = {name: wave_of(run) for name, run in feasible.items()}
     references = reference_temperatures([*made, *waves.values()], chosen_effects)

@@ -92,7 +92,7 @@ def rate(
     found = dataclasses.replace(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
-    impossible, doubtful = closing(found)
+    impossible, doubtful = closing_checks(found)
     result = Compensated(
         time_s=found.time_s,
         rate_estimate_rad_s=found.rate_rad_s,
@@ -115,7 +115,7 @@ def rate(
     )
 
 
-def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
+def closing_checks(found: RateEstimate) -> tuple[list[Check], list[Check]]:
     """The closing checks of a rate: (what refuses it, what makes it suspect)."""
     count, more = len(found.time_s), _more_nodes(found)
     poor = (
@@ -124,7 +124,7 @@ def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
         f" {more}); the errors are inflated by it"
     )
     impossible = [
-        *checks.sound(
+        *checks.check_fit(
             found.covariance,
             found.converged or found.adequate,
             f"the rate did not settle on {count} nodes; give other nodes",
@@ -132,7 +132,7 @@ def closing(found: RateEstimate) -> tuple[list[Check], list[Check]]:
         checks.at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
     ]
     doubtful = [
-        *checks.closing(
+        *checks.check_statistics(
             found.chi2_per_dof * found.dof,
             found.dof,
             [found.residual],

@@ -29,7 +29,7 @@ from .estimate import estimate
 from .identification.splits import SPLITS
 from .simulate import simulate
 from .twin import Measured, Twin, effects_of, twin_of
-from .twin_diagnosis import base_values, causes, diagnosed, held, same_sign
+from .twin_diagnosis import base_values, causes, causes_held, same_sign, twin_of_diagnosis
 from .twin_physical import Identified
 
 Array = np.ndarray
@@ -64,7 +64,7 @@ Work = tuple[Twin, int]
 
 
 @dataclass(frozen=True)
-class Estimate:
+class RehearsedFigure:
     """What one rehearsal found of one figure, and what was put in."""
 
     value: float
@@ -85,14 +85,14 @@ class Rehearsed:
     """One rehearsal: its figures, its status, or the sentence why it failed; of a diagnosis, the
     causes that were named."""
 
-    figures: Mapping[str, Estimate] = field(default_factory=dict)
+    figures: Mapping[str, RehearsedFigure] = field(default_factory=dict)
     status: str = "failed"
     reason: str = ""
     named: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Figure:
+class FigureStatistics:
     """How one figure's errors compare with its σ over all rehearsals, and the limits that both were
     held against."""
 
@@ -162,7 +162,7 @@ class Rehearsal:
     failed."""
 
     times: int
-    figures: Sequence[Figure]
+    figures: Sequence[FigureStatistics]
     reasons: tuple[str, ...]
     failed: int
     statuses: Mapping[str, int]
@@ -225,22 +225,22 @@ def rehearse(
             "there is no wave to rehearse with; name the wave files the result was made of"
         )
     twin = (
-        diagnosed(truth, inputs, own_settings, samples_a_period)
+        twin_of_diagnosis(truth, inputs, own_settings, samples_a_period)
         if isinstance(truth, Diagnosis)
         else twin_of(truth, inputs, own_settings, samples_a_period, identified)
     )
     _affordable(twin, times, most_samples, most_samples_a_run)
-    twin = matched(twin, inputs, seed)
+    twin = match_noise(twin, inputs, seed)
     twin = replace(
         twin,
         resonators=[
-            matched(beside, one.inputs, seed)
+            match_noise(beside, one.inputs, seed)
             for beside, one in zip(twin.resonators, identified, strict=True)
         ],
     )
     works = [(twin, seed * STREAMS + k) for k in range(times)]
-    done = share(works) if share is not None else [once(work) for work in works]
-    return told(
+    done = share(works) if share is not None else [rehearse_once(work) for work in works]
+    return summarise(
         twin, [Rehearsed(reason="its process was killed") if one is None else one for one in done]
     )
 
@@ -266,7 +266,7 @@ def _affordable(twin: Twin, times: int, most: float, most_a_run: float) -> None:
         )
 
 
-def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
+def match_noise(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
     """The twin, its samples' noise scaled so that its windows state the noise that the measured
     ones do.
 
@@ -293,7 +293,7 @@ def matched(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
     return replace(twin, config={**twin.config, "run": runs})
 
 
-def once(work: Work) -> Rehearsed:
+def rehearse_once(work: Work) -> Rehearsed:
     """One rehearsal: the twin's runs through raw samples, demodulate, estimate and the result's own
     stage."""
     twin, seed = work
@@ -335,7 +335,7 @@ def twin_wave(twin: Twin, number: int, seed: int) -> Wave:
     return wave.replace(**run.carried, **dict.fromkeys(run.missing))
 
 
-def _figures(record: Record, twin: Twin) -> dict[str, Estimate]:
+def _figures(record: Record, twin: Twin) -> dict[str, RehearsedFigure]:
     """Every figure of a rehearsal's result that has an error, beside the truth."""
     truth = twin.truth
     if isinstance(record, Diagnosis) and isinstance(truth, Diagnosis):
@@ -346,10 +346,12 @@ def _figures(record: Record, twin: Twin) -> dict[str, Estimate]:
     return _coefficients(record, truth)
 
 
-def _parameters(record: Resonator, truth: Resonator) -> dict[str, Estimate]:
+def _parameters(record: Resonator, truth: Resonator) -> dict[str, RehearsedFigure]:
     true, period = truth.parameters(), np.pi / truth.mode_number
     found = {
-        name: Estimate(value, std, true[name][0], period if name.endswith("axis_rad") else 0.0)
+        name: RehearsedFigure(
+            value, std, true[name][0], period if name.endswith("axis_rad") else 0.0
+        )
         for name, (value, std, _) in record.parameters().items()
         if name in true and np.isfinite(std) and std > 0
     }
@@ -360,26 +362,26 @@ def _parameters(record: Resonator, truth: Resonator) -> dict[str, Estimate]:
             vector = true[size][0] * np.exp(2j * truth.mode_number * true[axis][0])
             seen = json.loads(record.details).get("split_components", {})
             found |= {
-                name: Estimate(seen[name]["value"], seen[name]["std"], put_in)
+                name: RehearsedFigure(seen[name]["value"], seen[name]["std"], put_in)
                 for name, put_in in zip(components, (vector.real, vector.imag), strict=True)
                 if name in seen and seen[name]["std"] > 0
             }
     rate, true_rate = (json.loads(r.details).get("rate_rad_s") for r in (record, truth))
     if rate and true_rate and rate["std"] > 0:
-        found["rate_rad_s"] = Estimate(rate["value"], rate["std"], true_rate["value"])
+        found["rate_rad_s"] = RehearsedFigure(rate["value"], rate["std"], true_rate["value"])
     return found
 
 
-def _sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str, Estimate]:
+def _sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str, RehearsedFigure]:
     """The named causes' parameters, and the resonator beside them."""
-    found: dict[str, Estimate] = {}
+    found: dict[str, RehearsedFigure] = {}
     named = causes(record)
-    for name, (true, _) in held(twin).items():
+    for name, (true, _) in causes_held(twin).items():
         seen = named[name][0] if name in named else {}
         sign = same_sign(name, seen, true)
         for key, (value, std) in seen.items():
             if key in true:
-                found[f"{name} {key}"] = Estimate(sign * value, std, true[key][0])
+                found[f"{name} {key}"] = RehearsedFigure(sign * value, std, true[key][0])
     period = np.pi / int(json.loads(truth.report).get("mode_number", 2))
     beside = base_values(truth)
     lost = {
@@ -391,7 +393,7 @@ def _sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str, Estimat
     for name, (value, std) in base_values(record).items():
         if name in beside and name not in lost and np.isfinite(std) and std > 0:
             axis = period if name.endswith("axis_rad") else 0.0
-            found[name] = Estimate(value, std, beside[name][0], axis)
+            found[name] = RehearsedFigure(value, std, beside[name][0], axis)
     return found
 
 
@@ -400,7 +402,7 @@ def _named(twin: Twin, good: Sequence[Rehearsed]) -> list[Named]:
     any other."""
     if not isinstance(twin.truth, Diagnosis):
         return []
-    true = held(twin)
+    true = causes_held(twin)
     alike = {name: {name} | rivals for name, (_, rivals) in true.items()}
     known = set().union(*alike.values()) if alike else set()
     # what the file names and the twin cannot hold is neither expected of it nor strange to it
@@ -415,7 +417,7 @@ def _named(twin: Twin, good: Sequence[Rehearsed]) -> list[Named]:
     ]
 
 
-def _coefficients(record: Calibration, truth: Calibration) -> dict[str, Estimate]:
+def _coefficients(record: Calibration, truth: Calibration) -> dict[str, RehearsedFigure]:
     """Fourier coefficients of both tables at the rehearsal's nodes; the truth's tables are read
     there."""
     found = {}
@@ -431,7 +433,7 @@ def _coefficients(record: Calibration, truth: Calibration) -> dict[str, Estimate
             for k in range(min(values.shape[1], true.shape[1])):
                 if np.isfinite(std[node, k]) and std[node, k] > 0:
                     name = f"{kind.removesuffix('_harmonics')} {_harmonic(k)} at {x:.4g} °C"
-                    found[name] = Estimate(
+                    found[name] = RehearsedFigure(
                         float(values[node, k]), float(std[node, k]), float(true[node, k])
                     )
     return found
@@ -441,7 +443,7 @@ def _harmonic(k: int) -> str:
     return "constant" if k == 0 else f"{'cos' if k % 2 else 'sin'} {(k + 1) // 2}·2mθ"
 
 
-def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
+def summarise(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
     """The rehearsals' statistics and verdict. HrgError: fewer than `FEWEST` of them gave a
     result."""
     good = [one for one in done if one.status != "failed"]
@@ -484,7 +486,7 @@ def told(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
         Calibration: "the file's tables",
         Diagnosis: "the file's extended model",
     }[type(twin.truth)]
-    colour = twin_colour.told([run.colour for run in twin.runs])
+    colour = twin_colour.describe_colour([run.colour for run in twin.runs])
     return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what, named, colour)
 
 
@@ -493,7 +495,7 @@ def _moves(values: Sequence[float]) -> bool:
     return len(values) >= FEWEST and float(np.ptp(values)) > 0
 
 
-def figure(name: str, t: Array, figures: int = 1) -> Figure:
+def figure(name: str, t: Array, figures: int = 1) -> FigureStatistics:
     """Statistics of the errors t (n,) in σ, and limits that chance exceeds in one of `figures`
     right figures with `CHANCE` only.
 
@@ -502,7 +504,7 @@ def figure(name: str, t: Array, figures: int = 1) -> Figure:
     from scipy.special import chdtri, ndtri
 
     n, tail = len(t), CHANCE / 3 / figures  # too far to one side, too wide, too narrow
-    return Figure(
+    return FigureStatistics(
         name,
         float(np.mean(t)),
         float(np.sqrt(np.mean(t**2))),

@@ -17,15 +17,15 @@ from ..errors import HrgError
 from ..physics import fast_engine, slow_engine
 from ..physics.plant import Block, Environment, Plant, Readout, linear_plant
 from ..records import Recording
-from .simulation.blocks import recorded
+from .simulation.blocks import record_blocks
 from .simulation.gyro import (
+    add_spring,
     control_of,
     courses_of,
     electronics_of,
     mechanics_of,
     noise_of,
     readout_of,
-    sprung,
     start_of,
 )
 from .simulation.world import environment_of
@@ -142,7 +142,7 @@ def simulate_run(
         )
     else:
         made, pickoff, logged = _slow(settings, active)
-    return recorded(
+    return record_blocks(
         settings, made, pickoff, logged, np.random.default_rng([seed, run_number]), block_samples
     )
 
@@ -168,7 +168,7 @@ def _fast(
     world = environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, world)
-    plant = sprung(settings, linear_plant(mechanics, courses, world))
+    plant = add_spring(settings, linear_plant(mechanics, courses, world))
     for effect, p in active:
         _call(effect, "plant", p, plant, world)
         _call(effect, "control", p, control)
@@ -226,7 +226,7 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
 
     def plant_at(world: Environment) -> Plant:
-        return sprung(settings, linear_plant(mechanics, courses, world))
+        return add_spring(settings, linear_plant(mechanics, courses, world))
 
     start, angle = start_of(settings)
     return (

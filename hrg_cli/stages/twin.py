@@ -67,7 +67,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Run:
+class TwinRun:
     """One run of the twin: its name in the simulation file, the settings of its chain, what its
     wave is called and which logs it keeps; its noise's colour with the windows it was measured in
     (σ of one real, length), and the course of its frequency where tables are over that."""
@@ -92,7 +92,7 @@ class Twin:
     result, its settings, the truth, and the twins of the resonator files it was made of."""
 
     config: Mapping[str, Any]
-    runs: Sequence[Run]
+    runs: Sequence[TwinRun]
     stage: str
     settings: Mapping[str, Any]
     truth: Record
@@ -263,7 +263,7 @@ def _run(
     hidden_rad_s: float,
     settings: Mapping[str, Any],
     samples_a_period: float | None,
-) -> tuple[Run, dict[str, Any]]:
+) -> tuple[TwinRun, dict[str, Any]]:
     """One run and its table: from its first good window's beginning to its last one's end."""
     wave = measured.wave
     good = np.flatnonzero(wave.good())
@@ -317,7 +317,7 @@ def _run(
     demodulate.setdefault("periods_per_window", max(1.0, wave.window_s * device.frequency_hz))
     carried, absent = named_and_missing(wave)
     return (
-        Run(
+        TwinRun(
             name,
             demodulate,
             measured.estimate,
@@ -405,7 +405,7 @@ def _control(wave: Wave, begin_s: float, damping_rate_1_s: float) -> dict[str, A
     found: dict[str, Any] = {"mode": "forced"} | loops(wave, damping_rate_1_s)
     if driven:
         try:
-            free = free_windows.cut(wave)
+            free = free_windows.cut_free_windows(wave)
         except HrgError:
             free = []  # driven throughout
         edge = wave.window_s

@@ -16,7 +16,7 @@ import numpy as np
 from ..effects.effect import Effect, Values
 from ..errors import HrgError
 from ..fitting.causes import colour
-from ..fitting.causes.colour import Noise
+from ..fitting.causes.colour import ColouredNoise
 from ..fitting.causes.wave_frame import real
 from ..fitting.envelopes import condensed, free_windows
 from ..fitting.envelopes.base_fit import Known, base_fit
@@ -31,9 +31,9 @@ STEPS = 4
 MOST_STEPS = 1_000_000
 """Steps of a wander's course at most."""
 HOUR = 3600.0
-WHITE = Noise(1.0, 0.0, 0.0, 0.0)
+WHITE = ColouredNoise(1.0, 0.0, 0.0, 0.0)
 """A component that is white as the windows state it."""
-Colour = tuple[Noise, ...]
+Colour = tuple[ColouredNoise, ...]
 """The noise of the four components, in the order of `colour.COMPONENTS`; empty: white as stated."""
 
 
@@ -52,8 +52,8 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
     blocks = int(settings.get("blocks", 300))
     try:
         if settings.get("window", "auto") == "auto":
-            waves = [part for wave in waves for part in free_windows.cut(wave)]
-        runs = condensed.read(waves, settings.get("rate_rad_s"), earth_rad_s, known, blocks)
+            waves = [part for wave in waves for part in free_windows.cut_free_windows(wave)]
+        runs = condensed.read_runs(waves, settings.get("rate_rad_s"), earth_rad_s, known, blocks)
         fit = base_fit(runs, known, blocks)
     except HrgError:
         return ()
@@ -74,7 +74,7 @@ def of_calibration(truth: Calibration) -> dict[str, Colour]:
     for run in details.get("runs", []):
         walk = float(run["walk_rad2_s"])
         if walk > 0 or white > 1:
-            out[str(run["run_id"])] = (WHITE, WHITE, Noise(white, walk, 0.0, 0.0), WHITE)
+            out[str(run["run_id"])] = (WHITE, WHITE, ColouredNoise(white, walk, 0.0, 0.0), WHITE)
     return out
 
 
@@ -84,7 +84,7 @@ def of_diagnosis(truth: Diagnosis) -> Colour:
     if not rows:
         return ()
     return tuple(
-        Noise(row["white_over_stated"], _density(row), row["correlation_s"], 0.0)
+        ColouredNoise(row["white_over_stated"], _density(row), row["correlation_s"], 0.0)
         if (row := rows.get(name)) is not None
         else WHITE
         for name in colour.COMPONENTS
@@ -93,7 +93,7 @@ def of_diagnosis(truth: Diagnosis) -> Colour:
 
 def _density(row: Mapping[str, Any]) -> float:
     """q of a wander whose standard deviation after an hour is told."""
-    one = Noise(1.0, 1.0, row["correlation_s"], 0.0).after(HOUR)
+    one = ColouredNoise(1.0, 1.0, row["correlation_s"], 0.0).after(HOUR)
     return float((row["after_one_hour"] / one) ** 2)
 
 
@@ -133,7 +133,7 @@ def effect(
 
 
 def course(
-    noise: Noise, step_s: float, duration_s: float, random: np.random.Generator
+    noise: ColouredNoise, step_s: float, duration_s: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
     """A wander's times and values (n,) from 0: an Ornstein–Uhlenbeck rate of ⟨v v'⟩ = (q/2τ)
     e^{−|t−t'|/τ}, integrated; a random walk of q where τ is shorter than a step."""
@@ -153,7 +153,7 @@ def course(
     return times, np.concatenate([[0.0], np.cumsum(h * (rate[1:] + rate[:-1]) / 2)])
 
 
-def told(noises: Sequence[Colour]) -> list[dict[str, Any]]:
+def describe_colour(noises: Sequence[Colour]) -> list[dict[str, Any]]:
     """The coloured components for the JSON, the strongest of the runs."""
     out = []
     for k, name in enumerate(colour.COMPONENTS):

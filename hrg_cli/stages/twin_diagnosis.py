@@ -15,7 +15,7 @@ from ..effects import EFFECTS
 from ..errors import HrgError
 from ..records import Diagnosis
 from . import twin_colour
-from .twin import Measured, Run, Twin, carrier_table, named_and_missing, sample_rate
+from .twin import Measured, Twin, TwinRun, carrier_table, named_and_missing, sample_rate
 
 COHERENT = {effect.name for effect in EFFECTS if effect.coherent}
 """Effects whose vector stands with the wave's phase, so that its sign is nobody's to know."""
@@ -24,7 +24,7 @@ Causes = dict[str, tuple[dict[str, tuple[float, float]], frozenset[str]]]
 the cause."""
 
 
-def diagnosed(
+def twin_of_diagnosis(
     truth: Diagnosis,
     inputs: Sequence[Measured],
     settings: Mapping[str, Any],
@@ -56,7 +56,7 @@ def diagnosed(
         carried, missing = named_and_missing(wave)
         windows = {k: v for k, v in measured.demodulate.items() if k != "nominal_frequency_hz"}
         windows.setdefault("periods_per_window", max(1.0, wave.window_s * frequency))
-        one = Run(run["run_id"], windows, measured.estimate, carried, missing, colour)
+        one = TwinRun(run["run_id"], windows, measured.estimate, carried, missing, colour)
         std = float(np.nanmedian(wave.signal_std))
         runs.append(replace(one, std=std, window_s=wave.window_s))
     config = {**config, "recording": tables[0]["recording"], "run": tables}
@@ -76,7 +76,7 @@ def causes(record: Diagnosis) -> Causes:
     return out
 
 
-def held(twin: Twin) -> Causes:
+def causes_held(twin: Twin) -> Causes:
     """The causes of the twin's truth that its simulation holds."""
     inside = set(twin.config.get("effects", {}))
     for run in twin.config["run"]:

@@ -85,9 +85,10 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
     """A temporary name beside `path`, renamed to it when the block ends well and removed
     otherwise."""
     path = check_output(path, force)
-    remove_stale(path.parent, shown(path))
+    remove_stale(path.parent, shown_name(path))
     temporary = (
-        path.parent / f".{shown(path)}.hrg-{this_host()}-{os.getpid()}-{time.monotonic_ns()}.tmp"
+        path.parent
+        / f".{shown_name(path)}.hrg-{this_host()}-{os.getpid()}-{time.monotonic_ns()}.tmp"
     )
     try:
         yield temporary
@@ -103,7 +104,7 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def quiet() -> Iterator[None]:
+def quieten_hdf5() -> Iterator[None]:
     """While a failed file is let go: h5py prints a traceback for each object it cannot flush, which
     says nothing new."""
     hooks = sys.unraisablehook, sys.excepthook
@@ -126,7 +127,7 @@ def _rename_to_new(temporary: Path, path: Path) -> None:
         os.replace(temporary, path)
 
 
-def shown(path: Path) -> str:
+def shown_name(path: Path) -> str:
     """As much of an output's name as its temporary one bears."""
     return path.name.encode()[:SHOWN_BYTES].decode("utf-8", "ignore")
 

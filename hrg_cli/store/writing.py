@@ -27,7 +27,7 @@ import numpy as np
 from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
 from ..version import __version__
-from .atomic import atomic_path, quiet
+from .atomic import atomic_path, quieten_hdf5
 from .checksums import Running, seal
 from .handles import reading
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
@@ -120,7 +120,7 @@ def write(
             seal(file, running)
             file.close()
         except BaseException as error:
-            with quiet():
+            with quieten_hdf5():
                 traceback.clear_frames(error.__traceback__)
                 if file is not None:
                     with contextlib.suppress(Exception):

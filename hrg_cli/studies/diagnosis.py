@@ -23,7 +23,7 @@ from ..errors import UsageError
 from ..executors import local_processes, run_tasks
 from ..stages.diagnose import diagnose, summary
 from ..stages.diagnosis.thresholds import SIGNIFICANT
-from .hidden import Hiding, beside, hiding, programme, waves
+from .hidden import Hiding, effects_beside, hide, programme, waves
 from .power import coverage, curve, ideal, share
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def diagnosis_study(
     ]
     tasks += [("clean", kind, draw, (), noise, seed) for draw in range(controls) for kind in KINDS]
     found = run_tasks(draw_of, tasks, lambda: local_processes(jobs))
-    return assembled([row for rows in found if rows is not None for row in rows], list(sizes))
+    return assemble([row for rows in found if rows is not None for row in rows], list(sizes))
 
 
 def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[dict[str, Any]]:
@@ -88,17 +88,19 @@ def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[d
         report = summary(diagnose(waves(programme(random, shown, noise), first, shown)))
         named = [e["name"] for e in report["effects"]]
         return [{"clean": name, "named": named, "verdict": report["verdict"]}]
-    hidden = hiding(name, random, noise)
+    hidden = hide(name, random, noise)
     rows = []
     for k, size in enumerate((1.0,) if find(name).whole_samples else sizes):
         report = summary(
             diagnose(hidden.measured(size, first + k), scale_factor=hidden.scale_factor)
         )
-        rows.append({"hidden": name, "draw": draw, "size": size, **judged(report, hidden, size)})
+        rows.append(
+            {"hidden": name, "draw": draw, "size": size, **judge_report(report, hidden, size)}
+        )
     return rows
 
 
-def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any]:
+def judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any]:
     """The group named first, the outcome, (found − true)/σ of the parameters, whether the upper
     limit holds the truth.
 
@@ -106,7 +108,7 @@ def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any
     term) or "nothing".
     """
     name, true = hidden.effect.name, hidden.values(size)
-    others = beside(hidden.effect)
+    others = effects_beside(hidden.effect)
     entries = [e for e in report["effects"] if e["name"] not in others]
     group = [entries[0]["name"], *entries[0]["indistinguishable_from"]] if entries else []
     if group:
@@ -135,7 +137,7 @@ def judged(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any
     return {"group": group, "outcome": outcome, "errors": errors, "limit_holds": held}
 
 
-def assembled(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, Any]:
+def assemble(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, Any]:
     """The study's figures from the rows of `draw_of`."""
     hidden = [r for r in rows if "hidden" in r]
     clean = [r for r in rows if "clean" in r]

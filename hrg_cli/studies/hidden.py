@@ -20,12 +20,12 @@ from ..effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect
 from ..errors import UsageError
 from ..fitting.causes import extended_fit
 from ..fitting.causes.extended import state_of
-from ..fitting.causes.extended_fit import Fit
+from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.causes.wave_frame import real
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.diagnosis.data import freedom_of, prepare
-from ..stages.diagnosis.rate_steps import settled
+from ..stages.diagnosis.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
 from ..stages.simulate import run_ids, simulate
 
@@ -56,7 +56,7 @@ class Hiding:
     table: Mapping[str, Any]
     neutral: Mapping[str, float]
     direction: Mapping[str, float]
-    fit: Fit
+    fit: ExtendedFit
     scale_factor: float | None
 
     def values(self, size: float) -> dict[str, float]:
@@ -73,7 +73,7 @@ class Hiding:
 
     def measured(self, size: float | None, seed: int) -> list[Wave]:
         """Waves of the programme with the effect at a size, or without it."""
-        table = copy.deepcopy(dict(self.table)) | {"effects": beside(self.effect)}
+        table = copy.deepcopy(dict(self.table)) | {"effects": effects_beside(self.effect)}
         if size is not None:
             values = self.values(size)
             run = values.pop(RUN, OF_EVERY_RUN)
@@ -82,12 +82,12 @@ class Hiding:
         return waves(table, seed, self.effect.name)
 
 
-def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
+def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
     """A random device, start and direction for an effect. UsageError: its programme does not show
     it."""
     effect = find(name)
     table = programme(random, name, noise)
-    others = beside(effect)
+    others = effects_beside(effect)
     seed = int(random.integers(2**31))
     K = table["device"]["scale_factor"] if "known scale factor" in effect.shown_by else None
     fit = base_fit(waves({**table, "effects": others}, seed, name), K, others)
@@ -122,7 +122,10 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
         z = float(
             np.linalg.norm(
                 _beside(
-                    extended_fit.flat(fit.series, real(seen) * fit.series.weight[..., None]), fit
+                    extended_fit.flatten_rows(
+                        fit.series, real(seen) * fit.series.weight[..., None]
+                    ),
+                    fit,
                 )
             )
         )
@@ -138,10 +141,10 @@ def hiding(name: str, random: np.random.Generator, noise: float) -> Hiding:
 
 def direction_of(
     effect: Effect,
-    fit: Fit,
+    fit: ExtendedFit,
     neutral: Mapping[str, float],
     random: np.random.Generator,
-    information: Callable[[Fit, Array], Array],
+    information: Callable[[ExtendedFit, Array], Array],
 ) -> dict[str, float]:
     """A random direction of the parameters, its length one σ; parameters that these runs do not
     show stay neutral."""
@@ -163,9 +166,9 @@ def direction_of(
 def setting_in(
     effect: Effect,
     neutral: Mapping[str, float],
-    fit: Fit,
+    fit: ExtendedFit,
     size: float,
-    information: Callable[[Fit, Array], Array],
+    information: Callable[[ExtendedFit, Array], Array],
 ) -> dict[str, float]:
     """Value of the parameter that sets in at which the read-out stands `size` σ out of the model
     (`information` of one column)."""
@@ -178,40 +181,40 @@ def setting_in(
         changed = effect.slow_readout(
             {**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point)
         )
-        column = extended_fit.flat(fit.series, real((changed - u) * weight))
+        column = extended_fit.flatten_rows(fit.series, real((changed - u) * weight))
         low, high = (
             (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
         )
     return {parameter.name: low}
 
 
-def beside_base(fit: Fit, columns: Array) -> Array:
+def beside_base(fit: ExtendedFit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs
     leave it."""
     free = _beside(columns, fit)
     return free.T @ free
 
 
-def _beside(columns: Array, fit: Fit) -> Array:
+def _beside(columns: Array, fit: ExtendedFit) -> Array:
     """Columns over σ without what the base model can do, projected twice against rounding."""
     return fit.basis.off(fit.basis.off(columns))
 
 
-def beside(effect: Effect) -> dict[str, dict[str, float]]:
+def effects_beside(effect: Effect) -> dict[str, dict[str, float]]:
     """What stands beside the effect in its programme."""
     return {effect.beside: dict(BESIDE_IT[effect.beside])} if effect.beside else {}
 
 
 def base_fit(
     runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]
-) -> Fit:
+) -> ExtendedFit:
     """The base model's fit at the windows' own rate, with the effects that stand beside the hidden
     one."""
     series, point, _ = prepare(runs, scale_factor, ALL_ROWS)
-    fit = settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+    fit = fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
     for name, values in beside.items():
         fit = extended_fit.fit(
-            fit.series, extended_fit.with_effect(fit.point, find(name), values), fit.freedom
+            fit.series, extended_fit.add_effect(fit.point, find(name), values), fit.freedom
         )
     return fit
 

@@ -24,7 +24,7 @@ from ..fitting.envelopes.inference import CLEAR
 from ..records import Resonator
 from ..stages.identification.splits import SPLITS
 from ..stages.identify import identify
-from .run_downs import Programme, draw
+from .run_downs import DrawnProgramme, draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +58,7 @@ def programmes_study(
     ]
     found = run_tasks(answers_of, tasks, lambda: local_processes(jobs))
     answers = [row for rows in found if rows is not None for row in rows]
-    return assembled(answers) | {"programmes": programmes, "raw": raw, "seed": seed}
+    return assemble(answers) | {"programmes": programmes, "raw": raw, "seed": seed}
 
 
 def answers_of(task: tuple[int, bool]) -> list[dict[str, Any]]:
@@ -101,7 +101,7 @@ def answers_of(task: tuple[int, bool]) -> list[dict[str, Any]]:
     return rows
 
 
-def _of_record(record: Resonator, drawn: Programme, before: list[str]) -> dict[str, Any]:
+def _of_record(record: Resonator, drawn: DrawnProgramme, before: list[str]) -> dict[str, Any]:
     """The likelihood's answer: what it says, its errors, its standard deviations over the bound;
     before: what was said of its waves."""
     cells = {name: (value, std) for name, (value, std, _) in record.parameters().items()}
@@ -119,7 +119,7 @@ def _of_record(record: Resonator, drawn: Programme, before: list[str]) -> dict[s
 def errors(
     cells: Mapping[str, tuple[float, float]],
     components: Mapping[str, Mapping[str, float]],
-    drawn: Programme,
+    drawn: DrawnProgramme,
 ) -> dict[str, float]:
     """(value − true)/σ of parameters {name: (value, σ)}; of a split below 8 of its σ, whose size
     and axis are not Gaussian, that of its components."""
@@ -144,7 +144,7 @@ def errors(
     return found
 
 
-def assembled(answers: list[dict[str, Any]]) -> dict[str, Any]:
+def assemble(answers: list[dict[str, Any]]) -> dict[str, Any]:
     """Rows a method, and the quiet answers that are wrong."""
     methods = list(dict.fromkeys(a["method"] for a in answers))
     wrong = [

@@ -23,12 +23,12 @@ from ..effects.effect import REFERENCE_TEMPERATURE, RUN, Effect
 from ..errors import HrgError, UsageError
 from ..executors import local_processes, run_tasks
 from ..fitting.causes import extended_fit, scales
-from ..fitting.causes.extended_fit import Fit
+from ..fitting.causes.extended_fit import ExtendedFit
 from ..records import Recording, Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.diagnose import diagnose, summary
 from ..stages.diagnosis.data import freedom_of, prepare
-from ..stages.diagnosis.rate_steps import settled
+from ..stages.diagnosis.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
 from ..stages.inject import UnchangedError, inject
 from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
@@ -108,14 +108,14 @@ def recovery_study(
     at_once = 4 * jobs if jobs > 1 else 1
     for first in range(0, len(tasks), at_once):
         for made in run_tasks(
-            recovered, tasks[first : first + at_once], lambda: local_processes(jobs)
+            recover, tasks[first : first + at_once], lambda: local_processes(jobs)
         ):
             rows += made or []
         keep(list(rows))
-    return assembled([row for row in rows if row["effect"] in names], list(sizes), background)
+    return assemble([row for row in rows if row["effect"] in names], list(sizes), background)
 
 
-def recovered(
+def recover(
     task: tuple[
         Sequence[Recording],
         Sequence[Wave],
@@ -156,7 +156,7 @@ def recovered(
                     "draw": draw,
                     "size": size,
                     "true": true,
-                    **judged(report, background, effect, true),
+                    **judge_report(report, background, effect, true),
                 }
             )
     except HrgError as error:
@@ -164,7 +164,7 @@ def recovered(
     return rows
 
 
-def judged(report: Row, background: Row, effect: Effect, true: dict[str, float]) -> Row:
+def judge_report(report: Row, background: Row, effect: Effect, true: dict[str, float]) -> Row:
     """Whether the effect is named first or among others beside the background, what is named
     falsely, and its size against the true one."""
     before = {e["name"]: e for e in background["effects"]}
@@ -215,7 +215,7 @@ def _sign(effect: Effect, found: Row, true: dict[str, float]) -> float:
     return float(np.sign(sum(value * wanted / std**2 for value, wanted, std in parts)) or 1.0)
 
 
-def assembled(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[str, Any]:
+def assemble(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[str, Any]:
     """The study's figures from its rows."""
     names = [e.name for e in EFFECTS if any(r["effect"] == e.name for r in rows)]
     of = {name: [r for r in rows if r["effect"] == name] for name in names}
@@ -261,7 +261,7 @@ def effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, Any
 
 def _values(
     effect: Effect,
-    fit: Fit,
+    fit: ExtendedFit,
     recordings: Sequence[Recording],
     waves: Sequence[Wave],
     random: np.random.Generator,
@@ -316,14 +316,14 @@ def _values(
     }
 
 
-def beside_model(fit: Fit, columns: Array) -> Array:
+def beside_model(fit: ExtendedFit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which
     one run needs: SᵀS − SᵀJ Cov JᵀS."""
     shared = fit.design.along(columns)
     return columns.T @ columns - shared.T @ fit.covariance @ shared
 
 
-def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: Fit) -> None:
+def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: ExtendedFit) -> None:
     """HrgError: the size is beyond what such a cause can have."""
     amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
     for p in effect.fitted():
@@ -369,11 +369,11 @@ def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
     return {key: report[key] for key in ("verdict", "effects", "after")}
 
 
-def _fit(waves: Sequence[Wave], scale_factor: float | None, background: Row) -> Fit:
+def _fit(waves: Sequence[Wave], scale_factor: float | None, background: Row) -> ExtendedFit:
     """The base model's fit at the windows' own rate, with the causes of the background where it
     finds one."""
     series, point, _ = prepare(waves, scale_factor, ALL_ROWS)
-    fit = settled(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+    fit = fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
     names = {effect.name for effect in EFFECTS}
     for entry in background["effects"]:
         if entry["name"] not in names or find(entry["name"]).seen_in == "waveform":
@@ -386,7 +386,7 @@ def _fit(waves: Sequence[Wave], scale_factor: float | None, background: Row) -> 
         with contextlib.suppress(extended_fit.DivergedError):
             fit = extended_fit.fit(
                 fit.series,
-                extended_fit.with_effect(fit.point, effect, effect.values(values)),
+                extended_fit.add_effect(fit.point, effect, effect.values(values)),
                 fit.freedom,
             )
     return fit

@@ -31,7 +31,7 @@ RAW_SAMPLES = 120_000
 
 
 @dataclass(frozen=True)
-class Programme:
+class DrawnProgramme:
     """The gyro, its waves, Earth's rate about the axis, which the logs leave out [rad/s], whether
     it is told, and the scale factor where it is told."""
 
@@ -43,7 +43,7 @@ class Programme:
 
 
 @dataclass(frozen=True)
-class Course:
+class DrawnCourse:
     """A table's rate over a run: `rate` (rad/s) and its integral `turned` (rad) at times (n,), and
     the [environment] of a simulation file that says the same."""
 
@@ -53,21 +53,23 @@ class Course:
     turned: Callable[[Array], Array]
 
 
-def over(random: np.random.Generator, low: float, high: float) -> float:
+def draw_between(random: np.random.Generator, low: float, high: float) -> float:
     """A number between two, its logarithm evenly spread."""
     return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
 
-def draw(seed: int, raw: bool = False) -> Programme:
+def draw(seed: int, raw: bool = False) -> DrawnProgramme:
     """One programme: m 1 to 3, τ 0.1 to 1000 s, splits 0 and 10⁻² to 30 ν, rates 0 to 100 °/s
     steady or changing, ½ to 3 τ, 300 to 12 000 windows, |a_B/a_A| to 0.97, with and without
     Earth's rate; `raw`: from samples of 10 to 60 periods a window."""
     random = np.random.default_rng([seed, int(raw)])
     gyro = _gyro(random, raw)
-    seconds = over(random, 0.5, 3) / gyro.damping_rate_1_s
+    seconds = draw_between(random, 0.5, 3) / gyro.damping_rate_1_s
     if raw:
         seconds = min(seconds, RAW_SAMPLES / 8 / gyro.frequency_hz)
-    rate = float(random.choice([0.0, 1.0], p=[0.15, 0.85])) * math.radians(over(random, 0.01, 100))
+    rate = float(random.choice([0.0, 1.0], p=[0.15, 0.85])) * math.radians(
+        draw_between(random, 0.01, 100)
+    )
     kinds = random.choice(["steady", "sine", "ramp"], size=6, p=[0.6, 0.25, 0.15])
     if random.random() < 0.5:
         kinds[:] = "steady"
@@ -81,24 +83,24 @@ def draw(seed: int, raw: bool = False) -> Programme:
         for kind, sign in zip(kinds, signs, strict=False)
     ]
     starts = [(random.uniform(0, math.pi / gyro.mode_number), _ratio(random)) for _ in courses]
-    noise = over(random, 1e-6, 1e-2)
+    noise = draw_between(random, 1e-6, 1e-2)
     known = gyro.scale_factor if random.random() < 0.25 else None
     make = _from_samples if raw else _from_envelopes
     waves = make(gyro, courses, starts, earth, seconds, noise, random)
-    return Programme(gyro, waves, earth, told, known)
+    return DrawnProgramme(gyro, waves, earth, told, known)
 
 
 def _gyro(random: np.random.Generator, raw: bool) -> Mechanics:
     """Any gyro; one that is simulated sample by sample has few periods to its decay."""
     mode = int(random.choice([1, 2, 2, 2, 3]))
-    frequency = over(random, 300, 1000) if raw else over(random, 300, 10_000)
+    frequency = draw_between(random, 300, 1000) if raw else draw_between(random, 300, 10_000)
     longest = RAW_SAMPLES / 8 / frequency if raw else 1000.0
-    nu = 1 / over(random, max(min(0.1, longest / 3), 48 / frequency), longest)
-    split = min(nu * over(random, 0.01, 30), 2 * math.pi * frequency / 300)
+    nu = 1 / draw_between(random, max(min(0.1, longest / 3), 48 / frequency), longest)
+    split = min(nu * draw_between(random, 0.01, 30), 2 * math.pi * frequency / 300)
     return Mechanics(
         frequency,
         nu,
-        nu * float(random.choice([0.0, 1.0], p=[0.1, 0.9])) * over(random, 1e-3, 0.6),
+        nu * float(random.choice([0.0, 1.0], p=[0.1, 0.9])) * draw_between(random, 1e-3, 0.6),
         random.uniform(0, math.pi / mode),
         split * float(random.choice([0.0, 1.0], p=[0.1, 0.9])),
         random.uniform(0, math.pi / mode),
@@ -113,7 +115,7 @@ def _ratio(random: np.random.Generator) -> float:
     return float(size * random.uniform(-1, 1))
 
 
-def _course(kind: str, rate: float, seconds: float, random: np.random.Generator) -> Course:
+def _course(kind: str, rate: float, seconds: float, random: np.random.Generator) -> DrawnCourse:
     """A table's rate: steady, a sine of half a period to six, or a ramp through zero."""
     if kind == "sine":
         omega = 2 * math.pi * random.uniform(0.5, 6) / seconds
@@ -124,7 +126,7 @@ def _course(kind: str, rate: float, seconds: float, random: np.random.Generator)
             "frequency_hz": omega / (2 * math.pi),
             "phase_rad": phase,
         }
-        return Course(
+        return DrawnCourse(
             kind,
             {"rate": table},
             lambda t: rate * np.sin(omega * t + phase),
@@ -134,18 +136,18 @@ def _course(kind: str, rate: float, seconds: float, random: np.random.Generator)
         slope = random.uniform(1.2, 2) / seconds
         ends = [rate, rate * (1 - slope * seconds)]
         points = {"kind": "points", "time_s": [0.0, seconds], "rate_rad_s": ends}
-        return Course(
+        return DrawnCourse(
             kind,
             {"rate": points},
             lambda t: rate * (1 - slope * t),
             lambda t: rate * (t - slope * t**2 / 2),
         )
-    return Course(
+    return DrawnCourse(
         kind, {"rate_rad_s": rate}, lambda t: np.full(np.shape(t), rate), lambda t: rate * t
     )
 
 
-def _fastest(gyro: Mechanics, courses: list[Course], seconds: float) -> float:
+def _fastest(gyro: Mechanics, courses: list[DrawnCourse], seconds: float) -> float:
     """What moves the envelopes at most, rad/s."""
     times = np.linspace(0, seconds, 99)
     turning = gyro.scale_factor * max(float(np.abs(c.rate(times)).max()) for c in courses)
@@ -154,7 +156,7 @@ def _fastest(gyro: Mechanics, courses: list[Course], seconds: float) -> float:
 
 def _from_envelopes(
     gyro: Mechanics,
-    courses: list[Course],
+    courses: list[DrawnCourse],
     starts: list[tuple[float, float]],
     earth: float,
     seconds: float,
@@ -164,8 +166,10 @@ def _from_envelopes(
     """Waves of the slow model at the windows' middles with white noise of one component."""
     fastest = _fastest(gyro, courses, seconds)
     most = MOST_WINDOWS if all(c.kind == "steady" for c in courses) else MOST_CHANGING
-    windows = int(np.clip(over(random, 300, most), min(most, seconds * fastest / 0.8), most))
-    size = over(random, 1e-3, 1e3) if random.random() < 0.2 else 1.0
+    windows = int(
+        np.clip(draw_between(random, 300, most), min(most, seconds * fastest / 0.8), most)
+    )
+    size = draw_between(random, 1e-3, 1e3) if random.random() < 0.2 else 1.0
     waves = []
     for i, (course, (angle, ratio)) in enumerate(zip(courses, starts, strict=True)):
         times = (np.arange(windows) + 0.5) * seconds / windows
@@ -180,7 +184,9 @@ def _from_envelopes(
     return waves
 
 
-def envelope(gyro: Mechanics, course: Course, earth: float, times: Array, first: Array) -> Array:
+def envelope(
+    gyro: Mechanics, course: DrawnCourse, earth: float, times: Array, first: Array
+) -> Array:
     """Envelopes (n, 2) at times (n,) from `first` (2,) at 0, on a table that turns Earth's rate
     more than its course says."""
     if course.kind == "steady":
@@ -236,7 +242,7 @@ def _wave(
 
 def _from_samples(
     gyro: Mechanics,
-    courses: list[Course],
+    courses: list[DrawnCourse],
     starts: list[tuple[float, float]],
     earth: float,
     seconds: float,
@@ -245,7 +251,7 @@ def _from_samples(
 ) -> list[Wave]:
     """Waves of simulated samples (second-order equations of motion), demodulated and estimated."""
     fastest = _fastest(gyro, courses, seconds)
-    periods = min(over(random, 10, 60), max(1.0, 0.5 * gyro.frequency_hz / fastest))
+    periods = min(draw_between(random, 10, 60), max(1.0, 0.5 * gyro.frequency_hz / fastest))
     device = {
         name: getattr(gyro, name) for name in (*NAMES, "mode_number") if name != "damping_split_1_s"
     } | {"damping_split": gyro.damping_split_1_s / gyro.damping_rate_1_s}

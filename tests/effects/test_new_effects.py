@@ -10,7 +10,7 @@ import pytest
 from hrg_cli.effects import converter_nonlinearity, dry_friction, find
 from hrg_cli.effects.momentum_kick import instants
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.plant import SlowState, together
+from hrg_cli.physics.plant import SlowState, add_accelerations
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
 from hrg_cli.stages.diagnose import diagnose, summary
@@ -101,7 +101,9 @@ def test_the_describing_function_of_the_converter_is_the_fundamental_of_its_code
 
 
 def test_two_further_accelerations_stand_beside_each_other():
-    both = together(lambda t, x, y, vx, vy: (x + t, y), lambda t, x, y, vx, vy: (vx, 2 * vy))
+    both = add_accelerations(
+        lambda t, x, y, vx, vy: (x + t, y), lambda t, x, y, vx, vy: (vx, 2 * vy)
+    )
     assert both(0.5, 1.0, 2.0, 3.0, 4.0) == pytest.approx((4.5, 10.0))
 
 

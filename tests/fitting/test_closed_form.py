@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.solutions import symmetries
 
-from hrg_cli.fitting.ellipse.closed_form import canonical, closed_form
+from hrg_cli.fitting.ellipse.closed_form import choose_canonical, closed_form
 from hrg_cli.physics.signals import signals
 
 
@@ -39,7 +39,7 @@ def test_exact_signals_are_met_to_rounding():
 )
 def test_all_symmetric_copies_have_one_canonical_form(values):
     x = np.array(values) * [1, values[0], 1, 1, 1]
-    forms = canonical(symmetries(x))
+    forms = choose_canonical(symmetries(x))
     closed = closed_form(signals(x)[None])[0]
     difference = (forms - closed)[:, 2:] / np.pi
     np.testing.assert_allclose(forms[:, :2], np.broadcast_to(closed[:, :2], (16, 2)), atol=1e-9)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrg_cli.fitting.ellipse.continuity import continued, local_slope, nearest_copy
+from hrg_cli.fitting.ellipse.continuity import continue_angles, local_slope, nearest_copy
 
 TIME = np.arange(600) * 0.01
 
@@ -21,7 +21,7 @@ def copies(angle, phase, carrier, generator):
 @given(st.floats(-120, 120), st.floats(-250, 250), st.floats(-120, 120), st.integers(0, 2**32 - 1))
 def test_continuous_paths_come_back_from_any_copies(angle_rate, phase_rate, carrier_rate, seed):
     truth = angle_rate * TIME + 0.3 * np.sin(5 * TIME), phase_rate * TIME, carrier_rate * TIME
-    found = continued(TIME, *copies(*truth, np.random.default_rng(seed)), window_s=0.01)
+    found = continue_angles(TIME, *copies(*truth, np.random.default_rng(seed)), window_s=0.01)
     shifts = [(f - t) / np.pi for f, t in zip(found, truth, strict=True)]
     for shift in shifts:
         np.testing.assert_allclose(shift, shift[0], atol=1e-9)
@@ -36,7 +36,7 @@ def test_the_slope_carries_over_a_gap():
     kept = (TIME < 2) | (TIME > 3.3)
     time_s = TIME[kept]
     angle, phase = 3 * time_s, 15 * time_s + 0.01 * generator.standard_normal(len(time_s))
-    found = continued(time_s, *copies(angle, phase, 0 * time_s, generator), window_s=0.01)
+    found = continue_angles(time_s, *copies(angle, phase, 0 * time_s, generator), window_s=0.01)
     np.testing.assert_allclose(found[0] - found[0][0], angle - angle[0], atol=1e-9)
     np.testing.assert_allclose(found[1] - found[1][0], phase - phase[0], atol=1e-9)
 
@@ -44,7 +44,7 @@ def test_the_slope_carries_over_a_gap():
 def test_where_the_sides_disagree_the_nearest_copy_is_taken():
     time_s = np.concatenate([TIME[:100], TIME[300:400]])
     phase = np.where(time_s < 2, 9 * time_s, -9 * time_s)
-    found = continued(time_s, 0 * time_s, phase, 0 * time_s, window_s=0.01)[1]
+    found = continue_angles(time_s, 0 * time_s, phase, 0 * time_s, window_s=0.01)[1]
     assert abs(found[100] - found[99]) <= np.pi
 
 
@@ -80,5 +80,5 @@ def test_an_angle_alone_is_counted_over_a_gap():
     kept = (TIME < 2) | (TIME > 3.5)
     time_s = TIME[kept]
     angle = 4.5 * time_s
-    found = continued(time_s, np.mod(angle, np.pi), 0 * time_s, 0 * time_s, window_s=0.01)[0]
+    found = continue_angles(time_s, np.mod(angle, np.pi), 0 * time_s, 0 * time_s, window_s=0.01)[0]
     np.testing.assert_allclose(found - found[0], angle - angle[0], atol=1e-9)

@@ -12,7 +12,7 @@ def problem(seed=0, rows=400, base=5, size=0.0):
     J = random.standard_normal((rows, base))
     S = random.standard_normal((rows, 1))
     r = random.standard_normal(rows) + size * S[:, 0]
-    Q = evidence.factored(evidence.Design.of(J)).basis
+    Q = evidence.factor_design(evidence.Design.of(J)).basis
     return J, Q, S, Q.off(r)
 
 
@@ -74,9 +74,9 @@ def test_what_the_base_model_can_do_is_invisible():
 def test_two_spellings_of_one_cause_are_alike():
     J, Q, S, r = problem(3, size=0.3)
     one, other = evidence.score("a", r, S, Q), evidence.score("b", r, 2 * S + J[:, :1], Q)
-    assert evidence.alike(one, other) == pytest.approx(1, abs=1e-9)
+    assert evidence.correlate_spaces(one, other) == pytest.approx(1, abs=1e-9)
     assert (
-        evidence.alike(
+        evidence.correlate_spaces(
             one, evidence.score("c", r, np.random.default_rng(9).standard_normal(S.shape), Q)
         )
         < 0.3
@@ -99,7 +99,7 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
     J[blocks[1][0], blocks[1][1].start] = 0.0  # one run shows nothing of one of its parameters
     J[:, -1] += 1e3 * J[:, 0] / np.linalg.norm(J[:, 0])
     r, prior = random.standard_normal(len(J)), random.standard_normal((2, J.shape[1]))
-    parts = evidence.factored(evidence.Design.of(J, blocks))
+    parts = evidence.factor_design(evidence.Design.of(J, blocks))
     assert parts.basis.shape == (
         len(J),
         np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)),
@@ -116,7 +116,7 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
 
 def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
     J, blocks, random = in_runs(3)
-    basis = evidence.factored(evidence.Design.of(J, blocks)).basis
+    basis = evidence.factor_design(evidence.Design.of(J, blocks)).basis
     r = random.standard_normal(len(J))
     smooth = [(rows, random.standard_normal((50, 6))) for rows, _ in blocks]
     smooth[0][1][:, 0] = J[blocks[0]][:, 0]  # one column that the run's own can do
@@ -130,8 +130,8 @@ def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
 
 
 def test_corrected_p_counts_the_number_tried():
-    assert evidence.corrected(1e-6, 50) == pytest.approx(5e-5, rel=1e-3)
-    assert evidence.corrected(1.0, 50) == pytest.approx(1.0)
+    assert evidence.correct_for_tries(1e-6, 50) == pytest.approx(5e-5, rel=1e-3)
+    assert evidence.correct_for_tries(1.0, 50) == pytest.approx(1.0)
 
 
 def test_held_out_error_of_one_fold_is_that_of_a_refit_without_it():
@@ -139,7 +139,7 @@ def test_held_out_error_of_one_fold_is_that_of_a_refit_without_it():
     X, y = random.standard_normal((60, 3)), random.standard_normal(60)
     best = np.linalg.lstsq(X, y, rcond=None)[0]
     folds = np.array_split(np.arange(60), 4)
-    left = evidence.predicted(y - X @ best, X, {k: np.zeros((15, 0)) for k in range(4)}, folds)
+    left = evidence.predict_folds(y - X @ best, X, {k: np.zeros((15, 0)) for k in range(4)}, folds)
     for fold in folds:
         rest = np.setdiff1d(np.arange(60), fold)
         again = np.linalg.lstsq(X[rest], y[rest], rcond=None)[0]

@@ -7,7 +7,7 @@ import numpy as np
 
 from hrg_cli.effects import find
 from hrg_cli.fitting.causes import extended, extended_fit
-from hrg_cli.fitting.causes.extended import Point, Series
+from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
 from hrg_cli.fitting.causes.sensitivities import base_sensitivities, propagation
 
 STRONG = {
@@ -30,7 +30,7 @@ def programme(runs=3, rows=90):
     start = np.array([[1.0 + 0.1j, 0.2j], [0.6, 0.5 + 0.02j], [0.1 + 0.02j, 0.9]])
     forced = np.array([1.0, 0.0, 0.0])[:, None] * one
     weight = np.where(np.diff(t, prepend=-1) > 0, 1e3, 0.0)
-    series = Series(
+    series = MeasuredRuns(
         names=("a", "b", "c"), time_s=t, envelope=np.repeat(start[:, None], rows, axis=1), weight=weight,
         rate_rad_s=rate, temperature_degc=24 + t, temperature_rate_degc_s=one, branch=one, table_angle_rad=rate * t, phase_rad=0.1 * one,
         main_drive=0.3 * forced, quadrature_drive=0.01 * forced, main_impulse=0.3 * forced * t,
@@ -71,7 +71,9 @@ def test_sensitivities_are_differences_of_whole_predictions():
                     ),
                 )
                 seen.append(
-                    extended_fit.flat(series, extended.real(there.seen * series.weight[..., None]))
+                    extended_fit.flatten_rows(
+                        series, extended.real(there.seen * series.weight[..., None])
+                    )
                 )
             difference = (seen[0] - seen[1]) / (2 * size)
             assert np.linalg.norm(own[:, k] - difference) < 2e-3 * np.linalg.norm(difference), (

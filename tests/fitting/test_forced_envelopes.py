@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm
 
 from hrg_cli.fitting.causes import extended
-from hrg_cli.fitting.causes.extended import Point, Series
+from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
 from hrg_cli.physics.resonator import Mechanics
 
 FREQUENCY_HZ, A_PERIOD, LENGTH_S, PERIODS = 300.0, 48, 0.8, 6
@@ -121,7 +121,7 @@ def test_the_model_shows_what_demodulation_shows_under_a_force(gain_1_s):
         2,
     )
     phase = np.unwrap(np.angle(measured[:, 0] ** 2 + measured[:, 1] ** 2)) / 2
-    series = Series(
+    series = MeasuredRuns(
         names=("a",), time_s=t[None], envelope=measured[None], weight=one, rate_rad_s=RATE * one, temperature_degc=25 * one,
         temperature_rate_degc_s=0 * one, branch=one, table_angle_rad=RATE * t[None], phase_rad=phase[None],
         main_drive=at[None, :, 0], quadrature_drive=at[None, :, 1], main_impulse=area[None, :, 0], quadrature_impulse=area[None, :, 1],

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic_waves import GYRO, as_wave, envelope
 
-from hrg_cli.fitting.envelopes.frozen import CHANCE, COLUMNS, _improbable, frozen
+from hrg_cli.fitting.envelopes.frozen import CHANCE, COLUMNS, _improbable, find_frozen
 from hrg_cli.fitting.samples.stretches import Stretches
 from hrg_cli.physics import ellipse
 
@@ -37,7 +37,7 @@ def held(values, first, last):
 def test_a_column_that_repeats_its_value_is_named_with_its_rows(name, rows):
     sound = wave()
     stuck = sound.replace(**{name: held(getattr(sound, name), *rows)})
-    found = frozen([wave(1), stuck])
+    found = find_frozen([wave(1), stuck])
     assert found[0] == []
     (one,) = found[1]
     assert one.what == COLUMNS[name] and one.rows == rows[1] - rows[0]
@@ -57,18 +57,18 @@ def test_a_long_run_is_looked_at_piece_by_piece(block, monkeypatch):
         cases.append(sound.replace(flags=flags, **stuck))
     silent = wave().replace(quadrature_amplitude=np.zeros(ROWS), wave_angle_rad=np.zeros(ROWS))
     cases += [silent.replace(flags=flags)]
-    whole = frozen(cases)
+    whole = find_frozen(cases)
     monkeypatch.setattr("hrg_cli.fitting.envelopes.frozen.BLOCK", block)
-    assert frozen(cases) == whole and len(whole[1]) == 1
+    assert find_frozen(cases) == whole and len(whole[1]) == 1
     monkeypatch.setattr("hrg_cli.fitting.envelopes.frozen.SAMPLE", 50)
-    thinned = [[(one.what, one.rows, one.value) for one in found] for found in frozen(cases)]
+    thinned = [[(one.what, one.rows, one.value) for one in found] for found in find_frozen(cases)]
     assert thinned == [[(one.what, one.rows, one.value) for one in found] for found in whole]
 
 
 def test_an_angle_that_turns_evenly_is_no_lattice():
     sound = wave()
     turning = sound.wave_angle_rad + 40 * STD * np.arange(ROWS)
-    (one,) = frozen([sound.replace(wave_angle_rad=held(turning, 120, ROWS))])[0]
+    (one,) = find_frozen([sound.replace(wave_angle_rad=held(turning, 120, ROWS))])[0]
     assert one.what == "wave angle" and one.rows == 120
 
 
@@ -86,7 +86,7 @@ def test_a_channel_that_stands_still_is_named_before_the_columns_made_of_it(chan
     dead = wave().replace(
         main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase
     )
-    (one,) = frozen([dead])[0]
+    (one,) = find_frozen([dead])[0]
     assert one.what == f"channel {'CS'[channel]}" and one.rows == ROWS - 100
     assert one.value == pytest.approx(abs(level), abs=1e-12)
 
@@ -106,26 +106,26 @@ def test_a_stretch_is_named_by_its_chance_among_all_rows(room, named):
 
 def test_sound_waves_are_none_of_that():
     for seed in range(40):
-        assert frozen([wave(seed)]) == [[]]
+        assert find_frozen([wave(seed)]) == [[]]
 
 
 def test_coarse_values_and_values_held_by_a_logger_are_none_of_that():
     sound = wave()
     for step in (0.1 * STD, STD, 10 * STD, 100 * STD):
         coarse = {name: np.round(getattr(sound, name) / step) * step for name in COLUMNS}
-        assert frozen([sound.replace(**coarse)]) == [[]]
+        assert find_frozen([sound.replace(**coarse)]) == [[]]
     single = {name: getattr(sound, name).astype("f4").astype(float) for name in COLUMNS}
-    assert frozen([sound.replace(**single)]) == [[]]
+    assert find_frozen([sound.replace(**single)]) == [[]]
     for every in (2, 5):
         logged = {name: np.repeat(getattr(sound, name)[::every], every) for name in COLUMNS}
-        assert frozen([sound.replace(**logged)]) == [[]]
+        assert find_frozen([sound.replace(**logged)]) == [[]]
 
 
 def test_a_simulation_without_noise_and_a_channel_nobody_recorded_are_none_of_that():
     ideal = replace(GYRO, damping_split_1_s=0.0, frequency_split_rad_s=0.0)
     quiet = wave(noise=0.0, mechanics=ideal)
     angle = np.full(ROWS, 0.3)
-    assert frozen([quiet.replace(wave_angle_rad=angle, phase_rad=0 * angle)]) == [[]]
+    assert find_frozen([quiet.replace(wave_angle_rad=angle, phase_rad=0 * angle)]) == [[]]
     alone = wave().replace(quadrature_amplitude=np.zeros(ROWS), wave_angle_rad=np.zeros(ROWS))
-    assert frozen([alone, alone]) == [[], []]
-    assert [f.what for f in frozen([wave(), alone])[1]] == ["channel S"]
+    assert find_frozen([alone, alone]) == [[], []]
+    assert [f.what for f in find_frozen([wave(), alone])[1]] == ["channel S"]

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from synthetic_waves import GYRO, programme, run_down
 
 from hrg_cli.fitting.envelopes import coordinates, envelope_runs, propagator
-from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, start
+from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, start_from_propagator
 from hrg_cli.fitting.envelopes.likelihood import State, batch, respond
 from hrg_cli.fitting.envelopes.matrices import chain
 from hrg_cli.physics import resonator
@@ -34,12 +34,14 @@ def test_coordinates_are_the_generator_of_the_resonator():
             plain,
             atol=1e-12,
         )
-    values, slopes = coordinates.physical(p, 2)
+    values, slopes = coordinates.to_parameters(p, 2)
     assert np.allclose(values, [0.31, 0.012, 0.35, 0.11, 0.9, 0.55])
     for k in range(6):
         q = p.copy()
         q[k] += 1e-7
-        assert np.allclose((coordinates.physical(q, 2)[0] - values) / 1e-7, slopes[:, k], atol=1e-4)
+        assert np.allclose(
+            (coordinates.to_parameters(q, 2)[0] - values) / 1e-7, slopes[:, k], atol=1e-4
+        )
 
 
 def test_the_axis_of_a_split_lost_in_noise_is_as_uncertain_as_its_components():
@@ -118,7 +120,7 @@ def test_model_against_integration(rate):
 
 def test_jacobian_against_differences():
     data = batch(
-        propagator.thinned(
+        propagator.thin_rows(
             runs_of(
                 [run_down(0.3, lambda t: 2 * np.sin(3 * t) + 1), run_down(0.7, 0.0, seconds=2.0)]
             ),
@@ -153,7 +155,7 @@ def test_jacobian_against_differences():
 
 def test_a_changed_rate_against_differences():
     run = runs_of([run_down(0.3, 1.0)])[0]
-    data = batch(propagator.thinned([run], np.zeros(7), np.zeros(1), 400))
+    data = batch(propagator.thin_rows([run], np.zeros(7), np.zeros(1), 400))
     p = coordinates.from_mechanics(GYRO)
     state = State(p, data.envelope[:, 0], np.zeros((1, 1)))
     t = data.time_s[0]
@@ -186,12 +188,12 @@ def test_steady_runs_take_the_short_way_to_the_same_place():
 def test_averaging_along_the_motion_keeps_the_model_and_the_noise():
     run = runs_of([run_down(0.3, 3.0, std=1e-9, window=5e-4, second_order=0.0)])[0]
     p = coordinates.from_mechanics(GYRO)
-    thin = envelope_runs.averaged(run, 60, propagator.carry(p, 0.0))
+    thin = envelope_runs.average_rows(run, 60, propagator.carry(p, 0.0))
     L = resonator.generator(GYRO, 3.0, second_order=0.0)
     want = resonator.exponential(L, thin.time_s - run.time_s[0]) @ run.envelope[0]
     assert len(thin) <= 60 and np.allclose(thin.envelope, want, atol=2e-5)
     noisy = runs_of([run_down(0.3, 3.0, std=1e-2, window=5e-4, seed=5, second_order=0.0)])[0]
-    averaged = envelope_runs.averaged(noisy, 60, propagator.carry(p, 0.0))
+    averaged = envelope_runs.average_rows(noisy, 60, propagator.carry(p, 0.0))
     clean = resonator.exponential(L, averaged.time_s - run.time_s[0]) @ run.envelope[0]
     phase = np.vdot(clean, averaged.envelope) / np.vdot(clean, clean)
     chi2 = np.mean(np.abs((averaged.envelope - clean * phase) / averaged.std[:, None]) ** 2) / 2
@@ -204,7 +206,7 @@ def test_averaged_rows_hold_the_table_where_a_swinging_rate_has_turned_it_to():
     run = runs_of([run_down(0.3, 0.0, seconds=1.0, window=6e-3)])[0]
     t, swing, pace = run.time_s, 2.0, 9.0
     run = dataclasses.replace(run, turn_rad=swing / pace * (np.cos(pace * t[0]) - np.cos(pace * t)))
-    thin = envelope_runs.averaged(run, 120, propagator.carry(np.zeros(7), 0.0))
+    thin = envelope_runs.average_rows(run, 120, propagator.carry(np.zeros(7), 0.0))
     assert len(thin) <= 120 < len(run)
     want = swing / pace * (np.cos(pace * t[0]) - np.cos(pace * thin.time_s))
     assert np.abs(thin.turn_rad - want).max() < 1e-6
@@ -240,7 +242,7 @@ def test_known_axes_leave_the_sizes_free():
     fit = base_fit(
         runs_of(programme(std=1e-3)), Known(damping_axis_rad=0.35, stiffness_axis_rad=0.9)
     )
-    values, _ = coordinates.physical(fit.p, 2)
+    values, _ = coordinates.to_parameters(fit.p, 2)
     assert values[2] == pytest.approx(0.35) and values[4] == pytest.approx(0.9)
     assert fit.freedom.names == (
         "damping",
@@ -266,7 +268,7 @@ def test_frequency_drift_is_followed():
 def test_propagator_alone_is_close_and_needs_no_start():
     gyro = Mechanics(1000.0, 0.05, 0.004, 0.3, 4.0, 1.0, 0.277)
     runs = runs_of(programme(gyro, std=1e-3, seconds=8.0, window=4e-3))
-    p, offsets, _, _ = start(runs, Known())
+    p, offsets, _, _ = start_from_propagator(runs, Known())
     assert np.allclose(p[[0, 5]], [0.05, 0.277], rtol=0.02)
     assert np.hypot(p[3], p[4]) == pytest.approx(4.0, rel=0.01)
     assert np.all(np.abs(offsets) < 0.01)

@@ -16,7 +16,7 @@ from hrg_cli.fitting.envelopes import (
     two_modes,
     working_mode,
 )
-from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, freedom, start
+from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, freedom, start_from_propagator
 from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
 
@@ -27,10 +27,10 @@ EXACT = [m for m in seed_a_methods.METHODS if m not in APPROXIMATE]
 
 def thin(waves, blocks=300):
     runs = [envelope_runs.from_wave(w) for w in waves]
-    p, offsets, _, space = start(runs, Known())
+    p, offsets, _, space = start_from_propagator(runs, Known())
     return [
-        envelope_runs.retuned(r, o)
-        for r, o in zip(propagator.thinned(runs, p, offsets, blocks), offsets)
+        envelope_runs.retune(r, o)
+        for r, o in zip(propagator.thin_rows(runs, p, offsets, blocks), offsets)
     ], space
 
 
@@ -276,17 +276,17 @@ def test_free_windows_from_the_drive_and_from_the_decay_itself():
     n = len(wave)
     drive = np.ones(n)
     drive[1000:2000] = drive[2600:3400] = 0.0
-    windows = free_windows.cut(wave.replace(mode="forced", drive_main=drive))
+    windows = free_windows.cut_free_windows(wave.replace(mode="forced", drive_main=drive))
     assert [(w.time_s[0], w.time_s[-1]) for w in windows] == [
         (wave.time_s[a], wave.time_s[b]) for a, b in ((1001, 1998), (2601, 3398))
     ]
     held = np.ones(n)
     held[1000:2000] = np.exp(-0.31 * (wave.time_s[1000:2000] - wave.time_s[1000]))
     held += 1e-4 * np.random.default_rng(0).standard_normal(n)
-    (window,) = free_windows.cut(wave.replace(mode="forced", main_amplitude=held))
+    (window,) = free_windows.cut_free_windows(wave.replace(mode="forced", main_amplitude=held))
     assert 1000 <= np.searchsorted(wave.time_s, window.time_s[0]) < 1100
     assert 1900 < np.searchsorted(wave.time_s, window.time_s[-1]) <= 2000
-    assert len(free_windows.cut(wave)) == 1
+    assert len(free_windows.cut_free_windows(wave)) == 1
 
 
 def test_most_different_windows():
@@ -294,7 +294,7 @@ def test_most_different_windows():
         envelope_runs.from_wave(run_down(a, w, std=1e-4, seconds=1.0, seed=i))
         for i, (a, w) in enumerate([(0.1, 0), (0.11, 0), (0.5, 0), (0.12, 0), (0.1, 2.0)])
     ]
-    chosen = free_windows.most_different(runs, 3)
+    chosen = free_windows.choose_different(runs, 3)
     assert 2 in chosen and 4 in chosen and len(chosen) == 3
 
 
@@ -317,7 +317,7 @@ def test_two_modes_in_one_channel():
     u, one = two_modes.channels(run)
     assert one
     modes, single = two_modes.identify(run, u, 2), two_modes.identify(run, u, 1)
-    assert two_modes.resolved(modes, single)
+    assert two_modes.are_resolved(modes, single)
     assert np.all(np.abs(modes.exponent - np.array([-0.5 + 9j, -0.8 - 8j])) < 5 * modes.std)
     assert modes.chi2_per_dof == pytest.approx(1, abs=0.15)
     assert not two_modes.channels(envelope_runs.from_wave(run_down(0.3, std=1e-4)))[1]

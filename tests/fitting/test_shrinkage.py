@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 from forced_runs import Truth, programme
 
-from hrg_cli.fitting.tables.joint import Layout
-from hrg_cli.fitting.tables.shrinkage import averaged, doubtful_harmonics
+from hrg_cli.fitting.tables.joint import TableLayout
+from hrg_cli.fitting.tables.shrinkage import average_over_doubt, doubtful_harmonics
 from hrg_cli.stages.calibrate import calibrate
 
 
 def test_a_clear_harmonic_stays_and_an_absent_one_goes():
-    layout = Layout(np.array([0.0, 20.0, 40.0]), "temperature", 2, 2, 0)
+    layout = TableLayout(np.array([0.0, 20.0, 40.0]), "temperature", 2, 2, 0)
     doubtful = doubtful_harmonics(layout, ["drift"], 0.55)
     clear, absent = (d.places for d in doubtful)
     draw = np.random.default_rng(0)
     truth = np.zeros(layout.size)
     truth[clear] = draw.normal(50, 5, clear.shape)
     information = np.eye(layout.size)
-    found = averaged(
+    found = average_over_doubt(
         information, truth + draw.normal(size=layout.size), np.eye(layout.size), doubtful, 0
     )
     assert np.abs(found.coefficients[clear] - truth[clear]).max() < 4

@@ -31,7 +31,7 @@ def test_what_is_entered_comes_back(tmp_path):
         figures={"z": Figure(1.0, None, ""), "a": Figure(-2.5, 0.1, "Hz")},
     )
     assert database.add(path, [given, *entries(3)]) == [True] * 4
-    back = database.read(path)
+    back = database.read_entries(path)
     assert back[1:] == entries(3)
     assert back[0].figures == given.figures and list(back[0].figures) == ["z", "a"]
     assert back[0].reasons == given.reasons and back[0].station == "=2"
@@ -43,7 +43,7 @@ def test_the_same_file_twice_is_one_row(tmp_path):
     one = entries(2)
     assert database.add(path, one + one[:1]) == [True, True, False]
     assert database.add(path, one) == [False, False]
-    assert database.read(path) == one
+    assert database.read_entries(path) == one
 
 
 def test_nothing_is_entered_where_one_fails(tmp_path):
@@ -52,7 +52,7 @@ def test_nothing_is_entered_where_one_fails(tmp_path):
     bad = entry("SN-x", 0.0, float("nan"))
     with pytest.raises(HrgError):
         database.add(path, [*entries(5, "NEW"), bad])
-    assert database.read(path) == entries(2)
+    assert database.read_entries(path) == entries(2)
 
 
 WRITER = """
@@ -76,7 +76,7 @@ def test_two_writers_at_once_lose_nothing(tmp_path):
     for writer in writers:
         assert writer.wait(120) == 0, writer.stderr.read()
         writer.stderr.close()
-    assert sorted(e.gyro_id for e in database.read(path)) == sorted(
+    assert sorted(e.gyro_id for e in database.read_entries(path)) == sorted(
         e.gyro_id for name in ("A", "B") for e in entries(40, name)
     )
 
@@ -99,7 +99,7 @@ def test_a_killed_writer_leaves_what_was_there(tmp_path):
     database.add(path, many)
     done = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
     assert done.returncode == -9
-    assert database.read(path) == many
+    assert database.read_entries(path) == many
     assert database.add(path, entries(1, "NEW")) == [True]
 
 
@@ -122,7 +122,10 @@ def test_a_damaged_ledger_is_one_sentence(how, tmp_path):
     database.add(path, entries(60))
     damaged(path, how)
     before = path.read_bytes()
-    for work in (lambda: database.read(path), lambda: database.add(path, entries(1, "NEW"))):
+    for work in (
+        lambda: database.read_entries(path),
+        lambda: database.add(path, entries(1, "NEW")),
+    ):
         with pytest.raises(HrgError, match=r"l\.sqlite: is (a damaged|no) ") as told:
             work()
         assert "\n" not in str(told.value)
@@ -148,7 +151,7 @@ def test_what_no_ledger_would_hold_is_refused(statement, said, tmp_path):
         connection.execute(statement)
     connection.close()
     with pytest.raises(HrgError) as told:
-        database.read(path)
+        database.read_entries(path)
     assert said in str(told.value)
 
 
@@ -171,11 +174,11 @@ def test_places_that_are_none(tmp_path):
         with pytest.raises(HrgError, match=said):
             database.add(path, entries(1))
     with pytest.raises(HrgError, match="no such ledger"):
-        database.read(tmp_path / "l.sqlite")
+        database.read_entries(tmp_path / "l.sqlite")
     assert not (tmp_path / "l.sqlite").exists()
 
 
 def test_a_name_with_signs_of_an_address_is_a_name(tmp_path):
     path = tmp_path / "a?mode=ro&x#y %41.sqlite"
     assert database.add(path, entries(1)) == [True] and path.is_file()
-    assert database.read(path) == entries(1)
+    assert database.read_entries(path) == entries(1)

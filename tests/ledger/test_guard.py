@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hrg_cli.ledger.guard import guarded, probability_outside, risks
+from hrg_cli.ledger.guard import guard_limits, probability_outside, risks
 
 DRAWS = 1_000_000
 
@@ -26,7 +26,7 @@ def test_risks_are_those_of_drawn_decisions(spread, u, low, high, k):
     seen = true + u * rng.standard_normal(DRAWS)
     accepted = np.ones(DRAWS, bool)
     good = np.ones(DRAWS, bool)
-    a, b = guarded(low, high, u, k)
+    a, b = guard_limits(low, high, u, k)
     if low is not None:
         accepted &= seen >= a
         good &= true >= low

@@ -37,7 +37,7 @@ def test_add_says_what_is_new_and_what_is_known(hrg, files, tmp_path):
     assert told["station"] == "2" and told["order"] == "L7" and told["gyro_id"] == "SN-1"
     again = hrg("ledger", "add", files[0], "--ledger", ledger)
     assert again.status == 0 and "known already" in again.out and "0 added, 1 known" in again.out
-    assert len(database.read(ledger)) == 3
+    assert len(database.read_entries(ledger)) == 3
 
 
 def test_circumstances_come_from_a_file_too(hrg, files, tmp_path):
@@ -45,7 +45,7 @@ def test_circumstances_come_from_a_file_too(hrg, files, tmp_path):
     ledger = tmp_path / "l.sqlite"
     given = ("--config", tmp_path / "bench.toml", "--operator", "bob", "--set", "order=W-5")
     assert hrg("ledger", "add", files[0], "--ledger", ledger, *given).status == 0
-    (found,) = database.read(ledger)
+    (found,) = database.read_entries(ledger)
     assert (found.station, found.operator, found.order) == ("3", "bob", "W-5")
     (tmp_path / "bench.toml").write_text('[ledger]\nstaton = "3"\n')
     told = hrg("ledger", "add", files[0], "--ledger", ledger, *given)
@@ -62,7 +62,7 @@ def test_what_is_no_result_is_not_entered(hrg, files, tmp_path):
     nameless = write(tmp_path / "n.h5", "", 0.0)
     assert "--gyro-id" in hrg("ledger", "add", nameless, "--ledger", ledger).err
     assert hrg("ledger", "add", nameless, "--ledger", ledger, "--gyro-id", "X").status == 0
-    assert database.read(ledger)[0].gyro_id == "X"
+    assert database.read_entries(ledger)[0].gyro_id == "X"
     assert hrg("ledger", "add").status == 2 and hrg("ledger").status == 2
 
 
@@ -250,7 +250,7 @@ def test_a_lot_is_entered_gyro_by_gyro(hrg, tmp_path):
     asked = ("batch", tmp_path / "lot.toml", "-o", tmp_path / "lot", "--ledger", ledger, "--json")
     first = hrg(*asked).json
     assert first["ledger"] == {"path": str(ledger), "added": 2, "known": 0}, first
-    found = database.read(ledger)
+    found = database.read_entries(ledger)
     assert {e.gyro_id for e in found} == {"SN-1", "SN/2"} and {e.order for e in found} == {"L9"}
     assert hrg(*asked).json["ledger"] == {"path": str(ledger), "added": 0, "known": 2}
     (tmp_path / "no.sqlite").write_text("no database at all, but some text of more than a head")

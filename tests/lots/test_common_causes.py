@@ -8,9 +8,9 @@ import lots_by_hand
 import numpy as np
 import pytest
 
-from hrg_cli.lots.common_causes import beside, common_causes, estimates_of
+from hrg_cli.lots.common_causes import common_causes, estimate_beside, estimates_of
 from hrg_cli.lots.groups import Group, Origin, groups_of
-from hrg_cli.lots.lot_diagnosis import lot_diagnosis, sized
+from hrg_cli.lots.lot_diagnosis import lot_diagnosis, size_cause
 from hrg_cli.lots.shifts import populations, shifts
 
 GAIN = "gain_mismatch.gain"
@@ -123,7 +123,7 @@ def test_beside_is_the_estimate_with_the_other_free():
         "std": (1 / size).tolist(),
         "correlation": [R[k, :k].tolist() for k in range(3)],
     }
-    both = beside(beside(estimates_of([one]), 0, [0]), 2, [0])
+    both = estimate_beside(estimate_beside(estimates_of([one]), 0, [0]), 2, [0])
     C = np.linalg.inv(S.T @ S)
     np.testing.assert_allclose(both.value[0, 1], (C @ S.T @ r)[1], rtol=1e-9)
     np.testing.assert_allclose(both.std[0, 1], np.sqrt(C[1, 1]), rtol=1e-9)
@@ -196,9 +196,9 @@ def test_the_report_says_it_in_words_and_json():
 
 
 def test_sizes_are_rounded_by_their_sigma():
-    assert sized("gain", 5.04e-4, 1.0e-4, "1") == "500 ± 100 ppm"
-    assert sized("gain", 5.04e-3, 1.03e-4, "1") == "0.504 ± 0.010 %"
-    assert sized("gain", -2e-2, 3e-3, "1") == "−2.00 ± 0.30 %"
+    assert size_cause("gain", 5.04e-4, 1.0e-4, "1") == "500 ± 100 ppm"
+    assert size_cause("gain", 5.04e-3, 1.03e-4, "1") == "0.504 ± 0.010 %"
+    assert size_cause("gain", -2e-2, 3e-3, "1") == "−2.00 ± 0.30 %"
 
 
 def test_time_grows_in_proportion_to_the_gyros():

@@ -8,7 +8,7 @@ import pytest
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.lots.groups import Origin
-from hrg_cli.lots.identity import Told, grouped, is_readable, owner_of, told_by
+from hrg_cli.lots.identity import Told, group_keys, is_readable, owner_of, read_gyro_id
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.records import Recording
 
@@ -27,7 +27,7 @@ def test_a_recording_says_where_and_when(tmp_path):
     with h5py.File(path, "a") as file:
         file["recording"].attrs["station"] = "2"
         file["recording"].attrs["shift"] = "night"
-    assert told_by(path) == Told("SN-104", "2026-05-04", {"station": "2"})
+    assert read_gyro_id(path) == Told("SN-104", "2026-05-04", {"station": "2"})
 
 
 def test_a_damaged_dataset_leaves_the_name(tmp_path):
@@ -35,21 +35,21 @@ def test_a_damaged_dataset_leaves_the_name(tmp_path):
     assert is_readable(path)
     with h5py.File(path, "a") as file:
         del file["recording/s"]
-    assert told_by(path).gyro_id == "SN-104" and not is_readable(path)
+    assert read_gyro_id(path).gyro_id == "SN-104" and not is_readable(path)
     assert owner_of(path, {}) == ("SN-104", "its gyro_id can still be read")
 
 
 def test_a_file_of_another_kind_is_no_recording(tmp_path):
     path = tmp_path / "w.h5"
     (tmp_path / "log.csv").write_text("time,c,s\n0,1,2\n")
-    assert told_by(tmp_path / "log.csv") is None
+    assert read_gyro_id(tmp_path / "log.csv") is None
     with h5py.File(path, "w") as file:
         file["x"] = np.zeros(3)
-    assert told_by(path) is None
+    assert read_gyro_id(path) is None
     with h5py.File(written(tmp_path / "r.h5"), "a") as file:
         file.attrs["kind"] = "wave"
     with pytest.raises(HrgError, match="is a wave file, a recording file was expected"):
-        told_by(tmp_path / "r.h5")
+        read_gyro_id(tmp_path / "r.h5")
 
 
 @pytest.mark.parametrize(
@@ -90,6 +90,6 @@ def test_the_lots_file_groups_gyros_before_their_recordings_do():
     assert lot.grouped("SN-105") == {"station": "2", "fixture": "A"}
     assert lot.day_of("SN-104") == "2026-05-04" and lot.day_of("SN-105") == ""
     told = [Told("g", "", {"station": "9", "operator": "m"}), Told("g", "", {"operator": "m"})]
-    assert grouped({"station": "3"}, told) == {"station": "3", "operator": "m"}
-    assert grouped({}, [Told("g", "", {"station": s}) for s in "12"]) == {}
+    assert group_keys({"station": "3"}, told) == {"station": "3", "operator": "m"}
+    assert group_keys({}, [Told("g", "", {"station": s}) for s in "12"]) == {}
     assert Origin({}).day == ""

@@ -469,7 +469,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "lots/pooling.py": (
         "tests/lots/test_pooling.py",
         (
-            ("used &= ~alone(x, std, used)", "pass"),
+            ("used &= ~find_outliers(x, std, used)", "pass"),
             ("1 / total + (exact * typical) ** 2", "1 / total"),
             ("dof = (count - 2) * (known + at_most) / at_most", "dof = 1e9 + 0 * count"),
             ("squares.sum(axis=0) - wanted", "squares.sum(axis=0) - 2 * wanted"),

@@ -16,7 +16,7 @@ from hrg_cli.records import Diagnosis, Resonator, Wave, collect
 from hrg_cli.reporting.answer import answer
 from hrg_cli.reporting.answer_use import matrix_of, snippet
 from hrg_cli.reporting.answer_words import size_of
-from hrg_cli.reporting.quantities import quantity, readable, rounded
+from hrg_cli.reporting.quantities import quantity, readable, round_with_std
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.diagnosis.shares import difference, figures, sets_left_out
@@ -297,7 +297,7 @@ def test_an_open_verdict_makes_its_resonator_suspect(two_faults, tmp_path):
     ],
 )
 def test_rounded_by_sigma(value, std, text):
-    assert rounded(value, std) == text
+    assert round_with_std(value, std) == text
 
 
 def test_units_of_people():

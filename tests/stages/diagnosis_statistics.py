@@ -89,7 +89,7 @@ def sized(effect, fit, z, random):
         for _ in range(50):
             middle = (low + high) / 2
             change = real((effect.slow_readout({"inverse_level": middle}, u, None) - u) * weight)
-            size = np.linalg.norm(beside(extended_fit.flat(fit.series, change)))
+            size = np.linalg.norm(beside(extended_fit.flatten_rows(fit.series, change)))
             low, high = (middle, high) if size < z else (low, middle)
         return {"inverse_level": low}
     steps = extended_fit.steps_of(effect, fit.series)
@@ -137,7 +137,7 @@ def hidden(name, seed, z=None):
         fit = base_of(measured({**table, "effects": effects}, name))
         for other, values in effects.items():
             fit = extended_fit.fit(
-                fit.series, extended_fit.with_effect(fit.point, find(other), values), fit.freedom
+                fit.series, extended_fit.add_effect(fit.point, find(other), values), fit.freedom
             )
         effects[name] = sized(find(name), fit, z, random)
     return effects, measured({**table, "effects": effects}, name)
@@ -176,7 +176,7 @@ def true_gain(runs, effects):
                         dataclasses.replace(p, fitted=False) for p in effect.parameters
                     ),
                 )
-            point = extended_fit.with_effect(point, effect, effect.values(values))
+            point = extended_fit.add_effect(point, effect, effect.values(values))
         point = extended_fit.fit(base.series, point, base.freedom).point
     gain = held_out(base, extended_fit.fit(base.series, point, base.freedom)).errors
     return float(gain.before.mean() / gain.after.mean())

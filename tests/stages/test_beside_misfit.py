@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hrg_cli.stages.diagnosis.beside_misfit import Taken
+from hrg_cli.stages.diagnosis.beside_misfit import TakenAway
 
 ROWS, DRAWS = 100, 300
 SHAPES = 12
@@ -42,7 +42,7 @@ def chances(seed, runs, misfit, decay, own=0.0):
         cause /= np.linalg.norm(cause)
         without = rest + own * cause
         final = without - (cause @ without) * cause
-        out.append(Taken.away(fit(final, runs), fit(without, runs), 1).chance(1))
+        out.append(TakenAway.away(fit(final, runs), fit(without, runs), 1).chance(1))
     return np.array(out)
 
 

@@ -11,7 +11,7 @@ from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Resonator, collect
-from hrg_cli.reporting.calibration import bought
+from hrg_cli.reporting.calibration import show_bought
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration.table import measured_drift
 from hrg_cli.stages.compensate import compensate
@@ -189,7 +189,7 @@ def test_every_factor_says_what_it_needs():
     needs = {row["name"]: row["needs"] for row in report["factors"]}
     assert needs["drive matrix, forced runs against free ones"].startswith("free run-downs")
     assert "thermometer" in needs["drift over temperature"]
-    head, rows = bought(report)
+    head, rows = show_bought(report)
     assert len(rows) == len(needs) and all(len(row) == len(head) for row in rows)
 
 

@@ -113,7 +113,9 @@ def test_frequencies_that_wander_by_chance_follow_a_cause_no_more_often_than_sta
         for _ in range(60):
             wander = own * random.choice([10.0, 30.0, 100.0]) * random.standard_normal(runs)
             found = patterns(fit, replace(offsets, value=wander), index, inquiry)
-            chances.append(evidence.corrected(found[0].p_value, len(found)) if found else 1.0)
+            chances.append(
+                evidence.correct_for_tries(found[0].p_value, len(found)) if found else 1.0
+            )
     assert sum(p < 0.1 for p in chances) <= 22
     assert sum(p < 0.5 for p in chances) >= 20  # the chances are spread and not all one
 

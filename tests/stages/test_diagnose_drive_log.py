@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from hrg_cli.fitting.causes import extended, extended_fit
-from hrg_cli.fitting.causes.extended import Point, Series
-from hrg_cli.fitting.causes.extended_fit import Freedom
+from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
+from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
 from hrg_cli.stages.diagnosis import drive_log
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 1.0])
@@ -35,7 +35,7 @@ def programme(late_s, seed=0):
         main, quadrature = (np.stack([part[0][n] for part in parts]) for n in range(2))
         area, other = (np.stack([part[1][n] for part in parts]) for n in range(2))
         rate = np.array([3.0, -3.0])[:, None] * one
-        return Series(
+        return MeasuredRuns(
             names=("a", "b"), time_s=t, envelope=np.repeat(start[:, None], ROWS, axis=1), weight=one / NOISE, rate_rad_s=rate,
             temperature_degc=25 * one, temperature_rate_degc_s=0 * one, branch=one, table_angle_rad=rate * t, phase_rad=0 * one,
             main_drive=main, quadrature_drive=quadrature, main_impulse=area, quadrature_impulse=other, forced=one,
@@ -50,7 +50,7 @@ def programme(late_s, seed=0):
 
 def fitted(series, point):
     std = np.array([np.inf, 3.0, 3.0, 9.0, 9.0, 3.0, 0.0])
-    return extended_fit.fit(series, point, Freedom(np.append(np.zeros(6), 1.0), std))
+    return extended_fit.fit(series, point, CoordinatePriors(np.append(np.zeros(6), 1.0), std))
 
 
 def test_a_log_is_taken_as_late_as_the_waves_show_it():
@@ -58,7 +58,7 @@ def test_a_log_is_taken_as_late_as_the_waves_show_it():
     series, point = programme(late)
     plain = fitted(series, point)
     assert plain.chi2 / plain.dof > 10
-    timed = drive_log.timed(plain)
+    timed = drive_log.fit_lateness(plain)
     assert abs(timed.series.drive_late_s / late - 1) < 0.02
     assert abs(timed.chi2 / timed.dof - 1) < 5 * np.sqrt(2 / timed.dof)
     # and what the fit says of the gyro is right again, in its own standard deviations
@@ -67,10 +67,10 @@ def test_a_log_is_taken_as_late_as_the_waves_show_it():
 
 
 def test_no_lateness_is_found_in_a_log_that_is_right():
-    timed = drive_log.timed(fitted(*programme(0.0)))
+    timed = drive_log.fit_lateness(fitted(*programme(0.0)))
     assert abs(timed.series.drive_late_s) < 2e-5
-    blind = drive_log.blind(timed)
+    blind = drive_log.blind_to_lateness(timed)
     assert blind.dof == timed.dof - 1
-    column = extended_fit.flat(blind.series, drive_log.of_lateness(blind))
-    before = extended_fit.flat(timed.series, drive_log.of_lateness(timed))
+    column = extended_fit.flatten_rows(blind.series, drive_log.of_lateness(blind))
+    before = extended_fit.flatten_rows(timed.series, drive_log.of_lateness(timed))
     assert np.linalg.norm(column) < 1e-6 * np.linalg.norm(before)

@@ -13,8 +13,8 @@ import pytest
 from hrg_cli.effects.effect import frame
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.evidence import Softened
-from hrg_cli.fitting.causes.extended import Point, Series
-from hrg_cli.fitting.causes.extended_fit import Freedom
+from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
+from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import impulse, mean_of
 from hrg_cli.physics.resonator import exponential
@@ -74,7 +74,7 @@ def measured(seen, commands, logged, seed):
     random = np.random.default_rng(seed)
     envelope = seen + NOISE * (random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape))
     one = np.ones((RUNS, ROWS))
-    return Series(
+    return MeasuredRuns(
         names=("a", "b", "c"), time_s=t * one, envelope=envelope, weight=one / NOISE, rate_rad_s=RATES[:, None] * one,
         temperature_degc=25 * one, temperature_rate_degc_s=0 * one, branch=one, table_angle_rad=RATES[:, None] * t,
         phase_rad=0 * one, main_drive=mean[0], quadrature_drive=mean[1], main_impulse=area[0], quadrature_impulse=area[1],
@@ -86,7 +86,7 @@ def measured(seen, commands, logged, seed):
 def fitted(series):
     std = np.array([np.inf, 3.0, 3.0, 9.0, 9.0, 3.0, 0.0])
     start = Point(P, series.envelope[:, 0].copy(), np.zeros(RUNS))
-    return extended_fit.fit(series, start, Freedom(np.zeros(7), std))
+    return extended_fit.fit(series, start, CoordinatePriors(np.zeros(7), std))
 
 
 def errors(fit):

@@ -11,7 +11,7 @@ from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.jumps import jumps
-from hrg_cli.stages.diagnosis.suspects.transformations import timed
+from hrg_cli.stages.diagnosis.suspects.transformations import scale_times
 from hrg_cli.stages.diagnosis.waveform import causes, phase_steps
 from hrg_cli.stages.estimate import estimate
 
@@ -195,7 +195,7 @@ def test_steps_and_lines_are_the_same_in_any_unit(factor):
     tone = 3e-4 * np.cos(2 * np.pi * 1234.0 * np.arange(len(records[0].c)) / RATE_HZ)
     waves = estimated([r.replace(c=r.c + tone[: len(r.c)]) for r in records])
     before, listed = seen(waves)
-    after, again = seen([timed(w, factor) for w in waves])
+    after, again = seen([scale_times(w, factor) for w in waves])
     assert (
         [e["name"] for e in before]
         == [e["name"] for e in after]

@@ -14,7 +14,7 @@ from hrg_cli.fitting.envelopes.resonator_spread import (
     deviation,
     from_vector,
     mechanics_of,
-    moved,
+    spread_points,
     vector_covariance,
     vector_of,
 )
@@ -119,7 +119,9 @@ def test_deviations_are_those_of_draws_also_where_the_split_is_lost_in_noise():
         g = mechanics_of(record)
         x, covariance = vector_of(g), vector_covariance(record)
         angle = np.linspace(0.1, 1.4, 7)
-        std = deviation(drift.drift_quasi_static(from_vector(moved(x, covariance), g), angle))
+        std = deviation(
+            drift.drift_quasi_static(from_vector(spread_points(x, covariance), g), angle)
+        )
         draws = from_vector(rng.multivariate_normal(x, covariance, 20000), g)
         assert std == pytest.approx(np.std(drift.drift_quasi_static(draws, angle), axis=0), rel=0.1)
 

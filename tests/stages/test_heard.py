@@ -8,7 +8,7 @@ from wrong_runs import estimated, recordings
 from hrg_cli.effects import EFFECTS
 from hrg_cli.physics import ellipse
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.heard import excluded, harmonics
+from hrg_cli.stages.diagnosis.heard import harmonics, is_excluded
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
 CURVES = {
@@ -63,12 +63,14 @@ def test_a_curve_is_excluded_by_samples_that_lack_its_harmonics_and_by_no_others
     values = {"step": 0.0} | CURVES[name]
     least = {key: value / 20 for key, value in values.items()}
     without, beside = measured(False, name), measured(True, name)
-    assert excluded(BY_NAME[name], values, without) and excluded(BY_NAME[name], least, without)
-    assert not excluded(BY_NAME[name], values, beside)
+    assert is_excluded(BY_NAME[name], values, without) and is_excluded(
+        BY_NAME[name], least, without
+    )
+    assert not is_excluded(BY_NAME[name], values, beside)
     # two thirds of it may be a cause: the samples hold more than it makes
-    assert not excluded(BY_NAME[name], {k: v / 1.5 for k, v in values.items()}, beside)
+    assert not is_excluded(BY_NAME[name], {k: v / 1.5 for k, v in values.items()}, beside)
     folded = [w.replace(spectrum_frequency_hz=w.spectrum_frequency_hz / 3) for w in without]
-    assert not excluded(BY_NAME[name], values, folded)
+    assert not is_excluded(BY_NAME[name], values, folded)
 
 
 def test_bent_envelopes_of_straight_samples_are_no_pickoff():

@@ -247,12 +247,12 @@ def test_windows_that_blur_the_wave_are_noticed():
 
 def test_what_memory_does_not_hold_is_refused_with_a_sentence():
     run = envelope_runs.from_wave(run_down(0.1, 1.0, seconds=100.0))
-    assert rows.needed(coordinates.from_mechanics(GYRO), [run], 300) == pytest.approx(
+    assert rows.rows_needed(coordinates.from_mechanics(GYRO), [run], 300) == pytest.approx(
         (0.55 + 0.31 + 0.122) * 100 / 0.25, rel=0.02
     )
-    fast = envelope_runs.turned_by(run, 1e4)
+    fast = envelope_runs.turn_table(run, 1e4)
     with pytest.raises(HrgError, match="rad a row where 1 is the most"):
-        rows.needed(coordinates.from_mechanics(GYRO), [fast] * 40, 300)
+        rows.rows_needed(coordinates.from_mechanics(GYRO), [fast] * 40, 300)
 
 
 def test_the_scale_of_the_noise_is_no_truth():

@@ -14,7 +14,7 @@ from hrg_cli.stages.diagnosis.case import Case
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
 from hrg_cli.stages.diagnosis.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.instants import take_strikes
-from hrg_cli.stages.diagnosis.scoring import gross
+from hrg_cli.stages.diagnosis.scoring import is_gross
 from hrg_cli.stages.diagnosis.search import Search
 from hrg_cli.stages.diagnosis.variants import variants
 
@@ -43,7 +43,7 @@ def named(wave):
     """The causes at an instant beside the base model's misfit."""
     series, point, _ = prepare([wave], None, 40)
     base = extended_fit.fit(series, point, freedom_of(series, point, None))
-    assert gross(base), "a slow misfit was expected"
+    assert is_gross(base), "a slow misfit was expected"
     candidates = variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
     left_over = object()  # what it is does not matter here, only that it is
     case = Case(Inquiry(tuple(candidates), 5), Search(base, base, (), (), ()), left_over)

@@ -9,9 +9,9 @@ import pytest
 
 from hrg_cli import settings, store
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.causes.colour import Noise
+from hrg_cli.fitting.causes.colour import ColouredNoise
 from hrg_cli.fitting.envelopes import rows
-from hrg_cli.fitting.envelopes.envelope_runs import averaged
+from hrg_cli.fitting.envelopes.envelope_runs import average_rows
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator, collect
 from hrg_cli.stages import twin_colour
@@ -25,7 +25,7 @@ from hrg_cli.stages.rehearse import (
     PREFIX,
     Named,
     figure,
-    matched,
+    match_noise,
     rehearse,
     twin_wave,
     with_verdict,
@@ -78,7 +78,7 @@ def carried_by_nothing(runs, response, count):
         one = np.ones(len(dt), complex)
         return one, 0 * one, 0 * one, one
 
-    return [averaged(run, 6, still) for run in runs]
+    return [average_rows(run, 6, still) for run in runs]
 
 
 def test_a_clean_programme_stays_valid(inputs):
@@ -120,8 +120,8 @@ def test_a_split_lost_in_noise_is_judged_by_its_components():
 def test_rows_too_few_for_the_turning_wave_become_suspect(inputs, monkeypatch):
     """The case it exists for: rows of a fixed number, however far the wave turns in one, give σ
     that do not cover the bias."""
-    monkeypatch.setattr(rows, "needed", lambda p, runs, least: 6)
-    monkeypatch.setattr(rows, "along", carried_by_nothing)
+    monkeypatch.setattr(rows, "rows_needed", lambda p, runs, least: 6)
+    monkeypatch.setattr(rows, "average_along", carried_by_nothing)
     result = identify([m.wave for m in inputs])
     told = rehearse(result, inputs, own(), times=4)
     assert told.status == "suspect" and all(reason.startswith(PREFIX) for reason in told.reasons)
@@ -131,7 +131,7 @@ def test_rows_too_few_for_the_turning_wave_become_suspect(inputs, monkeypatch):
 
 def test_the_twin_is_the_same_programme(inputs):
     result = identify([m.wave for m in inputs])
-    twin = matched(twin_of(result, inputs, own()), inputs, 0)
+    twin = match_noise(twin_of(result, inputs, own()), inputs, 0)
     for run, measured in zip(twin.config["run"], inputs, strict=True):
         again = collect(simulate(twin.config, run=run["run_id"], seed=1))
         wave = collect(estimate(collect(demodulate(again, **WINDOWS))))
@@ -289,8 +289,8 @@ def test_a_run_hands_the_verdict_of_its_rehearsals_on(folder, hrg, monkeypatch):
     recordings.mkdir()
     for run in ("up", "down"):
         (folder / f"r-{run}.h5").rename(recordings / f"{run}.h5")
-    monkeypatch.setattr(rows, "needed", lambda p, runs, least: 6)
-    monkeypatch.setattr(rows, "along", carried_by_nothing)
+    monkeypatch.setattr(rows, "rows_needed", lambda p, runs, least: 6)
+    monkeypatch.setattr(rows, "average_along", carried_by_nothing)
     asked = ("run", recordings, "-o", folder / "out", "--set", "demodulate.periods_per_window=2")
     done = hrg(*asked, "--rehearse", "4", "--json")
     report = json.loads(done.out)
@@ -316,15 +316,15 @@ def test_a_run_hands_the_verdict_of_its_rehearsals_on(folder, hrg, monkeypatch):
 
 def wandering(q, tau):
     """An angle that wanders, in the samples."""
-    none = Noise(1.0, 0.0, 0.0, 0.0)
-    return (none, none, Noise(1.0, q, tau, 100.0), none)
+    none = ColouredNoise(1.0, 0.0, 0.0, 0.0)
+    return (none, none, ColouredNoise(1.0, q, tau, 100.0), none)
 
 
 def test_a_wander_has_the_density_and_the_correlation_it_is_asked_for():
     """Its variance after t: q[t − τ(1 − e^{−t/τ})], and q t of a random walk."""
     random = np.random.default_rng(4)
     for tau in (0.0, 0.3):
-        noise = Noise(1.0, 2.0, tau, 0.0)
+        noise = ColouredNoise(1.0, 2.0, tau, 0.0)
         ends = [course(noise, 0.02, 1.0, random) for _ in range(3000)]
         end = np.array([np.interp(1.0, t, x) for t, x in ends])
         assert np.std(end) == pytest.approx(noise.after(1.0), rel=0.06)
@@ -342,10 +342,10 @@ def test_the_colour_of_the_noise_is_measured_and_simulated():
         made.append(Measured(wave, RATE_HZ, None, dict(WINDOWS)))
     waves = [m.wave for m in made]
     result = identify(waves)
-    twin = matched(twin_of(result, made, own()), made, 0)
+    twin = match_noise(twin_of(result, made, own()), made, 0)
     measured = twin.runs[0].colour[2]
     # over a tenth of a second, which such a run knows
-    assert 0.5 < measured.after(0.1) / Noise(1.0, 2e-5, 0.0, 0.0).after(0.1) < 2
+    assert 0.5 < measured.after(0.1) / ColouredNoise(1.0, 2e-5, 0.0, 0.0).after(0.1) < 2
     again = [twin_wave(twin, number, 3) for number in range(2)]
     simulated = twin_colour.of_free_runs(again, own(), 0.0)[2]
     assert 0.4 < simulated.after(0.1) / measured.after(0.1) < 2.5

@@ -9,7 +9,7 @@ from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
-from hrg_cli.stages.diagnosis.rate_steps import settled
+from hrg_cli.stages.diagnosis.rate_steps import fit_rate_steps
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
 from hrg_cli.stages.diagnosis.variants import variants
 
@@ -23,7 +23,7 @@ THERMAL = {"thermal_frequency": {"relative_1_k": 2e-5}, "thermal_damping": {"rel
 def fitted(pieces):
     """The base model's fit, the second order's scale held."""
     series, point, _ = prepare(pieces, None, 120)
-    return settled(extended_fit.fit(series, point, freedom_of(series, point, None)))
+    return fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, None)))
 
 
 def suspicions(waves):
@@ -64,7 +64,7 @@ def test_the_wrong_run_and_its_mistake_are_named_in_every_programme(kind, seed):
 
 @pytest.mark.parametrize("factor", (1e-3, 1e3))
 def test_the_unit_of_time_and_of_amplitude_change_nothing(factor):
-    from hrg_cli.stages.diagnosis.suspects.transformations import timed
+    from hrg_cli.stages.diagnosis.suspects.transformations import scale_times
 
     waves, culprit = wrong("swapped", 2)
     size = 1e6 if factor > 1 else 1e-6
@@ -77,7 +77,7 @@ def test_the_unit_of_time_and_of_amplitude_change_nothing(factor):
     )
     other = []
     for wave in waves:
-        one = timed(wave, factor).replace(rate_rad_s=np.asarray(wave.rate_rad_s) / factor)
+        one = scale_times(wave, factor).replace(rate_rad_s=np.asarray(wave.rate_rad_s) / factor)
         other.append(one.replace(**{name: getattr(one, name) * size for name in scaled}))
     assert told(other) == told(waves) == [(culprit, "channels swapped")]
 

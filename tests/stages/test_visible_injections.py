@@ -20,12 +20,12 @@ from hrg_cli.stages.diagnosis.base_fit import fit_base
 from hrg_cli.stages.diagnosis.case import Case
 from hrg_cli.stages.diagnosis.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.instants import take_strikes
-from hrg_cli.stages.diagnosis.refits import adopted
-from hrg_cli.stages.diagnosis.scoring import gross, scored
+from hrg_cli.stages.diagnosis.refits import adopt
+from hrg_cli.stages.diagnosis.scoring import is_gross, score_effects
 from hrg_cli.stages.diagnosis.search import Search
 from hrg_cli.stages.diagnosis.suspects.rivals import nearest
 from hrg_cli.stages.diagnosis.thresholds import GROSS
-from hrg_cli.stages.diagnosis.tones import taken_out
+from hrg_cli.stages.diagnosis.tones import take_out_tones
 from hrg_cli.stages.diagnosis.variants import variants
 from hrg_cli.stages.diagnosis.waveform import causes
 from hrg_cli.stages.estimate import estimate
@@ -99,7 +99,7 @@ def dynamics(fit):
 
 def near(fit):
     """The few causes that leave least: the pendulum's own, as far as the catalogue has them."""
-    return nearest(fit, dynamics(fit), GROSS) if gross(fit) else fit
+    return nearest(fit, dynamics(fit), GROSS) if is_gross(fit) else fit
 
 
 FITTED = partial(fit_base, scale_factor=None, blocks=120, free_phase=False)
@@ -112,9 +112,9 @@ OWN = {"florence": "cubic_stiffness", "yverdon": "damping_drift"}
 def found_at_instants(name, wave):
     """What happens at an instant beside the misfit that the pendulum's own cause leaves."""
     base = FITTED([wave])
-    own = next(pair for pair in scored(base, dynamics(base)) if pair[0].name == OWN[name])
-    fit = adopted(base, *own)
-    assert gross(fit)
+    own = next(pair for pair in score_effects(base, dynamics(base)) if pair[0].name == OWN[name])
+    fit = adopt(base, *own)
+    assert is_gross(fit)
     left_over = object()  # what it is does not matter here, only that it is
     inquiry = Inquiry(tuple(dynamics(fit)), 3)
     case = Case(inquiry, Search(fit, fit, (), (), ()), left_over)
@@ -153,7 +153,7 @@ def test_a_tone_beside_a_gross_misfit_stands_alone():
     """Beside a misfit eighty times the tone's size; without one the misfit makes none."""
     for kind in ("", "tone near"):
         wave = wave_of("florence", kind)
-        _, _, tones = taken_out(FITTED([wave]), [wave], FITTED, near)
+        _, _, tones = take_out_tones(FITTED([wave]), [wave], FITTED, near)
         hz = [tone.frequency_hz for tone in tones if tone.standing]
         assert len(hz) == (kind != "")
         cell_hz = 1 / float(wave.time_s[-1])

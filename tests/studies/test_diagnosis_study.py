@@ -8,7 +8,7 @@ import pytest
 
 from hrg_cli.effects import EFFECTS, find
 from hrg_cli.studies import hidden, power
-from hrg_cli.studies.diagnosis import assembled, diagnosis_study, figure, table
+from hrg_cli.studies.diagnosis import assemble, diagnosis_study, figure, table
 
 
 def test_the_ideal_detector_is_that_of_neyman_and_pearson():
@@ -56,7 +56,7 @@ def test_a_size_is_what_an_ideal_detector_measures():
     """The sum of the data along the effect's own direction, over draws of the noise, stands `size`
     σ from zero."""
     size, found = 6.0, []
-    one = hidden.hiding("gain_mismatch", np.random.default_rng(4), 3e-4)
+    one = hidden.hide("gain_mismatch", np.random.default_rng(4), 3e-4)
     for seed in range(8):
         fit = hidden.base_fit(one.measured(size, seed), None, {})
         step = hidden.extended_fit.steps_of(one.effect, fit.series)
@@ -115,7 +115,7 @@ def test_rows_become_figures():
         {"clean": "plain", "named": [], "verdict": "adequate"},
         {"clean": "plain", "named": ["ageing"], "verdict": "explained"},
     ]
-    study = assembled(rows, [9.0])
+    study = assemble(rows, [9.0])
     assert study["confusion"]["ageing"] == {
         "ageing": 0.125,
         "damping_drift": 0.125,
@@ -132,14 +132,14 @@ def test_rows_become_figures():
 
 def test_what_an_effect_needs_beside_it_has_a_size():
     for effect in EFFECTS:
-        for name, values in hidden.beside(effect).items():
+        for name, values in hidden.effects_beside(effect).items():
             assert find(name).fitted()[0].name in values
 
 
 @pytest.mark.parametrize("name", ["momentum_kick", "gain_step"])
 def test_what_happens_at_an_instant_is_hidden_inside_one_run(name):
     """At a run's start nothing tells it from another start, whatever its size."""
-    one = hidden.hiding(name, np.random.default_rng(7), 3e-4)
+    one = hidden.hide(name, np.random.default_rng(7), 3e-4)
     values = one.values(10.0)
     run, instant = int(values["run"]), values["time_s"]
     assert 0 <= run < len(hidden.RATES) and 0.2 <= instant / hidden.DURATION_S <= 0.8

@@ -8,7 +8,7 @@ from hrg_cli.studies import run_downs
 from hrg_cli.studies.programmes import (
     UNKNOWN_RATE,
     WRONG,
-    assembled,
+    assemble,
     figure,
     programmes_study,
     table,
@@ -65,7 +65,7 @@ def test_envelopes_of_a_changing_rate_are_those_of_the_samples(kind):
 
 def test_a_wrong_quiet_answer_is_counted_and_a_doubted_one_is_not():
     answer = {"programme": 3, "raw": False, "method": "stokes", "errors": {"scale_factor": -7.0}}
-    study = assembled(
+    study = assemble(
         [
             {**answer, "said": "quiet", "over_bound": {}},
             {**answer, "said": "doubted", "over_bound": {}},

@@ -16,7 +16,7 @@ from hrg_cli.records import collect
 from hrg_cli.stages.simulate import run_ids, simulate
 from hrg_cli.studies import recovery
 from hrg_cli.studies.hidden import programme
-from hrg_cli.studies.recovery import assembled, figure, judged, recovery_study, table
+from hrg_cli.studies.recovery import assemble, figure, judge_report, recovery_study, table
 
 EFFECTS = ["damping_drift", "momentum_kick", "drive_rotation"]
 
@@ -72,7 +72,7 @@ def quick(monkeypatch):
         ]  # fmt: skip
 
     monkeypatch.setattr(recovery, "_diagnosed", lambda waves, scale_factor: nothing)
-    monkeypatch.setattr(recovery, "recovered", recovered)
+    monkeypatch.setattr(recovery, "recover", recovered)
     return asked
 
 
@@ -118,7 +118,7 @@ def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
     monkeypatch.setattr(recovery, "_diagnosed", lambda waves, scale_factor: background)
     fit = recovery._fit(waves, None, background)
     for name in ("momentum_kick", "saturation"):
-        one, two = recovery.recovered(
+        one, two = recovery.recover(
             (recordings, waves, background, name, 0, (10.0, 20.0), 40.0, None, 0)
         )
         assert one["size"] == 10 and not one["first"] and one["false"] == []
@@ -127,7 +127,7 @@ def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
                 two["true"][p.name] == pytest.approx(2 * one["true"][p.name])
                 for p in find(name).fitted()
             )
-    (row,) = recovery.recovered(
+    (row,) = recovery.recover(
         (recordings, waves, background, "drive_rotation", 0, (10.0,), 40.0, None, 0)
     )
     assert "cannot show it" in row["not_shown"]
@@ -150,7 +150,7 @@ def test_names_of_the_background_are_neither_false_nor_first():
             {"verdict": "explained", "effects": list(effects), "after": {"chi2_per_dof": 1.0}}
             for effects in (named, before)
         ]
-        return judged(*reports, effect, true)
+        return judge_report(*reports, effect, true)
 
     row = judge([entry("ageing"), entry("gain_mismatch", 1.8)], [entry("ageing")])
     assert row["first"] and row["among"] and row["false"] == []
@@ -166,9 +166,9 @@ def test_names_of_the_background_are_neither_false_nor_first():
     row = judge([entry("rate_bias", others=("gain_mismatch", "ageing", "drive_rotation"))])
     assert not row["among"] and row["false"] == ["rate_bias"]
     assert (
-        assembled(
-            [], [5.0], {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}}
-        )["effects"]
+        assemble([], [5.0], {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}})[
+            "effects"
+        ]
         == {}
     )
 

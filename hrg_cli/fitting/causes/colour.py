@@ -36,7 +36,7 @@ taken for white, it would bias the fit.
 
 
 @dataclass(frozen=True)
-class Noise:
+class ColouredNoise:
     """One component: white level w over the stated σ, wander q [1/s], correlation time τ [s] of its
     rate; `clear`: 2 ln ratio to white."""
 
@@ -67,7 +67,7 @@ def wander(t: Array, q: float, tau: float) -> Array:
     return q / 2 * (2 * first - tau * (1 - past[:, None] - past[None, :] + np.exp(-gap / tau)))
 
 
-def estimate(time_s: Array, values: Array, std: Array) -> Noise:
+def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
     """Noise of one component (n,) with stated white σ (n,), its polynomial in time left free."""
     from scipy.optimize import minimize
 
@@ -118,12 +118,14 @@ def estimate(time_s: Array, values: Array, std: Array) -> Noise:
             )
     clear = alone - best[0]
     if clear < BESIDE:
-        return Noise(float(np.sqrt(white)), 0.0, 0.0, clear)
+        return ColouredNoise(float(np.sqrt(white)), 0.0, 0.0, clear)
     w2, q, tau = (float(v) for v in best[1])
-    return Noise(w2**0.5, q, tau, clear)
+    return ColouredNoise(w2**0.5, q, tau, clear)
 
 
-def noises(time_s: Array, weight: Array, envelope: Array, residual: Array) -> tuple[Noise, ...]:
+def noises(
+    time_s: Array, weight: Array, envelope: Array, residual: Array
+) -> tuple[ColouredNoise, ...]:
     """The noise of every component of residuals (R, n, 4) over σ about envelopes (R, n, 2), from
     the longest run; none where all are white.
 
@@ -147,6 +149,8 @@ def noises(time_s: Array, weight: Array, envelope: Array, residual: Array) -> tu
         y = np.array([own[longest, p, k].mean() for p in parts])
         # a component that is left out, as a free phase, has nothing in it
         found.append(
-            estimate(t, y, std) if np.any(np.abs(y) > 1e-6 * std) else Noise(1.0, 0.0, 0.0, 0.0)
+            estimate(t, y, std)
+            if np.any(np.abs(y) > 1e-6 * std)
+            else ColouredNoise(1.0, 0.0, 0.0, 0.0)
         )
     return tuple(found) if max(n.clear for n in found) >= CLEAR else ()

@@ -171,7 +171,7 @@ class Factored:
         return first + along @ step, along @ covariance @ along.T
 
 
-def factored(design: Design, tolerance: float = 1e-10) -> Factored:
+def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
     """The design as basis times triangle, its blocks of rows and columns first; the rank is that of
     the columns at unit length."""
     size = design.sizes()
@@ -315,7 +315,9 @@ class Ledger:
             alike.setdefault(len(size), []).append(number)
         out: dict[int, Score] = {}
         for numbers in alike.values():
-            judged = _judged(*(np.stack([self.entries[n][k] for n in numbers]) for k in range(3)))
+            judged = _project_candidates(
+                *(np.stack([self.entries[n][k] for n in numbers]) for k in range(3))
+            )
             for n, (gain, rank, z, p, estimate, std, independence, directions) in zip(
                 numbers, judged, strict=True
             ):
@@ -335,7 +337,7 @@ class Ledger:
         return [out[n] for n in range(len(names))]
 
 
-def _judged(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, ...]]:
+def _project_candidates(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, ...]]:
     """Of candidates with m columns each: s⊥ᵀ s⊥ (n, m, m) and s⊥ᵀ r (n, m) of unit columns, their
     lengths before (n, m)."""
     usable = np.all(np.isfinite(size), axis=1) & np.any(size > 0, axis=1)
@@ -391,7 +393,7 @@ def both(p: float, q: float) -> float:
     return float(min(1.0, product * (1.0 - np.log(product))))
 
 
-def corrected(p_value: float, tried: int) -> float:
+def correct_for_tries(p_value: float, tried: int) -> float:
     """p for the best of `tried` candidates (Šidák)."""
     return float(-np.expm1(tried * np.log1p(-min(p_value, 1 - 1e-16))))
 
@@ -401,7 +403,7 @@ def criterion(gain: float, rank: int, rows: int) -> float:
     return gain - rank * float(np.log(rows))
 
 
-def alike(a: Score, b: Score) -> float:
+def correlate_spaces(a: Score, b: Score) -> float:
     """Largest canonical correlation of two candidates' spaces beside the base: 1 when one cannot be
     told from the other."""
     if a.rank == 0 or b.rank == 0:
@@ -410,11 +412,11 @@ def alike(a: Score, b: Score) -> float:
 
 
 def correlations(scores: Sequence[Score]) -> Array:
-    """`alike` of all pairs, (m, m)."""
+    """`correlate_spaces` of all pairs, (m, m)."""
     out = np.eye(len(scores))
     for i, a in enumerate(scores):
         for j in range(i):
-            out[i, j] = out[j, i] = alike(a, scores[j])
+            out[i, j] = out[j, i] = correlate_spaces(a, scores[j])
     return out
 
 
@@ -453,7 +455,7 @@ class HeldOut:
         )
 
 
-def predicted(
+def predict_folds(
     residual: Array,
     shared: Array,
     own: Mapping[int, Array],

@@ -41,7 +41,7 @@ to the next, and where it ends."""
 
 
 @dataclass(frozen=True)
-class Series:
+class MeasuredRuns:
     """Runs side by side (R, n), padded with weight 0: envelopes against one reference frequency and
     what the effects may look at."""
 
@@ -90,7 +90,7 @@ class Series:
         """(R, n − 1), 0 where padded."""
         return np.diff(self.time_s, axis=1)
 
-    def runs(self, index: Sequence[int]) -> Series:
+    def runs(self, index: Sequence[int]) -> MeasuredRuns:
         """Some of the runs."""
         index = list(index)
         cut = {f: getattr(self, f)[index] for f in _ARRAYS}
@@ -99,11 +99,11 @@ class Series:
             self.alone(), names=names, turn_rad_s=turn, number=self.numbers[index], **cut
         )
 
-    def later(self, first: int) -> Series:
+    def later(self, first: int) -> MeasuredRuns:
         """The runs from one row on."""
         return replace(self.alone(), **{f: getattr(self, f)[:, first:] for f in _ARRAYS})
 
-    def alone(self) -> Series:
+    def alone(self) -> MeasuredRuns:
         """The rows without what is said of all of them together: what is unsettled, and what may
         scatter."""
         return replace(self, unsettled=None, scatter=None)
@@ -113,7 +113,7 @@ class Series:
         """Number of every run from 0, (R,)."""
         return np.arange(len(self.names)) if self.number is None else self.number
 
-    def middle(self) -> Series:
+    def middle(self) -> MeasuredRuns:
         """The same quantities in the middle of the steps, (R, n − 1)."""
         cut = {
             f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2
@@ -177,7 +177,7 @@ class Prediction:
     """Envelopes at the rows, (R, n, 2): what moves (`motion`), and what is `seen` of it under the
     drive's force, behind the read-out."""
 
-    series: Series
+    series: MeasuredRuns
     point: Point
     motion: Array
     seen: Array
@@ -232,12 +232,12 @@ class Prediction:
         return np.where(np.abs(out).max(axis=1, keepdims=True) > 0.02, out, 0.0)
 
 
-def mechanics(p: Array, series: Series) -> Mechanics:
+def mechanics(p: Array, series: MeasuredRuns) -> Mechanics:
     """The resonator of coordinates p at the reference frequency."""
     return coordinates.to_mechanics(p, series.reference_frequency_hz, series.mode_number)
 
 
-def state_of(series: Series, point: Point) -> SlowState:
+def state_of(series: MeasuredRuns, point: Point) -> SlowState:
     """What the effects look at, (R, n); the effects' own changes of the environment applied."""
     state = SlowState(
         mechanics=mechanics(point.p, series),
@@ -270,11 +270,11 @@ _SLICED = (
 )
 
 
-class Stage:
+class RungeKuttaStage:
     """Everything beside L u at one set of instants: drive and effects; sliced from whole arrays for
     one Runge–Kutta stage."""
 
-    def __init__(self, series: Series, point: Point) -> None:
+    def __init__(self, series: MeasuredRuns, point: Point) -> None:
         self.state = state_of(series, point)
         self.active = point.active
         self.driven = bool(np.any(series.forced))
@@ -287,9 +287,9 @@ class Stage:
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
 
-    def at(self, k: int | slice) -> Stage:
+    def at(self, k: int | slice) -> RungeKuttaStage:
         """The instants of columns k."""
-        one = object.__new__(Stage)
+        one = object.__new__(RungeKuttaStage)
         state = object.__new__(SlowState)
         state.__dict__.update(self.state.__dict__)
         for name in _SLICED:
@@ -338,14 +338,14 @@ class Stage:
         state.drive = self.drive(u)
         return state
 
-    def ordered(self, p: Array, frequency_hz: float) -> Stage:
+    def ordered(self, p: Array, frequency_hz: float) -> RungeKuttaStage:
         """The same with the force's second order of other coordinates."""
         one = copy.copy(self)
         one.second = p[6] * second_order_force(p, frequency_hz)
         one.lead = p[6] * lead_of_force(frequency_hz)
         return one
 
-    def without(self, effect: Effect) -> Stage:
+    def without(self, effect: Effect) -> RungeKuttaStage:
         """The same with one effect out of the equation; what it does to the environment stays."""
         one = copy.copy(self)
         one.active = tuple(pair for pair in self.active if pair[0].name != effect.name)
@@ -397,7 +397,7 @@ def lead_of_force(frequency_hz: float) -> complex:
     return 1j / (4 * np.pi * frequency_hz)
 
 
-def generators(series: Series, point: Point) -> Array:
+def generators(series: MeasuredRuns, point: Point) -> Array:
     """L (R, n, 2, 2) with the runs' frequency offsets beside their mean turn, which the steps take
     exactly."""
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
@@ -407,7 +407,7 @@ def generators(series: Series, point: Point) -> Array:
     return plain + point.p[6] * (full - plain) + offset
 
 
-def jump_times(series: Series, point: Point) -> list[float]:
+def jump_times(series: MeasuredRuns, point: Point) -> list[float]:
     """Instants at which effects of a point make the motion jump."""
     state = state_of(series, point)
     return [
@@ -417,7 +417,7 @@ def jump_times(series: Series, point: Point) -> list[float]:
     ]
 
 
-def jump(series: Series, point: Point, effect: Effect, values: Mapping[str, float]) -> Array:
+def jump(series: MeasuredRuns, point: Point, effect: Effect, values: Mapping[str, float]) -> Array:
     """What an effect adds to the envelopes within each step by a jump at an instant, as the row
     after it sees it, (R, n − 1, 2).
 
@@ -452,9 +452,9 @@ class _Rule:
     """The Runge–Kutta rule of fourth order over the rows, each run's mean turn taken exactly
     (Lawson)."""
 
-    def __init__(self, series: Series, point: Point) -> None:
+    def __init__(self, series: MeasuredRuns, point: Point) -> None:
         centre = series.middle()
-        self.rows, self.halves = Stage(series, point), Stage(centre, point)
+        self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
         self.L, self.M = generators(series, point), generators(centre, point)
         self.h, self.E = series.step_s[..., None], half_turns(series)[..., None]
         self.jumps = sum(
@@ -463,7 +463,10 @@ class _Rule:
         )
 
     def step(
-        self, u: Array, place: tuple[Any, Any, Any], stages: tuple[Stage, Stage, Stage] | None
+        self,
+        u: Array,
+        place: tuple[Any, Any, Any],
+        stages: tuple[RungeKuttaStage, RungeKuttaStage, RungeKuttaStage] | None,
     ) -> Array:
         """From envelopes at the rows before to those after (`place`: rows before, middles, rows
         after); without stages by L alone."""
@@ -496,7 +499,7 @@ class _Rule:
         last, zero = np.inf, np.zeros((len(u), 4, 1))
         for _ in range(MOST_SWEEPS):
             missed = self.step(u[:, :-1], ALL, stages) - u[:, 1:]
-            change = imaginary(running(step, zero, real(missed)[..., None])[..., 0])
+            change = imaginary(accumulate_steps(step, zero, real(missed)[..., None])[..., 0])
             u = u + change
             size = float(np.max(np.abs(change))) / float(np.max(np.abs(u)))
             if not size < max(last, DRIFTING):
@@ -518,7 +521,7 @@ class _Rule:
         return motion
 
 
-def running(step: Array, start: Array, source: Array) -> Array:
+def accumulate_steps(step: Array, start: Array, source: Array) -> Array:
     """x (R, n, d, K) with x₀ = start and x_{k+1} = step_k x_k + source_k, (R, n − 1, d, d) and (R,
     n − 1, d, K)."""
     out = np.empty((source.shape[0], source.shape[1] + 1, *source.shape[2:]), source.dtype)
@@ -529,7 +532,7 @@ def running(step: Array, start: Array, source: Array) -> Array:
     return out
 
 
-def predict(series: Series, point: Point, near: Near | None = None) -> Prediction:
+def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Prediction:
     """All runs from their start states, each step by the Runge–Kutta rule; `near` finds them
     sooner."""
     rule = _Rule(series, point)
@@ -551,11 +554,11 @@ def predict(series: Series, point: Point, near: Near | None = None) -> Predictio
     return Prediction(series, point, motion, rule.rows.seen(motion))
 
 
-def motion_of(series: Series, point: Point) -> Array:
+def motion_of(series: MeasuredRuns, point: Point) -> Array:
     """The motion (R, n, 2) row by row from the start states, in either direction of time."""
     return _Rule(series, point).marched(point.start)
 
 
-def half_turns(series: Series) -> Array:
+def half_turns(series: MeasuredRuns) -> Array:
     """e^{jδh/2} of every step (R, n − 1), δ the run's mean turn."""
     return np.exp(0.5j * series.turn_rad_s[:, None] * series.step_s)

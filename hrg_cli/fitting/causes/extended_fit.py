@@ -18,8 +18,8 @@ from ...errors import HrgError
 from ..envelopes.coordinates import COORDINATES, COUNT
 from . import evidence
 from .evidence import Basis, Design, Factored
-from .extended import Near, Point, Prediction, Series, predict
-from .layout import FREQUENCY, Layout
+from .extended import MeasuredRuns, Near, Point, Prediction, predict
+from .layout import FREQUENCY, FitColumns
 from .scales import amplitude_of, steps_of
 from .sensitivities import (
     Propagation,
@@ -31,16 +31,16 @@ from .sensitivities import (
 from .wave_frame import imaginary
 
 __all__ = [
+    "CoordinatePriors",
     "DivergedError",
-    "Fit",
-    "Freedom",
+    "ExtendedFit",
     "WorkSpentError",
+    "add_effect",
     "amplitude_of",
     "fit",
-    "limited",
+    "limit_motions",
+    "remove_effect",
     "steps_of",
-    "with_effect",
-    "without",
 ]
 
 Array = np.ndarray
@@ -66,7 +66,7 @@ _left: ContextVar[list[int] | None] = ContextVar("motions left", default=None)
 
 
 @contextmanager
-def limited(motions: int) -> Iterator[None]:
+def limit_motions(motions: int) -> Iterator[None]:
     """Fits within may compute so many motions together: the work of a search that leads nowhere
     ends, at the same place on every machine.
 
@@ -79,7 +79,7 @@ def limited(motions: int) -> Iterator[None]:
         _left.reset(token)
 
 
-def _spent() -> None:
+def _spend_motion() -> None:
     left = _left.get()
     if left is None:
         return
@@ -89,7 +89,7 @@ def _spent() -> None:
 
 
 @dataclass(frozen=True)
-class Freedom:
+class CoordinatePriors:
     """Gaussian priors on the coordinates: mean (7,), std (7,); inf: none, 0: held."""
 
     mean: Array
@@ -100,17 +100,17 @@ class Freedom:
     passive: bool = True
     """The fit stays where a resonator without a supply can be: the damping is nowhere negative, ν ≥
     |νδμ|."""
-    loose: Freedom | None = None
+    loose: CoordinatePriors | None = None
     """What takes its place once the misfit is no longer gross enough to bend what is weakly known;
     None: the same."""
 
-    def holding(self, name: str, value: float) -> Freedom:
+    def holding(self, name: str, value: float) -> CoordinatePriors:
         """The same with one coordinate held at a value."""
         mean, std = self.mean.copy(), self.std.copy()
         mean[COORDINATES.index(name)], std[COORDINATES.index(name)] = value, 0.0
         return replace(self, mean=mean, std=std)
 
-    def strays(self, series: Series) -> Array:
+    def strays(self, series: MeasuredRuns) -> Array:
         """Rows (R, R) of the runs' offsets that this prior pulls to zero; none where they are
         free."""
         if not np.isfinite(self.offset_std):
@@ -121,15 +121,15 @@ class Freedom:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ExtendedFit:
     """The optimum: prediction, its linearised flow, design (N, k) and residual (N,) over σ of the
     rows with weight, covariance, χ²."""
 
-    freedom: Freedom
+    freedom: CoordinatePriors
     flow: Propagation
     design: Design
     residual: Array
-    layout: Layout
+    layout: FitColumns
     covariance: Array
     converged: bool
     bound_cost: float
@@ -148,7 +148,7 @@ class Fit:
         return self.prediction.point
 
     @property
-    def series(self) -> Series:
+    def series(self) -> MeasuredRuns:
         """The data."""
         return self.prediction.series
 
@@ -235,7 +235,7 @@ class Fit:
         )
 
 
-def flat(series: Series, values: Array) -> Array:
+def flatten_rows(series: MeasuredRuns, values: Array) -> Array:
     """(R, n, 4, …) -> rows with weight only, (N, …), whitened and off what is unsettled."""
     keep = series.weight > 0
     if keep.all():
@@ -255,21 +255,26 @@ def sensitivity(
 
 def sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
     """Of many effects, (N, K) each."""
-    return [flat(flow.prediction.series, columns) for columns in effect_sensitivities(flow, wanted)]
+    return [
+        flatten_rows(flow.prediction.series, columns)
+        for columns in effect_sensitivities(flow, wanted)
+    ]
 
 
-def layout_of(series: Series, point: Point, freedom: Freedom) -> Layout:
+def layout_of(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> FitColumns:
     """What a fit of this point moves."""
     effects = tuple(
         (e.name, names) for e, _ in point.active if (names := tuple(p.name for p in e.fitted()))
     )
-    return Layout(tuple(k for k in range(COUNT) if freedom.std[k] > 0), len(series.names), effects)
+    return FitColumns(
+        tuple(k for k in range(COUNT) if freedom.std[k] > 0), len(series.names), effects
+    )
 
 
-def design_of(flow: Propagation, layout: Layout) -> Design:
+def design_of(flow: Propagation, layout: FitColumns) -> Design:
     """Whitened design of coordinates, runs and active effects."""
     series, point = flow.prediction.series, flow.prediction.point
-    shared, own = (flat(series, values) for values in base_sensitivities(flow))
+    shared, own = (flatten_rows(series, values) for values in base_sensitivities(flow))
     wanted = [
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
     ]
@@ -284,14 +289,16 @@ def design_of(flow: Propagation, layout: Layout) -> Design:
     )
 
 
-def _fitted_steps(effect: Effect, values: Mapping[str, float], series: Series) -> dict[str, float]:
+def _fitted_steps(
+    effect: Effect, values: Mapping[str, float], series: MeasuredRuns
+) -> dict[str, float]:
     """Difference steps sized by the value where the effect stands."""
     return {
         name: 1e-3 * abs(values[name]) or size for name, size in steps_of(effect, series).items()
     }
 
 
-def moved(point: Point, layout: Layout, step: Array, passive: bool = True) -> Point:
+def move_point(point: Point, layout: FitColumns, step: Array, passive: bool = True) -> Point:
     """The point after a step (k,) in everything fitted; `passive`: brought back into the damping's
     cone."""
     p, start, offset = point.p.copy(), point.start.copy(), point.offset_rad_s.copy()
@@ -324,7 +331,7 @@ def passive_damping(p: Array) -> Array:
     return out
 
 
-def wall_ahead(point: Point, layout: Layout, step: Array) -> tuple[Array, float] | None:
+def wall_ahead(point: Point, layout: FitColumns, step: Array) -> tuple[Array, float] | None:
     """The damping's bound that a step would cross, as wall·step = distance; None where the step
     stays inside.
 
@@ -343,27 +350,27 @@ def wall_ahead(point: Point, layout: Layout, step: Array) -> tuple[Array, float]
     return (wall, -float(normal @ point.p[:3])) if wall.any() else None
 
 
-def pulled(freedom: Freedom) -> Array:
+def list_pulled(freedom: CoordinatePriors) -> Array:
     """Coordinates with a prior that is neither absent nor a value held."""
     return np.flatnonzero(np.isfinite(freedom.std) & (freedom.std > 0))
 
 
-def coordinate_rows(freedom: Freedom, layout: Layout) -> Array:
+def coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Array:
     """Rows (m, k) of the coordinates' priors over all columns."""
-    own = pulled(freedom)
+    own = list_pulled(freedom)
     return layout.beside([layout.coordinates.index(k) for k in own], np.diag(1 / freedom.std[own]))
 
 
-def prior_rows(freedom: Freedom, layout: Layout, series: Series) -> Array:
+def prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: MeasuredRuns) -> Array:
     """Rows (m, k) that pull the coordinates and the runs' offsets to their priors."""
     strays = freedom.strays(series)
     offsets = layout.beside([layout.frequency(k) for k in range(layout.runs)], strays)
     return np.concatenate([coordinate_rows(freedom, layout), offsets])
 
 
-def prior_residual(freedom: Freedom, point: Point, series: Series) -> Array:
+def prior_residual(freedom: CoordinatePriors, point: Point, series: MeasuredRuns) -> Array:
     """How far the point is from the priors, (m,) in the order of `prior_rows`."""
-    k = pulled(freedom)
+    k = list_pulled(freedom)
     return np.concatenate(
         [
             (freedom.mean[k] - point.p[k]) / freedom.std[k],
@@ -373,8 +380,12 @@ def prior_residual(freedom: Freedom, point: Point, series: Series) -> Array:
 
 
 def fit(
-    series: Series, point: Point, freedom: Freedom, most: int = MOST_STEPS, near: Near | None = None
-) -> Fit:
+    series: MeasuredRuns,
+    point: Point,
+    freedom: CoordinatePriors,
+    most: int = MOST_STEPS,
+    near: Near | None = None,
+) -> ExtendedFit:
     """Gauss–Newton with step halving; stops when a step changes χ² by less than a thousandth of χ²
     a degree of freedom.
 
@@ -388,18 +399,18 @@ def fit(
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
     settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
     with np.errstate(over="ignore", invalid="ignore"):
-        _spent()
+        _spend_motion()
         prediction = predict(series, point, near)
         value = _cost(prediction, freedom)
         if not np.isfinite(value):
             raise _no_motion(series, point)
         converged, steps = False, 0
         while True:
-            here = _linearised(prediction, layout, freedom)
+            here = _linearise(prediction, layout, freedom)
             if converged or steps == most:
                 break
             steps += 1
-            trial, now, whole = _descended(here, freedom, value, settled)
+            trial, now, whole = _descend(here, freedom, value, settled)
             if not now <= value:
                 # a step that neither lowers nor raises χ² by more than matters has nowhere to go
                 converged = now <= value + settled * value
@@ -407,7 +418,7 @@ def fit(
             gained, value, prediction = value - now, now, trial
             converged = here.expected < settled * value or (gained < settled * value and whole)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
-    return Fit(
+    return ExtendedFit(
         freedom,
         here.flow,
         here.design,
@@ -421,16 +432,16 @@ def fit(
     )
 
 
-def _cost(prediction: Prediction, freedom: Freedom) -> float:
+def _cost(prediction: Prediction, freedom: CoordinatePriors) -> float:
     """χ² with the priors' part; infinite where the motion has no end."""
     if not np.all(np.isfinite(prediction.seen)):
         return np.inf
     series = prediction.series
     pull = prior_residual(freedom, prediction.point, series)
-    return float(np.sum(flat(series, prediction.residual()) ** 2) + np.sum(pull**2))
+    return float(np.sum(flatten_rows(series, prediction.residual()) ** 2) + np.sum(pull**2))
 
 
-def _no_motion(series: Series, point: Point) -> DivergedError:
+def _no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
     taken = ", ".join(effect.name for effect, _ in point.active)
     return DivergedError(
         f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no fit to"
@@ -447,7 +458,7 @@ class _Linear:
     flow: Propagation
     design: Design
     residual: Array
-    layout: Layout
+    layout: FitColumns
     factored: Factored
     priors: tuple[Array, Array]
     step: Array
@@ -460,13 +471,13 @@ class _Linear:
         return float(np.sum(self.design.times(self.step) ** 2))
 
 
-def _linearised(prediction: Prediction, layout: Layout, freedom: Freedom) -> _Linear:
+def _linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePriors) -> _Linear:
     """The model about a prediction. DivergedError: its slopes are no numbers."""
     series = prediction.series
     flow = propagation(prediction)
     design = design_of(flow, layout)
-    residual = flat(series, prediction.residual())
-    factored = evidence.factored(design)
+    residual = flatten_rows(series, prediction.residual())
+    factored = evidence.factor_design(design)
     if not np.all(np.isfinite(factored.triangle)):
         raise _no_motion(series, prediction.point)
     priors = (
@@ -483,17 +494,19 @@ def _linearised(prediction: Prediction, layout: Layout, freedom: Freedom) -> _Li
     return _Linear(flow, design, residual, layout, factored, priors, step, covariance, lost)
 
 
-def _descended(
-    here: _Linear, freedom: Freedom, value: float, settled: float
+def _descend(
+    here: _Linear, freedom: CoordinatePriors, value: float, settled: float
 ) -> tuple[Prediction, float, bool]:
     """(prediction, cost, whether the whole step was taken) of the first part of the step that does
     not raise the cost; where none does, of Levenberg's and Marquardt's path."""
     start = here.flow.prediction
 
     def after(step: Array) -> tuple[Prediction, float]:
-        _spent()
+        _spend_motion()
         trial = predict(
-            start.series, moved(start.point, here.layout, step, freedom.passive), here.flow.near
+            start.series,
+            move_point(start.point, here.layout, step, freedom.passive),
+            here.flow.near,
         )
         return trial, _cost(trial, freedom)
 
@@ -523,12 +536,12 @@ def _fall(design: Design, residual: Array, step: Array) -> float:
     return float(2 * residual @ change - change @ change)
 
 
-def with_effect(point: Point, effect: Effect, values: Mapping[str, float]) -> Point:
+def add_effect(point: Point, effect: Effect, values: Mapping[str, float]) -> Point:
     """The point with one more effect (or another value of it)."""
     others = tuple(pair for pair in point.active if pair[0].name != effect.name)
     return replace(point, active=(*others, (effect, dict(values))))
 
 
-def without(point: Point, name: str) -> Point:
+def remove_effect(point: Point, name: str) -> Point:
     """The point without an effect."""
     return replace(point, active=tuple(pair for pair in point.active if pair[0].name != name))

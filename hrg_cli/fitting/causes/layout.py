@@ -22,7 +22,7 @@ FREQUENCY = OWN - 1
 
 
 @dataclass(frozen=True)
-class Layout:
+class FitColumns:
     """Ordered names of everything fitted: coordinates (by index into `COORDINATES`), runs, effects
     with their fitted parameters."""
 

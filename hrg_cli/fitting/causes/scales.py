@@ -14,7 +14,7 @@ import numpy as np
 
 from ...effects.effect import Effect, Parameter, no_term, same_signal, same_state
 from ...physics.plant import SlowState
-from .extended import Series
+from .extended import MeasuredRuns
 
 Array = np.ndarray
 CATALOGUE_HZ = 5000.0
@@ -40,13 +40,13 @@ def typical(parameter: Parameter, amplitude: float, frequency_hz: float) -> floa
     return parameter.typical * amplitude**parameter.amplitude_power * in_time
 
 
-def amplitude_of(series: Series) -> float:
+def amplitude_of(series: MeasuredRuns) -> float:
     """Root mean square amplitude of the data."""
     power = np.sum(np.abs(series.envelope) ** 2, axis=-1)
     return float(np.sqrt(power[series.weight > 0].mean()))
 
 
-def steps_of(effect: Effect, series: Series) -> dict[str, float]:
+def steps_of(effect: Effect, series: MeasuredRuns) -> dict[str, float]:
     """Difference steps of an effect's fitted parameters for these data."""
     amplitude = amplitude_of(series)
     return {

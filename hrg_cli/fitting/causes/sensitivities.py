@@ -12,14 +12,14 @@ from ...effects.effect import Effect, frame, no_term, same_signal, same_state
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT
 from .extended import (
+    MeasuredRuns,
     Near,
     Prediction,
-    Series,
-    Stage,
+    RungeKuttaStage,
+    accumulate_steps,
     generators,
     half_turns,
     jump,
-    running,
     second_order_force,
     times,
 )
@@ -63,13 +63,13 @@ class Propagation:
     n, 4, 4), motion at rows and middles."""
 
     prediction: Prediction
-    centre: Series
+    centre: MeasuredRuns
     middle: Array
     step: Array
     half: Array
     view: Array | None
-    rows: Stage = field(repr=False)
-    halves: Stage = field(repr=False)
+    rows: RungeKuttaStage = field(repr=False)
+    halves: RungeKuttaStage = field(repr=False)
 
     @property
     def near(self) -> Near:
@@ -94,7 +94,7 @@ class Propagation:
         source += h / 6 * at_rows[:, 1:]
         if in_steps is not None:
             source += in_steps
-        return running(self.step, np.zeros(4)[:, None] if start is None else start, source)
+        return accumulate_steps(self.step, np.zeros(4)[:, None] if start is None else start, source)
 
     def carried_by(self, at_rows: Array, at_middle: Array, g_rows: Array, g_middle: Array) -> Array:
         """The same for sources that are vectors (R, n, 4, J) times functions (R, n, C), columns of
@@ -103,7 +103,7 @@ class Propagation:
         source = spread(h / 6 * (self.step @ at_rows[:, :-1]), g_rows[:, :-1])
         source += spread(h * (4 / 6) * (self.half @ at_middle), g_middle)
         source += spread(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
-        return running(self.step, np.zeros((4, 1)), source)
+        return accumulate_steps(self.step, np.zeros((4, 1)), source)
 
     def viewed(self, change: Array) -> Array:
         """Changes of the motion through the read-out's slope, (R, n, 4, K)."""
@@ -120,7 +120,7 @@ def propagation(prediction: Prediction) -> Propagation:
     centre = series.middle()
     h = series.step_s[..., None, None]
     L, M = generators(series, point), generators(centre, point)
-    rows, halves = Stage(series, point), Stage(centre, point)
+    rows, halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
     slope_rows = times(L, u) + rows.beside(u)
     hh, E = series.step_s[..., None], half_turns(series)[..., None]
     middle = (np.conj(E) * u[:, 1:] + E * u[:, :-1]) / 2 + hh / 8 * (
@@ -156,7 +156,7 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     forced, hz = bool(series.forced.any()), series.reference_frequency_hz
     more = point.p + np.eye(COUNT)[COUNT - 1] * ORDER_STEP
 
-    def sources(series: Series, u: Array, stage: Stage) -> Array:
+    def sources(series: MeasuredRuns, u: Array, stage: RungeKuttaStage) -> Array:
         omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
         plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
         full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
@@ -260,8 +260,8 @@ class _Seen:
         point, series = self.flow.prediction.point, self.flow.prediction.series
         others = tuple(pair for pair in point.active if pair[0].name != effect.name)
 
-        def stage(series: Series, changed: Mapping[str, float]) -> Stage:
-            return Stage(series, replace(point, active=(*others, (effect, changed))))
+        def stage(series: MeasuredRuns, changed: Mapping[str, float]) -> RungeKuttaStage:
+            return RungeKuttaStage(series, replace(point, active=(*others, (effect, changed))))
 
         return _Terms(
             _differences(lambda p: stage(series, p).beside(self.u), pairs, self.at_rows.drive),

@@ -53,7 +53,7 @@ def closed_form(signals: Array, carrier_phase_rad: float | None = None) -> tuple
     return x, misfit
 
 
-def canonical(x: Array, carrier_known: bool = False) -> Array:
+def choose_canonical(x: Array, carrier_known: bool = False) -> Array:
     """The one of the sixteen equivalent solutions with A ≥ |B|, θ ∈ (−π/2, π/2], and ψ ∈ (−π/2,
     π/2] unless it is known."""
     A, B, theta, phi, psi = np.moveaxis(np.asarray(x, float), -1, 0)

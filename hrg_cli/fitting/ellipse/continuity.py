@@ -15,7 +15,7 @@ SEGMENT = 64
 """Rows that share a running sum."""
 
 
-def continued(
+def continue_angles(
     time_s: Array, angle: Array, phase: Array, carrier_phase: Array, window_s: float
 ) -> tuple[Array, Array, Array]:
     """Continuous (mθ, φ, ψ) of finite rows (n), the first row unchanged."""

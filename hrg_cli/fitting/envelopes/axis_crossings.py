@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from ...physics import ellipse
-from .coordinates import COUNT, FREQUENCY_SPLIT, SECOND_ORDER, physical
+from .coordinates import COUNT, FREQUENCY_SPLIT, SECOND_ORDER, to_parameters
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
 from .method_ranges import USES_AXES, out_of_range, warnings
@@ -332,7 +332,7 @@ def combined(found: Found, mode_number: int) -> dict[str, float]:
     passed."""
     p, covariance = np.zeros(COUNT), np.zeros((COUNT, COUNT))
     p[3:5], covariance[3:5, 3:5] = found.answer[:2], found.covariance[:2, :2]
-    values, slopes = physical(p, mode_number)
+    values, slopes = to_parameters(p, mode_number)
     spread = slopes @ covariance @ slopes.T
     widen_axes(spread, covariance, p, mode_number)
     return {

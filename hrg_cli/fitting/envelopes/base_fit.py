@@ -12,7 +12,7 @@ from ...errors import HrgError
 from . import phase_course, propagator, rows
 from .coordinates import COORDINATES, COUNT, DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
-from .likelihood import Batch, Fit, Freedom, batch, fit, free
+from .likelihood import Batch, Fit, Freedom, batch, fit, free_coordinates
 
 Array = np.ndarray
 MAX_PHASE_ORDER = 9
@@ -78,7 +78,7 @@ class Known:
 def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
     """What is fitted, with weak priors sized by a first estimate p (7,); a known axis leaves its
     split's size alone."""
-    base = free(COORDINATES, np.zeros(COUNT))
+    base = free_coordinates(COORDINATES, np.zeros(COUNT))
     directions, origin = base.directions.copy(), np.zeros(COUNT)
     damping = max(abs(float(p[DAMPING])), 0.01 / span_s)
     split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), damping, 1 / span_s)
@@ -103,7 +103,7 @@ def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
     )
 
 
-def check(runs: Sequence[EnvelopeRun]) -> None:
+def check_runs(runs: Sequence[EnvelopeRun]) -> None:
     """HrgError: no run, or runs of different mode numbers."""
     if not runs:
         raise HrgError("there is no run; give at least one wave file of a free run-down")
@@ -115,14 +115,16 @@ def check(runs: Sequence[EnvelopeRun]) -> None:
         )
 
 
-def start(runs: Sequence[EnvelopeRun], known: Known) -> tuple[Array, Array, Array, Freedom]:
+def start_from_propagator(
+    runs: Sequence[EnvelopeRun], known: Known
+) -> tuple[Array, Array, Array, Freedom]:
     """Coordinates (7,), frequency offsets (R,), covariance of z and its freedom, by the propagator
     from a rough guess."""
     span = max(r.duration_s for r in runs)
-    p, offsets = propagator.rough(runs)
+    p, offsets = propagator.guess_roughly(runs)
     if known.scale_factor is not None:
         p[SCALE_FACTOR] = known.scale_factor
-    thin = propagator.thinned(runs, p, offsets, propagator.START_BLOCKS)
+    thin = propagator.thin_rows(runs, p, offsets, propagator.START_BLOCKS)
     space = freedom(known, p, runs[0].mode_number, span)
     p = space.origin + space.directions @ np.linalg.pinv(space.directions) @ (p - space.origin)
     p, offsets, covariance = propagator.identify(thin, space, p, offsets)
@@ -134,7 +136,7 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
 
     HrgError: no run, mixed mode numbers, or nothing that can be fitted.
     """
-    check(runs)
+    check_runs(runs)
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             best = _base_fit(runs, known or Known(), blocks)
@@ -172,24 +174,26 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     courses = phase_course.bends(runs, _rough_scale_factor(runs, known))
     result = _first_fit(
-        runs if courses is None else phase_course.straightened(runs, courses), known, blocks
+        runs if courses is None else phase_course.straighten_phases(runs, courses), known, blocks
     )
     if result is None:
         return None
     if courses is not None:
-        seen, phase = phase_course.bent_back(
+        seen, phase = phase_course.bend_back(
             result.response.batch, runs, courses, result.response.state.phase
         )
         data = batch(seen)
         result = solve(data, result.freedom, result.z, data.envelope[:, 0], phase)
-    result = settled(runs, grown(result), blocks)
+    result = settle_averages(runs, grow_phase_orders(result), blocks)
     held = second_order(result)
     if held is not None:
         space = without_second_order(result.freedom, held)
         state = result.response.state
-        result = settled(
+        result = settle_averages(
             runs,
-            grown(solve(result.response.batch, space, result.z[:-1], state.start, state.phase)),
+            grow_phase_orders(
+                solve(result.response.batch, space, result.z[:-1], state.start, state.phase)
+            ),
             blocks,
         )
     return result
@@ -201,15 +205,15 @@ def _rough_scale_factor(runs: Sequence[EnvelopeRun], known: Known) -> float:
         return known.scale_factor
     if max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         return 0.0
-    return float(np.clip(propagator.rough(runs)[0][5], -1.0, 1.0))
+    return float(np.clip(propagator.guess_roughly(runs)[0][5], -1.0, 1.0))
 
 
 def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     """From the propagator's start, or, where that leads nowhere, from a rough guess."""
-    p, offsets, _, _ = start(runs, known)
+    p, offsets, _, _ = start_from_propagator(runs, known)
     result = _from_start(runs, known, blocks, p, offsets)
     if result is None or not result.converged:
-        plain, offsets = propagator.rough(runs)
+        plain, offsets = propagator.guess_roughly(runs)
         plain[5] = known.scale_factor if known.scale_factor is not None else plain[5]
         again = _from_start(runs, known, blocks, plain, offsets)
         if again is not None and (result is None or again.chi2 < result.chi2):
@@ -217,7 +221,7 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
     return result
 
 
-def grown(result: Fit) -> Fit:
+def grow_phase_orders(result: Fit) -> Fit:
     """The fit with further orders of the runs' phases as long as one of them gains much by two
     more."""
     while (
@@ -229,7 +233,7 @@ def grown(result: Fit) -> Fit:
     return result
 
 
-def settled(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
+def settle_averages(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
     """The fit to rows averaged along its own motion: averaged and fitted again until that moves it
     by less than a tenth of σ.
 
@@ -239,11 +243,11 @@ def settled(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
     """
     last = np.inf
     for _ in range(AVERAGINGS):
-        blocks = rows.needed(result.p, runs, blocks)
+        blocks = rows.rows_needed(result.p, runs, blocks)
         if not np.all(np.isfinite(result.p)):
             return result
         before, result = result, _averaged_again(runs, result, blocks)
-        last = moved_by(before, result)
+        last = distance_moved(before, result)
         if last > SETTLED:
             continue
         most = max(len(r) for r in runs)
@@ -253,7 +257,7 @@ def settled(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
         if finer * len(runs) > rows.MOST_ROWS:
             break
         before, result = result, _averaged_again(runs, result, finer)
-        last = moved_by(before, result)
+        last = distance_moved(before, result)
         if last < SETTLED:
             break
         blocks = finer
@@ -262,14 +266,14 @@ def settled(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
 
 def _averaged_again(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
     """The same fit to rows averaged along its own motion."""
-    data = batch(rows.along(runs, result.response, blocks))
+    data = batch(rows.average_along(runs, result.response, blocks))
     state = result.response.state
     shift = data.span_s / result.response.batch.span_s
     phase = state.phase * shift[:, None] ** np.arange(1, state.phase.shape[1] + 1)
-    return grown(solve(data, result.freedom, result.z, data.envelope[:, 0], phase))
+    return grow_phase_orders(solve(data, result.freedom, result.z, data.envelope[:, 0], phase))
 
 
-def moved_by(before: Fit, after: Fit) -> float:
+def distance_moved(before: Fit, after: Fit) -> float:
     """Distance of two fits in standard deviations, along the combination of coordinates that moved
     most."""
     change = after.root @ (after.z - before.z)
@@ -303,7 +307,7 @@ def _from_start(
     space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
     p = p.copy()
     p[SECOND_ORDER] = 1.0
-    data = batch(propagator.thinned(runs, p, offsets, rows.needed(p, runs, blocks)))
+    data = batch(propagator.thin_rows(runs, p, offsets, rows.rows_needed(p, runs, blocks)))
     z = np.linalg.pinv(space.directions) @ (p - space.origin)
     try:
         result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])

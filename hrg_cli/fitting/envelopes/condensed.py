@@ -20,7 +20,15 @@ from ...records import Wave
 from ..samples.rate_log import within_log
 from . import rows
 from .base_fit import Known, base_fit
-from .envelope_runs import MIN_ROWS, EnvelopeRun, averaged, from_wave, good_rows, turned, turned_by
+from .envelope_runs import (
+    MIN_ROWS,
+    EnvelopeRun,
+    average_rows,
+    from_wave,
+    good_rows,
+    integrate_rate,
+    turn_table,
+)
 from .likelihood import Fit
 
 Array = np.ndarray
@@ -38,7 +46,7 @@ HARMLESS = 0.02
 PASSES = 3
 
 
-def read(
+def read_runs(
     waves: Sequence[Wave], rate_rad_s: float | None, earth_rad_s: float, known: Known, blocks: int
 ) -> list[EnvelopeRun]:
     """Every wave's run: all its windows where they are few, else averages along the motion they
@@ -47,20 +55,21 @@ def read(
     HrgError: as `from_wave`, and where a sample of a long record shows no run-down.
     """
     if sum(len(w) for w in waves) <= IN_MEMORY:
-        return [turned_by(from_wave(w.rows(0, len(w)), rate_rad_s), earth_rad_s) for w in waves]
+        return [turn_table(from_wave(w.rows(0, len(w)), rate_rad_s), earth_rad_s) for w in waves]
     if rate_rad_s is None:
         waves = [within_log(w) for w in waves]
 
     def pieces(wave: Wave) -> Iterator[EnvelopeRun]:
-        return (
-            turned_by_from(p, earth_rad_s, float(wave.time_s[0])) for p in _pieces(wave, rate_rad_s)
-        )
+        return (turn_from(p, earth_rad_s, float(wave.time_s[0])) for p in _pieces(wave, rate_rad_s))
 
     every = max(1, -(-sum(len(w) for w in waves) // SAMPLE))
     # rows by their numbers are copied; a slice would keep its whole piece in memory
     sample = [
-        _joined(
-            [p.rows(np.arange(-start % every, len(p), every)) for start, p in _numbered(pieces(w))],
+        _join_pieces(
+            [
+                p.rows(np.arange(-start % every, len(p), every))
+                for start, p in _number_rows(pieces(w))
+            ],
             w,
             every,
         )
@@ -69,23 +78,23 @@ def read(
     if max(float(np.ptp(r.turn_rad)) for r in sample) == 0 and all(_one_signal(r) for r in sample):
         return sample  # one channel: modes are judged from single windows
     found = base_fit(sample, known, blocks)
-    count = max(rows.needed(found.p, sample, blocks), CONDENSED // len(waves))
+    count = max(rows.rows_needed(found.p, sample, blocks), CONDENSED // len(waves))
     out = sample
     for _ in range(PASSES):
         carries = rows.motions(sample, found.response)
         out = [
-            _averaged(pieces(w), s, count, *c)
+            _average_pieces(pieces(w), s, count, *c)
             for w, s, c in zip(waves, sample, carries, strict=True)
         ]
         better = base_fit(out, known, blocks)
-        if _left(found, better, out) < HARMLESS:
+        if _error_of_averaging(found, better, out) < HARMLESS:
             return out
         found = better
         sample = [dataclasses.replace(r) for r in out]
     return out
 
 
-def turned_by_from(run: EnvelopeRun, rate_rad_s: float, first_s: float) -> EnvelopeRun:
+def turn_from(run: EnvelopeRun, rate_rad_s: float, first_s: float) -> EnvelopeRun:
     """A piece of a run on a table that turns by a constant rate more since the run's first row."""
     if rate_rad_s == 0:
         return run
@@ -97,7 +106,7 @@ def _one_signal(run: EnvelopeRun) -> bool:
     return bool(power.min() < 3 * len(run))
 
 
-def _numbered(pieces: Iterator[EnvelopeRun]) -> Iterator[tuple[int, EnvelopeRun]]:
+def _number_rows(pieces: Iterator[EnvelopeRun]) -> Iterator[tuple[int, EnvelopeRun]]:
     """Pieces with the number of rows before them."""
     start = 0
     for piece in pieces:
@@ -113,7 +122,7 @@ def _pieces(wave: Wave, rate_rad_s: float | None) -> Iterator[EnvelopeRun]:
         stop = min(start + BLOCK, total)
         low, high = max(0, start - OVERLAP), min(total, stop + OVERLAP)
         part = wave.rows(low, high)
-        angle = turned(
+        angle = integrate_rate(
             np.asarray(part.time_s),
             part.rate_rad_s if rate_rad_s is None else np.full(high - low, rate_rad_s),
         )
@@ -131,7 +140,7 @@ def _pieces(wave: Wave, rate_rad_s: float | None) -> Iterator[EnvelopeRun]:
         yield run
 
 
-def _joined(pieces: Sequence[EnvelopeRun], wave: Wave, every: int) -> EnvelopeRun:
+def _join_pieces(pieces: Sequence[EnvelopeRun], wave: Wave, every: int) -> EnvelopeRun:
     """A sample's pieces as one run. HrgError: too few rows."""
     if sum(len(p) for p in pieces) < MIN_ROWS:
         raise HrgError(
@@ -139,10 +148,10 @@ def _joined(pieces: Sequence[EnvelopeRun], wave: Wave, every: int) -> EnvelopeRu
             f" without a flag, at least {MIN_ROWS} are needed; demodulate a longer or cleaner"
             " record"
         )
-    return _together(*pieces)
+    return _gather_pieces(*pieces)
 
 
-def _averaged(
+def _average_pieces(
     pieces: Iterator[EnvelopeRun],
     sample: EnvelopeRun,
     count: int,
@@ -158,20 +167,22 @@ def _averaged(
     out: list[EnvelopeRun] = []
     rest: EnvelopeRun | None = None
     for piece in pieces:
-        here = piece if rest is None else _together(rest, piece)
+        here = piece if rest is None else _gather_pieces(rest, piece)
         index = np.floor((here.time_s - first) / step)
         whole = int(
             np.searchsorted(index, index[-1])
         )  # the last piece of time may go on in the next block
         if whole:
-            out.append(averaged(here.rows(slice(None, whole)), count, carry, phase, (first, step)))
+            out.append(
+                average_rows(here.rows(slice(None, whole)), count, carry, phase, (first, step))
+            )
         rest = here.rows(slice(whole, None))
     if rest is not None and len(rest):
-        out.append(averaged(rest, count, carry, phase, (first, step)))
-    return _together(*out)
+        out.append(average_rows(rest, count, carry, phase, (first, step)))
+    return _gather_pieces(*out)
 
 
-def _together(*pieces: EnvelopeRun) -> EnvelopeRun:
+def _gather_pieces(*pieces: EnvelopeRun) -> EnvelopeRun:
     """Pieces of one run as one."""
     warm = [p.temperature_degc for p in pieces if p.temperature_degc is not None]
     return dataclasses.replace(
@@ -184,7 +195,7 @@ def _together(*pieces: EnvelopeRun) -> EnvelopeRun:
     )
 
 
-def _left(along: Fit, better: Fit, runs: Sequence[EnvelopeRun]) -> float:
+def _error_of_averaging(along: Fit, better: Fit, runs: Sequence[EnvelopeRun]) -> float:
     """What averaging along a motion other than the better one leaves in a row, in the row's
     standard deviations: (δL·dt)²/24."""
     apart = np.abs(better.p[:6] - along.p[:6])

@@ -70,7 +70,7 @@ def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
 
 def to_mechanics(p: Array, frequency_hz: float, mode_number: int) -> Mechanics:
     """The resonator these coordinates describe; axes in [0, π/m)."""
-    values, _ = physical(p, mode_number)
+    values, _ = to_parameters(p, mode_number)
     nu, split, damping_axis, detuning, stiffness_axis, factor = (float(v) for v in values)
     return Mechanics(
         frequency_hz, nu, split, damping_axis, detuning, stiffness_axis, factor, mode_number
@@ -94,7 +94,7 @@ def from_mechanics(mechanics: Mechanics, second_order: float = 1.0) -> Array:
     )
 
 
-def physical(p: Array, mode_number: int) -> tuple[Array, Array]:
+def to_parameters(p: Array, mode_number: int) -> tuple[Array, Array]:
     """(ν, νδμ, θ_μ, δω, θ_ω, K) and their derivatives (6, 7) by the coordinates."""
     values, slopes = np.zeros(6), np.zeros((6, COUNT))
     values[0], slopes[0, 0] = p[0], 1.0
@@ -103,7 +103,7 @@ def physical(p: Array, mode_number: int) -> tuple[Array, Array]:
         x, y = p[first], p[first + 1]
         size = float(np.hypot(x, y))
         values[row] = size
-        values[row + 1] = wrap(np.arctan2(y, x) / (2 * mode_number), mode_number)
+        values[row + 1] = wrap_axis(np.arctan2(y, x) / (2 * mode_number), mode_number)
         safe = size if size > 0 else 1.0
         slopes[row, first : first + 2] = (x / safe, y / safe) if size > 0 else (1.0, 0.0)
         slopes[row + 1, first : first + 2] = (
@@ -112,7 +112,7 @@ def physical(p: Array, mode_number: int) -> tuple[Array, Array]:
     return values, slopes
 
 
-def wrap(axis_rad: float, mode_number: int) -> float:
+def wrap_axis(axis_rad: float, mode_number: int) -> float:
     """A physical axis angle in [0, π/m)."""
     wrapped = float(np.mod(axis_rad, np.pi / mode_number))
     return 0.0 if np.isclose(wrapped, np.pi / mode_number, rtol=0, atol=1e-15) else wrapped

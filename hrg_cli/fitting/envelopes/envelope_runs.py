@@ -14,7 +14,7 @@ from ...physics import ellipse
 from ...records import Wave
 from ..samples.course import course
 from ..samples.rate_log import within_log
-from .matrices import Matrix, applied
+from .matrices import Matrix, apply
 
 Array = np.ndarray
 MIN_ROWS = 8
@@ -62,7 +62,7 @@ class EnvelopeRun:
         return dataclasses.replace(self, **cut, temperature_degc=warm)
 
 
-def retuned(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
+def retune(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
     """The same run against a reference shifted by an angular frequency."""
     turn = np.exp(-1j * offset_rad_s * run.time_s)[:, None]
     return dataclasses.replace(
@@ -72,7 +72,7 @@ def retuned(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
     )
 
 
-def turned_by(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
+def turn_table(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
     """The same run on a table that turns by a constant rate more."""
     if rate_rad_s == 0:
         return run
@@ -93,7 +93,9 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     time = np.asarray(wave.time_s, float)
     run = good_rows(
         wave,
-        turned(time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s)),
+        integrate_rate(
+            time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s)
+        ),
     )
     if len(run) < MIN_ROWS:
         raise HrgError(
@@ -153,7 +155,7 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
     )
 
 
-def turned(time_s: Array, rate_rad_s: Array | None) -> Array:
+def integrate_rate(time_s: Array, rate_rad_s: Array | None) -> Array:
     """∫Ω dt from the first row along the rate's course; a rate that is not finite is bridged, none
     at all is zero."""
     if rate_rad_s is None or not np.isfinite(rate_rad_s).any():
@@ -184,7 +186,7 @@ def pooled_std(std: Array, u: Array) -> Array:
     return np.maximum(np.sqrt(pooled), 1e-12 * scale)
 
 
-def averaged(
+def average_rows(
     run: EnvelopeRun,
     blocks: int,
     carry: Callable[[Array, Array], Matrix],
@@ -216,7 +218,7 @@ def averaged(
 
     time = mean(run.time_s)
     turn = course(run.time_s, run.turn_rad).at(time)
-    c, s = applied(
+    c, s = apply(
         carry(time[which] - run.time_s, turn[which] - run.turn_rad),
         (run.envelope[:, 0], run.envelope[:, 1]),
     )

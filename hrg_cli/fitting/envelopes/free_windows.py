@@ -19,7 +19,7 @@ DECAY_PIECES = 400
 MIN_WINDOW_ROWS = 3 * MIN_ROWS
 
 
-def cut(wave: Wave) -> list[Wave]:
+def cut_free_windows(wave: Wave) -> list[Wave]:
     """Free windows of a wave in time order: where `drive_main` is zero, else where the main
     amplitude itself decays steadily.
 
@@ -44,7 +44,7 @@ def cut(wave: Wave) -> list[Wave]:
                 np.abs(wave.drive_quadrature)
             )
     else:
-        off = decaying(np.asarray(wave.main_amplitude, float), wave.good())
+        off = find_decay(np.asarray(wave.main_amplitude, float), wave.good())
     windows = [wave.rows(a, b) for a, b in stretches(off) if b - a >= MIN_WINDOW_ROWS]
     if not windows:
         raise HrgError(
@@ -62,7 +62,7 @@ def cut(wave: Wave) -> list[Wave]:
 def driven_and_free(wave: Wave, run: EnvelopeRun) -> tuple[list[EnvelopeRun], list[EnvelopeRun]]:
     """The stretches of a wave's good rows in which it is driven and in which it is free."""
     try:
-        windows = [(float(w.time_s[0]), float(w.time_s[-1])) for w in cut(wave)]
+        windows = [(float(w.time_s[0]), float(w.time_s[-1])) for w in cut_free_windows(wave)]
     except HrgError:
         return [run], []
     free = np.zeros(len(run), bool)
@@ -86,7 +86,7 @@ def stretches(on: Array) -> list[tuple[int, int]]:
     ]
 
 
-def decaying(amplitude: Array, good: Array) -> Array:
+def find_decay(amplitude: Array, good: Array) -> Array:
     """Rows in steady decay: pieces whose fall of ln a_A is above half the typical fall of the
     fastest tenth; ends are shed."""
     n = len(amplitude)
@@ -108,7 +108,7 @@ def decaying(amplitude: Array, good: Array) -> Array:
     return np.concatenate([rows, np.zeros(n - len(rows), bool)])
 
 
-def most_different(runs: Sequence[EnvelopeRun], count: int) -> list[int]:
+def choose_different(runs: Sequence[EnvelopeRun], count: int) -> list[int]:
     """Indices of `count` runs spread widest in the wave's Stokes direction and rate, chosen one
     after the other, the longest first."""
     features = []

@@ -73,7 +73,7 @@ class Frozen:
         )
 
 
-def frozen(waves: Sequence[Wave]) -> list[list[Frozen]]:
+def find_frozen(waves: Sequence[Wave]) -> list[list[Frozen]]:
     """What stands still in each wave, read block by block: whole channels, else single columns.
 
     A channel that is nought in every run was not recorded, and nothing is said of its ellipse.

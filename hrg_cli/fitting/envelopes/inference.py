@@ -145,7 +145,7 @@ def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> N
 def parameters_by_z(fit: Fit, mode_number: int) -> Array:
     """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by
     rounding."""
-    _, slopes = coordinates.physical(fit.p, mode_number)
+    _, slopes = coordinates.to_parameters(fit.p, mode_number)
     through = slopes @ fit.freedom.directions
     return np.where(
         np.abs(through) > 1e-12 * (np.abs(slopes) @ np.abs(fit.freedom.directions)), through, 0.0
@@ -163,7 +163,7 @@ def parameter_covariance(
     The size of a split that is lost in noise keeps the standard deviation of a component; its axis
     has the spread of its components'.
     """
-    values, _ = coordinates.physical(fit.p, mode_number)
+    values, _ = coordinates.to_parameters(fit.p, mode_number)
     cov_z = covariance_z(fit, factor) + (0.0 if between is None else between)
     cov_p = fit.freedom.directions @ cov_z @ fit.freedom.directions.T
     through = parameters_by_z(fit, mode_number)
@@ -221,7 +221,7 @@ def between_runs(fit: Fit) -> Array:
     return out
 
 
-def considered(fit: Fit, coordinate: int, std: float) -> Array:
+def widen_by_held(fit: Fit, coordinate: int, std: float) -> Array:
     """Covariance of z (k, k) by a held coordinate that is known to `std` only: how the fit would
     move with it, squared."""
     response = fit.response

@@ -19,7 +19,7 @@ import numpy as np
 from . import coordinates, matrices
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
-from .matrices import Matrix, Vector, applied, product
+from .matrices import Matrix, Vector, apply, product
 
 Array = np.ndarray
 CONVERGED = 1e-3
@@ -137,10 +137,10 @@ class Response:
     ) -> tuple[tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector], Vector]:
         """Φ⁻¹ E Φ u₀ of E = R_c, R_s, J at the rows (R, n) and between them (R, n − 1), and Φ u₀
         there."""
-        between = applied(self.middle, (self.state.start[:, :1], self.state.start[:, 1:]))
+        between = apply(self.middle, (self.state.start[:, :1], self.state.start[:, 1:]))
         return (
-            matrices.reflected_and_pulled(self.phi, self.flow),
-            matrices.reflected_and_pulled(self.middle, between),
+            matrices.reflect_and_pull(self.phi, self.flow),
+            matrices.reflect_and_pull(self.middle, between),
             between,
         )
 
@@ -156,7 +156,7 @@ class Response:
             total = np.zeros((*y.shape[:-1], y.shape[-1] + 1), complex)
             np.cumsum((x + 4 * y + z) * sixth, axis=-1, out=total[..., 1:])
             path.append(total * self.turn)
-        return np.stack(applied(self.phi, (path[0], path[1])), axis=-1)
+        return np.stack(apply(self.phi, (path[0], path[1])), axis=-1)
 
     def turning_sensitivity(self, begin: Array, middle: Array, end: Array) -> Array:
         """Change of the envelopes (k, R, n, 2) by a rate times K that grows by (k, R, n − 1) at the
@@ -184,9 +184,9 @@ class Response:
         ends = []
         for part in (slice(None, -1), slice(1, None)):
             back, (x, y) = matrices.inverse(matrices.columns(self.phi, part)), self.flow
-            ends.append(applied(back, applied(self.second, (x[:, part], y[:, part]))))
+            ends.append(apply(back, apply(self.second, (x[:, part], y[:, part]))))
         out[6] = self._carried(
-            ends[0], applied(matrices.inverse(self.middle), applied(self.second, flow)), ends[1]
+            ends[0], apply(matrices.inverse(self.middle), apply(self.second, flow)), ends[1]
         )
         return out
 
@@ -259,7 +259,7 @@ def respond(data: Batch, state: State) -> Response:
         growth
         + 1j * sum(state.phase[:, k - 1 : k] * x**k for k in range(1, state.phase.shape[1] + 1))
     )
-    flow = applied(phi, (state.start[:, :1], state.start[:, 1:]))
+    flow = apply(phi, (state.start[:, :1], state.start[:, 1:]))
     model = np.stack([flow[0] * turn, flow[1] * turn], axis=-1)
     return Response(data, state, model, turn, phi, middle, flow, second)
 
@@ -336,7 +336,7 @@ def triangle(matrix: Array) -> Array:
     return np.asarray(np.linalg.qr(matrix, mode="r"))
 
 
-def reduced(response: Response, freedom: Freedom) -> tuple[Array, Array, Array, Array]:
+def eliminate_nuisances(response: Response, freedom: Freedom) -> tuple[Array, Array, Array, Array]:
     """Each run's design with its own nuisances eliminated by QR: rows of ∂/∂z and residual stacked
     over the runs, what gives the nuisance steps back (R, k, ·), and Δχ² (R,) that two further
     orders of each run's phase would gain.
@@ -381,7 +381,7 @@ def fit(
     current, converged, iteration = cost(response, z), False, 0
     while iteration < max_iterations:
         iteration += 1
-        design, residual, back, gain = reduced(response, freedom)
+        design, residual, back, gain = eliminate_nuisances(response, freedom)
         full = np.concatenate([design, prior_rows])
         target = np.concatenate([residual, prior_rows @ (freedom.prior_mean - z)])
         if not (np.isfinite(full).all() and np.isfinite(target).all()):
@@ -411,7 +411,7 @@ def fit(
             converged = True
             break
     if not converged:  # else the last step was too small to change it
-        design, _, _, gain = reduced(response, freedom)
+        design, _, _, gain = eliminate_nuisances(response, freedom)
     residual = response.residual()
     dof = _dof(data, freedom, phase)
     return Fit(
@@ -447,7 +447,7 @@ def _dof(data: Batch, freedom: Freedom, phase: Array) -> int:
     return max(1, 4 * rows - len(data.runs) * (4 + phase.shape[1]) - len(freedom.names))
 
 
-def free(
+def free_coordinates(
     names: Sequence[str], origin: Array, prior: dict[str, tuple[float, float]] | None = None
 ) -> Freedom:
     """Coordinates fitted one by one, the others held at `origin` (7,)."""

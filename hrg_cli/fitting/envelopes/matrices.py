@@ -24,7 +24,7 @@ def product(a: Matrix, b: Matrix) -> Matrix:
     )
 
 
-def applied(m: Matrix, v: Vector) -> Vector:
+def apply(m: Matrix, v: Vector) -> Vector:
     """m·v."""
     return m[0] * v[0] + m[1] * v[1], m[2] * v[0] + m[3] * v[1]
 
@@ -39,7 +39,7 @@ def inverse(m: Matrix) -> Matrix:
     return m[3], -m[1], -m[2], m[0]
 
 
-def reflected_and_pulled(m: Matrix, v: Vector) -> tuple[Vector, Vector, Vector]:
+def reflect_and_pull(m: Matrix, v: Vector) -> tuple[Vector, Vector, Vector]:
     """m⁻¹ R_c v, m⁻¹ R_s v and m⁻¹ J v for matrices of determinant 1."""
     x, y = v
     ax, ay, bx, by = m[0] * x, m[0] * y, m[1] * x, m[1] * y

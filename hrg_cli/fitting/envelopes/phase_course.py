@@ -67,7 +67,7 @@ def _bend(run: EnvelopeRun, scale_factor: float) -> Course:
     return phase - line
 
 
-def straightened(
+def straighten_phases(
     runs: Sequence[EnvelopeRun], courses: Sequence[Course], sign: float = -1.0
 ) -> list[EnvelopeRun]:
     """Runs with these courses of the phase taken off (or, sign +1, put back)."""
@@ -79,7 +79,7 @@ def straightened(
     ]
 
 
-def bent_back(
+def bend_back(
     data: Batch, runs: Sequence[EnvelopeRun], courses: Sequence[Course], phase: Array
 ) -> tuple[list[EnvelopeRun], Array]:
     """Rows of straightened runs with the courses put back, and the phase coefficients (R, k) of

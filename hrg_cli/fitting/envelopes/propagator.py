@@ -16,9 +16,9 @@ import numpy as np
 
 from . import coordinates, matrices
 from .coordinates import COUNT, DAMPING, SCALE_FACTOR
-from .envelope_runs import EnvelopeRun, averaged
+from .envelope_runs import EnvelopeRun, average_rows
 from .likelihood import Freedom
-from .matrices import Matrix, applied
+from .matrices import Matrix, apply
 
 Array = np.ndarray
 START_BLOCKS = 1000
@@ -71,7 +71,7 @@ def scale_factor(runs: Sequence[EnvelopeRun]) -> float:
     return top / bottom if bottom > 0 else 0.0
 
 
-def rough(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
+def guess_roughly(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
     """First guess: coordinates (7,) without any anisotropy, and the runs' frequency offsets (R,) in
     rad/s."""
     p = np.zeros(COUNT)
@@ -91,7 +91,7 @@ def plain_exponential(p: Array, dt: Array, turn: Array, offset_rad_s: Array | fl
 
 def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Matrix]:
     """Propagator over (dt, table turn) of the plain generator with a frequency offset, for
-    `averaged`."""
+    `average_rows`."""
     return lambda dt, turn: plain_exponential(p, dt, turn, offset_rad_s)
 
 
@@ -128,7 +128,7 @@ def pairs(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False) -> 
     return Pairs(before, after, dt, turn, weight, np.flatnonzero(np.diff(which, prepend=-1)), which)
 
 
-def reflected(v: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
+def reflect(v: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
     """R_c v, R_s v and J v."""
     return (v[0], -v[1]), (v[1], v[0]), (v[1], -v[0])
 
@@ -145,11 +145,11 @@ def regress(
     factor = np.exp((mean + 1j * offsets[data.run]) * dt)
     before = data.before[:, 0] * factor, data.before[:, 1] * factor
     whole, even, third, slope = matrices.exponential_slopes(L, dt)
-    flow, turned = applied(whole, before), applied(L, before)
+    flow, turned = apply(whole, before), apply(L, before)
     columns = np.empty((6, len(dt), 2), complex)
     columns[0, :, 0], columns[0, :, 1] = -dt * flow[0], -dt * flow[1]  # ν alone commutes
     for row, trace, image in zip(
-        (1, 2, 5), (2 * L[0], L[1] + L[2], L[2] - L[1]), reflected(before), strict=True
+        (1, 2, 5), (2 * L[0], L[1] + L[2], L[2] - L[1]), reflect(before), strict=True
     ):
         for channel in (0, 1):
             columns[row, :, channel] = (
@@ -197,9 +197,9 @@ def regress(
     )
 
 
-def missed(data: Pairs, p: Array, offsets: Array) -> float:
+def largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
     """Largest part of a run's energy that coordinates and offsets miss over the pairs."""
-    x, y = applied(
+    x, y = apply(
         plain_exponential(p, data.dt, data.turn, offsets[data.run]),
         (data.before[:, 0], data.before[:, 1]),
     )
@@ -218,7 +218,11 @@ def identify(
     shortest = 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs)
     lags = [lag for lag in (max(f * span, shortest) for f in LAG_FRACTIONS) if lag <= 0.9 * span]
     ready = next(
-        (i for i in reversed(range(len(lags))) if missed(pairs(runs, lags[i]), p, offsets) < NEAR),
+        (
+            i
+            for i in reversed(range(len(lags)))
+            if largest_miss(pairs(runs, lags[i]), p, offsets) < NEAR
+        ),
         0,
     )
     for lag in lags[ready:]:
@@ -249,8 +253,8 @@ def _over_a_lag(change: Array, data: Pairs) -> float:
     )
 
 
-def thinned(
+def thin_rows(
     runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int
 ) -> list[EnvelopeRun]:
     """Runs averaged to at most `blocks` rows each along the motion of p and the offsets."""
-    return [averaged(r, blocks, carry(p, offset)) for r, offset in zip(runs, offsets)]
+    return [average_rows(r, blocks, carry(p, offset)) for r, offset in zip(runs, offsets)]

@@ -27,7 +27,7 @@ from .rate_from_model import (
     RateEstimate,
     node_count,
 )
-from .resonator_spread import from_vector, mechanics_of, moved, vector_covariance, vector_of
+from .resonator_spread import from_vector, mechanics_of, spread_points, vector_covariance, vector_of
 
 Array = np.ndarray
 ROWS = 4000
@@ -72,7 +72,7 @@ def rate_driven(
     windows = len(run.time_s)
     count, most = node_count(wave.run_id or "the run", windows, float(wave.window_s), nodes)
     errors = (main_phase_error_rad, quadrature_phase_error_rad)
-    found = _fitted(run, resonator, g, count, errors)
+    found = _fit_nodes(run, resonator, g, count, errors)
     while True:
         found = dataclasses.replace(
             found, most_nodes=min(most, MOST_NODES), window_s=float(wave.window_s)
@@ -80,7 +80,7 @@ def rate_driven(
         finer_count = 2 * len(found.time_s) - 1
         if finer_count > min(windows // ROWS_A_FINER_NODE, MOST_NODES):
             return found
-        finer = _fitted(run, resonator, g, finer_count, errors)
+        finer = _fit_nodes(run, resonator, g, finer_count, errors)
         fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(
             1.0, finer.chi2_per_dof
         )
@@ -121,7 +121,7 @@ def _run(wave: Wave, g: Mechanics) -> _Run:
     )  # fmt: skip
 
 
-def _fitted(
+def _fit_nodes(
     run: _Run, resonator: Resonator, g: Mechanics, nodes: int, errors: tuple[float, float]
 ) -> RateEstimate:
     """Weighted least squares of mθ − ∫D dt + K∫Ω dt on a constant and the nodes, rows averaged
@@ -144,7 +144,7 @@ def _fitted(
     )
     operator = np.linalg.pinv(design)
     drift = np.atleast_2d(_drift(g, run, errors))
-    data = mean(run.turned - _cumulated(drift, t))[:, 0] / std
+    data = mean(run.turned - _cumulate(drift, t))[:, 0] / std
     x = operator @ data
     chi2 = float(np.sum((data - design @ x) ** 2))
     dof = max(1, len(size) - nodes - 1)
@@ -178,8 +178,8 @@ def _of_ratio(run: _Run, g: Mechanics, rows: Array, groups: Array) -> Array:
 def _of_resonator(run, resonator, g, operator, mean, std, errors):  # type: ignore[no-untyped-def]
     """Covariance of the nodes by the resonator's: the fit with the resonator moved along each of
     its uncertain directions."""
-    gyros = from_vector(moved(vector_of(g), vector_covariance(resonator)), g)
-    data = run.turned - _cumulated(_drift(gyros, run, errors), run.time_s)
+    gyros = from_vector(spread_points(vector_of(g), vector_covariance(resonator)), g)
+    data = run.turned - _cumulate(_drift(gyros, run, errors), run.time_s)
     rates = (operator @ (mean(data) / std[:, None]))[1:] * (
         g.scale_factor / np.ravel(gyros.scale_factor)
     )
@@ -188,7 +188,7 @@ def _of_resonator(run, resonator, g, operator, mean, std, errors):  # type: igno
     return odd @ odd.T
 
 
-def _cumulated(values: Array, t: Array) -> Array:
+def _cumulate(values: Array, t: Array) -> Array:
     """∫ from the first row along the last axis, by the trapezium rule."""
     pieces = (values[..., 1:] + values[..., :-1]) / 2 * np.diff(t)
     return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)

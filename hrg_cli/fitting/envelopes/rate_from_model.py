@@ -133,14 +133,14 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         return told(
             found
             if finer_count > checked
-            else _asked(found, _fitted(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p))
+            else _asked(found, _fit_rate(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p))
         )
     found = _first(run, count, p)
     while 2 * len(found.time_s) - 1 <= checked:
         finer_count = 2 * len(found.time_s) - 1
         # what too few nodes found is no start for more
         finer = (
-            _fitted(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p)
+            _fit_rate(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p)
             if found.adequate
             else _first(run, finer_count, p)
         )
@@ -170,7 +170,7 @@ def _asked(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
 def _first(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
     """The fit from the Stokes start."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
-    return _fitted(run, grid, stokes_start(run, grid, p), _plain(run, grid, p[SCALE_FACTOR]), p)
+    return _fit_rate(run, grid, stokes_start(run, grid, p), _plain(run, grid, p[SCALE_FACTOR]), p)
 
 
 def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
@@ -180,7 +180,7 @@ def _best(run: EnvelopeRun, nodes: int, p: Array) -> RateEstimate:
     plain = _plain(run, grid, p[SCALE_FACTOR])
     best: RateEstimate | None = None
     for rate in (stokes_start(run, grid, p), np.full(nodes, plain.mean()), plain):
-        found = _fitted(run, grid, rate, plain, p)
+        found = _fit_rate(run, grid, rate, plain, p)
         if best is None or found.chi2_per_dof < best.chi2_per_dof:
             best = found
         if best.adequate:
@@ -248,7 +248,7 @@ def _cardinal(time_s: Array, grid: Array) -> Array:
     return np.asarray(CubicSpline(grid, np.eye(len(grid)))(time_s)).T
 
 
-def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array) -> RateEstimate:
+def _fit_rate(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array) -> RateEstimate:
     """Gauss–Newton with step halving from a rate; the rows are averaged along the motion found
     until that moves it no more."""
     result, moved = None, np.inf
@@ -256,12 +256,14 @@ def _fitted(whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array
         turn = integrate(_cardinal(whole.time_s, grid).T @ rate, whole.time_s)
         run = replace(whole, turn_rad=turn)
         offset = _offset(run, p)
-        count = min(rows.needed(p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS)
+        count = min(
+            rows.rows_needed(p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS
+        )
         start = respond(
             batch([run.rows(slice(None, None, max(1, len(run) - 1)))]),
             State(p, run.envelope[:1], np.array([[offset * run.duration_s]])),
         )
-        run = rows.along([run], start, count)[0]
+        run = rows.average_along([run], start, count)[0]
         result = _from(run, grid, rate, plain, p, offset)
         moved = float(
             np.max(np.abs(result.rate_rad_s - rate) / np.maximum(result.rate_rad_s_std, 1e-300))

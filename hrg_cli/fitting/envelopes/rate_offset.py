@@ -16,7 +16,7 @@ import numpy as np
 
 from .base_fit import Known, base_fit
 from .coordinates import SCALE_FACTOR
-from .envelope_runs import EnvelopeRun, turned_by
+from .envelope_runs import EnvelopeRun, turn_table
 from .likelihood import Fit, real
 
 Array = np.ndarray
@@ -50,7 +50,7 @@ def rate_offset(
     nothing can be fitted."""
     value, before = start_rad_s, np.inf
     for _ in range(STEPS):
-        fit = base_fit([turned_by(r, value) for r in runs], known, blocks)
+        fit = base_fit([turn_table(r, value) for r in runs], known, blocks)
         step, std, beside, distinct = _step(fit)
         if not np.isfinite(step) or distinct < DISTINCT:
             break

@@ -56,7 +56,7 @@ class Regression:
 
 
 @dataclass(frozen=True)
-class Rows:
+class WeightedRows:
     """Weighted rows of one run with its own unknowns (frequency, first values) projected off:
     design (N, k), target (N,), the projector's basis (N, c) and the weights (N,).
     """
@@ -67,7 +67,7 @@ class Rows:
     weight: Array
 
 
-def weighted(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> Rows:
+def weigh(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> WeightedRows:
     """The regression's rows: the equations themselves, or the running sums of increments, begun
     anew after a gap."""
     shared, target, weight = (
@@ -93,7 +93,7 @@ def weighted(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> Rows:
     basis = np.linalg.qr(own[:, size > 0])[0]
     rows = np.column_stack([shared, target]) * weight[:, None]
     rows = rows - basis @ (basis.T @ rows)
-    return Rows(rows[:, :-1], rows[:, -1], basis, weight)
+    return WeightedRows(rows[:, :-1], rows[:, -1], basis, weight)
 
 
 def truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Array]:
@@ -188,21 +188,21 @@ def _none(reason: str) -> Regression:
 
 
 @dataclass(frozen=True)
-class Solution:
+class LinearSolution:
     """Coordinates p (7,), NaN where the equations say nothing; z = inverse (k, N)·targets, p =
     origin + directions (7, k)·z; the rows of every run."""
 
     p: Array
     inverse: Array
     directions: Array
-    parts: list[Rows]
+    parts: list[WeightedRows]
 
 
 def _least_squares(
     runs: Sequence[EnvelopeRun], equations: Sequence[Equations], freedom: Freedom
-) -> Solution | None:
+) -> LinearSolution | None:
     """The equations' weighted least squares; None where no equation weighs anything."""
-    parts = [weighted(run, e, freedom) for run, e in zip(runs, equations, strict=True)]
+    parts = [weigh(run, e, freedom) for run, e in zip(runs, equations, strict=True)]
     design, target = (
         np.concatenate([p.design for p in parts]),
         np.concatenate([p.target for p in parts]),
@@ -218,7 +218,7 @@ def _least_squares(
     D = freedom.directions[:, used]
     p = freedom.origin + D @ (inverse @ target)
     p[~(np.abs(D).sum(axis=1) > 0) & (np.abs(freedom.directions).sum(axis=1) > 0)] = np.nan
-    return Solution(p, inverse, D, parts)
+    return LinearSolution(p, inverse, D, parts)
 
 
 def _misfit(
@@ -241,7 +241,7 @@ def _spread(
     runs: Sequence[EnvelopeRun],
     equations: Sequence[Equations],
     left_out: Sequence[Array],
-    solution: Solution,
+    solution: LinearSolution,
     method: str,
     eliminate_rate: bool,
 ) -> Spread:

@@ -58,14 +58,14 @@ def profile(
 ) -> dict[str, dict[str, list[float]]]:
     """Profile-likelihood intervals (68 and 95 %) of each fitted parameter: the others fitted again
     at ±1, 2, 3 standard deviations."""
-    values, _ = coordinates.physical(best.p, mode_number)
+    values, _ = coordinates.to_parameters(best.p, mode_number)
     out = {}
     for row, name in enumerate(OF_GENERATOR):
         if name not in std or not std[name] > 0 or not _moves(best.freedom, row):
             continue
         steps, roots = [0.0], [0.0]
         for size in PROFILE_STEPS:
-            chi2 = _held(best, row, float(values[row]) + size * std[name], mode_number)
+            chi2 = _chi2_held(best, row, float(values[row]) + size * std[name], mode_number)
             steps.append(size)
             roots.append(float(np.sign(size) * np.sqrt(max(0.0, chi2 - best.chi2) / factor)))
         order = np.argsort(steps)
@@ -98,7 +98,7 @@ def _moves(freedom: Freedom, row: int) -> bool:
     return moved == len(index)
 
 
-def _held(best: Fit, row: int, value: float, mode_number: int) -> float:
+def _chi2_held(best: Fit, row: int, value: float, mode_number: int) -> float:
     """χ² (with priors) of the best fit with one physical parameter held."""
     response, freedom = best.response, best.freedom
     state, p = response.state, best.p.copy()

@@ -128,7 +128,7 @@ def _slopes(
     return [(first, float(np.cos(angle))), (first + 1, float(np.sin(angle)))]
 
 
-def moved(x: Array, covariance: Array) -> Array:
+def spread_points(x: Array, covariance: Array) -> Array:
     """x (k,), then x ± σe along every principal direction of its covariance (k, k), (1 + 2k, k)."""
     size, direction = np.linalg.eigh((covariance + covariance.T) / 2)
     step = (direction * np.sqrt(np.maximum(size, 0.0))).T
@@ -136,7 +136,7 @@ def moved(x: Array, covariance: Array) -> Array:
 
 
 def deviation(values: Array) -> Array:
-    """Standard deviation of f from its values (1 + 2k, ...) at the vectors of `moved`."""
+    """Standard deviation of f from its values (1 + 2k, ...) at the vectors of `spread_points`."""
     half = (len(values) - 1) // 2
     plus, minus, centre = values[1 : 1 + half], values[1 + half :], values[0]
     return np.asarray(

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import HrgError
 from . import coordinates, matrices
-from .envelope_runs import EnvelopeRun, averaged
+from .envelope_runs import EnvelopeRun, average_rows
 from .likelihood import Response
 from .matrices import Matrix
 
@@ -38,7 +38,7 @@ def speed(run: EnvelopeRun, p: Array) -> float:
     return float(abs(p[5]) * turning + abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]))
 
 
-def needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
+def rows_needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
     """Rows a run, at least `least`, so that none spans more than a quarter radian of motion; fewer
     windows than that are not averaged.
 
@@ -62,11 +62,11 @@ def needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
     return rows
 
 
-def along(runs: Sequence[EnvelopeRun], response: Response, rows: int) -> list[EnvelopeRun]:
+def average_along(runs: Sequence[EnvelopeRun], response: Response, rows: int) -> list[EnvelopeRun]:
     """Runs averaged to at most `rows` rows each along the motion of a fit: its generator, second
     order and phase."""
     return [
-        averaged(run, rows, carry, phase)
+        average_rows(run, rows, carry, phase)
         for run, (carry, phase) in zip(runs, motions(runs, response), strict=True)
     ]
 
@@ -74,7 +74,7 @@ def along(runs: Sequence[EnvelopeRun], response: Response, rows: int) -> list[En
 def motions(
     runs: Sequence[EnvelopeRun], response: Response
 ) -> list[tuple[Carry, Callable[[Array], Array]]]:
-    """Each run's motion by a fit, as `averaged` takes it: the propagator over (dt, table turn), and
+    """Each run's motion by a fit, as `average_rows` takes it: the propagator over (dt, table turn), and
     the phase [rad] at times [s]."""
     state, data = response.state, response.batch
     offsets = state.offsets_rad_s(data.span_s)

@@ -133,7 +133,7 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     )
 
 
-def resolved(two: Modes, one: Modes) -> bool:
+def are_resolved(two: Modes, one: Modes) -> bool:
     """Whether the second mode is there: χ² falls by far more than chance, and the modes are apart
     by more than their errors."""
     gain = one.chi2_per_dof * one.dof - two.chi2_per_dof * two.dof

@@ -25,7 +25,7 @@ from .windows import (
     pooled_variance,
     pull_noise,
     slopes,
-    unpulled,
+    take_off_pull,
 )
 
 Array = np.ndarray
@@ -283,11 +283,11 @@ class Demodulator:
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
         if slope is not None and (fits.apart or motion_counts(residual2, slope, fits.slope)):
-            still = unpulled(u, slope, turn, fits.slope)
+            still = take_off_pull(u, slope, turn, fits.slope)
             slope = better_slopes(still, slope, offset, self.window_s)
             known = None if fits.apart else motion_residual(slope, turn, fits.slope)
         if slope is not None:
-            u = unpulled(u, slope, turn, fits.slope)
+            u = take_off_pull(u, slope, turn, fits.slope)
         bend = doubt = None
         smooth = self._judged(u, times)
         if self.periods_asked >= MOVING_PERIODS or self._bends(smooth, offset, fits):
@@ -298,7 +298,7 @@ class Demodulator:
             else pull_noise(fits.slope, None, self.window_s)
         )
         if bend is not None:
-            u = unpulled(u, bend, turn, fits.curvature)
+            u = take_off_pull(u, bend, turn, fits.curvature)
             if motion_counts(residual2, bend, fits.curvature):
                 known = motion_residual(bend, turn, fits.curvature) + (
                     0.0 if known is None else known

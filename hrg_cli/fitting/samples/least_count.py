@@ -25,7 +25,7 @@ ROUNDINGS = 4.0
 """A step must exceed the number format's own rounding so many times."""
 
 
-def counted(values: Array) -> tuple[Array, Array]:
+def count_values(values: Array) -> tuple[Array, Array]:
     """The distinct values (k,), rising, and how often each stands; numpy's own `unique` loads
     masked arrays, which costs a command time."""
     ordered = np.sort(values)
@@ -42,7 +42,7 @@ def least_count(parts: Iterable[Array]) -> float:
     lattice by their rounding), and held against all of them.
     """
     arrays = [np.asarray(part).ravel() for part in parts]
-    values: Any = counted(np.concatenate(arrays))[0] if arrays else np.zeros(0)
+    values: Any = count_values(np.concatenate(arrays))[0] if arrays else np.zeros(0)
     if values.dtype.kind in "iub":
         steps = np.diff(values.astype(np.int64))
         return float(np.gcd.reduce(steps)) if len(values) >= FEWEST_VALUES else 1.0

@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import HrgError
 from ...records import Recording
 from . import frequency as finding
-from .least_count import counted, least_count
+from .least_count import count_values, least_count
 from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray
@@ -399,7 +399,7 @@ def _stuck_at_top(values: Array) -> bool:
     values = values[np.isfinite(values)]
     if len(values) < 8 or np.count_nonzero(values == values.max()) < 5:
         return False
-    distinct, counts = counted(values)
+    distinct, counts = count_values(values)
     if len(distinct) < 8:
         return False
     amplitude = max(1.0, float(np.ptp(distinct)) / 2 / max(float(np.diff(distinct).min()), 1e-300))

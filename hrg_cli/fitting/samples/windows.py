@@ -249,7 +249,7 @@ def _spread(inner: Array, h: int, turn: Array) -> Array:
     return out
 
 
-def unpulled(u: Array, motion: Array, turn: Array, by: Pull) -> Array:
+def take_off_pull(u: Array, motion: Array, turn: Array, by: Pull) -> Array:
     """The envelopes u without the pull of a motion M, all in reference phase: U − (α M + β M*) with
     U = u·conj(`turn`)."""
     if u.shape[2] == 1 and len(by.alpha) == 1:

@@ -29,7 +29,7 @@ the interval)."""
 
 
 @dataclass(frozen=True)
-class Layout:
+class TableLayout:
     """Order of the coefficients: node-major, a node's drift harmonics then its scale-factor
     harmonics; then the factors' columns."""
 
@@ -141,7 +141,7 @@ class Model:
         return int(self.matrix.shape[1])
 
 
-def design(run: Path, layout: Layout, previous: Array | None, rows: slice) -> Array:
+def design(run: Path, layout: TableLayout, previous: Array | None, rows: slice) -> Array:
     """Columns (n, size) of m·Δθ for the increments `rows` of a run. `previous` coefficients
     linearise the monotone interpolation."""
     path = run.part(rows)
@@ -203,7 +203,7 @@ def piece_of(length: int) -> Array:
 def accumulate(
     paths: Sequence[Path],
     noises: Sequence[AngleNoise],
-    layout: Layout,
+    layout: TableLayout,
     turns: Sequence[Array],
     previous: Array | None = None,
 ) -> Pieces:
@@ -240,8 +240,8 @@ def stretches(length: int) -> list[slice]:
     ]
 
 
-def predicted(
-    path: Path, layout: Layout, coefficients: Array, previous: Array | None = None
+def predict_turn(
+    path: Path, layout: TableLayout, coefficients: Array, previous: Array | None = None
 ) -> Array:
     """m·Δθ (n, …) of given coefficients (size, …), a stretch at a time."""
     return np.concatenate(
@@ -250,7 +250,7 @@ def predicted(
 
 
 @dataclass(frozen=True)
-class Solution:
+class TableSolution:
     """Coefficients in the full set, their covariance and the effective number of coefficients."""
 
     coefficients: Array
@@ -260,7 +260,7 @@ class Solution:
 
 def solve(
     information: Array, vector: Array, model: Model, penalty: Array | None = None
-) -> Solution:
+) -> TableSolution:
     """Least squares in a model's space; directions the data do not see (scaled eigenvalue <
     `LEAST_SEEN`) stay at zero."""
     M = model.matrix
@@ -276,7 +276,7 @@ def solve(
     seen = values > LEAST_SEEN
     inverse = np.where(seen, 1 / np.where(seen, values, 1.0), 0.0)
     covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
-    return Solution(
+    return TableSolution(
         start + M @ (covariance @ b), M @ covariance @ M.T, float(np.trace(covariance @ data))
     )
 
@@ -293,9 +293,9 @@ class Fitted:
     paths: list[Path]
     turns: list[Array]
     noises: list[AngleNoise]
-    layout: Layout
+    layout: TableLayout
     pieces: Pieces
-    solution: Solution
+    solution: TableSolution
     chi2_per_dof: float
     jumps: int
 
@@ -340,8 +340,13 @@ class Coarse:
         return bands
 
 
-def coarsened(
-    path: Path, noise: AngleNoise, turn: Array, layout: Layout, model: Model, previous: Array | None
+def coarsen(
+    path: Path,
+    noise: AngleNoise,
+    turn: Array,
+    layout: TableLayout,
+    model: Model,
+    previous: Array | None,
 ) -> Coarse:
     """The run's model columns and turn, averaged to some sixty blocks, a stretch at a time."""
     many = max(1, (len(path) + 1) // COARSE_BLOCKS)
@@ -416,7 +421,7 @@ def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
 
 def fit(
     paths: Sequence[Path],
-    layout: Layout,
+    layout: TableLayout,
     model: Model | None = None,
     start: Fitted | None = None,
     sweeps: int = 2,
@@ -447,17 +452,17 @@ def fit(
             break
         coarse = []
         for r, path in enumerate(paths):
-            residual = turns[r] - predicted(path, layout, solution.coefficients, linearised)
+            residual = turns[r] - predict_turn(path, layout, solution.coefficients, linearised)
             jump = np.round(residual / np.pi)
             if jump.any():
                 # (mθ, φ) and (mθ + π, φ + π) are the same wave: a gap may hide half a turn of mθ
                 jumps += int(np.count_nonzero(jump))
                 path = paths[r] = path.without_jumps(jump)
                 turns[r] = path.turn
-                residual = turns[r] - predicted(path, layout, solution.coefficients, linearised)
+                residual = turns[r] - predict_turn(path, layout, solution.coefficients, linearised)
             lost = float(np.trace(solution.covariance @ pieces.information[r].sum(axis=0)))
             noises[r] = estimate_noise(path, residual, min(lost, len(residual) / 2))
-            coarse.append(coarsened(path, noises[r], turns[r], layout, model, linearised))
+            coarse.append(coarsen(path, noises[r], turns[r], layout, model, linearised))
         if sweep == 0 and start is None:
             # the first weights are a walk's: what such a fit leaves looks like a walk even where
             # there is none
@@ -469,7 +474,7 @@ def fit(
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)
 
 
-def roughness(layout: Layout) -> Array:
+def roughness(layout: TableLayout) -> Array:
     """Penalty (size, size) on the curvature of every harmonic along the nodes: ∫(d²/dx²)², scaled
     by each harmonic's own kind."""
     J = len(layout.nodes)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .joint import Layout, Solution
+from .joint import TableLayout, TableSolution
 
 Array = np.ndarray
 COMMON_SHARE = 0.75
@@ -53,7 +53,7 @@ class Doubtful:
 
 
 def doubtful_harmonics(
-    layout: Layout,
+    layout: TableLayout,
     kinds: Sequence[str],
     scale_factor: float,
     beyond: Mapping[str, int] | None = None,
@@ -77,14 +77,14 @@ def doubtful_harmonics(
     return out
 
 
-def averaged(
+def average_over_doubt(
     information: Array,
     vector: Array,
     seen: Array,
     doubtful: Sequence[Doubtful],
     seed: int,
     sweeps: int = SWEEPS,
-) -> Solution:
+) -> TableSolution:
     """Posterior mean and covariance of the coefficients with the doubtful harmonics' prior scales
     integrated out.
 
@@ -152,4 +152,6 @@ def averaged(
     coefficients, covariance = np.zeros(len(vector)), np.zeros_like(information)
     coefficients[active] = flat + away
     covariance[np.ix_(active, active)] = spread - np.outer(away, away)
-    return Solution(coefficients, covariance, float(np.trace((spread - np.outer(away, away)) @ A)))
+    return TableSolution(
+        coefficients, covariance, float(np.trace((spread - np.outer(away, away)) @ A))
+    )

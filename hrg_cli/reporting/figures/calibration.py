@@ -27,7 +27,7 @@ from .drawing import (
 def calibration_plots(record: Calibration, first_only: bool = False) -> list[Plot]:
     """Maps of D and K, their harmonics with σ, and the ladder; or the map of D alone."""
     mean = float(np.nanmean(record.scale_factor_harmonics[:, 0])) or 1.0
-    drift = _map(
+    drift = _draw_map(
         record,
         record.drift_rad_s / DEGREE_PER_HOUR,
         record.drift_rad_s_std / DEGREE_PER_HOUR,
@@ -39,7 +39,7 @@ def calibration_plots(record: Calibration, first_only: bool = False) -> list[Plo
         return [drift]
     found = [
         drift,
-        _map(
+        _draw_map(
             record,
             (record.scale_factor / mean - 1) * 1e6,
             record.scale_factor_std / abs(mean) * 1e6,
@@ -59,7 +59,7 @@ def _node_axis(record: Calibration) -> str:
     return "temperature, °C" if record.axis == "temperature" else "frequency, Hz"
 
 
-def _map(
+def _draw_map(
     record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str
 ) -> Plot:
     node, angle = np.asarray(record.node), np.degrees(np.asarray(record.wave_angle_rad))

@@ -28,7 +28,7 @@ SPREAD = 1e-9
 """Relative range of a covariate below which nothing can be seen against it."""
 
 
-class Motion(NamedTuple):
+class DepartureMotion(NamedTuple):
     """Main amplitude, quadrature over it, wave angle in rad and phase in rad of every row."""
 
     amplitude: Array
@@ -66,13 +66,15 @@ def departure_plots(record: Diagnosis, mode_number: int) -> list[Plot]:
     return found
 
 
-def _motion(series: Array, mode_number: int) -> Motion:
+def _motion(series: Array, mode_number: int) -> DepartureMotion:
     """The wave of rows Re C0, Re S0, Im C0, Im S0."""
     a_A, a_B, angle, phase = ellipse.wave(series[:, :2] + 1j * series[:, 2:], mode_number)
-    return Motion(a_A, a_B / np.where(a_A > 0, a_A, np.nan), angle, phase)
+    return DepartureMotion(a_A, a_B / np.where(a_A > 0, a_A, np.nan), angle, phase)
 
 
-def _worst_run(record: Diagnosis, measured: Motion, before: Motion, after: Motion) -> Plot:
+def _worst_run(
+    record: Diagnosis, measured: DepartureMotion, before: DepartureMotion, after: DepartureMotion
+) -> Plot:
     """Amplitude, wave angle and quadrature in time of the run that the base model fits worst."""
     runs = np.asarray(record.run)
     squares = np.sum(np.asarray(record.residual_before) ** 2, axis=1)

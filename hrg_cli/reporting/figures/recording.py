@@ -33,7 +33,7 @@ SPECTRUM_BINS = 700
 
 
 @dataclass(frozen=True)
-class Look:
+class RecordingLook:
     """One short stretch of a recording: times from the recording's start, both channels, sampling
     rate."""
 
@@ -61,7 +61,7 @@ def plots(record: Recording, truth: bool) -> list[Plot]:
     return found
 
 
-def _looks(record: Recording) -> list[Look]:
+def _looks(record: Recording) -> list[RecordingLook]:
     n = len(record)
     if n < 16:
         return []
@@ -81,11 +81,11 @@ def _looks(record: Recording) -> list[Look]:
             even = np.linspace(time[0], time[-1], len(time))
             signal = np.stack([np.interp(even, time, channel) for channel in signal])
             time = even
-        found.append(Look(time, signal, float(rate)))
+        found.append(RecordingLook(time, signal, float(rate)))
     return found
 
 
-def _frequency(looks: list[Look]) -> float:
+def _frequency(looks: list[RecordingLook]) -> float:
     """The strongest line of the first looks [Hz]."""
     best = max(looks[:8], key=lambda look: float(np.var(look.signal)))
     return _strongest(best.signal, best.rate_hz)
@@ -107,7 +107,7 @@ def _strongest(signal: Array, rate_hz: float) -> float:
     return float((top + offset) * rate_hz / (4 * n))
 
 
-def _overview(record: Recording, looks: list[Look]) -> Plot:
+def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
     figure, axes = panels(2, 1, height=1.75, sharex=True)
     factor, unit = time_unit(looks[-1].time_s[-1])
     pieces = max(1, 200 // len(looks))
@@ -142,7 +142,7 @@ def _unit(units: str) -> str:
     return "full scale" if units in ("", "1") else units
 
 
-def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
+def _orbit(record: Recording, looks: list[RecordingLook], frequency: float) -> Plot:
     """A few periods of S against C at the start, the middle and the end."""
     figure, axes = panels(1, 3, height=2.85, sharey=True, sharex=True)
     factor, unit = time_unit(looks[-1].time_s[-1])
@@ -185,7 +185,7 @@ def _orbit(record: Recording, looks: list[Look], frequency: float) -> Plot:
     )
 
 
-def _spectrum(record: Recording, looks: list[Look], frequency: float) -> Plot:
+def _spectrum(record: Recording, looks: list[RecordingLook], frequency: float) -> Plot:
     lines = 2 if record.readout == "carrier" else 1
     size = min(len(look.time_s) for look in looks)
     rate = looks[0].rate_hz

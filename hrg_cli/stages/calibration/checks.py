@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.increments import covariance_bands, whiten
-from ...fitting.tables.joint import Fitted, Solution, predicted
+from ...fitting.tables.joint import Fitted, TableSolution, predict_turn
 from ...fourier import harmonic_basis, node_weights
 
 Array = np.ndarray
@@ -16,7 +16,7 @@ STRAY_PROBABILITY = 1e-6
 LARGEST_DAMPING = 0.02
 
 
-def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
+def stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[str, Any]]:
     """Amplitudes of the harmonics mθ and 3mθ in the residual: no linear time-invariant defect makes
     them, an additive signal does.
 
@@ -41,7 +41,9 @@ def stray_harmonics(fitted: Fitted, solution: Solution) -> list[dict[str, Any]]:
                 np.concatenate([path.angle_basis(layout.drift_harmonics), odd], axis=1)
                 * path.interval_s[:, None]
             )
-            residual = turn - predicted(path, layout, solution.coefficients, solution.coefficients)
+            residual = turn - predict_turn(
+                path, layout, solution.coefficients, solution.coefficients
+            )
             white, _ = whiten(covariance_bands(path, noise), np.column_stack([columns, residual]))
             found, _, rank, _ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)
             if rank < white.shape[1] - 1:
@@ -89,7 +91,7 @@ def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
 
 
 def interpolation_doubt(
-    fitted: Fitted, solution: Solution, chi2: float, drift_limit: int, scale_limit: int
+    fitted: Fitted, solution: TableSolution, chi2: float, drift_limit: int, scale_limit: int
 ) -> dict[str, float]:
     """Standard deviation that interpolation adds midway between nodes, from predicting each inner
     node from the others.

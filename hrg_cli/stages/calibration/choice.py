@@ -10,13 +10,19 @@ from typing import Any
 import numpy as np
 
 from ...fitting.checks import Check
-from ...fitting.tables.joint import Fitted, Layout, Model, Solution, chi_square, solve
-from ...fitting.tables.shrinkage import FEWER_SWEEPS, SWEEPS, Doubtful, averaged, doubtful_harmonics
+from ...fitting.tables.joint import Fitted, Model, TableLayout, TableSolution, chi_square, solve
+from ...fitting.tables.shrinkage import (
+    FEWER_SWEEPS,
+    SWEEPS,
+    Doubtful,
+    average_over_doubt,
+    doubtful_harmonics,
+)
 from .figures import cells, figure_rows
 from .folds import choose_limits
-from .guards import Tried, judged
-from .resonators import Coefficients
-from .variants import NEEDS, VARIANTS, WHOLE_DRIFT, missing, tied, variant
+from .guards import VariantSolution, judge_variants
+from .resonators import ResonatorCoefficients
+from .variants import NEEDS, VARIANTS, WHOLE_DRIFT, missing, tie_course, variant
 
 Array = np.ndarray
 AS_WELL = 4.0
@@ -25,12 +31,12 @@ their errors make."""
 
 
 @dataclass(frozen=True)
-class Answer:
+class TriedVariant:
     """A variant tried: its solutions, the band limits used and stored, its checks, and χ² of the
     data left out."""
 
     name: str
-    tried: Tried
+    tried: VariantSolution
     limits: tuple[int, int]
     stored: tuple[int, int]
     checks: tuple[Check, ...]
@@ -72,8 +78,8 @@ def answers(
     folds: Array,
     names: Sequence[str],
     wanted: Wanted,
-    coefficients: Coefficients | None,
-) -> list[Answer]:
+    coefficients: ResonatorCoefficients | None,
+) -> list[TriedVariant]:
     """The named variants that these runs allow, solved and judged, in the order of the names."""
     limits: dict[str, tuple[int, int, dict[str, list[float]]]] = {}
     tries, used, stored = [], [], []
@@ -92,15 +98,15 @@ def answers(
             assert coefficients is not None
             tries.append(_foreign(layout, model, coefficients, int(folds.max()) + 1))
         elif name in WHOLE_DRIFT and wanted.in_doubt:
-            tries.append(_averaged(fitted, folds, model, wanted, (drift, scale)))
+            tries.append(_average_doubtful(fitted, folds, model, wanted, (drift, scale)))
         else:
-            tries.append(linear(fitted, folds, model))
+            tries.append(solve_linear(fitted, folds, model))
         own = (drift if name in WHOLE_DRIFT else 1, scale)
         used.append(own)
-        stored.append(own if name == "physical" else widest(layout, wanted, own))
-    checks = judged(fitted, folds, tries)
+        stored.append(own if name == "physical" else widest_limits(layout, wanted, own))
+    checks = judge_variants(fitted, folds, tries)
     return [
-        Answer(
+        TriedVariant(
             t.model.name,
             _with_doubt(fitted, t, wanted, u),
             u,
@@ -113,12 +119,14 @@ def answers(
     ]
 
 
-def _with_doubt(fitted: Fitted, tried: Tried, wanted: Wanted, limits: tuple[int, int]) -> Tried:
+def _with_doubt(
+    fitted: Fitted, tried: VariantSolution, wanted: Wanted, limits: tuple[int, int]
+) -> VariantSolution:
     """The solution of a model that holds the first harmonic alone, with the error that what it
     leaves out may make: no 0 ± 0.
 
     Of a constant drift, the error to which it was seen to be absent; of the harmonics in doubt
-    beyond the model's own, what they may be as `averaged` tells, and what that does to the others.
+    beyond the model's own, what they may be as `average_over_doubt` tells, and what that does to the others.
     """
     layout = fitted.layout
     constant = layout.part("drift", 0)
@@ -135,8 +143,8 @@ def _with_doubt(fitted: Fitted, tried: Tried, wanted: Wanted, limits: tuple[int,
 
 
 def _with_harmonics_in_doubt(
-    fitted: Fitted, tried: Tried, wanted: Wanted, limits: tuple[int, int]
-) -> Tried:
+    fitted: Fitted, tried: VariantSolution, wanted: Wanted, limits: tuple[int, int]
+) -> VariantSolution:
     """The solution with what harmonics c above the limits add to its error, E[(Gc)(Gc)ᵀ].
 
     Least squares without them gives C A P c too much, C its covariance, A the normal matrix, P
@@ -160,7 +168,7 @@ def _with_harmonics_in_doubt(
         for harmonic in left_out
     ]
     rest = b if model.start is None else b - A @ model.start
-    size = averaged(
+    size = average_over_doubt(
         both.T @ A @ both, both.T @ rest, np.eye(both.shape[1]), in_doubt, wanted.seed, FEWER_SWEEPS
     )
     c, spread = size.coefficients[model.free :], size.covariance[model.free :, model.free :]
@@ -169,7 +177,7 @@ def _with_harmonics_in_doubt(
     return replace(tried, solution=replace(tried.solution, covariance=C + more))
 
 
-def widest(layout: Layout, wanted: Wanted, limits: tuple[int, int]) -> tuple[int, int]:
+def widest_limits(layout: TableLayout, wanted: Wanted, limits: tuple[int, int]) -> tuple[int, int]:
     """Band limits of the tables that are stored: all harmonics where their number was left open."""
     return (
         layout.drift_harmonics if "drift" in wanted.in_doubt else limits[0],
@@ -177,27 +185,29 @@ def widest(layout: Layout, wanted: Wanted, limits: tuple[int, int]) -> tuple[int
     )
 
 
-def linear(fitted: Fitted, folds: Array, model: Model, penalty: Array | None = None) -> Tried:
+def solve_linear(
+    fitted: Fitted, folds: Array, model: Model, penalty: Array | None = None
+) -> VariantSolution:
     """Least squares on all runs, and without each fold."""
     A, b, _, _ = fitted.pieces.sum()
     held = []
     for f in range(int(folds.max()) + 1):
         A_f, b_f, _, _ = fitted.pieces.sum(folds == f)
         held.append(solve(A - A_f, b - b_f, model, penalty))
-    return Tried(model, solve(A, b, model, penalty), tuple(held))
+    return VariantSolution(model, solve(A, b, model, penalty), tuple(held))
 
 
-def again(
+def solve_again(
     fitted: Fitted,
     folds: Array,
-    answer: Answer,
+    answer: TriedVariant,
     model: Model,
     wanted: Wanted,
     penalty: Array | None = None,
-) -> Answer:
+) -> TriedVariant:
     """The answer solved anew with another model matrix or a penalty, and judged anew."""
-    tried = linear(fitted, folds, model, penalty)
-    ((checks, failed),) = judged(fitted, folds, [tried])
+    tried = solve_linear(fitted, folds, model, penalty)
+    ((checks, failed),) = judge_variants(fitted, folds, [tried])
     return replace(
         answer,
         tried=_with_doubt(fitted, tried, wanted, answer.limits),
@@ -208,9 +218,9 @@ def again(
     )
 
 
-def _averaged(
+def _average_doubtful(
     fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits: tuple[int, int]
-) -> Tried:
+) -> VariantSolution:
     """The same with the harmonics in doubt averaged over how large each may be."""
     layout = fitted.layout
     A, b, _, _ = fitted.pieces.sum()
@@ -218,12 +228,14 @@ def _averaged(
     in_doubt = doubtful_harmonics(
         layout, wanted.in_doubt, float(np.mean(layout.tables(first.coefficients)[1][:, 0]))
     )
-    stored = widest(layout, wanted, limits)
+    stored = widest_limits(layout, wanted, limits)
     seen = variant("table", layout, *stored).matrix[: layout.table_size]
     to_full = np.eye(layout.size)[:, : layout.table_size]
     if model.name == "combined":
         measured = layout.of_factors("quadrature_course")
-        to_full = np.concatenate([tied(layout, "ellipticity_course") @ to_full, measured], axis=1)
+        to_full = np.concatenate(
+            [tie_course(layout, "ellipticity_course") @ to_full, measured], axis=1
+        )
         width = measured.shape[1]
         seen = np.block(
             [
@@ -232,14 +244,14 @@ def _averaged(
             ]
         )
 
-    def once(information: Array, vector: Array, sweeps: int) -> Solution:
+    def once(information: Array, vector: Array, sweeps: int) -> TableSolution:
         return _reduced(information, vector, to_full, seen, in_doubt, wanted.seed, sweeps)
 
     held = []
     for f in range(int(folds.max()) + 1):
         A_f, b_f, _, _ = fitted.pieces.sum(folds == f)
         held.append(once(A - A_f, b - b_f, FEWER_SWEEPS))
-    return Tried(model, once(A, b, SWEEPS), tuple(held))
+    return VariantSolution(model, once(A, b, SWEEPS), tuple(held))
 
 
 def _reduced(
@@ -250,22 +262,24 @@ def _reduced(
     in_doubt: Sequence[Doubtful],
     seed: int,
     sweeps: int,
-) -> Solution:
-    found = averaged(to_full.T @ A @ to_full, to_full.T @ b, seen, in_doubt, seed, sweeps)
-    return Solution(
+) -> TableSolution:
+    found = average_over_doubt(to_full.T @ A @ to_full, to_full.T @ b, seen, in_doubt, seed, sweeps)
+    return TableSolution(
         to_full @ found.coefficients, to_full @ found.covariance @ to_full.T, found.degrees
     )
 
 
-def _foreign(layout: Layout, model: Model, coefficients: Coefficients, folds: int) -> Tried:
+def _foreign(
+    layout: TableLayout, model: Model, coefficients: ResonatorCoefficients, folds: int
+) -> VariantSolution:
     """The resonators' coefficients, with their covariance; nothing is fitted to the runs."""
     assert model.start is not None
     spread = coefficients.spread(layout)
-    solution = Solution(model.start, spread @ coefficients.at_nodes(layout)[1] @ spread.T, 0.0)
-    return Tried(model, solution, (solution,) * folds, foreign=True)
+    solution = TableSolution(model.start, spread @ coefficients.at_nodes(layout)[1] @ spread.T, 0.0)
+    return VariantSolution(model, solution, (solution,) * folds, foreign=True)
 
 
-def held_out(fitted: Fitted, folds: Array, tried: Tried) -> float:
+def held_out(fitted: Fitted, folds: Array, tried: VariantSolution) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted without itself."""
     return sum(
         chi_square(*fitted.pieces.sum(folds == f)[:3], solution.coefficients)
@@ -273,7 +287,7 @@ def held_out(fitted: Fitted, folds: Array, tried: Tried) -> float:
     )
 
 
-def best(tried: Sequence[Answer]) -> Answer:
+def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
     """Of the variants that pass every check, the one that predicts data left out best; of all,
     where none passes.
 
@@ -291,15 +305,15 @@ def best(tried: Sequence[Answer]) -> Answer:
     )
 
 
-def told(
-    fitted: Fitted, tried: Sequence[Answer], written: Answer, not_tried: dict[str, str]
+def explain_choice(
+    fitted: Fitted, tried: Sequence[TriedVariant], written: TriedVariant, not_tried: dict[str, str]
 ) -> dict[str, Any]:
     """Why a variant was chosen, for JSON and screen; where another was asked for, which `auto`
     would have taken."""
     rows = fitted.pieces.sum()[3]
     words = ", ".join(f"{a.name} {a.held_out_chi2 / max(rows, 1):.4g}" for a in tried)
     fitting = [a.name for a in tried if a.fits]
-    chosen = best(tried)
+    chosen = choose_best(tried)
     if chosen.fits:
         why = (
             f"{chosen.name} passes its checks and, of those that do ({', '.join(fitting)}),"
@@ -317,10 +331,10 @@ def told(
     }
 
 
-def compared(
+def compare_variants(
     fitted: Fitted,
     folds: Array,
-    tried: Sequence[Answer],
+    tried: Sequence[TriedVariant],
     scale_factor: float,
     draws: int,
     seed: int,
@@ -356,8 +370,8 @@ def compared(
     return rows
 
 
-def possible(
-    layout: Layout, coefficients: Coefficients | None, why_not_physical: str | None
+def list_possible(
+    layout: TableLayout, coefficients: ResonatorCoefficients | None, why_not_physical: str | None
 ) -> tuple[list[str], dict[str, str]]:
     """(variants these runs allow, the others with the reason)."""
     reasons = {name: missing(name, layout, coefficients) for name in VARIANTS}

@@ -12,13 +12,13 @@ import numpy as np
 from ...fitting.tables.joint import Fitted, Model, chi_square
 from ...records import Calibration, Wave
 from .checks import interpolation_doubt
-from .choice import Answer, Wanted, again
+from .choice import TriedVariant, Wanted, solve_again
 from .figures import cells, figure_rows, predictions
 from .folds import choose_smoothness
-from .guards import noise_told
+from .guards import say_noise
 from .ladder import first_stages
 from .record import record_of
-from .stability import repeats, thermal_memory, without_unstable
+from .stability import drop_unstable, repeat_of_harmonics, thermal_memory
 from .variants import measured_details, variant
 
 Array = np.ndarray
@@ -32,7 +32,7 @@ class Chosen:
 
     fitted: Fitted
     folds: Array
-    answer: Answer
+    answer: TriedVariant
     wanted: Wanted
     stability: dict[str, Any] | None
     """Whether each harmonic repeats between programmes; None without two programmes."""
@@ -48,7 +48,7 @@ class Chosen:
         cls,
         fitted: Fitted,
         folds: Array,
-        answer: Answer,
+        answer: TriedVariant,
         wanted: Wanted,
         programmes: Mapping[str, str] | None,
     ) -> Chosen:
@@ -56,7 +56,7 @@ class Chosen:
         named)."""
         drift, scale = (max(limit, LEAST_REPEATED) for limit in answer.limits)
         coefficients = answer.tried.solution.coefficients
-        told = repeats(fitted, coefficients, drift, scale, programmes)
+        told = repeat_of_harmonics(fitted, coefficients, drift, scale, programmes)
         return cls(fitted, folds, answer, wanted, told)
 
     def stable_alone(self) -> Chosen:
@@ -73,8 +73,10 @@ class Chosen:
                 " nothing was dropped; give --model table"
             )
             return replace(self, not_dropped=(why,))
-        matrix, dropped = without_unstable(self.fitted.layout, *self.answer.limits, self.stability)
-        answer = again(self.fitted, self.folds, self.answer, Model("table", matrix), self.wanted)
+        matrix, dropped = drop_unstable(self.fitted.layout, *self.answer.limits, self.stability)
+        answer = solve_again(
+            self.fitted, self.folds, self.answer, Model("table", matrix), self.wanted
+        )
         return replace(self, answer=answer, dropped=tuple(dropped))
 
     def smoothed(self) -> Chosen:
@@ -84,7 +86,7 @@ class Chosen:
             return self
         plain = variant(self.answer.name, self.fitted.layout, *self.answer.limits)
         penalty, smoothness = choose_smoothness(self.fitted, plain)
-        answer = again(self.fitted, self.folds, self.answer, plain, self.wanted, penalty)
+        answer = solve_again(self.fitted, self.folds, self.answer, plain, self.wanted, penalty)
         return replace(self, answer=answer, penalty=penalty, smoothness=smoothness)
 
     @property
@@ -139,7 +141,7 @@ class Chosen:
             "smoothness": self.smoothness,
             "chi2_per_dof": self.chi2_per_dof,
             "checks": [check.table() for check in answer.checks],
-            "noise": noise_told(fitted),
+            "noise": say_noise(fitted),
             "stability": self.stability,
             "dropped": list(self.dropped),
             "thermal_memory": (

@@ -134,7 +134,7 @@ def of_runs(found: Cells, count: int) -> Cells:
 
 
 @dataclass(frozen=True)
-class Figure:
+class HeldOutFigure:
     """Root mean square of each model with its 95 % bootstrap interval over runs, and the floor that
     noise leaves."""
 
@@ -144,13 +144,13 @@ class Figure:
     floor: float
 
 
-def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) -> Figure:
+def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) -> HeldOutFigure:
     """`kind` "drift": rad/s over the low-rate cells; "scale": ppm over the high-rate cells."""
     chosen = found.low if kind == "drift" else found.high
     models = found.residual_rad_s.shape[1]
     if not chosen.any() or (kind == "scale" and scale_factor == 0):
         nothing = np.full(models, np.nan)
-        return Figure(nothing, nothing, nothing, float("nan"))
+        return HeldOutFigure(nothing, nothing, nothing, float("nan"))
     unit = (
         np.ones(int(chosen.sum()))
         if kind == "drift"
@@ -165,7 +165,7 @@ def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) 
     picks = generator.integers(0, len(runs), (max(draws, 1), len(runs)))
     drawn = np.sqrt(sums[picks].sum(axis=1) / counts[picks].sum(axis=1)[:, None])
     low, high = np.percentile(drawn, [2.5, 97.5], axis=0)
-    return Figure(np.sqrt(square.mean(axis=0)), low, high, noise)
+    return HeldOutFigure(np.sqrt(square.mean(axis=0)), low, high, noise)
 
 
 def figure_rows(

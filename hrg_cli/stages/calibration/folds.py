@@ -5,7 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.tables.joint import PIECES, Fitted, Layout, Model, held_out_chi_square, roughness
+from ...fitting.tables.joint import (
+    PIECES,
+    Fitted,
+    Model,
+    TableLayout,
+    held_out_chi_square,
+    roughness,
+)
 from .programme import examine
 from .variants import variant
 
@@ -81,7 +88,7 @@ def choose_limits(
 def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
     """Penalty on curvature along the nodes with the smallest held-out χ², relative to the
     information about each kind of coefficient."""
-    layout: Layout = fitted.layout
+    layout: TableLayout = fitted.layout
     information = np.diag(fitted.pieces.sum()[0])
     scale = np.zeros(layout.size)
     for part in (layout.drift, layout.scale):

@@ -19,7 +19,15 @@ import numpy as np
 
 from ...fitting.checks import Check, at_most, failures, goodness, holds, whiteness
 from ...fitting.tables.increments import covariance_bands, whiten
-from ...fitting.tables.joint import Fitted, Layout, Model, Solution, chi_square, predicted, solve
+from ...fitting.tables.joint import (
+    Fitted,
+    Model,
+    TableLayout,
+    TableSolution,
+    chi_square,
+    predict_turn,
+    solve,
+)
 
 Array = np.ndarray
 LARGEST_NOISE = 2.0
@@ -35,30 +43,30 @@ LEAST_SEEN = 1e-9
 
 
 @dataclass(frozen=True)
-class Tried:
+class VariantSolution:
     """A variant's solution on all runs and with each fold left out; `foreign`: its coefficients
     come from elsewhere."""
 
     model: Model
-    solution: Solution
-    held: tuple[Solution, ...]
+    solution: TableSolution
+    held: tuple[TableSolution, ...]
     foreign: bool = False
 
 
-def judged(
-    fitted: Fitted, folds: Array, tried: Sequence[Tried]
+def judge_variants(
+    fitted: Fitted, folds: Array, tried: Sequence[VariantSolution]
 ) -> list[tuple[list[Check], list[str]]]:
     """(checks, what failed in words) of each variant at the noise of `fitted`."""
     A, b, _, _ = fitted.pieces.sum()
     noise = noise_known(fitted)
     out = []
     for t, white in zip(tried, _whiteness(fitted, tried)):
-        beside = left_out(fitted.layout, A, b, t)
-        general = [unseen(fitted, folds, t), *white]
+        beside = test_left_out(fitted.layout, A, b, t)
+        general = [check_folds(fitted, folds, t), *white]
         always = [noise, _spread(fitted.layout, t)]
         # a cause that is named is said; what else failed for its sake stands in the checks
         words = (
-            named(fitted.layout, A, b, t, beside[:-1])
+            name_causes(fitted.layout, A, b, t, beside[:-1])
             or failures([beside[-1]])
             or failures(general)
         )
@@ -66,7 +74,9 @@ def judged(
     return out
 
 
-def named(layout: Layout, A: Array, b: Array, tried: Tried, checks: Sequence[Check]) -> list[str]:
+def name_causes(
+    layout: TableLayout, A: Array, b: Array, tried: VariantSolution, checks: Sequence[Check]
+) -> list[str]:
     """Sentences of the causes left out: the one that explains most, then those that still fail
     beside it."""
     said: list[str] = []
@@ -87,11 +97,11 @@ def named(layout: Layout, A: Array, b: Array, tried: Tried, checks: Sequence[Che
         worst = min(gains, key=lambda name: chi_square(A, b, 0.0, gains[name].coefficients))
         said.append(failed[worst].sentence)
         matrix = np.concatenate([matrix, all_causes[worst]], axis=1)
-        checks = left_out(
+        checks = test_left_out(
             layout,
             A,
             b,
-            Tried(Model(tried.model.name, matrix, tried.model.start), gains[worst], ()),
+            VariantSolution(Model(tried.model.name, matrix, tried.model.start), gains[worst], ()),
         )[:-1]
     return said
 
@@ -127,7 +137,7 @@ def score(
     return float(np.sum((vectors[:, kept].T @ along) ** 2 / values[kept])), int(kept.sum())
 
 
-def not_seen(information: Array, model: Model) -> Array:
+def unseen_directions(information: Array, model: Model) -> Array:
     """Directions (size, k) of a model that the data of the normal matrix do not tell."""
     M = model.matrix
     B = M.T @ information @ M
@@ -136,7 +146,7 @@ def not_seen(information: Array, model: Model) -> Array:
     return np.asarray(M @ (unit[:, None] * vectors[:, values < LEAST_SEEN]))
 
 
-def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
+def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolution) -> list[Check]:
     """One check a cause that the variant may have left out, and one for all together."""
     u = b - A @ tried.solution.coefficients
     # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own
@@ -159,7 +169,7 @@ def left_out(layout: Layout, A: Array, b: Array, tried: Tried) -> list[Check]:
     return [*checks, goodness(chi2, max(rank, 1), sentence, "lack_of_fit")]
 
 
-def causes(layout: Layout) -> list[tuple[str, Array, Callable[[float], str]]]:
+def causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]]]:
     """(name, directions (size, g), sentence of the rms score) of every cause a variant may leave
     out."""
 
@@ -206,7 +216,7 @@ def causes(layout: Layout) -> list[tuple[str, Array, Callable[[float], str]]]:
     return out
 
 
-def unseen(fitted: Fitted, folds: Array, tried: Tried) -> Check:
+def check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
     """The worst fold predicted from the others, held against the prediction's own standard
     deviation."""
     worst = Check("held_out", 0.0, 1.0, True)
@@ -221,7 +231,7 @@ def unseen(fitted: Fitted, folds: Array, tried: Tried) -> Check:
             np.eye(len(b)),
             solution.covariance,
             1.0,
-            not_seen(everything - A, tried.model),
+            unseen_directions(everything - A, tried.model),
         )
         sentence = (
             f"data left out are predicted {np.sqrt(chi2 / max(rank, 1)):.3g} times worse than model"
@@ -259,7 +269,7 @@ def noise_ratio(fitted: Fitted) -> float | None:
     )
 
 
-def _spread(layout: Layout, tried: Tried) -> Check:
+def _spread(layout: TableLayout, tried: VariantSolution) -> Check:
     drift = np.concatenate(
         [np.arange(layout.size)[layout.drift(j)] for j in range(len(layout.nodes))]
     )
@@ -271,7 +281,7 @@ def _spread(layout: Layout, tried: Tried) -> Check:
     return holds("drift_has_an_error", bool(std.max(initial=0.0) > 0), sentence)
 
 
-def _settled(A: Array, b: Array, tried: Tried) -> Array:
+def _settled(A: Array, b: Array, tried: VariantSolution) -> Array:
     """The coefficients whose residual should be white: those from elsewhere, moved within their own
     errors to where the data want them."""
     c, C = tried.solution.coefficients, tried.solution.covariance
@@ -282,14 +292,14 @@ def _settled(A: Array, b: Array, tried: Tried) -> Array:
     )
 
 
-def _whiteness(fitted: Fitted, tried: Sequence[Tried]) -> list[list[Check]]:
+def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Check]]:
     """Whiteness of each variant's residual over time, wave angle, temperature (or frequency) and
     rate."""
     A, b, _, _ = fitted.pieces.sum()
     coefficients = np.stack([_settled(A, b, t) for t in tried], axis=1)
     white, angle, place, rate = [], [], [], []
     for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
-        rest = turn[:, None] - predicted(
+        rest = turn[:, None] - predict_turn(
             path, fitted.layout, coefficients, fitted.solution.coefficients
         )
         white.append(whiten(covariance_bands(path, noise), rest)[0])
@@ -327,7 +337,7 @@ def _whiteness(fitted: Fitted, tried: Sequence[Tried]) -> list[list[Check]]:
     return out
 
 
-def noise_told(fitted: Fitted) -> dict[str, float | None]:
+def say_noise(fitted: Fitted) -> dict[str, float | None]:
     """The noise the variants were judged at: white against what the windows state, and the angle
     random walk beside it."""
     ratio = noise_ratio(fitted)

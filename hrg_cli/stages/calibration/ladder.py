@@ -19,8 +19,8 @@ from ...effects.effect import Effect
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import (
     Fitted,
-    Layout,
     Model,
+    TableLayout,
     chi_square,
     fit,
     held_out_chi_square,
@@ -69,7 +69,7 @@ class Settings:
     seed: int
 
 
-def first_stages(layout: Layout, drift_limit: int, scale_limit: int) -> list[Model]:
+def first_stages(layout: TableLayout, drift_limit: int, scale_limit: int) -> list[Model]:
     """Stages 1 to 3: constant scale factor; functions of the angle; functions of temperature and
     angle."""
     constant, one_drift = (
@@ -200,7 +200,7 @@ def _with_free_runs(
                 ["drive_matrix"],
             )
             made, widths = made | unlogged[0], widths | unlogged[1]
-        wide = Layout(
+        wide = TableLayout(
             layout.nodes,
             layout.axis,
             layout.mode_number,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, Solution
+from ...fitting.tables.joint import Fitted, TableSolution
 from ...fourier import harmonic_basis
 from ...records import Calibration, Wave
 
@@ -20,7 +20,7 @@ TABLE_ANGLES = 72
 def record_of(
     waves: Sequence[Wave],
     fitted: Fitted,
-    solution: Solution,
+    solution: TableSolution,
     chi2: float,
     limits: tuple[int, int],
     valid: tuple[float, float],

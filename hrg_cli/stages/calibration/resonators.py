@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting.checks import Check, goodness
-from ...fitting.tables.joint import Layout
+from ...fitting.tables.joint import TableLayout
 from ...fourier import node_weights
 from ...records import Resonator
 from .programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
@@ -76,7 +76,7 @@ def coefficients_of(resonator: Resonator) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class Coefficients:
+class ResonatorCoefficients:
     """Coefficients (R, 5) of `NAMES` at R values of the nodes' quantity, ascending, their
     covariances (R, 5, 5), and checks."""
 
@@ -87,7 +87,7 @@ class Coefficients:
     interpolation: str
     checks: tuple[Check, ...] = ()
 
-    def at_nodes(self, layout: Layout) -> tuple[Array, Array]:
+    def at_nodes(self, layout: TableLayout) -> tuple[Array, Array]:
         """Coefficients at the layout's nodes (J·5,) and their covariance (J·5, J·5)."""
         return self.at(layout.nodes)
 
@@ -100,7 +100,7 @@ class Coefficients:
             whole[5 * k : 5 * k + 5, 5 * k : 5 * k + 5] = block
         return spread @ self.value.ravel(), spread @ whole @ spread.T
 
-    def spread(self, layout: Layout) -> Array:
+    def spread(self, layout: TableLayout) -> Array:
         """Map (size, J·5) from the coefficients at the nodes to the layout's."""
         out = np.zeros((layout.size, 5 * len(layout.nodes)))
         for j in range(len(layout.nodes)):
@@ -130,14 +130,14 @@ class Coefficients:
         return rows
 
 
-def over(
+def pool_resonators(
     resonators: Sequence[Resonator],
     axis: str,
     nodes: Array,
     low: float,
     high: float,
     interpolation: str,
-) -> Coefficients:
+) -> ResonatorCoefficients:
     """The resonators' coefficients over temperature or frequency, those of one place pooled.
 
     low, high: the range the runs to be described take. HrgError: a resonator without its
@@ -184,7 +184,7 @@ def over(
     pooled = [
         _pool([found[i] for i in group], f"{np.mean(places[group]):.4g} {unit}") for group in groups
     ]
-    return Coefficients(
+    return ResonatorCoefficients(
         np.array([np.mean(places[group]) for group in groups]),
         np.array([value for value, _, _ in pooled]),
         np.array([covariance for _, covariance, _ in pooled]),

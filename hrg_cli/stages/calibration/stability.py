@@ -11,7 +11,7 @@ import numpy as np
 
 from ...fitting.checks import CHANCE
 from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import PIECES, Fitted, Layout, Model, fit, piece_of, solve
+from ...fitting.tables.joint import PIECES, Fitted, Model, TableLayout, fit, piece_of, solve
 from ...fourier import coefficients_at
 from .ladder import solve_columns
 
@@ -61,7 +61,7 @@ def sweep(path: Path) -> Array:
     return path.middle(slope)
 
 
-def repeats(
+def repeat_of_harmonics(
     fitted: Fitted,
     coefficients: Array,
     drift_limit: int,
@@ -135,7 +135,7 @@ def repeats(
     }
 
 
-def unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[str]:
+def say_unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[str]:
     """One sentence a harmonic that does not repeat between programmes, beyond chance, and was not
     dropped."""
     if found is None:
@@ -154,7 +154,7 @@ def unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[str]:
     return out
 
 
-def _amplitude(layout: Layout, coefficients: Array, kind: str, k: int) -> float:
+def _amplitude(layout: TableLayout, coefficients: Array, kind: str, k: int) -> float:
     table = layout.tables(coefficients)[0 if kind == "drift" else 1]
     return float(
         np.sqrt(
@@ -183,7 +183,7 @@ def _scatter(offsets: Array, covariances: Sequence[Array]) -> dict[str, float]:
     return {"p_value": float(chi2.sf(Q, freedom)), "scatter": float(np.sqrt(size * variance))}
 
 
-def harmonic_name(layout: Layout, kind: str, k: int) -> str:
+def harmonic_name(layout: TableLayout, kind: str, k: int) -> str:
     """Name of a harmonic: "drift 8θ", "scale factor constant"."""
     return (
         f"{'drift' if kind == 'drift' else 'scale factor'}"
@@ -191,8 +191,8 @@ def harmonic_name(layout: Layout, kind: str, k: int) -> str:
     )
 
 
-def without_unstable(
-    layout: Layout, drift_limit: int, scale_limit: int, found: dict[str, Any]
+def drop_unstable(
+    layout: TableLayout, drift_limit: int, scale_limit: int, found: dict[str, Any]
 ) -> tuple[Array, list[str]]:
     """(model matrix without the harmonics that do not repeat, their names); the constant of K
     always stays."""
@@ -301,5 +301,5 @@ def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[st
     return out
 
 
-def _kind(layout: Layout) -> str:
+def _kind(layout: TableLayout) -> str:
     return "linear" if layout.interpolation in ("linear", "monotone") else "cubic"

@@ -18,7 +18,7 @@ from .factors import ellipticity, flattening, phase_ratio, quadrature
 Array = np.ndarray
 
 
-def in_range(calibration: Calibration, x: Array, where: str) -> None:
+def need_range(calibration: Calibration, x: Array, where: str) -> None:
     """HrgError when x leaves the range the table was made for, or is missing."""
     name, unit = ("temperature", "°C") if calibration.axis == "temperature" else ("frequency", "Hz")
     if not np.isfinite([calibration.node_min, calibration.node_max]).all():
@@ -83,7 +83,7 @@ def bump(x: Array, nodes: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredDrift:
     """Coefficients (n, …) of the part of the drift that is computed from what is seen in operation;
     `exact` in r, or to first order.
 
@@ -99,7 +99,7 @@ class Measured:
     mean_frequency_hz: Array | None = None
 
 
-def measured_at(calibration: Calibration, x: Array) -> Measured | None:
+def measured_at(calibration: Calibration, x: Array) -> MeasuredDrift | None:
     """The measured part's coefficients at temperatures or frequencies x (n,); None for a model
     without one.
 
@@ -113,7 +113,7 @@ def measured_at(calibration: Calibration, x: Array) -> Measured | None:
     weights = node_weights(np.asarray(x, float), np.asarray(calibration.node, float), kind)
     damping = weights @ np.asarray(calibration.drift_harmonics)[:, 1:3]
     if part["kind"] == "phase":
-        return Measured(
+        return MeasuredDrift(
             "phase",
             bool(part.get("exact")),
             damping,
@@ -122,7 +122,7 @@ def measured_at(calibration: Calibration, x: Array) -> Measured | None:
     coefficients = np.atleast_2d(np.array(part["coefficients"], float))
     if len(coefficients) == 1:
         coefficients = np.repeat(coefficients, len(calibration.node), axis=0)
-    return Measured(
+    return MeasuredDrift(
         "quadrature", bool(part.get("exact")), damping, quadrature=weights @ coefficients
     )
 

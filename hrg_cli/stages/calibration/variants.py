@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import Layout, Model
+from ...fitting.tables.joint import Model, TableLayout
 from .factors import reference_hz
-from .resonators import Coefficients
+from .resonators import ResonatorCoefficients
 
 Array = np.ndarray
 VARIANTS = ("table", "parametric", "quadrature", "phase", "combined", "physical")
@@ -38,7 +38,9 @@ WHOLE_DRIFT = ("table", "combined")
 """Variants whose drift is a table of all harmonics; the others hold the first alone."""
 
 
-def missing(name: str, layout: Layout, coefficients: Coefficients | None) -> str | None:
+def missing(
+    name: str, layout: TableLayout, coefficients: ResonatorCoefficients | None
+) -> str | None:
     """Why a variant cannot be tried on these runs; None where it can."""
     if name == "physical" and coefficients is None:
         return "no resonator file was given (--resonator)"
@@ -52,10 +54,10 @@ def missing(name: str, layout: Layout, coefficients: Coefficients | None) -> str
 
 def variant(
     name: str,
-    layout: Layout,
+    layout: TableLayout,
     drift_limit: int,
     scale_limit: int,
-    coefficients: Coefficients | None = None,
+    coefficients: ResonatorCoefficients | None = None,
 ) -> Model:
     """A variant's model; `coefficients`: those of the resonators, for `physical`."""
     scale = layout.part("scale", scale_limit)
@@ -69,21 +71,21 @@ def variant(
     lowest, highest = (0, drift_limit) if name in WHOLE_DRIFT else (1, 1)
     drift = layout.part("drift", highest, lowest=lowest)
     if name in ("quadrature", "combined"):
-        drift = tied(layout, "ellipticity_course") @ drift
+        drift = tie_course(layout, "ellipticity_course") @ drift
         return Model(
             name, np.concatenate([drift, scale, layout.of_factors("quadrature_course")], axis=1)
         )
     if name == "phase":
         start = np.zeros(layout.size)
         start[layout.factor("phase")] = 1.0
-        drift = tied(layout, "flattening_course") @ drift
+        drift = tie_course(layout, "flattening_course") @ drift
         return Model(
             name, np.concatenate([drift, scale, layout.of_factors("mean_frequency")], axis=1), start
         )
     return Model(name, np.concatenate([drift, scale], axis=1))
 
 
-def tied(layout: Layout, course: str) -> Array:
+def tie_course(layout: TableLayout, course: str) -> Array:
     """Map (size, size) that gives a course's columns the coefficients of the drift's first harmonic
     at the same node."""
     out = np.eye(layout.size)
@@ -95,7 +97,7 @@ def tied(layout: Layout, course: str) -> Array:
 
 
 def measured_details(
-    name: str, layout: Layout, coefficients: Array, covariance: Array, paths: list[Path]
+    name: str, layout: TableLayout, coefficients: Array, covariance: Array, paths: list[Path]
 ) -> dict[str, Any] | None:
     """What `compensate` and the exports need to compute the measured part of the drift in
     operation, one row a node."""

@@ -12,15 +12,15 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended import Point
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...records import Wave
-from .data import averaged_well, freedom_of, prepare
-from .drive_log import blind, timed
+from .data import freedom_of, is_averaged_well, prepare
+from .drive_log import blind_to_lateness, fit_lateness
 from .drive_scatter import allowed_for
 from .lost_samples import PhaseStep
-from .rate_steps import settled
-from .refits import loosened
-from .scoring import gross
+from .rate_steps import fit_rate_steps
+from .refits import loosen
+from .scoring import is_gross
 from .thresholds import WORTH
 from .waveform import phase_steps, split_at
 
@@ -32,32 +32,32 @@ def fit_base(
     scale_factor: float | None,
     blocks: int,
     free_phase: bool,
-) -> Fit:
+) -> ExtendedFit:
     """The base model fitted to runs, averaged along the motion that it has itself."""
 
-    def along(motion: Point | None) -> tuple[Fit, Point]:
+    def along(motion: Point | None) -> tuple[ExtendedFit, Point]:
         series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
         series = replace(series, free_phase=free_phase)
         freedom = freedom_of(series, point, scale_factor)
-        return started(extended_fit.fit(series, point, freedom)), point
+        return start_fit(extended_fit.fit(series, point, freedom)), point
 
     first, guessed = along(None)
-    if not gross(first) and not averaged_well(first.series, guessed, first.point):
+    if not is_gross(first) and not is_averaged_well(first.series, guessed, first.point):
         first, _ = along(first.point)
-    late = timed(first)
-    if gross(late):  # a gross misfit would be laid on the log's time
-        return settled(first)
-    return blind(allowed_for(settled(late)))
+    late = fit_lateness(first)
+    if is_gross(late):  # a gross misfit would be laid on the log's time
+        return fit_rate_steps(first)
+    return blind_to_lateness(allowed_for(fit_rate_steps(late)))
 
 
-def started(fit: Fit) -> Fit:
+def start_fit(fit: ExtendedFit) -> ExtendedFit:
     """The base fit with what is weakly known free where that is no way to hide a gross misfit."""
-    if not gross(fit) or fit.freedom.loose is None:
-        return loosened(fit)
+    if not is_gross(fit) or fit.freedom.loose is None:
+        return loosen(fit)
     with contextlib.suppress(extended_fit.DivergedError):
         loose = fit.freedom.loose
         free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose))
-        return fit if gross(free) else loosened(free)
+        return fit if is_gross(free) else loosen(free)
     return fit
 
 
@@ -69,13 +69,15 @@ class Cut:
     steps: list[PhaseStep]
     pieces: list[Wave]
     origin: list[int]
-    base: Fit
-    untouched: Fit
+    base: ExtendedFit
+    untouched: ExtendedFit
     own: list[int]
 
 
 def cut_at_losses(
-    waves: Sequence[Wave], fitted: Callable[..., Fit], near: Callable[[Fit], Fit]
+    waves: Sequence[Wave],
+    fitted: Callable[..., ExtendedFit],
+    near: Callable[[ExtendedFit], ExtendedFit],
 ) -> Cut:
     """The runs as they are to be diagnosed: whole where cuts are not worth it, and where a gross
     misfit is left of the pieces by the few causes that leave least (`near`): a loss is then held
@@ -89,13 +91,13 @@ def cut_at_losses(
     if steps:
         with contextlib.suppress(extended_fit.DivergedError):
             whole, runs = fitted(waves), list(range(len(waves)))
-            if not _needs_cuts(base, whole) or gross(near(base)):
+            if not _needs_cuts(base, whole) or is_gross(near(base)):
                 return Cut([], list(waves), runs, whole, whole, runs)
             return Cut(steps, pieces, origin, base, whole, runs)
     return Cut(steps, pieces, origin, base, base, origin)
 
 
-def fit_together(pieces: Sequence[Wave], fitted: Callable[..., Fit]) -> Fit:
+def fit_together(pieces: Sequence[Wave], fitted: Callable[..., ExtendedFit]) -> ExtendedFit:
     """The base model's fit to runs. HrgError: there is none."""
     try:
         return fitted(pieces)
@@ -107,7 +109,7 @@ def fit_together(pieces: Sequence[Wave], fitted: Callable[..., Fit]) -> Fit:
         ) from error
 
 
-def _needs_cuts(cut: Fit, whole: Fit) -> bool:
+def _needs_cuts(cut: ExtendedFit, whole: ExtendedFit) -> bool:
     """Whether runs cut where samples seem lost are fitted better than whole ones, by more than the
     pieces' own starts and frequencies cost."""
     rows = len(cut.residual)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes.extended_fit import Fit
-from ...fitting.envelopes.coordinates import COORDINATES, physical
+from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.envelopes.coordinates import COORDINATES, to_parameters
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .sized import Sized
@@ -23,12 +23,12 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
     them wrong."""
     fit = sized.fit
-    numbers, slopes = physical(fit.point.p, fit.series.mode_number)
+    numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)
     covariance = fit.coordinate_covariance()
     stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * sized.factor)
     period = np.pi / fit.series.mode_number
     for other in (*sized.others, *sized.in_place):
-        moved = numbers - physical(other.point.p, fit.series.mode_number)[0]
+        moved = numbers - to_parameters(other.point.p, fit.series.mode_number)[0]
         moved[[2, 4]] = (moved[[2, 4]] + period / 2) % period - period / 2
         stds = np.hypot(stds, moved)
     frequency = float(np.mean(fit.frequency_hz))
@@ -64,7 +64,7 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     return out
 
 
-def _is_assumed(fit: Fit) -> bool:
+def _is_assumed(fit: ExtendedFit) -> bool:
     """Whether the scale factor is what mode shapes of shells make it rather than what these runs
     show: no run turns, or all alike and by little."""
     freedom, column = fit.freedom.loose or fit.freedom, fit.layout.coordinate("scale_factor")

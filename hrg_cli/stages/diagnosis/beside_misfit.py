@@ -24,12 +24,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.causes import evidence
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import directions, real
 from .case import Case
-from .refits import as_fitted, bic, leaving_out, refitted
-from .remainder import rest
-from .scoring import scored
+from .refits import bic, hold_unseen, leave_out, refit
+from .remainder import search_rest
+from .scoring import score_effects
 from .search import Found
 from .thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
 from .variants import Variant
@@ -60,35 +60,37 @@ def drop_indistinct(case: Case) -> Case:
         search = case.search
         judged = sorted(
             (
-                _judged(one, without, search.final)
+                _judge_cause(one, without, search.final)
                 for one in search.found
                 if one.sizes is None
-                and (without := leaving_out(search.final, one.variant.effect.name, search.base))
+                and (without := leave_out(search.final, one.variant.effect.name, search.base))
             ),
             key=lambda j: -j.chance,
         )
-        case, stands = _told(case, judged)
+        case, stands = _settle_rivals(case, judged)
     return case
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedCause:
     """A cause, the fit without it, the mean power of the misfit along what it takes away (1: none),
     and the chance, for all causes tried, that the misfit lends it that much."""
 
     cause: Found
-    without: Fit
+    without: ExtendedFit
     power: float
     chance: float
 
 
-def _judged(one: Found, without: Fit, final: Fit) -> Judged:
+def _judge_cause(one: Found, without: ExtendedFit, final: ExtendedFit) -> JudgedCause:
     rank = max(1, one.score.rank)
-    taken = Taken.away(final, without, rank)
-    return Judged(one, without, taken.beside, evidence.corrected(taken.chance(rank), one.tried))
+    taken = TakenAway.away(final, without, rank)
+    return JudgedCause(
+        one, without, taken.beside, evidence.correct_for_tries(taken.chance(rank), one.tried)
+    )
 
 
-def _told(case: Case, judged: Sequence[Judged]) -> tuple[Case, bool]:
+def _settle_rivals(case: Case, judged: Sequence[JudgedCause]) -> tuple[Case, bool]:
     """The case after the first cause that does not stand is given up; or with the rivals of all
     that do, and True."""
     for one in judged:
@@ -104,40 +106,44 @@ def _told(case: Case, judged: Sequence[Judged]) -> tuple[Case, bool]:
     return case, True
 
 
-def _simpler(case: Case, one: Judged) -> Case | None:
+def _simpler(case: Case, one: JudgedCause) -> Case | None:
     """The case with a rival of fewer parameters in the place of a cause that does not stand; None
     where none stands either. What takes as much away with less may stand where more does not."""
     pairs = [
         pair
-        for pair in scored(one.without, case.inquiry.candidates)
+        for pair in score_effects(one.without, case.inquiry.candidates)
         if pair[0].name in one.cause.rivals and pair[0].rank < one.cause.score.rank
     ]
-    for level, fit, score, variant in refitted(one.without, pairs):
+    for level, fit, score, variant in refit(one.without, pairs):
         others = {one.cause.variant.effect.name, *one.cause.rivals} - {score.name}
         worth = bic(one.without) - level
-        found = Found(as_fitted(variant, fit), score, one.cause.tried, worth, tuple(sorted(others)))
-        if _judged(found, one.without, fit).chance <= BESIDE_MISFIT:
+        found = Found(
+            hold_unseen(variant, fit), score, one.cause.tried, worth, tuple(sorted(others))
+        )
+        if _judge_cause(found, one.without, fit).chance <= BESIDE_MISFIT:
             kept = case.without(one.cause, one.without).search
-            last = tuple(s for s, _ in scored(fit, case.inquiry.candidates))
+            last = tuple(s for s, _ in score_effects(fit, case.inquiry.candidates))
             search = replace(kept, final=fit, found=(*kept.found, found), last=last)
-            return replace(case, search=search, remainder=rest(fit, case.inquiry.noise))
+            return replace(case, search=search, remainder=search_rest(fit, case.inquiry.noise))
     return None
 
 
-def _rivals(final: Fit, one: Judged, candidates: Sequence[Variant]) -> list[str]:
+def _rivals(final: ExtendedFit, one: JudgedCause, candidates: Sequence[Variant]) -> list[str]:
     """Other causes that take as much of the misfit away as this one, to the odds of `WORTH`."""
     if one.power <= 1.0:
         return []
     name, limit = one.cause.variant.effect.name, bic(final) + WORTH * one.power
     close = [
-        pair for pair in scored(one.without, candidates) if pair[0].visible and pair[0].name != name
+        pair
+        for pair in score_effects(one.without, candidates)
+        if pair[0].visible and pair[0].name != name
     ]
-    trials = refitted(one.without, close[:TRIED])
+    trials = refit(one.without, close[:TRIED])
     return [variant.effect.name for level, _, _, variant in trials if level < limit]
 
 
 @dataclass(frozen=True)
-class Taken:
+class TakenAway:
     """What a cause of some parameters takes of a misfit away.
 
     lost: Δχ²; share (B,): in which bands; power (B,): of what is left there, for each of the
@@ -150,7 +156,7 @@ class Taken:
     numbers: Array
 
     @classmethod
-    def away(cls, final: Fit, without: Fit, rank: int) -> Taken:
+    def away(cls, final: ExtendedFit, without: ExtendedFit, rank: int) -> TakenAway:
         """By a cause that is in the final fit and not in the other one, of the same rows."""
         from scipy.special import chdtrc
 
@@ -192,7 +198,7 @@ class Spectrum:
     band: Array
 
     @classmethod
-    def of(cls, residual: Array, fit: Fit) -> Spectrum:
+    def of(cls, residual: Array, fit: ExtendedFit) -> Spectrum:
         """Of values (N,) over σ that stand on the rows of a fit, along whose wave the components
         lie."""
         from scipy.fft import dct

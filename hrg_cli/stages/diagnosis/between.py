@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
 from .inquiry import NoiseLevel
 from .offsets import Offsets, offsets_of, scatter
@@ -51,23 +51,23 @@ def take_from_frequencies(case: Case) -> Case:
         best = next((one for one in ranked if one.allowed), None)
         if best is None:
             break
-        p = evidence.corrected(best.p_value, len(ranked))
+        p = evidence.correct_for_tries(best.p_value, len(ranked))
         if p > (BESIDE_NOISE if best.left_p > QUIET else SIGNIFICANT):
             break
-        fit, one = _adopted(fit, best, ranked, offsets)
+        fit, one = _adopt_pattern(fit, best, ranked, offsets)
         found = [f for f in found if f.variant.effect.name != one.variant.effect.name]
         found.append(one)
         follows.append(one.variant.effect.name)
         ranked = []
-    said = _said(
+    said = _say_pattern(
         fit, noise, follows, [o for o in ranked if o.allowed and o.left_p > QUIET], len(ranked)
     )
     return replace(case, search=replace(search, final=fit, found=tuple(found)), frequencies=said)
 
 
-def _adopted(
-    fit: Fit, best: Pattern, ranked: Sequence[Pattern], offsets: Offsets
-) -> tuple[Fit, Found]:
+def _adopt_pattern(
+    fit: ExtendedFit, best: Pattern, ranked: Sequence[Pattern], offsets: Offsets
+) -> tuple[ExtendedFit, Found]:
     """The fit with the cause, the runs' frequencies held together up to the wander that is left."""
     known = best.known
     size, _ = best.offsets.follow(known.response, best.wander)
@@ -81,7 +81,7 @@ def _adopted(
     # turns away
     point = replace(fit.point, offset_rad_s=best.offsets.value - known.response @ size)
     again = extended_fit.fit(
-        fit.series, extended_fit.with_effect(point, best.variant.effect, values), freedom
+        fit.series, extended_fit.add_effect(point, best.variant.effect, values), freedom
     )
     S = fit.sensitivities([best.variant.wanted])[0]
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
@@ -97,7 +97,7 @@ def _adopted(
     )
 
 
-def _freed(fit: Fit, follows: Sequence[str]) -> Fit:
+def _free_offsets(fit: ExtendedFit, follows: Sequence[str]) -> ExtendedFit:
     """Every run's frequency free again, the causes it follows held where they are."""
     active = []
     for effect, values in fit.point.active:
@@ -113,12 +113,16 @@ def _freed(fit: Fit, follows: Sequence[str]) -> Fit:
     )
 
 
-def _said(
-    fit: Fit, noise: NoiseLevel, follows: Sequence[str], fitting: Sequence[Pattern], tried: int
+def _say_pattern(
+    fit: ExtendedFit,
+    noise: NoiseLevel,
+    follows: Sequence[str],
+    fitting: Sequence[Pattern],
+    tried: int,
 ) -> dict[str, Any]:
     """The runs' frequencies with errors, their scatter, and one sentence. fitting: causes, of so
     many tried, that leave no more than noise, which chance does too often in so few runs."""
-    free = _freed(fit, follows) if follows else fit
+    free = _free_offsets(fit, follows) if follows else fit
     offsets, _ = offsets_of(free, noise)
     hz = 1 / (2 * np.pi)
     std = np.sqrt(np.diag(offsets.covariance)) * hz
@@ -152,7 +156,7 @@ def _said(
     )
     if fitting:
         names = [one.variant.effect.name for one in fitting]
-        chance = evidence.corrected(fitting[0].p_value, tried)
+        chance = evidence.correct_for_tries(fitting[0].p_value, tried)
         return out | {
             "would_follow": names,
             "sentence": (

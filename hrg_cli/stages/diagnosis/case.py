@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .damping_form import Form
 from .inquiry import Inquiry
-from .remainder import Remainder, rest
+from .remainder import Remainder, search_rest
 from .search import Found, Search
 
 
@@ -24,8 +24,8 @@ class Case:
     frequencies: Mapping[str, Any] = field(default_factory=dict)
     form: Form | None = None
 
-    def without(self, cause: Found, fit: Fit) -> Case:
+    def without(self, cause: Found, fit: ExtendedFit) -> Case:
         """The case in which a cause is given up; `fit`: the fit without it, whose rest is sought
         again."""
         search = self.search.without(cause, fit, self.inquiry.candidates)
-        return replace(self, search=search, remainder=rest(fit, self.inquiry.noise))
+        return replace(self, search=search, remainder=search_rest(fit, self.inquiry.noise))

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ...fitting import checks
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import directions, real
 from ...fitting.checks import Check
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...physics import ellipse
 from .case import Case
 from .drive_scatter import TOLD, Scatter
-from .gain import folds_of, predicted
+from .gain import folds_of, predict_folds
 from .scoring import is_small
 from .search import Search
 from .thresholds import (
@@ -107,7 +107,7 @@ def closing_checks(
     ]
 
 
-def _whiteness(fit: Fit) -> Iterator[Check]:
+def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
     """The residual in the wave's own frame, run by run, in the order of time and of what else
     moves."""
     series = fit.series
@@ -137,13 +137,13 @@ def _whiteness(fit: Fit) -> Iterator[Check]:
         )
 
 
-def _runs(fit: Fit) -> Iterator[Check]:
+def _runs(fit: ExtendedFit) -> Iterator[Check]:
     """Every run predicted by the others, its own start and frequency fitted on it: errors over what
     they may be."""
     if len(fit.series.names) < 2:
         return
     kind, folds = folds_of(fit, fewest_runs=2)
-    left = predicted(fit, kind, folds)
+    left = predict_folds(fit, kind, folds)
     level = max(fit.chi2 / fit.dof, 1.0)
     ratios = [
         float(np.sqrt(np.mean(left[fold] ** 2) / level)) / _expected(fit, fold) for fold in folds
@@ -155,7 +155,7 @@ def _runs(fit: Fit) -> Iterator[Check]:
     )
 
 
-def _expected(fit: Fit, fold: Array) -> float:
+def _expected(fit: ExtendedFit, fold: Array) -> float:
     """rms over σ of a run predicted by the others: its noise, and what they leave unknown of the
     shared numbers, (1 + tr(J C Jᵀ)/n)^½."""
     shared = fit.design.shared[fold]
@@ -169,7 +169,7 @@ def _expected(fit: Fit, fold: Array) -> float:
     return float(np.sqrt(1 + unknown.sum() / len(fold)))
 
 
-def unknown_walk(fit: Fit) -> float:
+def unknown_walk(fit: ExtendedFit) -> float:
     """Walk of the wave, over σ, that the scatter of the drive's log may have left out of a run and
     that the fit's own σ do not hold."""
     if fit.series.scatter is not None:
@@ -239,7 +239,7 @@ def _frequencies(said: Mapping[str, Any]) -> Iterator[Check]:
     )
 
 
-def _physics(fit: Fit) -> Iterator[Check]:
+def _physics(fit: ExtendedFit) -> Iterator[Check]:
     """Base parameters that a resonator can have."""
     level = max(fit.chi2 / fit.dof, 1.0)
     yield checks.at_most(

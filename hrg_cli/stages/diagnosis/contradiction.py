@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 
 GROSS = 1e3
 """χ² a degree of freedom from which it is asked whether the runs are of one gyro."""
@@ -13,7 +13,7 @@ APART = 0.02
 over 200 K."""
 
 
-def strangers(base: Fit) -> str | None:
+def find_strangers(base: ExtendedFit) -> str | None:
     """A sentence naming the runs on either side of the widest gap between the runs' frequencies,
     where no one gyro has both; else None."""
     if base.chi2 / base.dof < GROSS:

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from .shapes import NAME, Shape
+from .shapes import NAME, DampingShape
 
 
 @dataclass(frozen=True)
-class Tried:
+class TriedForm:
     """A shape that physics allows, and χ² of all data with it."""
 
-    shape: Shape
+    shape: DampingShape
     chi2: float
 
 
@@ -23,7 +23,7 @@ class Form:
     """The better form: shape, power, ν_n at a₀ and ν with σ; ν with the catalogue's and χ² of both;
     what it is not told from."""
 
-    shape: Shape
+    shape: DampingShape
     power: tuple[float, float]
     level_1_s: tuple[float, float]
     linear_1_s: tuple[float, float]
@@ -33,7 +33,7 @@ class Form:
     chi2_catalogue: float
     chi2: float
     rivals: tuple[str, ...] = ()
-    tried: tuple[Tried, ...] = ()
+    tried: tuple[TriedForm, ...] = ()
 
     @property
     def formula(self) -> str:

@@ -11,10 +11,15 @@ import numpy as np
 
 from ...effects.effect import branch
 from ...errors import HrgError
-from ...fitting.causes.extended import Point, Series
-from ...fitting.causes.extended_fit import Freedom
+from ...fitting.causes.extended import MeasuredRuns, Point
+from ...fitting.causes.extended_fit import CoordinatePriors
 from ...fitting.envelopes import envelope_runs, propagator
-from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor, start
+from ...fitting.envelopes.base_fit import (
+    Known,
+    freedom,
+    nominal_scale_factor,
+    start_from_propagator,
+)
 from ...fitting.envelopes.coordinates import (
     COUNT,
     DAMPING,
@@ -55,7 +60,7 @@ def prepare(
     blocks: int,
     coarser: int = 1,
     along: Point | None = None,
-) -> tuple[Series, Point, list[EnvelopeRun]]:
+) -> tuple[MeasuredRuns, Point, list[EnvelopeRun]]:
     """Runs side by side and where to start, the rows `coarser` times as long as they would be.
 
     along: where a first fit stands, to average along its motion; without it along that of a guess.
@@ -92,16 +97,16 @@ def prepare(
     if coarser > 1:
         rows = min(rows, max(len(run) for run in runs)) // coarser
     thin = [
-        envelope_runs.averaged(
+        envelope_runs.average_rows(
             r, rows, propagator.carry(p if w.mode != "forced" else _undamped(p), o)
         )
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
-    series = side_by_side([bridged(r) for r in thin], waves)
+    series = side_by_side([bridge_gaps(r) for r in thin], waves)
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
 
 
-def averaged_well(series: Series, averaged_along: Point, fitted: Point) -> bool:
+def is_averaged_well(series: MeasuredRuns, averaged_along: Point, fitted: Point) -> bool:
     """Whether rows that were averaged along one motion miss their middles by less than a tenth of
     σ, had they followed another: (Δ·h)²/24 of the wave, Δ the difference of the two, h a row."""
     change = fitted.p - averaged_along.p
@@ -133,12 +138,12 @@ def guess(
     """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs,
     else roughly."""
     known = Known(scale_factor=scale_factor)
-    p, rough_offsets = propagator.rough(runs)
+    p, rough_offsets = propagator.guess_roughly(runs)
     if scale_factor is not None:
         p[SCALE_FACTOR] = scale_factor
     offsets = rough_offsets
     if free:
-        from_free, found, _, _ = start(free, known)
+        from_free, found, _, _ = start_from_propagator(free, known)
         if np.all(np.isfinite(from_free)):
             p = from_free
             offsets = rough_offsets.copy()
@@ -159,7 +164,7 @@ def guess(
     return p, offsets
 
 
-def bridged(run: EnvelopeRun) -> EnvelopeRun:
+def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
     """The run with empty rows (σ = ∞) in its gaps, so that no step of the Runge–Kutta rule is
     longer than the others."""
     steps = np.diff(run.time_s)
@@ -191,7 +196,7 @@ def _common_reference_hz(runs: Sequence[EnvelopeRun]) -> float:
     return float(np.median([r.reference_frequency_hz for r in runs]))
 
 
-def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
+def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRuns:
     """Padded arrays against one reference frequency, with everything the effects may look at."""
     longest = max(len(r) for r in runs)
     reference = _common_reference_hz(runs)
@@ -242,7 +247,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Series:
             np.concatenate([1 / std, np.zeros(longest - len(run))])
         )
     stacked: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
-    return Series(
+    return MeasuredRuns(
         names=tuple(w.run_id or f"run {k}" for k, w in enumerate(waves)),
         **stacked,
         turn_rad_s=(stacked["phase_rad"][:, -1] - stacked["phase_rad"][:, 0])
@@ -333,7 +338,7 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
     return inside
 
 
-def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Freedom:
+def freedom_of(series: MeasuredRuns, point: Point, scale_factor: float | None) -> CoordinatePriors:
     """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
     it, the second order's scale at 1.
 
@@ -353,10 +358,10 @@ def freedom_of(series: Series, point: Point, scale_factor: float | None) -> Free
     elif scale_factor is None and series.mode_number > 1:
         loose[SCALE_FACTOR] = SHAPES * nominal
     mean = np.array([0, 0, 0, 0, 0, nominal, 1.0])
-    return Freedom(mean, std, loose=Freedom(np.append(mean[:6], 0.5), loose))
+    return CoordinatePriors(mean, std, loose=CoordinatePriors(np.append(mean[:6], 0.5), loose))
 
 
-def shows_scale_factor(series: Series, nominal: float) -> bool:
+def shows_scale_factor(series: MeasuredRuns, nominal: float) -> bool:
     """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole
     period of its splits."""
     good = series.weight > 0

@@ -15,8 +15,8 @@ import numpy as np
 
 from ...fitting.causes import extended_fit
 from ...fitting.causes.evidence import Basis
-from ...fitting.causes.extended import Series, Stage
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended import MeasuredRuns, RungeKuttaStage
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import real
 from ...fitting.samples.course import impulse, mean_of
 from ...records import Wave
@@ -35,31 +35,33 @@ STEP = 1e-3
 """Change of τ for its effect, in row lengths: the model is linear in it."""
 
 
-def timed(fit: Fit) -> Fit:
+def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
     """The fit again with the commands as late as the waves show them; the same where none is
     logged."""
     if not _logged(fit.series):
         return fit
     before = 1 / (REACH * _row(fit.series)) ** 2
     for _ in range(ROUNDS):
-        column = fit.basis.off(extended_fit.flat(fit.series, of_lateness(fit)))
-        told = fit.basis.off(extended_fit.flat(fit.series, of_lateness(fit, beyond_scatter)))
+        column = fit.basis.off(extended_fit.flatten_rows(fit.series, of_lateness(fit)))
+        told = fit.basis.off(
+            extended_fit.flatten_rows(fit.series, of_lateness(fit, beyond_scatter))
+        )
         along, power = float(told @ column), max(float(told @ told), np.finfo(float).tiny)
         information = along**2 / power + before
         late = fit.series.drive_late_s
         step = (along / power * float(told @ fit.residual) - late * before) / information
-        fit = extended_fit.fit(delayed(fit.series, step), fit.point, fit.freedom)
+        fit = extended_fit.fit(delay_commands(fit.series, step), fit.point, fit.freedom)
         if step**2 * information < SETTLED**2:
             break
     return fit
 
 
-def blind(fit: Fit) -> Fit:
+def blind_to_lateness(fit: ExtendedFit) -> ExtendedFit:
     """The fit again, blind to a change of the log's time beside what it is blind to already."""
     series = fit.series
     if not _logged(series):
         return fit
-    column = extended_fit.flat(series, of_lateness(fit))
+    column = extended_fit.flatten_rows(series, of_lateness(fit))
     size = float(np.linalg.norm(column))
     if size == 0:
         return fit
@@ -68,12 +70,14 @@ def blind(fit: Fit) -> Fit:
     return extended_fit.fit(replace(series, unsettled=basis), fit.point, fit.freedom)
 
 
-def of_lateness(fit: Fit, part: Callable[[Series], Series] = lambda series: series) -> Array:
+def of_lateness(
+    fit: ExtendedFit, part: Callable[[MeasuredRuns], MeasuredRuns] = lambda series: series
+) -> Array:
     """What is seen of a lateness of one second, over σ, (R, n, 4); of a part of the commands."""
     flow, point, small = fit.flow, fit.point, STEP * _row(fit.series)
-    later = delayed(fit.series, small, part(fit.series))
-    motion, rows = fit.prediction.motion, Stage(later, point)
-    halves = Stage(later.middle(), point)
+    later = delay_commands(fit.series, small, part(fit.series))
+    motion, rows = fit.prediction.motion, RungeKuttaStage(later, point)
+    halves = RungeKuttaStage(later.middle(), point)
     at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None] / small
     at_middle = (
         real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None] / small
@@ -83,7 +87,7 @@ def of_lateness(fit: Fit, part: Callable[[Series], Series] = lambda series: seri
     return fit.prediction.judged(carried + direct)[..., 0]
 
 
-def beyond_scatter(series: Series) -> Series:
+def beyond_scatter(series: MeasuredRuns) -> MeasuredRuns:
     """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of
     them, s the white scatter from row to row.
 
@@ -107,7 +111,9 @@ def beyond_scatter(series: Series) -> Series:
     return replace(series, **columns)
 
 
-def delayed(series: Series, late_s: float, moving: Series | None = None) -> Series:
+def delay_commands(
+    series: MeasuredRuns, late_s: float, moving: MeasuredRuns | None = None
+) -> MeasuredRuns:
     """The commands later still by a time that is short against the rows: f − τḟ, and ∫f − τf;
     moving: the series whose commands f are late, where that is a part of them."""
     moving = series if moving is None else moving
@@ -124,7 +130,7 @@ def delayed(series: Series, late_s: float, moving: Series | None = None) -> Seri
     return replace(series, drive_late_s=series.drive_late_s + late_s, **changes)
 
 
-def timely(wave: Wave, late_s: float) -> Wave:
+def shift_commands(wave: Wave, late_s: float) -> Wave:
     """The wave with the commands in its log's rows at the times at which they act."""
 
     def at(values: Array | None) -> Array | None:
@@ -138,12 +144,12 @@ def timely(wave: Wave, late_s: float) -> Wave:
     return wave.replace(drive_main=at(wave.drive_main), drive_quadrature=at(wave.drive_quadrature))
 
 
-def _logged(series: Series) -> bool:
+def _logged(series: MeasuredRuns) -> bool:
     commands = np.stack([series.main_drive, series.quadrature_drive])
     return bool(np.any(np.ptp(commands, axis=-1) > 0))
 
 
-def _row(series: Series) -> float:
+def _row(series: MeasuredRuns) -> float:
     """Length of the rows, of the run that has the shortest."""
     lengths = [np.median(h[h > 0]) for h in series.step_s if np.any(h > 0)]
     return float(min(lengths))

@@ -22,8 +22,8 @@ import numpy as np
 from ...effects.effect import frame
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Basis, Softened
-from ...fitting.causes.extended import Series
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.sensitivities import base_sensitivities
 from ...fitting.causes.wave_frame import directions, real
 
@@ -59,7 +59,7 @@ class Scatter:
     walk: Array
 
     @classmethod
-    def of(cls, series: Series) -> Scatter:
+    def of(cls, series: MeasuredRuns) -> Scatter:
         """Of the logged commands; 0 where none is logged, or too few rows."""
         size, walk = np.zeros((len(series.names), 2)), np.zeros(len(series.names))
         for k, weight in enumerate(series.weight):
@@ -89,7 +89,7 @@ class _Run:
     beside: Array
 
 
-def allowed_for(fit: Fit) -> Fit:
+def allowed_for(fit: ExtendedFit) -> ExtendedFit:
     """The fit again beside as much of the log's scatter as the waves leave possible; the same where
     none could be seen."""
     scatter = Scatter.of(fit.series)
@@ -102,7 +102,7 @@ def allowed_for(fit: Fit) -> Fit:
     return extended_fit.fit(series, fit.point, fit.freedom)
 
 
-def sentence(fit: Fit) -> str:
+def sentence(fit: ExtendedFit) -> str:
     """What is to be said of a log that scatters; empty where it hardly moves the wave."""
     scatter = Scatter.of(fit.series)
     walk = scatter.walk[scatter.worst]
@@ -121,7 +121,7 @@ def sentence(fit: Fit) -> str:
     )
 
 
-def corner_hz(fit: Fit) -> float:
+def corner_hz(fit: ExtendedFit) -> float:
     """Distance from the resonance at which the walk that is allowed for is as strong as the noise,
     s/2πσ: the walk's density is s²h/(2πf)², that of the noise σ²h; 0 where none is."""
     if fit.series.scatter is None:
@@ -131,12 +131,12 @@ def corner_hz(fit: Fit) -> float:
     return float(np.max(size * weights)) / (2 * np.pi)
 
 
-def _runs(fit: Fit, scatter: Scatter) -> list[_Run]:
+def _runs(fit: ExtendedFit, scatter: Scatter) -> list[_Run]:
     """The runs whose scatter counts."""
     series = fit.series
-    doings = extended_fit.flat(series, _doings(fit, scatter.size))
-    shared = extended_fit.flat(series, base_sensitivities(fit.flow)[0])
-    slow = extended_fit.flat(series, _slow(fit))
+    doings = extended_fit.flatten_rows(series, _doings(fit, scatter.size))
+    shared = extended_fit.flatten_rows(series, base_sensitivities(fit.flow)[0])
+    slow = extended_fit.flatten_rows(series, _slow(fit))
     out = []
     for k, (rows, _, own) in enumerate(fit.design.own):
         if scatter.walk[k] > LEAST:
@@ -145,7 +145,7 @@ def _runs(fit: Fit, scatter: Scatter) -> list[_Run]:
     return out
 
 
-def _doings(fit: Fit, size: Array) -> Array:
+def _doings(fit: ExtendedFit, size: Array) -> Array:
     """What one σ of the commands' scatter does in every piece of the log, over σ, (R, n, 4, 2 ·
     pieces): of a row's mean half in the step before its middle, half in that behind."""
     series, flow, v = fit.series, fit.flow, fit.flow.middle
@@ -167,7 +167,7 @@ def _doings(fit: Fit, size: Array) -> Array:
     return flow.seen(flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
 
 
-def _slow(fit: Fit) -> Array:
+def _slow(fit: ExtendedFit) -> Array:
     """Half cycles over a run of the wave's four components, over σ, (R, n, 4, 4 · SLOW)."""
     t = fit.series.time_s
     waves = np.cos(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .beside_misfit import drop_indistinct
 from .between import take_from_frequencies
 from .case import Case
@@ -18,7 +18,7 @@ from .form import take_better_form
 from .inquiry import Inquiry, NoiseLevel
 from .instants import take_strikes
 from .open_rivals import give_way_to_open_terms
-from .remainder import Remainder, adequacy, rest
+from .remainder import Remainder, adequacy, search_rest
 from .search import select
 from .thresholds import GROSS, INADEQUATE, NEVER_LESS
 from .variants import Variant
@@ -27,7 +27,7 @@ LEAST_CHANGE = 0.03
 """Relative difference of the noise from the stated one that is let be."""
 
 
-def explain(base: Fit, candidates: Sequence[Variant], most: int) -> Case:
+def explain(base: ExtendedFit, candidates: Sequence[Variant], most: int) -> Case:
     """The causes beside the base fit: searched, held against the runs' frequencies, against open
     terms, against other forms, against data held out, and against what is left over.
 
@@ -51,12 +51,12 @@ def explain(base: Fit, candidates: Sequence[Variant], most: int) -> Case:
     return case
 
 
-def _searched(base: Fit, inquiry: Inquiry) -> Case:
+def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
     """Selection and open search; repeated with inflated noise where, after both, the residual is
     still not white."""
     for _ in range(2):
         search = select(base, inquiry)
-        case = Case(inquiry, search, rest(search.final, inquiry.noise))
+        case = Case(inquiry, search, search_rest(search.final, inquiry.noise))
         slow, p = adequacy(case.remainder.fit if case.remainder else search.final)
         if p > INADEQUATE or slow < NEVER_LESS * inquiry.noise.slow:
             break
@@ -65,7 +65,7 @@ def _searched(base: Fit, inquiry: Inquiry) -> Case:
     return case
 
 
-def reweighted(fit: Fit, level: float) -> Fit:
+def reweighted(fit: ExtendedFit, level: float) -> ExtendedFit:
     """The fit again with every σ times `level`."""
     series = fit.series
     scatter = None if series.scatter is None else series.scatter.over(level)
@@ -73,7 +73,7 @@ def reweighted(fit: Fit, level: float) -> Fit:
     return extended_fit.fit(series, fit.point, fit.freedom)
 
 
-def noise_level(fit: Fit, remainder: Remainder | None) -> float | None:
+def noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None
     where they agree, and where a gross misfit is left, however large the noise."""
     values = np.zeros((*fit.series.weight.shape, 4))

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import Point, Series, predict
-from ...fitting.causes.extended_fit import Fit, Freedom, design_of
+from ...fitting.causes.extended import MeasuredRuns, Point, predict
+from ...fitting.causes.extended_fit import CoordinatePriors, ExtendedFit, design_of
 from ...fitting.causes.sensitivities import propagation
 from ...fitting.causes.wave_frame import real
 from ...physics import ellipse
 from .case import Case
-from .refits import leaving_out
+from .refits import leave_out
 from .search import select
 
 Array = np.ndarray
@@ -45,7 +45,7 @@ class Fold:
     """Data split in two: series with weight on what teaches, rows (R, n) to be predicted, whether
     those are whole runs."""
 
-    train: Series
+    train: MeasuredRuns
     test: Array
     whole_runs: bool
 
@@ -86,7 +86,7 @@ class Errors:
         )
 
 
-def folds_of(series: Series) -> list[Fold]:
+def folds_of(series: MeasuredRuns) -> list[Fold]:
     """The splits; empty where the runs are too short for one."""
     good = series.weight > 0
     runs = len(series.names)
@@ -121,7 +121,7 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
     base, before, after, chosen = search.base, [], [], []
     for fold in folds_of(base.series):
         with contextlib.suppress(extended_fit.DivergedError):
-            plain = trained(base, fold)
+            plain = train(base, fold)
             inside = select(plain, case.inquiry)
             pair = errors_of(plain, base, fold), errors_of(inside.final, base, fold)
             if all(np.all(np.isfinite(one.difference)) for one in pair):
@@ -157,12 +157,12 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
     return found | {"sentence": sentence(found)}
 
 
-def trained(base: Fit, fold: Fold) -> Fit:
+def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
     """The base model fitted to a fold's training data alone."""
     return extended_fit.fit(fold.train, replace(fold.taught(base.point), active=()), base.freedom)
 
 
-def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
+def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     """What a training fit misses of the rows held out."""
     series = replace(base.series.alone(), weight=np.where(fold.test, base.series.weight, 0.0))
     if fold.whole_runs:
@@ -180,7 +180,7 @@ def errors_of(fit: Fit, base: Fit, fold: Fold) -> Errors:
             active=still,
         )
         own = extended_fit.fit(
-            series, point, Freedom(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
+            series, point, CoordinatePriors(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
         )
         prediction, layout, covariance, names = own.prediction, own.layout, own.covariance, kept
     else:
@@ -208,13 +208,13 @@ def drop_misleading(case: Case) -> Case:
         name = one.variant.effect.name
         if not predicts_worse(case.search.final, name, case.search.base, folds):
             continue
-        reduced = leaving_out(case.search.final, name)
+        reduced = leave_out(case.search.final, name)
         if reduced is not None:
             case = case.without(one, reduced)
     return case
 
 
-def predicts_worse(final: Fit, name: str, base: Fit, folds: Sequence[Fold]) -> bool:
+def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequence[Fold]) -> bool:
     """Whether what is held out is predicted no better with a cause than without it, fitted each
     time to the training data alone.
 
@@ -231,7 +231,7 @@ def predicts_worse(final: Fit, name: str, base: Fit, folds: Sequence[Fold]) -> b
             ]
             if not ratio or max(ratio) > UNTAUGHT * (np.sqrt(2) if fold.whole_runs else 1.0):
                 continue
-            reduced = leaving_out(taught, name)
+            reduced = leave_out(taught, name)
             if reduced is None:
                 continue
             one, other = (float(errors_of(f, base, fold).square.sum()) for f in (taught, reduced))
@@ -301,7 +301,7 @@ def _root_mean_squares(sides: Sequence[Errors], mode_number: int) -> dict[str, f
     }
 
 
-def _course(before: Errors, after: Errors, series: Series) -> list[dict[str, Any]]:
+def _course(before: Errors, after: Errors, series: MeasuredRuns) -> list[dict[str, Any]]:
     """Errors against time of every run of the first fold, for a picture."""
     out = []
     units = {

@@ -16,26 +16,26 @@ from dataclasses import replace
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT
 from .case import Case
-from .damping_form import Form, Tried
+from .damping_form import Form, TriedForm
 from .inquiry import Inquiry, NoiseLevel
-from .refits import adopted, as_fitted, bic
-from .remainder import rest
-from .scoring import scored
-from .search import Found, Search, pruned
+from .refits import adopt, bic, hold_unseen
+from .remainder import search_rest
+from .scoring import score_effects
+from .search import Found, Search, prune_causes
 from .shapes import (
     FREE,
     NAME,
     PASSIVE,
     SUPPLIED,
-    Shape,
+    DampingShape,
     effect_of,
-    in_shape,
-    in_the_catalogue,
+    fit_shape,
     level_of,
     power_of,
+    to_catalogue,
     values,
 )
 from .thresholds import WORTH
@@ -51,7 +51,7 @@ PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
 steps."""
 
 
-def least_damping(fit: Fit) -> tuple[float, float]:
+def least_damping(fit: ExtendedFit) -> tuple[float, float]:
     """(ν − |νδμ|, σ): the linear damping along the weaker axis."""
     p = fit.point.p
     size = float(np.hypot(*p[DAMPING_SPLIT]))
@@ -78,29 +78,29 @@ def take_better_form(case: Case) -> Case:
         old = (
             search.final
             if len(search.found) == 1
-            else adopted(search.base, place.score, place.variant)
+            else adopt(search.base, place.score, place.variant)
         )
         inflate, amplitude = noise.slow**0.5, extended_fit.amplitude_of(old.series)
         low, low_std = least_damping(old)
         forbidden = _forbidden(old, noise)
-        free = in_shape(old, FREE)
+        free = fit_shape(old, FREE)
         if not forbidden and not (free and _another(old, free, noise)):
             return case
         if free is not None and (not forbidden or not _forbidden(free, noise)):
             shape, fit = FREE, free
-            tried: tuple[Tried, ...] = ()
+            tried: tuple[TriedForm, ...] = ()
         else:
             allowed = _allowed(old, noise)
             if not allowed:
                 return case
             shape, fit = min(allowed, key=lambda pair: bic(pair[1]))
-            tried = tuple(Tried(s, f.chi2) for s, f in allowed)
+            tried = tuple(TriedForm(s, f.chi2) for s, f in allowed)
         fit, others = _beside(fit, replace(inquiry, most=inquiry.most - 1))
         # what a missing cause would do must not be taken for a forbidden damping: a model that
         # physics allows has to be beaten
         if not _forbidden(search.final, noise) and bic(fit) > bic(search.final):
             return case
-        final = in_the_catalogue(fit, shape, amplitude)
+        final = to_catalogue(fit, shape, amplitude)
 
         def real(value: float, std: float) -> tuple[float, float]:
             return value, inflate * std
@@ -121,9 +121,9 @@ def take_better_form(case: Case) -> Case:
         )
         fitted = {p.name: 1.0 for p in effect_of(shape).fitted()}
         own = replace(place, variant=Variant(effect_of(shape), values(final), fitted))
-        last = tuple(s for s, _ in scored(final, inquiry.candidates))
+        last = tuple(s for s, _ in score_effects(final, inquiry.candidates))
         search = replace(search, final=final, found=(own, *others), last=last)
-        return replace(case, search=search, form=form, remainder=rest(final, noise))
+        return replace(case, search=search, form=form, remainder=search_rest(final, noise))
     return case
 
 
@@ -138,20 +138,20 @@ def _serves(search: Search, place: Found, noise: NoiseLevel) -> bool:
     others = [one for one in search.found if one is not place]
     if not others or _forbidden(search.final, noise):
         return False
-    free = in_shape(search.final, FREE)
+    free = fit_shape(search.final, FREE)
     if free is None:
         return False
-    freed, _ = pruned(free, others, noise, {})
+    freed, _ = prune_causes(free, others, noise, {})
     return bic(freed) > bic(search.final)
 
 
-def _forbidden(fit: Fit, noise: NoiseLevel) -> bool:
+def _forbidden(fit: ExtendedFit, noise: NoiseLevel) -> bool:
     """Whether the damping stands at the bound of a passive resonator, and would be clearly beyond
     it if it might."""
     return fit.bound_cost > FORBIDDEN**2 * noise.slow
 
 
-def _another(old: Fit, free: Fit, noise: NoiseLevel) -> bool:
+def _another(old: ExtendedFit, free: ExtendedFit, noise: NoiseLevel) -> bool:
     """Whether the power, left free, is another than the catalogue's."""
     power, power_std = power_of(free)
     return (
@@ -160,31 +160,31 @@ def _another(old: Fit, free: Fit, noise: NoiseLevel) -> bool:
     )
 
 
-def _allowed(old: Fit, noise: NoiseLevel) -> list[tuple[Shape, Fit]]:
+def _allowed(old: ExtendedFit, noise: NoiseLevel) -> list[tuple[DampingShape, ExtendedFit]]:
     """The shapes without a forbidden linear damping that the data do not tell from the best of
     them."""
     fits = [
-        (shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := in_shape(old, shape)) is not None
+        (shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := fit_shape(old, shape)) is not None
     ]
     fits = [(s, f) for s, f in fits if not s.linear or not _forbidden(f, noise)]
     level = min((bic(f) for _, f in fits), default=0.0)
     return [(s, f) for s, f in fits if bic(f) < level + WORTH * noise.slow]
 
 
-def _beside(fit: Fit, inquiry: Inquiry) -> tuple[Fit, list[Found]]:
+def _beside(fit: ExtendedFit, inquiry: Inquiry) -> tuple[ExtendedFit, list[Found]]:
     """Forward selection with every promising cause refitted; of causes not told apart the one with
     the fewest parameters stands first."""
     noise, found = inquiry.noise, list[Found]()
     while len(found) < inquiry.most:
         ranked = [
             (s, v)
-            for s, v in scored(fit, inquiry.candidates)
+            for s, v in score_effects(fit, inquiry.candidates)
             if s.visible and s.z > PROMISING * noise.slow**0.5
         ]
         trials = []
         for score, variant in ranked[:SHORTLIST]:
             with contextlib.suppress(extended_fit.DivergedError):
-                trials.append((adopted(fit, score, variant, QUICK), score, variant))
+                trials.append((adopt(fit, score, variant, QUICK), score, variant))
         trials = [t for t in trials if bic(fit) - bic(t[0]) > WORTH * noise.slow]
         if not trials:
             break
@@ -194,7 +194,7 @@ def _beside(fit: Fit, inquiry: Inquiry) -> tuple[Fit, list[Found]]:
         rivals = tuple(t[2].effect.name for t in near if t[0] is not best)
         found.append(
             Found(
-                as_fitted(variant, best),
+                hold_unseen(variant, best),
                 score,
                 len(ranked),
                 (bic(fit) - bic(best)) / noise.slow,

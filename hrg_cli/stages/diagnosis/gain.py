@@ -12,7 +12,7 @@ import numpy as np
 from ...effects.effect import frame
 from ...fitting.causes import evidence
 from ...fitting.causes.evidence import HeldOut
-from ...fitting.causes.extended_fit import Fit, coordinate_rows
+from ...fitting.causes.extended_fit import ExtendedFit, coordinate_rows
 from ...fitting.causes.wave_frame import imaginary
 from ...units import DEGREE_PER_HOUR
 
@@ -35,7 +35,7 @@ class Gain:
 
 
 def folds_of(
-    fit: Fit, origin: Sequence[int] | None = None, fewest_runs: int = FEWEST_RUNS
+    fit: ExtendedFit, origin: Sequence[int] | None = None, fewest_runs: int = FEWEST_RUNS
 ) -> tuple[str, list[Array]]:
     """("runs", one fold a run) with four runs or more, else ("time", blocks of time across all
     runs): indices into the residual.
@@ -58,20 +58,20 @@ def folds_of(
     return "time", [np.flatnonzero(block == b) for b in range(TIME_BLOCKS)]
 
 
-def predicted(fit: Fit, kind: str, folds: list[Array]) -> Array:
+def predict_folds(fit: ExtendedFit, kind: str, folds: list[Array]) -> Array:
     """Whitened residual (N,) of every fold, predicted from the others (linearised at the
     optimum)."""
     prior = coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
         own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
-        return evidence.predicted(
+        return evidence.predict_folds(
             fit.residual, fit.design.shared, own, folds, prior[:, fit.design.places]
         )
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
-    return evidence.predicted(fit.residual, fit.design.whole(), own, folds, prior)
+    return evidence.predict_folds(fit.residual, fit.design.whole(), own, folds, prior)
 
 
-def _own(fit: Fit, rows: Array) -> Array:
+def _own(fit: ExtendedFit, rows: Array) -> Array:
     """Columns of a fold's own runs on its rows, (N_f, q); the rows of a fold are those of whole
     runs, in order."""
     blocks = [
@@ -88,8 +88,8 @@ def _own(fit: Fit, rows: Array) -> Array:
 
 
 def held_out(
-    before: Fit,
-    after: Fit,
+    before: ExtendedFit,
+    after: ExtendedFit,
     origin_before: Sequence[int] | None = None,
     origin_after: Sequence[int] | None = None,
 ) -> Gain:
@@ -120,12 +120,12 @@ def held_out(
 
 
 def _errors(
-    fit: Fit, origin: Sequence[int] | None, fewest_runs: int
+    fit: ExtendedFit, origin: Sequence[int] | None, fewest_runs: int
 ) -> tuple[str, Array, dict[str, tuple[float, float]]]:
     """(How it is held out, mean squared error over σ of every fold, what that is as drift, angle
     and amplitude)."""
     kind, folds = folds_of(fit, origin, fewest_runs)
-    left = predicted(fit, kind, folds)
+    left = predict_folds(fit, kind, folds)
     return (
         kind,
         np.array([float(np.mean(left[fold] ** 2)) for fold in folds]),
@@ -133,18 +133,22 @@ def _errors(
     )
 
 
-def predicts_better(before: Fit, after: Fit) -> bool:
+def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
     """Whether what was left out is predicted better by runs, or, where single runs alone show a
     cause, by blocks of time."""
     kinds = (FEWEST_RUNS, len(before.series.names) + 1)
     for fewest in kinds:
         kind, folds = folds_of(before, fewest_runs=fewest)
-        if np.sum(predicted(after, kind, folds) ** 2) < np.sum(predicted(before, kind, folds) ** 2):
+        if np.sum(predict_folds(after, kind, folds) ** 2) < np.sum(
+            predict_folds(before, kind, folds) ** 2
+        ):
             return True
     return False
 
 
-def _quantities(fit: Fit, left: Array, folds: list[Array]) -> dict[str, tuple[float, float]]:
+def _quantities(
+    fit: ExtendedFit, left: Array, folds: list[Array]
+) -> dict[str, tuple[float, float]]:
     """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen

@@ -23,7 +23,7 @@ CLIPPED_PEAK = 4 / np.pi
 """Fundamental of a wave that is clipped to a square, over the level."""
 
 
-def nonlinear(
+def bent_channels(
     waves: Sequence[Wave],
     harmonics: dict[int, Line],
     codes: Sequence[Line],

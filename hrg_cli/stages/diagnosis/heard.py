@@ -14,7 +14,7 @@ from typing import cast
 import numpy as np
 
 from ...effects.effect import Effect
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...physics.plant import Readout, Samples
 from ...records import Array, Wave
@@ -33,16 +33,16 @@ POINTS, LEVELS, NODES = 256, 24, 16
 """Points of a period, amplitudes, and values of the noise at which a curve is drawn."""
 
 
-def unheard(fit: Fit, waves: Sequence[Wave]) -> list[str]:
+def find_unheard(fit: ExtendedFit, waves: Sequence[Wave]) -> list[str]:
     """The causes of a fit that would make harmonics which the samples do not have."""
     return [
         effect.name
         for effect, values in fit.point.active
-        if effect.makes_harmonics and excluded(effect, _least(effect, values, fit), waves)
+        if effect.makes_harmonics and is_excluded(effect, _least(effect, values, fit), waves)
     ]
 
 
-def _least(effect: Effect, values: Mapping[str, float], fit: Fit) -> dict[str, float]:
+def _least(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> dict[str, float]:
     """The values nearest to neutral that are within `SURE` σ of the fitted ones."""
     out = dict(values)
     neutral = {p.name: p.neutral for p in effect.parameters}
@@ -52,7 +52,7 @@ def _least(effect: Effect, values: Mapping[str, float], fit: Fit) -> dict[str, f
     return out
 
 
-def excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wave]) -> bool:
+def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wave]) -> bool:
     """Whether one harmonic of these values would be clearly stronger than all that any run's
     samples hold there."""
     for wave in waves:

@@ -13,13 +13,13 @@ import contextlib
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 
 SHAPE = "power"
 """Name of a parameter that sets a cause's shape and not its size."""
 
 
-def one_sigma_off(fit: Fit, inflation: float) -> list[Fit]:
+def one_sigma_off(fit: ExtendedFit, inflation: float) -> list[ExtendedFit]:
     """Refits of a model, whose variances are inflated, with each held power moved by one σ; none where no
     cause has one."""
     return [
@@ -30,7 +30,7 @@ def one_sigma_off(fit: Fit, inflation: float) -> list[Fit]:
     ]
 
 
-def _moved(fit: Fit, name: str, power: float, inflation: float) -> Fit | None:
+def _moved(fit: ExtendedFit, name: str, power: float, inflation: float) -> ExtendedFit | None:
     below, above = (_at(fit, name, power + step) for step in (-1.0, 1.0))
     if below is None or above is None:
         return above or below
@@ -40,11 +40,11 @@ def _moved(fit: Fit, name: str, power: float, inflation: float) -> Fit | None:
     return _at(fit, name, power + float(np.copysign(np.hypot(best, curvature**-0.5), best)))
 
 
-def _at(fit: Fit, name: str, power: float) -> Fit | None:
+def _at(fit: ExtendedFit, name: str, power: float) -> ExtendedFit | None:
     """The model refitted with another power of a cause."""
     effect, values = next(pair for pair in fit.point.active if pair[0].name == name)
     with contextlib.suppress(extended_fit.DivergedError):
-        point = extended_fit.with_effect(fit.point, effect, {**values, SHAPE: power})
+        point = extended_fit.add_effect(fit.point, effect, {**values, SHAPE: power})
         again = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
         return again if again.converged else None
     return None

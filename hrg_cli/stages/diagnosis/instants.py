@@ -21,13 +21,13 @@ from ...effects import EFFECTS
 from ...effects.effect import INSTANT, RUN, Effect
 from ...effects.jumps import FEWEST
 from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.extended import Series
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes.extended_fit import ExtendedFit
 from .beside_misfit import Spectrum, independent
 from .case import Case
-from .refits import leaving_out
-from .remainder import rest
-from .scoring import gross, is_small, scored
+from .refits import leave_out
+from .remainder import search_rest
+from .scoring import is_gross, is_small, score_effects
 from .search import Found
 from .thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
 from .variants import Variant, variants
@@ -56,21 +56,21 @@ class Strike:
 def take_strikes(case: Case) -> Case:
     """The case with what stands out of a gross misfit at an instant, one after another; as it is
     where the misfit is none."""
-    if case.remainder is None or not gross(case.search.final):
+    if case.remainder is None or not is_gross(case.search.final):
         return case
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
     before, case = case, _without(case, sharp)
     for _ in range(case.inquiry.most):
-        found = _clearest(case.search.final, sharp) if gross(case.search.final) else None
+        found = _clearest(case.search.final, sharp) if is_gross(case.search.final) else None
         if found is None:
             break
         fit, one = found
-        last = tuple(score for score, _ in scored(fit, case.inquiry.candidates))
+        last = tuple(score for score, _ in score_effects(fit, case.inquiry.candidates))
         search = replace(case.search, final=fit, found=(*case.search.found, one), last=last)
         case = replace(case, search=search)
     if case is before:
         return case
-    return replace(case, remainder=rest(case.search.final, case.inquiry.noise))
+    return replace(case, remainder=search_rest(case.search.final, case.inquiry.noise))
 
 
 def _without(case: Case, sharp: Sequence[Effect]) -> Case:
@@ -80,13 +80,13 @@ def _without(case: Case, sharp: Sequence[Effect]) -> Case:
     search = case.search
     for one in search.found:
         if one.variant.effect.name in names:
-            reduced = leaving_out(search.final, one.variant.effect.name, search.base)
+            reduced = leave_out(search.final, one.variant.effect.name, search.base)
             if reduced is not None:
                 search = search.without(one, reduced, case.inquiry.candidates)
     return case if search is case.search else replace(case, search=search)
 
 
-def _clearest(fit: Fit, effects: Sequence[Effect]) -> tuple[Fit, Found] | None:
+def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit, Found] | None:
     """The fit with the cause at an instant that chance makes least, and what it cannot be told from;
     None where chance makes it, where too many would do, or where it has no fit."""
     active = {effect.name for effect, _ in fit.point.active}
@@ -102,7 +102,7 @@ def _clearest(fit: Fit, effects: Sequence[Effect]) -> tuple[Fit, Found] | None:
         for one in strikes
         if one.criterion > best.criterion - WORTH
     } - {best.variant.effect.name}  # fmt: skip
-    chance = evidence.corrected(min(one.chance for one in strikes), len(tried))
+    chance = evidence.correct_for_tries(min(one.chance for one in strikes), len(tried))
     if chance > SIGNIFICANT or len(rivals) > MOST_RIVALS:
         return None
     with contextlib.suppress(extended_fit.DivergedError):
@@ -122,7 +122,7 @@ def _clearest(fit: Fit, effects: Sequence[Effect]) -> tuple[Fit, Found] | None:
     return None
 
 
-def around(tried: Sequence[Variant], series: Series) -> list[Variant]:
+def around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
     """The variants at instants half rows apart about theirs, whole periods away, with rows enough on
     either side: the rows know the instant to a part of their length."""
     period = 1 / series.reference_frequency_hz
@@ -142,17 +142,17 @@ def around(tried: Sequence[Variant], series: Series) -> list[Variant]:
     return out
 
 
-def with_held(fit: Fit, effect: Effect, values: Mapping[str, float]) -> Fit:
+def with_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> ExtendedFit:
     """The fit again beside an effect that stays as it is."""
     held = replace(
         effect,
         parameters=tuple(replace(p, fitted=False, fitted_then=False) for p in effect.parameters),
     )
-    point = extended_fit.with_effect(fit.point, held, values)
+    point = extended_fit.add_effect(fit.point, held, values)
     return extended_fit.fit(fit.series, point, fit.freedom)
 
 
-def strikes_of(fit: Fit, tried: Sequence[Variant]) -> list[Strike]:
+def strikes_of(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
     """Of every variant that these runs show beside the model."""
     columns = fit.sensitivities([variant.wanted for variant in tried])
     model = _model(fit)
@@ -210,7 +210,7 @@ def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, A
     return power, numbers
 
 
-def _model(fit: Fit) -> Array:
+def _model(fit: ExtendedFit) -> Array:
     """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
     J = fit.design.whole()
     basis = evidence.orthonormal(J[:, np.linalg.norm(J, axis=0) > 0], evidence.CLEAR_RANK)

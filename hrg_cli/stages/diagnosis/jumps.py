@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.envelopes.envelope_runs import envelopes_of, turned
+from ...fitting.envelopes.envelope_runs import envelopes_of, integrate_rate
 from ...records import Array, Wave
 
 JUMP_SIGMA = 8.0
@@ -49,7 +49,7 @@ ALIKE = 8.0
 
 
 @dataclass(frozen=True)
-class Jump:
+class EnvelopeJump:
     """A jump of one wave: last row before and first row after it, instant, common turn with σ, what
     is left beside it (C, S) and its σ.
 
@@ -83,7 +83,7 @@ class Jump:
         return float(np.abs(self.rest).max()) > max(ALIKE, JUMP_SIGMA) * self.rest_std
 
 
-def jumps(wave: Wave) -> list[Jump]:
+def jumps(wave: Wave) -> list[EnvelopeJump]:
     """Jumps of a wave in order of time, none where there are too many for instants."""
     rows = np.flatnonzero(wave.good() & np.isfinite(wave.phase_rad))
     if len(rows) < 4 * NEIGHBOURS:
@@ -133,7 +133,7 @@ def circular(u: Array) -> Array:
 def _turned(wave: Wave, rows: Array) -> Array:
     """The table's angle at the rows, by the logged rate; nought where none is logged."""
     rate = wave.rate_rad_s
-    return turned(
+    return integrate_rate(
         np.asarray(wave.time_s, float)[rows],
         None if rate is None else np.asarray(rate, float)[rows],
     )
@@ -141,7 +141,7 @@ def _turned(wave: Wave, rows: Array) -> Array:
 
 def _between(
     time: Array, z: Array, noise: Array, table: Array, first: int, last: int, rows: Array
-) -> Jump | None:
+) -> EnvelopeJump | None:
     """The jump between rows `first` and `last` of the good ones; None where it is none or the run
     begins or ends there.
 
@@ -200,7 +200,7 @@ def _between(
         shift = float(np.sum(rest * np.conj(moved)).real) / speed**2
         rest = rest - shift * moved
     linear = np.array([rest[0] + rest[1], (rest[0] - rest[1]) / 1j]) / np.sqrt(2)
-    return Jump(
+    return EnvelopeJump(
         before=int(rows[first]),
         after=int(rows[last]),
         time_s=middle,

@@ -147,7 +147,7 @@ def lines(waves: Sequence[Wave]) -> list[Line]:
     return out
 
 
-def folded(frequency_hz: float | Array, sampling: float | None) -> Any:
+def fold(frequency_hz: float | Array, sampling: float | None) -> Any:
     """A frequency as the sampling shows it, between 0 and half the rate."""
     return (
         frequency_hz
@@ -167,7 +167,7 @@ def harmonic_of(
     rate where that is known; 0: none. wander_hz: how far the runs' frequencies may lie apart."""
     orders = np.arange(2, HARMONICS + 1)
     wander_hz = 2 * WANDER * frequency_hz if wander_hz is None else wander_hz
-    off = np.abs(line.frequency_hz - folded(orders * frequency_hz, sampling))
+    off = np.abs(line.frequency_hz - fold(orders * frequency_hz, sampling))
     near = np.flatnonzero(off < WIDTH_CELLS * cell + orders * wander_hz)
     return int(orders[near[0]]) if len(near) else 0
 
@@ -197,9 +197,7 @@ def spurs(
         chance = float(np.sum(2 * reach) / (sampling / 2))
         if chance > 0.5:
             break
-        met = (np.abs(places[:, None] - folded(orders * frequency_hz, sampling)) < reach).any(
-            axis=1
-        )
+        met = (np.abs(places[:, None] - fold(orders * frequency_hz, sampling)) < reach).any(axis=1)
         count = int(met.sum())
         if count >= FEWEST_SPURS and (p := float(bdtrc(count - 1, len(found), chance))) < best[0]:
             best = p, [line for line, yes in zip(found, met, strict=True) if yes]

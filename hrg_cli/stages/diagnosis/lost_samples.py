@@ -107,7 +107,7 @@ def _rough(wave: Wave) -> float:
     )
 
 
-def together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[PhaseStep]]:
+def join_steps(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[PhaseStep]]:
     """Steps at the same instant and of the same size in several runs are one cause."""
     groups: list[list[PhaseStep]] = []
     for step in steps:
@@ -131,7 +131,7 @@ def together(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[Pha
     return groups
 
 
-def lost(
+def count_lost(
     group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
 ) -> dict[str, Any] | None:
     """Samples lost, or repeated where the time is negative; None where the sampling is even and no

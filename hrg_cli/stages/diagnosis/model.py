@@ -10,9 +10,9 @@ import numpy as np
 
 from ...effects import EFFECTS, dropped_samples, find, mains_tone
 from ...effects.effect import OF_EVERY_RUN, RUN
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.layout import FREQUENCY, OWN
-from ...fitting.envelopes.coordinates import physical
+from ...fitting.envelopes.coordinates import to_parameters
 from ...physics.resonator import OF_GENERATOR
 from ...records import Wave
 from ...settings import to_toml
@@ -27,7 +27,7 @@ SAMPLES_A_PERIOD = 8.5
 
 
 def simulation_file(
-    fit: Fit,
+    fit: ExtendedFit,
     waves: Sequence[Wave],
     pieces: Sequence[Wave],
     origin: Sequence[int],
@@ -44,7 +44,7 @@ def simulation_file(
     what a simulation of the file missed the fit. tone: one near the resonance, at its true size;
     each run its own where its phase is not the same in all.
     """
-    values, _ = physical(fit.point.p, fit.series.mode_number)
+    values, _ = to_parameters(fit.point.p, fit.series.mode_number)
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
     frequency = fit.frequency_hz + change[:, FREQUENCY] / (2 * np.pi)
     device: dict[str, Any] = {
@@ -146,7 +146,7 @@ def _sampling(least_hz: float, loss_s: float) -> float:
     return float(np.ceil(least_hz * loss_s - 1e-6) / loss_s) if loss_s > 0 else least_hz
 
 
-def _turned(fit: Fit, k: int, run: dict[str, Any]) -> bool:
+def _turned(fit: ExtendedFit, k: int, run: dict[str, Any]) -> bool:
     """Whether the run's phase was turned by π against that of its start in the file, so that
     coherent vectors change sign."""
     return bool(np.cos(fit.series.phase_rad[k, 0] - run["start"]["phase_rad"]) < 0)

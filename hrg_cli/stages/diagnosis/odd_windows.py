@@ -90,7 +90,7 @@ def at_the_top(
     return above == len(odd) and 1 / comb(total, above) < by_chance
 
 
-def told(
+def say_odd_windows(
     waves: Sequence[Wave], instants: Sequence[tuple[int, float]], causes: Sequence[Effect]
 ) -> str:
     """One sentence on the odd windows that no named cause makes; empty where there are none.

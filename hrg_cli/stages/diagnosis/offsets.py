@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.causes import evidence
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .inquiry import NoiseLevel
 
 Array = np.ndarray
@@ -70,7 +70,7 @@ class Offsets:
         return high
 
 
-def offsets_of(fit: Fit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
+def offsets_of(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
     """The offsets of a fit and their places among its parameters."""
     runs = len(fit.series.names)
     index = [fit.layout.frequency(k) for k in range(runs)]

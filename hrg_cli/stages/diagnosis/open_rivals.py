@@ -11,11 +11,11 @@ import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
-from .refits import adopted, bic, loosened
+from .refits import adopt, bic, loosen
 from .remainder import OPEN_TERMS, Remainder, describe
-from .scoring import scored
+from .scoring import score_effects
 from .search import Found
 from .thresholds import BOUND_COST, CLEARLY, SAME, SIGNIFICANT, WORTH
 
@@ -27,10 +27,10 @@ class Rival:
     none)."""
 
     count: int
-    fit: Fit
+    fit: ExtendedFit
     described: Remainder
     ranked: tuple[Score, ...]
-    beyond: Fit | None
+    beyond: ExtendedFit | None
 
     @property
     def criterion(self) -> float:
@@ -82,14 +82,18 @@ def give_way_to_open_terms(case: Case) -> Case:
     return replace(case, search=search, remainder=best.described)
 
 
-def _rival(case: Case, start: Fit, count: int, following: Found) -> Rival:
+def _rival(case: Case, start: ExtendedFit, count: int, following: Found) -> Rival:
     search, inquiry = case.search, case.inquiry
     most = OPEN_TERMS if case.remainder is not None else 1
     described = describe(start, inquiry.noise, most, SIGNIFICANT)
-    ranked = search.first if count == 0 else tuple(s for s, _ in scored(start, inquiry.candidates))
+    ranked = (
+        search.first
+        if count == 0
+        else tuple(s for s, _ in score_effects(start, inquiry.candidates))
+    )
     beyond = None
     with contextlib.suppress(extended_fit.DivergedError):
-        beyond = loosened(adopted(start, following.score, following.variant))
+        beyond = loosen(adopt(start, following.score, following.variant))
     return Rival(count, start, described, ranked, beyond)
 
 
@@ -108,7 +112,7 @@ def _outdoes(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
     return mimics or (near and forbidden) or rival.criterion < full - margin * slow
 
 
-def _criterion(fit: Fit, beside: Remainder | None) -> float:
+def _criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
     """χ² + rank·ln N of a fit with open terms beside it."""
     if beside is None:
         return bic(fit)
@@ -122,7 +126,7 @@ def _is_open(rival: Rival, found: Sequence[Found]) -> bool:
     visible = [s for s in rival.ranked if s.visible]
     names = {one.variant.effect.name for one in found}
     return bool(rival.described.terms) and not any(
-        evidence.alike(t.score, s) > SAME
+        evidence.correlate_spaces(t.score, s) > SAME
         and (s.rank <= t.score.rank or (s.name in names and t.score.rank == 1))
         for t in rival.described.terms
         for s in visible

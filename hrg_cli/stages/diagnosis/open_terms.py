@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect, Parameter
-from ...fitting.causes.extended import Series
+from ...fitting.causes.extended import MeasuredRuns
 from ...physics import ellipse
 
 Array = np.ndarray
@@ -102,22 +102,22 @@ class Covariate:
     parts: int = 1
     harmonic: int = 0
     """Of the wave angle θ, or of the table's angle."""
-    shape: Shape | None = None
+    shape: OpenShape | None = None
     places: tuple[str, ...] = ()
     """Names of the places it makes sense at; all where none is named."""
 
 
 @dataclass(frozen=True)
-class Shape:
+class OpenShape:
     """What is still free in a covariate's form: how it is made from the number, the number, and the
     first grid's spacing."""
 
-    make: Callable[[Series, float], Covariate]
+    make: Callable[[MeasuredRuns, float], Covariate]
     value: float
     width: float
 
 
-def covariates(series: Series, u: Array, cycles: Sequence[float] = ()) -> Iterator[Covariate]:
+def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> Iterator[Covariate]:
     """The functions looked through; scales come from the motion u (R, n, 2) of the runs; `cycles`:
     of tones in the longest run."""
     good = series.weight > 0
@@ -238,11 +238,11 @@ def _pair(phase: Array) -> Array:
     return np.stack([np.cos(phase), np.sin(phase)])
 
 
-def _span(series: Series) -> float:
+def _span(series: MeasuredRuns) -> float:
     return float(series.time_s[series.weight > 0].max())
 
 
-def step_at(series: Series, share: float) -> Covariate:
+def step_at(series: MeasuredRuns, share: float) -> Covariate:
     """0 before and 1 after an instant, the same in every run; within a row its share of it."""
     instant = share * _span(series)
     width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
@@ -250,22 +250,22 @@ def step_at(series: Series, share: float) -> Covariate:
         "time",
         f"step at t = {instant:.5g} s",
         lambda u, s: _one(u, np.clip((s.time_s - instant) / width + 0.5, 0, 1)),
-        shape=Shape(step_at, share, 1 / (STEPS + 1)),
+        shape=OpenShape(step_at, share, 1 / (STEPS + 1)),
     )
 
 
-def decay_of(series: Series, log_share: float) -> Covariate:
+def decay_of(series: MeasuredRuns, log_share: float) -> Covariate:
     """e^{−t/τ}, τ = e^log_share of the longest run: what settles after every run's start."""
     tau = float(np.exp(log_share)) * _span(series)
     return Covariate(
         "time",
         f"e^(−t/{tau:.4g} s)",
         lambda u, s: _one(u, np.exp(-s.time_s / tau)),
-        shape=Shape(decay_of, log_share, float(np.log(2))),
+        shape=OpenShape(decay_of, log_share, float(np.log(2))),
     )
 
 
-def tone_of(series: Series, cycles: float) -> Covariate:
+def tone_of(series: MeasuredRuns, cycles: float) -> Covariate:
     """Cosine and sine of so many cycles over the longest run."""
     span = _span(series)
     omega = 2 * np.pi * cycles / span
@@ -274,7 +274,7 @@ def tone_of(series: Series, cycles: float) -> Covariate:
         f"tone of {cycles / span:.5g} Hz",
         lambda u, s: _pair(np.broadcast_to(omega * s.time_s, u.shape[:-1])),
         2,
-        shape=Shape(tone_of, cycles, 0.5),
+        shape=OpenShape(tone_of, cycles, 0.5),
     )
 
 

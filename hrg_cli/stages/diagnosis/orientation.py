@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.extended_fit import Fit
-from .scoring import scored
+from ...fitting.causes.extended_fit import ExtendedFit
+from .scoring import score_effects
 from .variants import Variant
 
 Array = np.ndarray
@@ -22,7 +22,7 @@ CLEARLY = 30.0
 """χ² that turned signs must gain, beyond the choice among 2^R of them."""
 
 
-def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
+def orient_runs(base: ExtendedFit, candidates: Sequence[Variant]) -> ExtendedFit:
     """The fit with the phase of some runs turned by π, or as it was."""
     runs = len(base.series.names)
     own = [variant for variant in candidates if variant.effect.coherent]
@@ -40,7 +40,9 @@ def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
     if np.all(signs > 0):
         return base
     others = (
-        evidence.criterion(s.gain, s.rank, rows) for s, v in scored(base, candidates) if s.visible
+        evidence.criterion(s.gain, s.rank, rows)
+        for s, v in score_effects(base, candidates)
+        if s.visible
     )
     if best < max(others, default=-np.inf):
         return base
@@ -48,7 +50,7 @@ def oriented(base: Fit, candidates: Sequence[Variant]) -> Fit:
     return extended_fit.fit(replace(base.series, phase_rad=turned), base.point, base.freedom)
 
 
-def _turned(columns: Array, base: Fit, runs: int) -> tuple[float, float, Array, int]:
+def _turned(columns: Array, base: ExtendedFit, runs: int) -> tuple[float, float, Array, int]:
     """(fall of χ² with the best signs found, with all +, those signs (R,), parameters) of columns
     (N, K) whose sign each run may turn."""
     count = columns.shape[1]

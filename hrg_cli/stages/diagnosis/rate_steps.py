@@ -15,8 +15,8 @@ import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Basis
-from ...fitting.causes.extended import Series
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.coordinates import SCALE_FACTOR
 
@@ -35,12 +35,12 @@ INDEPENDENT = 1e-6
 """Part of the strongest below which what a step does is what others do."""
 
 
-def settled(fit: Fit) -> Fit:
+def fit_rate_steps(fit: ExtendedFit) -> ExtendedFit:
     """The fit again with the table angle of every step as the waves show it, blind to what else a
     step can do; the same where none is."""
-    places = steps(fit.series, float(fit.point.p[SCALE_FACTOR]))
+    places = find_rate_steps(fit.series, float(fit.point.p[SCALE_FACTOR]))
     for _ in range(ROUNDS if places else 0):
-        fit = extended_fit.fit(_corrected(fit, places), fit.point, fit.freedom)
+        fit = extended_fit.fit(_correct_steps(fit, places), fit.point, fit.freedom)
     if places:
         fit = extended_fit.fit(
             replace(fit.series, unsettled=_doings(fit, places)), fit.point, fit.freedom
@@ -48,7 +48,7 @@ def settled(fit: Fit) -> Fit:
     return fit
 
 
-def steps(series: Series, scale_factor: float) -> list[tuple[int, int, int]]:
+def find_rate_steps(series: MeasuredRuns, scale_factor: float) -> list[tuple[int, int, int]]:
     """(run, first row before, last row before) of every step of the rate that matters; none in a
     run whose rate always moves like that."""
     out = []
@@ -81,11 +81,11 @@ def steps(series: Series, scale_factor: float) -> list[tuple[int, int, int]]:
     return out
 
 
-def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
+def _correct_steps(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> MeasuredRuns:
     """The series with the steps' angles that its residual asks for, each within its own
     uncertainty, rows beside the steps left out."""
     series, flow = fit.series, fit.flow
-    columns = extended_fit.flat(
+    columns = extended_fit.flatten_rows(
         series, flow.seen(np.stack([_kicks(fit, *place)[0] for place in places], axis=-1))
     )
     spread = np.array(
@@ -108,7 +108,7 @@ def _corrected(fit: Fit, places: list[tuple[int, int, int]]) -> Series:
     return replace(series, table_angle_rad=table, weight=weight)
 
 
-def _doings(fit: Fit, places: list[tuple[int, int, int]]) -> Basis:
+def _doings(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> Basis:
     """Orthonormal basis, run by run, of all that the steps can do to the residual.
 
     Their sizes are bounded, but a prior would be dragged along by whatever goes on between the
@@ -124,7 +124,9 @@ def _doings(fit: Fit, places: list[tuple[int, int, int]]) -> Basis:
             (
                 rows,
                 evidence.orthonormal(
-                    extended_fit.flat(series, fit.flow.seen(np.stack(kicks, axis=-1)))[rows],
+                    extended_fit.flatten_rows(series, fit.flow.seen(np.stack(kicks, axis=-1)))[
+                        rows
+                    ],
                     INDEPENDENT,
                 ),
             )
@@ -132,7 +134,7 @@ def _doings(fit: Fit, places: list[tuple[int, int, int]]) -> Basis:
     return Basis(tuple(own), np.zeros((int(ends[-1]), 0)))
 
 
-def _kicks(fit: Fit, k: int, first: int, last: int) -> list[Array]:
+def _kicks(fit: ExtendedFit, k: int, first: int, last: int) -> list[Array]:
     """Motion (R, n, 4) after one radian of the table, and after a unit of amplitude, phase and
     quadrature, over the rows of a step."""
     series, flow, rows = fit.series, fit.flow, slice(first, last + 1)

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import real
 from ...physics import ellipse
 from ...records import Diagnosis, Wave
 from .damping_form import Form
 from .drive_scatter import sentence
-from .report import undescribed
+from .report import describe_in_words
 from .search import Search
 from .shares import Shares
 
@@ -72,10 +72,10 @@ def left_over(
     the checks that failed."""
     if form is not None:
         return form.completed(remainder)
-    return undescribed("; ".join(failed)) if failed and remainder is None else remainder
+    return describe_in_words("; ".join(failed)) if failed and remainder is None else remainder
 
 
-def doubts(verdict: str, failed: Sequence[str], final: Fit) -> list[str]:
+def doubts(verdict: str, failed: Sequence[str], final: ExtendedFit) -> list[str]:
     """What makes the diagnosis suspect: a word that could not be given, and a drive's log that may
     be why."""
     if verdict in ("adequate", "explained"):

@@ -12,8 +12,8 @@ import numpy as np
 from ...effects.effect import Effect
 from ...fitting.causes import extended_fit
 from ...fitting.causes.evidence import Score
-from ...fitting.causes.extended_fit import Fit
-from .scoring import gross, is_small
+from ...fitting.causes.extended_fit import ExtendedFit
+from .scoring import is_gross, is_small
 from .thresholds import CLEARLY
 from .variants import Variant
 
@@ -23,7 +23,9 @@ QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
 
 
-def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS) -> Fit:
+def adopt(
+    fit: ExtendedFit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS
+) -> ExtendedFit:
     """The fit again with one more effect, from the score's estimate, in `most` steps; parameters
     these runs do not show stay neutral."""
     values, effect = dict(variant.values), variant.effect
@@ -44,7 +46,7 @@ def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.M
         values[name] = variant.values[name] + variant.steps[name]
     first = extended_fit.fit(
         fit.series,
-        extended_fit.with_effect(fit.point, effect, values),
+        extended_fit.add_effect(fit.point, effect, values),
         fit.freedom,
         most,
         fit.flow.near,
@@ -58,14 +60,14 @@ def adopted(fit: Fit, score: Score, variant: Variant, most: int = extended_fit.M
     values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
     return extended_fit.fit(
         first.series,
-        extended_fit.with_effect(first.point, effect, values),
+        extended_fit.add_effect(first.point, effect, values),
         first.freedom,
         most,
         first.flow.near,
     )
 
 
-def as_fitted(variant: Variant, fit: Fit) -> Variant:
+def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
     """The variant with its effect as it stands in the fit: unseen parameters held."""
     return replace(
         variant,
@@ -73,16 +75,16 @@ def as_fitted(variant: Variant, fit: Fit) -> Variant:
     )
 
 
-def bic(fit: Fit) -> float:
+def bic(fit: ExtendedFit) -> float:
     """χ² + rank·ln N."""
     return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual)))
 
 
-Trial = tuple[float, Fit, Score, Variant]
+Trial = tuple[float, ExtendedFit, Score, Variant]
 """A candidate refitted: its criterion, its fit, its score before, and how it stands."""
 
 
-def refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+def refit(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     """The candidates refitted, best first; what did not settle or came out larger than thinkable is
     none.
 
@@ -94,11 +96,11 @@ def refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     return trials
 
 
-def _refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     trials: list[Trial] = []
     for score, variant in close:
         with contextlib.suppress(extended_fit.DivergedError):
-            trial = adopted(
+            trial = adopt(
                 fit,
                 score,
                 variant,
@@ -117,16 +119,16 @@ def _refitted(fit: Fit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     return sorted(whole, key=lambda t: t[0])
 
 
-def _may_stand(effect: Effect, fit: Fit, trial: Fit) -> bool:
+def _may_stand(effect: Effect, fit: ExtendedFit, trial: ExtendedFit) -> bool:
     """Whether a cause may be taken in: while the misfit is gross and stays so, a part of what does
     not stand there would do for the whole, and what happens at an instant would have the misfit's
     own size (`instants`)."""
     active = {one.name for one, _ in fit.point.active}
     part = bool(effect.part_of) and not active & set(effect.part_of)
-    return not (part or effect.of_one_run) or not gross(trial)
+    return not (part or effect.of_one_run) or not is_gross(trial)
 
 
-def loosened(fit: Fit) -> Fit:
+def loosen(fit: ExtendedFit) -> ExtendedFit:
     """The fit with the scale factor free as far as these runs leave it, once the misfit is no
     longer gross enough to bend it.
 
@@ -134,7 +136,7 @@ def loosened(fit: Fit) -> Fit:
     that costs little.
     """
     loose = fit.freedom.loose
-    if gross(fit) or loose is None:
+    if is_gross(fit) or loose is None:
         return fit
     held = extended_fit.fit(
         fit.series,
@@ -146,26 +148,28 @@ def loosened(fit: Fit) -> Fit:
     return fit if freed and held.chi2 - fit.chi2 > CLEARLY else held
 
 
-def second_order_freed(fit: Fit, ranked: Sequence[tuple[Score, Variant]]) -> Fit | None:
+def free_second_order(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]]
+) -> ExtendedFit | None:
     """The fit with the second order's scale free, where the data ask for that more than for any
     cause: envelopes that come from plain averaging (0) and not from a resonator (1)."""
     loose = fit.freedom.loose
-    if gross(fit) or loose is None or fit.layout.coordinate("second_order") is not None:
+    if is_gross(fit) or loose is None or fit.layout.coordinate("second_order") is not None:
         return None
     free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose), near=fit.flow.near)
     best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
     return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
 
 
-def leaving_out(fit: Fit, name: str, base: Fit | None = None) -> Fit | None:
+def leave_out(fit: ExtendedFit, name: str, base: ExtendedFit | None = None) -> ExtendedFit | None:
     """The fit again without an effect; None where no motion is left: the model cannot do without
     it.
 
     base: a fit without effects, from whose place the others are fitted too where the effect has led
     so far that there is no way back.
     """
-    reduced: Fit | None = None
-    point = extended_fit.without(fit.point, name)
+    reduced: ExtendedFit | None = None
+    point = extended_fit.remove_effect(fit.point, name)
     with contextlib.suppress(extended_fit.DivergedError):
         reduced = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
     if base is None or (reduced is not None and reduced.converged):

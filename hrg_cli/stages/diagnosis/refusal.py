@@ -7,24 +7,24 @@ from collections.abc import Sequence
 
 from ...effects.effect import Effect
 from ...fitting import checks
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...records import Diagnosis, Resonator, Wave
 from .case import Case
 from .gain import held_out
 from .inquiry import Inquiry
 from .record import record_of
+from .report import describe_in_words
 from .report import report as report_of
-from .report import undescribed
-from .scoring import scored
+from .scoring import score_effects
 from .search import Search
 from .sized import Sized
 from .suspects import Suspicion
 from .variants import variants
 
 
-def refused(
+def refuse(
     waves: Sequence[Wave],
-    base: Fit,
+    base: ExtendedFit,
     searched: Sequence[Effect],
     suspicions: Sequence[Suspicion],
     resonator: Resonator | None,
@@ -37,9 +37,9 @@ def refused(
     return record.judged(sentences, "refused")
 
 
-def stopped(
+def stop_search(
     waves: Sequence[Wave],
-    base: Fit,
+    base: ExtendedFit,
     searched: Sequence[Effect],
     resonator: Resonator | None,
     spent: str,
@@ -57,7 +57,7 @@ def stopped(
 
 def _unexplained(
     waves: Sequence[Wave],
-    base: Fit,
+    base: ExtendedFit,
     searched: Sequence[Effect],
     resonator: Resonator | None,
     closing: checks.Check,
@@ -65,7 +65,7 @@ def _unexplained(
 ) -> Diagnosis:
     """The record of a diagnosis that names no cause, with the check that took the word away."""
     candidates = variants(searched, base)
-    scores = tuple(s for s, _ in scored(base, candidates))
+    scores = tuple(s for s, _ in score_effects(base, candidates))
     search = Search(base, base, (), scores, scores)
     case = Case(Inquiry(tuple(candidates), 0), search)
     origin = list(range(len(waves)))
@@ -81,6 +81,6 @@ def _unexplained(
         "suspect_runs": [one.table() for one in suspicions],
         "stability": [],
         "scores": None,
-        "remainder": undescribed(closing.sentence),
+        "remainder": describe_in_words(closing.sentence),
     }
     return record_of(search, waves, "unexplained", report, "")

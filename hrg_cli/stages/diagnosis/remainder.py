@@ -14,13 +14,13 @@ import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Basis, Score
-from ...fitting.causes.extended import Series
-from ...fitting.causes.extended_fit import Fit, flat
+from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes.extended_fit import ExtendedFit, flatten_rows
 from ...fitting.causes.sensitivities import spread
 from ...fitting.causes.wave_frame import directions, real
 from .inquiry import STATED, NoiseLevel
-from .open_terms import PLACES, Covariate, Place, Shape, covariates, effect_of
-from .refits import bic, leaving_out
+from .open_terms import PLACES, Covariate, OpenShape, Place, covariates, effect_of
+from .refits import bic, leave_out
 from .thresholds import INADEQUATE, NEVER_LESS, SIGNIFICANT, WORTH
 
 Array = np.ndarray
@@ -59,20 +59,20 @@ class Term:
         return evidence.criterion(self.score.gain / noise.slow, self.score.rank, rows)
 
 
-def terms(fit: Fit) -> list[Term]:
+def terms(fit: ExtendedFit) -> list[Term]:
     """Every term with its score beside the fit, best first; what coincides with the model is left
     out, what is equal but for rounding stays in the order of the places.
     """
     rows = len(fit.residual)
     out = [
         term
-        for term in judged(fit, list(_pairs(fit)), fit.residual, fit.basis)
+        for term in judge_terms(fit, list(_pairs(fit)), fit.residual, fit.basis)
         if term.score.visible
     ]
     return sorted(out, key=lambda t: -round(t.worth(rows), 3))
 
 
-def _pairs(fit: Fit) -> Iterator[tuple[Place, Covariate]]:
+def _pairs(fit: ExtendedFit) -> Iterator[tuple[Place, Covariate]]:
     """All terms looked through."""
     for covariate in covariates(fit.series, fit.flow.prediction.motion, peaks(fit)):
         for place in PLACES:
@@ -82,7 +82,7 @@ def _pairs(fit: Fit) -> Iterator[tuple[Place, Covariate]]:
                 yield place, covariate
 
 
-def peaks(fit: Fit) -> list[float]:
+def peaks(fit: ExtendedFit) -> list[float]:
     """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's
     components' residuals together."""
     series = fit.series
@@ -101,8 +101,8 @@ def peaks(fit: Fit) -> list[float]:
     return [*SLOW, *(float(cycles[k]) for k in sorted(inner, key=lambda k: -power[k])[:PEAKS])]
 
 
-def judged(
-    fit: Fit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis
+def judge_terms(
+    fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis
 ) -> list[Term]:
     """Terms with their scores: (place, covariate)."""
     ledger, order = evidence.Ledger(residual, Q), list[int]()
@@ -115,14 +115,14 @@ def judged(
     return [Term(place, covariate, found[k]) for k, (place, covariate) in enumerate(pairs)]
 
 
-def _alone(fit: Fit, pair: tuple[Place, Covariate]) -> Array:
+def _alone(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
     """The columns of one term."""
     ((_, columns, _),) = columns_of(fit, [pair])
     return columns
 
 
 def columns_of(
-    fit: Fit, pairs: Sequence[tuple[Place, Covariate]]
+    fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]]
 ) -> Iterator[tuple[list[int], Array, list[int]]]:
     """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time;
     those of a place share its vectors."""
@@ -133,7 +133,7 @@ def columns_of(
         by_place.setdefault(place.name, []).append(k)
     known: dict[tuple[int, int], Array] = {}
 
-    def values(numbers: list[int], u: Array, where: Series) -> list[Array]:
+    def values(numbers: list[int], u: Array, where: MeasuredRuns) -> list[Array]:
         for k in numbers:
             if (k_key := (id(pairs[k][1]), id(u))) not in known:
                 known[k_key] = np.moveaxis(pairs[k][1].function(u, where), 0, -1)
@@ -153,7 +153,11 @@ def columns_of(
                 wide = flow.seen(
                     flow.carried_by(vectors, _vectors(place, flow.middle), g, g_middle)
                 )
-            yield some, flat(series, wide), [part.shape[-1] * vectors.shape[-1] for part in parts]
+            yield (
+                some,
+                flatten_rows(series, wide),
+                [part.shape[-1] * vectors.shape[-1] for part in parts],
+            )
 
 
 def _vectors(place: Place, u: Array) -> Array:
@@ -168,7 +172,7 @@ def _few(numbers: list[int], columns: int) -> Iterator[list[int]]:
         yield numbers[first : first + count]
 
 
-def refined(fit: Fit, term: Term) -> Term:
+def refine_term(fit: ExtendedFit, term: Term) -> Term:
     """The term with what is free in its covariate's form (an instant, a decay, a frequency) to a
     fiftieth of the first grid."""
     shape = term.covariate.shape
@@ -180,19 +184,19 @@ def refined(fit: Fit, term: Term) -> Term:
         trials = [
             (term.place, shape.make(fit.series, v)) for v in middle + width * np.linspace(-1, 1, 11)
         ]
-        best = max(judged(fit, trials, fit.residual, fit.basis), key=lambda t: t.score.gain)
+        best = max(judge_terms(fit, trials, fit.residual, fit.basis), key=lambda t: t.score.gain)
         if best.score.gain > term.score.gain:
             term = best
         width /= 5
     return term
 
 
-def _shape(term: Term) -> Shape:
+def _shape(term: Term) -> OpenShape:
     assert term.covariate.shape is not None
     return term.covariate.shape
 
 
-def best_of(fit: Fit, ranked: Sequence[Term]) -> Term:
+def best_of(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
     """The term worth most once the shapes of the nearest are refined; one of the motion where it
     serves as well as one of the read-out.
 
@@ -204,7 +208,7 @@ def best_of(fit: Fit, ranked: Sequence[Term]) -> Term:
     first: dict[tuple[str, object], Term] = {}
     for term in shaped:
         first.setdefault((term.place.name, _shape(term).make), term)
-    better = [refined(fit, t) for t in list(first.values())[:SHAPED]]
+    better = [refine_term(fit, t) for t in list(first.values())[:SHAPED]]
     near = sorted([*better, *near], key=lambda t: -round(t.worth(rows), 3))
     best = near[0]
     if best.place.readout:
@@ -212,7 +216,7 @@ def best_of(fit: Fit, ranked: Sequence[Term]) -> Term:
         alike = (t for t in near if not t.place.readout and t.covariate.name == best.covariate.name)
         moving = next(alike, None)
         if moving is not None and moving.worth(rows) > best.worth(rows) - margin:
-            best = refined(fit, moving)
+            best = refine_term(fit, moving)
     return best
 
 
@@ -222,7 +226,7 @@ class Remainder:
     coefficients."""
 
     terms: tuple[Term, ...]
-    fit: Fit
+    fit: ExtendedFit
     tried: int
     rank: int
 
@@ -232,7 +236,7 @@ class Remainder:
         return self.fit.chi2
 
 
-def rest(fit: Fit, noise: NoiseLevel) -> Remainder | None:
+def search_rest(fit: ExtendedFit, noise: NoiseLevel) -> Remainder | None:
     """The open search where the fit is not adequate; None where it is.
 
     Not adequate: the residual's smooth part is too large, or one open term of all those tried finds
@@ -247,7 +251,7 @@ def rest(fit: Fit, noise: NoiseLevel) -> Remainder | None:
     return describe(fit, noise, OPEN_TERMS, SIGNIFICANT)
 
 
-def describe(fit: Fit, noise: NoiseLevel, most: int, significant: float) -> Remainder:
+def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float) -> Remainder:
     """Forward selection of open terms with refit, stopped by corrected p and BIC; then each against
     all others beside the rest."""
     rows = len(fit.residual)
@@ -261,23 +265,23 @@ def describe(fit: Fit, noise: NoiseLevel, most: int, significant: float) -> Rema
         tried = len(ranked) + (CELLS - PEAKS) * len(PLACES)
         best = best_of(fit, ranked)
         _, p = evidence.significance(best.score.gain / noise.slow, best.score.rank)
-        if evidence.corrected(p, tried) > significant or best.worth(rows, noise) < WORTH:
+        if evidence.correct_for_tries(p, tried) > significant or best.worth(rows, noise) < WORTH:
             break
-        again = with_term(fit, best, name := f"open term {len(chosen)}")
+        again = add_term(fit, best, name := f"open term {len(chosen)}")
         if again is None or not again.chi2 < fit.chi2 - WORTH * noise.slow:
             break
         fit = again
         chosen.append((name, best))
-    fit, chosen = exchanged(fit, chosen, noise)
+    fit, chosen = exchange_terms(fit, chosen, noise)
     return Remainder(
-        tuple(fitted(fit, name, term) for name, term in chosen),
+        tuple(fit_of_term(fit, name, term) for name, term in chosen),
         fit,
         tried,
         fit.basis.shape[1] - start,
     )
 
 
-def with_term(fit: Fit, term: Term, name: str) -> Fit | None:
+def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
     """The fit with the term, in the place of one of that name; None where the model finds no fit:
     its linear gain is none."""
     effect = effect_of(term.place, term.covariate, name)
@@ -288,7 +292,7 @@ def with_term(fit: Fit, term: Term, name: str) -> Fit | None:
     try:
         return extended_fit.fit(
             fit.series,
-            extended_fit.with_effect(fit.point, effect, values),
+            extended_fit.add_effect(fit.point, effect, values),
             fit.freedom,
             near=fit.flow.near,
         )
@@ -296,7 +300,7 @@ def with_term(fit: Fit, term: Term, name: str) -> Fit | None:
         return None
 
 
-def fitted(fit: Fit, name: str, term: Term) -> Term:
+def fit_of_term(fit: ExtendedFit, name: str, term: Term) -> Term:
     """The term with its coefficients and their σ as they stand in the fit."""
     values = next(values for effect, values in fit.point.active if effect.name == name)
     estimate = np.array(list(values.values()))
@@ -304,16 +308,16 @@ def fitted(fit: Fit, name: str, term: Term) -> Term:
     return replace(term, score=replace(term.score, estimate=estimate, std=std))
 
 
-def exchanged(
-    fit: Fit, chosen: list[tuple[str, Term]], noise: NoiseLevel
-) -> tuple[Fit, list[tuple[str, Term]]]:
+def exchange_terms(
+    fit: ExtendedFit, chosen: list[tuple[str, Term]], noise: NoiseLevel
+) -> tuple[ExtendedFit, list[tuple[str, Term]]]:
     """Every term against all others beside the rest, and against none: the first was chosen before
     the others were there."""
     if len(chosen) < 2:
         return fit, chosen
     rows = len(fit.residual)
     for name, _ in list(chosen):
-        reduced = leaving_out(fit, name)
+        reduced = leave_out(fit, name)
         if reduced is None:
             continue
         lost = (bic(reduced) - bic(fit)) / noise.slow
@@ -323,13 +327,13 @@ def exchanged(
         if max(better, lost) < WORTH:
             fit, chosen = reduced, [*chosen[:place], *chosen[place + 1 :]]
         elif better > lost + WORTH:
-            again = with_term(reduced, new, name)
+            again = add_term(reduced, new, name)
             if again is not None and bic(again) < bic(fit) - WORTH * noise.slow:
                 fit, chosen = again, [*chosen[:place], (name, new), *chosen[place + 1 :]]
     return fit, chosen
 
 
-def smooth_columns(fit: Fit) -> list[tuple[slice, Array]]:
+def smooth_columns(fit: ExtendedFit) -> list[tuple[slice, Array]]:
     """Slow cosines in time of all four components of the wave, run by run: what a deterministic
     misfit would look like, (N_r, m) each."""
     series = fit.series
@@ -345,7 +349,7 @@ def smooth_columns(fit: Fit) -> list[tuple[slice, Array]]:
     ]
 
 
-def adequacy(fit: Fit) -> tuple[float, float]:
+def adequacy(fit: ExtendedFit) -> tuple[float, float]:
     """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing
     is left but white noise."""
     from scipy.special import chdtrc

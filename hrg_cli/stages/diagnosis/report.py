@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import evidence
-from ...fitting.causes.extended_fit import Fit, flat
+from ...fitting.causes.extended_fit import ExtendedFit, flatten_rows
 from ...records import Resonator
 from .base_values import values
 from .case import Case
@@ -18,12 +18,17 @@ from .remainder import Remainder, Term
 from .search import Found, Search
 from .separability import not_separable
 from .sized import Sized
-from .tested import tested
+from .tested import test_candidates
 from .variants import Variant
 
 
 def report(
-    verdict: str, case: Case, sized: Sized, gain: Gain, resonator: Resonator | None, untouched: Fit
+    verdict: str,
+    case: Case,
+    sized: Sized,
+    gain: Gain,
+    resonator: Resonator | None,
+    untouched: ExtendedFit,
 ) -> dict[str, Any]:
     """What the contract names of the case and the steps that led there; `sized`: the final fit with
     what widens its σ; `untouched`: the base fit before tones and steps were taken out."""
@@ -37,7 +42,7 @@ def report(
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
         "gain": figures(gain),
-        "tested": tested(case),
+        "tested": test_candidates(case),
         "not_separable": not_separable(case),
         "noise_factor": case.inquiry.noise.slow,
         "correlations": _correlations(search),
@@ -46,10 +51,10 @@ def report(
     }
 
 
-def _figures(fit: Fit) -> dict[str, float]:
+def _figures(fit: ExtendedFit) -> dict[str, float]:
     """χ² a degree of freedom and the residual's rms in the signals' unit."""
     weight = fit.series.weight[fit.rows[:, 0], fit.rows[:, 1]]
-    plain = flat(fit.series, fit.prediction.residual()) / weight
+    plain = flatten_rows(fit.series, fit.prediction.residual()) / weight
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 
@@ -64,7 +69,7 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
     return {
         "name": effect.name,
         "z": score[0],
-        "p_value": evidence.corrected(score[1], one.tried),
+        "p_value": evidence.correct_for_tries(score[1], one.tried),
         "delta_bic": one.delta_bic,
         "parameters": {
             p.name: {
@@ -95,7 +100,7 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
     }
 
 
-def _beside_the_others(one: Found, fit: Fit, inflation: float) -> tuple[float, float]:
+def _beside_the_others(one: Found, fit: ExtendedFit, inflation: float) -> tuple[float, float]:
     """z and p of an effect in the final fit, from its parameters' joint significance."""
     effect = one.variant.effect
     if one.sizes is not None:
@@ -115,7 +120,7 @@ def _correlations(search: Search) -> dict[str, Any]:
     }
 
 
-def undescribed(description: str) -> dict[str, Any]:
+def describe_in_words(description: str) -> dict[str, Any]:
     """A remainder of which there are words alone."""
     return {
         "description": description,
@@ -129,7 +134,7 @@ def undescribed(description: str) -> dict[str, Any]:
 def describe(remainder: Remainder) -> dict[str, Any]:
     """The best open term in words and as a formula; further ones behind it."""
     if not remainder.terms:
-        return undescribed("a residual that is neither white nor one of the terms looked for")
+        return describe_in_words("a residual that is neither white nor one of the terms looked for")
     rows = [_term(t) for t in remainder.terms]
     first = rows[0]
     return {

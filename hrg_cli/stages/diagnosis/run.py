@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes.extended import Point, Stage, motion_of, state_of
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended import Point, RungeKuttaStage, motion_of, state_of
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.layout import FREQUENCY
 from ...fitting.causes.wave_frame import imaginary
 from ...fitting.envelopes.coordinates import DAMPING
@@ -19,7 +19,7 @@ from ...physics import ellipse
 from ...records import Wave
 from ..run_tables import drive_log, loops, points, rate_course, sample_noise
 from .data import command, impulse_of
-from .drive_log import timely
+from .drive_log import shift_commands
 
 Array = np.ndarray
 BACKWARD = 16
@@ -46,7 +46,7 @@ class Way:
 
 
 def run_table(
-    fit: Fit,
+    fit: ExtendedFit,
     own: Sequence[int],
     wave: Wave,
     piece: Wave,
@@ -61,7 +61,7 @@ def run_table(
     the pieces, which its motion has gone through.
     """
     series, k = fit.series, own[0]
-    wave = timely(wave, series.drive_late_s)
+    wave = shift_commands(wave, series.drive_late_s)
     clock = np.exp(-2j * np.pi * series.reference_frequency_hz * lost_s)
     a_A, a_B, angle, phase = (
         float(v)
@@ -88,7 +88,7 @@ def run_table(
     return run
 
 
-def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
+def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
     """The wave with the modelled motion's amplitudes: the simulated loops see those, without noise
     and the read-out's defects."""
     good = [fit.series.weight[k] > 0 for k in own]
@@ -102,7 +102,7 @@ def _moving(fit: Fit, own: Sequence[int], wave: Wave) -> Wave:
     )
 
 
-def _start(fit: Fit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
+def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
     """Envelopes (2,) of the displacement at t = `begin`: the whole equation integrated back from the first
     row, drive and effects included."""
     series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
@@ -143,11 +143,11 @@ def _start(fit: Fit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
     point = Point(
         fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
     )
-    return Stage(back, point).shown(motion_of(back, point))[0, -1]
+    return RungeKuttaStage(back, point).shown(motion_of(back, point))[0, -1]
 
 
 def _environment(
-    fit: Fit, own: Sequence[int], wave: Wave, length_s: float, straight: bool
+    fit: ExtendedFit, own: Sequence[int], wave: Wave, length_s: float, straight: bool
 ) -> dict[str, Any]:
     """Rate and temperature, constant or along straight lines; the temperature is the resonator's
     where the thermometer lags."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.causes import evidence
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .inquiry import Inquiry
 from .offsets import Offsets
 from .scoring import is_small
@@ -60,7 +60,9 @@ class Pattern:
         return self.offsets.misfit(wander, self.known.response)[0]
 
 
-def patterns(fit: Fit, offsets: Offsets, index: Sequence[int], inquiry: Inquiry) -> list[Pattern]:
+def patterns(
+    fit: ExtendedFit, offsets: Offsets, index: Sequence[int], inquiry: Inquiry
+) -> list[Pattern]:
     """Every cause that could have made the runs' frequencies differ, the least likely by chance
     first; before all, one that stands already and leaves no more than noise."""
     active = {effect.name for effect, _ in fit.point.active}
@@ -107,7 +109,7 @@ class Knowledge:
 
     @classmethod
     def of(
-        cls, fit: Fit, S: Array, offsets: Offsets, response: Array, slow: float
+        cls, fit: ExtendedFit, S: Array, offsets: Offsets, response: Array, slow: float
     ) -> Knowledge | None:
         """From sensitivities (N, m) and the response (R, m), the rows' variances times `slow`; None
         where the runs say all."""
@@ -145,7 +147,7 @@ class Knowledge:
         )
 
 
-def _thinkable(known: Knowledge, variant: Variant, offsets: Offsets, fit: Fit) -> bool:
+def _thinkable(known: Knowledge, variant: Variant, offsets: Offsets, fit: ExtendedFit) -> bool:
     """Whether along one direction the size that would scatter the offsets as they are is one that
     such a cause can have, and that the rows of the runs do not exclude."""
     wander = offsets.wander()
@@ -195,7 +197,7 @@ def _agrees(known: Knowledge, size: Array, covariance: Array) -> bool:
     return bool(chdtrc(int(told.sum()), distance) > chdtrc(1, EXCLUDED**2))
 
 
-def _unshown(variant: Variant, fit: Fit) -> Variant | None:
+def _unshown(variant: Variant, fit: ExtendedFit) -> Variant | None:
     """A cause that stands, with those of its parameters that its runs alone did not show; None
     where they showed all."""
     effect, values = next(pair for pair in fit.point.active if pair[0].name == variant.effect.name)

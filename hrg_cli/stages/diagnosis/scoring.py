@@ -9,17 +9,17 @@ import numpy as np
 from ...effects.effect import Effect
 from ...fitting.causes import evidence, scales
 from ...fitting.causes.evidence import Score
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .thresholds import GROSS, MOST_TYPICAL, SMALL_IN_MOTION, SMALL_IN_READOUT
 from .variants import Variant
 
 
-def gross(fit: Fit) -> bool:
+def is_gross(fit: ExtendedFit) -> bool:
     """Whether the model is far from the data as a whole."""
     return fit.chi2 > GROSS * fit.dof
 
 
-def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
+def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
     open_ones = [v for v in candidates if v.effect.name not in active]
@@ -42,7 +42,7 @@ def scored(fit: Fit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant
     )
 
 
-def _thinkable(score: Score, variant: Variant, fit: Fit) -> bool:
+def _thinkable(score: Score, variant: Variant, fit: ExtendedFit) -> bool:
     """Whether what stands out of the estimate's noise is of a size such a cause can have: small
     beside the oscillation and the signal."""
     beyond = np.sign(score.estimate) * np.maximum(np.abs(score.estimate) - 5 * score.std, 0.0)
@@ -53,7 +53,7 @@ def _thinkable(score: Score, variant: Variant, fit: Fit) -> bool:
     return is_small(variant.effect, values, fit)
 
 
-def is_small(effect: Effect, values: Mapping[str, float], fit: Fit) -> bool:
+def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> bool:
     """Whether an effect of these values is of a thinkable size: small beside the oscillation and
     the signal along the fit's runs.
 

@@ -10,20 +10,20 @@ import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
 from .refits import (
     SHORTLIST,
-    adopted,
-    as_fitted,
+    adopt,
     bic,
-    leaving_out,
-    loosened,
-    refitted,
-    second_order_freed,
+    free_second_order,
+    hold_unseen,
+    leave_out,
+    loosen,
+    refit,
 )
-from .scoring import gross, scored
+from .scoring import is_gross, score_effects
 from .thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
 from .variants import Variant
 
@@ -53,29 +53,29 @@ class Search:
     """The selection's result: the fits, the accepted effects in order, the scores of all candidates
     beside the first and the last fit."""
 
-    base: Fit
-    final: Fit
+    base: ExtendedFit
+    final: ExtendedFit
     found: tuple[Found, ...]
     first: tuple[Score, ...]
     last: tuple[Score, ...]
 
-    def without(self, cause: Found, fit: Fit, candidates: Sequence[Variant]) -> Search:
+    def without(self, cause: Found, fit: ExtendedFit, candidates: Sequence[Variant]) -> Search:
         """The search in which a cause is given up; `fit`: the fit without it."""
         left = tuple(one for one in self.found if one.variant is not cause.variant)
-        last = tuple(score for score, _ in scored(fit, candidates))
+        last = tuple(score for score, _ in score_effects(fit, candidates))
         return replace(self, final=fit, found=left, last=last)
 
 
-def select(base: Fit, inquiry: Inquiry) -> Search:
+def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
     """Forward selection with refit, swaps and a backward check."""
     fit, candidates, noise = base, inquiry.candidates, inquiry.noise
     found: list[Found] = []
-    ranked = scored(fit, candidates)
+    ranked = score_effects(fit, candidates)
     first = tuple(s for s, _ in ranked)
     while True:
-        freed = second_order_freed(fit, ranked)
+        freed = free_second_order(fit, ranked)
         if freed is not None:
-            fit, ranked = freed, scored(freed, candidates)
+            fit, ranked = freed, score_effects(freed, candidates)
             base = base if found else fit
         if len(found) == inquiry.most:
             break
@@ -83,20 +83,23 @@ def select(base: Fit, inquiry: Inquiry) -> Search:
         if step is None:
             break
         fit, one = step
-        fit = loosened(fit)
+        fit = loosen(fit)
         found.append(one)
-        ranked = scored(fit, candidates)
+        ranked = score_effects(fit, candidates)
     chosen = fit
-    reduced: dict[str, Fit] = {}
-    fit, found = exchanged(fit, found, candidates, noise, reduced)
-    fit, found = pruned(fit, found, noise, reduced)
-    last = ranked if fit is chosen else scored(fit, candidates)
+    reduced: dict[str, ExtendedFit] = {}
+    fit, found = exchange_causes(fit, found, candidates, noise, reduced)
+    fit, found = prune_causes(fit, found, noise, reduced)
+    last = ranked if fit is chosen else score_effects(fit, candidates)
     return Search(base, fit, tuple(found), first, tuple(s for s, _ in last))
 
 
 def best_step(
-    fit: Fit, ranked: Sequence[tuple[Score, Variant]], noise: NoiseLevel, rounds: int = ROUNDS
-) -> tuple[Fit, Found] | None:
+    fit: ExtendedFit,
+    ranked: Sequence[tuple[Score, Variant]],
+    noise: NoiseLevel,
+    rounds: int = ROUNDS,
+) -> tuple[ExtendedFit, Found] | None:
     """The best next effect, its rivals refitted too; None when nothing is significant.
 
     Far from a linear residual the best score may belong to an effect whose refit fails; then the
@@ -109,7 +112,7 @@ def best_step(
     _, p = evidence.significance(top.gain / noise.slow, top.rank)
     if (
         not top.visible
-        or evidence.corrected(p, tried) > SIGNIFICANT
+        or evidence.correct_for_tries(p, tried) > SIGNIFICANT
         or evidence.criterion(top.gain / noise.slow, top.rank, len(fit.residual)) < WORTH
     ):
         return None
@@ -118,12 +121,12 @@ def best_step(
         for pair in ranked
         if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)
     ][:SHORTLIST]
-    trials = refitted(fit, close)
-    if gross(fit) and not (trials and not gross(trials[0][1])):
+    trials = refit(fit, close)
+    if is_gross(fit) and not (trials and not is_gross(trials[0][1])):
         # so far from the data a score says little of the refit: more are refitted before one is
         # chosen
         close = [pair for pair in ranked if pair[0].visible][:GROSS_SHORTLIST]
-        trials = refitted(fit, close)
+        trials = refit(fit, close)
     gain = (bic(fit) - trials[0][0]) / noise.slow if trials else -np.inf
     if not gain >= WORTH:
         rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
@@ -139,19 +142,19 @@ def best_step(
         if s.name != score.name
         and s.visible
         and s.name not in rivals
-        and evidence.alike(s, score) > TOGETHER
+        and evidence.correlate_spaces(s, score) > TOGETHER
         and s.rank == score.rank
     ]
-    return chosen, Found(as_fitted(variant, chosen), score, tried, gain, tuple(rivals))
+    return chosen, Found(hold_unseen(variant, chosen), score, tried, gain, tuple(rivals))
 
 
-def exchanged(
-    fit: Fit,
+def exchange_causes(
+    fit: ExtendedFit,
     found: list[Found],
     candidates: Sequence[Variant],
     noise: NoiseLevel,
-    without: dict[str, Fit],
-) -> tuple[Fit, list[Found]]:
+    without: dict[str, ExtendedFit],
+) -> tuple[ExtendedFit, list[Found]]:
     """Every effect against all others beside the rest of those found: what is better takes its
     place, what is as good is its rival.
 
@@ -161,7 +164,7 @@ def exchanged(
     if len(found) < 2 or fit.chi2 > GROSS * noise.slow * fit.dof:
         return fit, found
     for k, old in enumerate(found):
-        reduced = leaving_out(fit, old.variant.effect.name)
+        reduced = leave_out(fit, old.variant.effect.name)
         if reduced is None:
             continue
         without[old.variant.effect.name] = reduced
@@ -169,18 +172,18 @@ def exchanged(
         needed = min(0.9 * lost, lost - 2 * WORTH * noise.slow)
         others = [
             pair
-            for pair in scored(reduced, candidates)
+            for pair in score_effects(reduced, candidates)
             if pair[0].visible and pair[0].name != old.variant.effect.name
         ]
         trials = []
         for score, variant in [pair for pair in others if pair[0].gain > needed][:SHORTLIST]:
             with contextlib.suppress(extended_fit.DivergedError):
-                trial = adopted(reduced, score, variant)
+                trial = adopt(reduced, score, variant)
                 trials.append(
                     (
                         bic(trial),
                         trial,
-                        Found(as_fitted(variant, trial), score, old.tried, old.delta_bic, ()),
+                        Found(hold_unseen(variant, trial), score, old.tried, old.delta_bic, ()),
                     )
                 )
         trials.sort(key=lambda t: t[0])
@@ -200,9 +203,9 @@ def exchanged(
     return fit, found
 
 
-def pruned(
-    fit: Fit, found: list[Found], noise: NoiseLevel, without: Mapping[str, Fit]
-) -> tuple[Fit, list[Found]]:
+def prune_causes(
+    fit: ExtendedFit, found: list[Found], noise: NoiseLevel, without: Mapping[str, ExtendedFit]
+) -> tuple[ExtendedFit, list[Found]]:
     """Backward check: every effect must still be worth its price with the others there; its ΔBIC
     becomes that of leaving it out.
 
@@ -214,7 +217,7 @@ def pruned(
         losses = []
         for one in found:
             name = one.variant.effect.name
-            reduced = without[name] if name in without else leaving_out(fit, name)
+            reduced = without[name] if name in without else leave_out(fit, name)
             losses.append(
                 (np.inf, fit)
                 if reduced is None

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects import EFFECTS
 from ...fitting.causes import evidence
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.layout import FREQUENCY
 from ...physics import ellipse
 from .case import Case
@@ -75,7 +75,7 @@ def not_separable(case: Case) -> list[dict[str, Any]]:
     pairs = [
         (a.name, b.name)
         for a, b in combinations(visible, 2)
-        if a.rank == b.rank and evidence.alike(a, b) > SAME
+        if a.rank == b.rank and evidence.correlate_spaces(a, b) > SAME
     ]
     pairs += [
         (a, b)
@@ -115,7 +115,7 @@ def _joined(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:
     return groups
 
 
-def _hidden_behind(fit: Fit, S: Array) -> str:
+def _hidden_behind(fit: ExtendedFit, S: Array) -> str:
     """What in the fit does what the effect of sensitivities S would, largest first; empty where the
     effect does nothing in these runs."""
     size = np.linalg.norm(S, axis=0)
@@ -142,7 +142,7 @@ def _hidden_behind(fit: Fit, S: Array) -> str:
     return ", ".join(named[:3])
 
 
-def _loop_gain(fit: Fit) -> tuple[float, float]:
+def _loop_gain(fit: ExtendedFit) -> tuple[float, float]:
     """Gain k of the logged command −k a_B of the forced runs, and its σ, 1/s."""
     good = (fit.series.weight > 0) & (fit.series.forced > 0)
     quadrature, command = (

@@ -17,7 +17,7 @@ import numpy as np
 from ...effects import nonlinear_damping
 from ...effects.effect import Effect, Parameter
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.envelopes.coordinates import DAMPING
 from ...physics.plant import SlowState
 
@@ -29,7 +29,7 @@ STEPS = 12
 
 
 @dataclass(frozen=True)
-class Shape:
+class DampingShape:
     """One shape: in words, its power (NaN: fitted), whether there is a linear part."""
 
     words: str
@@ -42,12 +42,15 @@ class Shape:
         return self.power < 0
 
 
-FREE = Shape("a damping that follows a^n")
-PASSIVE = Shape("a damping that follows a^n without a linear part", linear=False)
-SUPPLIED = (Shape("a supply of constant power", -2.0), Shape("a supply by a constant push", -1.0))
+FREE = DampingShape("a damping that follows a^n")
+PASSIVE = DampingShape("a damping that follows a^n without a linear part", linear=False)
+SUPPLIED = (
+    DampingShape("a supply of constant power", -2.0),
+    DampingShape("a supply by a constant push", -1.0),
+)
 
 
-def in_shape(fit: Fit, shape: Shape) -> Fit | None:
+def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
     """A fit with the catalogue's damping, fitted again with that damping in another shape; None
     where it finds no such fit."""
     amplitude = extended_fit.amplitude_of(fit.series)
@@ -64,7 +67,7 @@ def in_shape(fit: Fit, shape: Shape) -> Fit | None:
             shape.power,
         )
     effect = _at(amplitude, fitted=not shape.supplied)
-    point = extended_fit.with_effect(
+    point = extended_fit.add_effect(
         replace(fit.point, p=p), effect, {"level_1_s": level, "power": power}
     )
     try:
@@ -81,18 +84,18 @@ def in_shape(fit: Fit, shape: Shape) -> Fit | None:
     return again if shape.supplied or LEAST < found["power"] < MOST else None
 
 
-def in_the_catalogue(fit: Fit, shape: Shape, amplitude: float) -> Fit:
+def to_catalogue(fit: ExtendedFit, shape: DampingShape, amplitude: float) -> ExtendedFit:
     """The same fit with the damping in the catalogue's own parameters."""
     now = values(fit)
     own = {"damping_1_s": now["level_1_s"] * amplitude ** -now["power"], "power": now["power"]}
     # the same optimum, looked at in coordinates in which steps would be poor
     same = extended_fit.fit(
-        fit.series, extended_fit.with_effect(fit.point, effect_of(shape), own), fit.freedom, most=0
+        fit.series, extended_fit.add_effect(fit.point, effect_of(shape), own), fit.freedom, most=0
     )
     return replace(same, converged=fit.converged)
 
 
-def effect_of(shape: Shape) -> Effect:
+def effect_of(shape: DampingShape) -> Effect:
     """The catalogue's effect, with the power fitted where the shape leaves it open."""
     effect = nonlinear_damping.EFFECT
     return (
@@ -102,17 +105,17 @@ def effect_of(shape: Shape) -> Effect:
     )
 
 
-def values(fit: Fit) -> dict[str, float]:
+def values(fit: ExtendedFit) -> dict[str, float]:
     """The damping's parameters."""
     return fit.values(NAME)
 
 
-def power_of(fit: Fit) -> tuple[float, float]:
+def power_of(fit: ExtendedFit) -> tuple[float, float]:
     """The power and its σ, 0 where it is given."""
     return values(fit)["power"], fit.parameter_std(NAME, "power")
 
 
-def level_of(fit: Fit, amplitude: float) -> tuple[float, float]:
+def level_of(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
     """ν_n at an amplitude and its σ, from the catalogue's parameters."""
     now = values(fit)
     level = now["damping_1_s"] * amplitude ** now["power"]
@@ -125,7 +128,7 @@ def level_of(fit: Fit, amplitude: float) -> tuple[float, float]:
     )
 
 
-def _stands(fit: Fit, amplitude: float) -> tuple[float, float]:
+def _stands(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
     """(ν_n at the data's amplitude, n) as the damping stands, in whichever parameters."""
     now = values(fit)
     power = now.get("power", 2.0)

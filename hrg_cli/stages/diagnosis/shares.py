@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import DivergedError, Fit, without
+from ...fitting.causes.extended_fit import DivergedError, ExtendedFit, remove_effect
 from ...fitting.causes.wave_frame import real
-from ...fitting.envelopes.coordinates import physical
+from ...fitting.envelopes.coordinates import to_parameters
 from ...physics import ellipse
 from ...units import DEGREE_PER_HOUR
 
@@ -37,7 +37,7 @@ ROUND = 0.7
 
 
 @dataclass(frozen=True)
-class Difference:
+class DriftDifference:
     """Of two motions, row by row: m·θ [rad], ln a_A, a_B/a_A and the phase [rad], each (k,)."""
 
     angle: Array
@@ -46,7 +46,7 @@ class Difference:
     phase: Array
 
 
-def difference(first: Array, second: Array) -> Difference:
+def difference(first: Array, second: Array) -> DriftDifference:
     """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2,
     NaN where the wave is nearly a circle.
 
@@ -62,12 +62,12 @@ def difference(first: Array, second: Array) -> Difference:
         amplitude, quadrature = np.log(a[0] / b[0]), a[1] / a[0] - b[1] / b[0]
         flat = (np.abs(a[1]) < ROUND * a[0]) & (np.abs(b[1]) < ROUND * b[0])
     angle = np.where(flat, a[2] - b[2] - np.pi * turns, np.nan)
-    return Difference(
+    return DriftDifference(
         angle, amplitude, quadrature, np.where(flat, np.angle(np.exp(1j * phase)), np.nan)
     )
 
 
-def figures(departure: Difference, run: Array, time_s: Array) -> dict[str, float | None]:
+def figures(departure: DriftDifference, run: Array, time_s: Array) -> dict[str, float | None]:
     """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency
     in Hz; None where nothing shows it."""
     drifts: list[float] = []
@@ -118,7 +118,7 @@ def sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys([*((name,) for name in names), *nested]))
 
 
-def shares(base: Fit, fit: Fit) -> Shares:
+def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     """Leave out sets of the extended model's causes and fit the rest; rows with weight, in the
     order of the diagnosis's rows.
 
@@ -132,7 +132,7 @@ def shares(base: Fit, fit: Fit) -> Shares:
     for left_out in sets_left_out(names):
         point = fit.point
         for name in left_out:
-            point = without(point, name)
+            point = remove_effect(point, name)
         with contextlib.suppress(DivergedError):
             refitted = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
             rows[left_out] = real(refitted.prediction.seen[good])
@@ -148,11 +148,11 @@ def shares(base: Fit, fit: Fit) -> Shares:
     )
 
 
-def covariance_of(fit: Fit, std: Array) -> Array:
+def covariance_of(fit: ExtendedFit, std: Array) -> Array:
     """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the
     causes: the fit's correlations, Σ = G C Gᵀ with G the slopes of the parameters against the
     fitted coordinates, and the standard deviations (7,) that the report states."""
-    _, slopes = physical(fit.point.p, fit.series.mode_number)
+    _, slopes = to_parameters(fit.point.p, fit.series.mode_number)
     out = np.zeros((7, 7))
     out[0, 0] = 1.0
     out[1:, 1:] = slopes @ fit.coordinate_covariance() @ slopes.T
@@ -161,7 +161,9 @@ def covariance_of(fit: Fit, std: Array) -> Array:
     return out * np.outer(scale, scale)
 
 
-def switched_off(report: dict[str, Any], base: Fit, fit: Fit) -> tuple[dict[str, Any], Shares]:
+def switched_off(
+    report: dict[str, Any], base: ExtendedFit, fit: ExtendedFit
+) -> tuple[dict[str, Any], Shares]:
     """The report with each cause's `share` and the base parameters' `covariance` beside the causes;
     the rows of the models without some of the causes."""
     found = shares(base, fit)

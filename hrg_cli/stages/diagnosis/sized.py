@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
 from .held_shapes import one_sigma_off
-from .refits import adopted, leaving_out
-from .scoring import scored
+from .refits import adopt, leave_out
+from .scoring import score_effects
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Sized:
     its own.
     """
 
-    fit: Fit
-    beside: Fit
+    fit: ExtendedFit
+    beside: ExtendedFit
     factor: float
-    off: Sequence[Fit] = ()
+    off: Sequence[ExtendedFit] = ()
     """Refits with a held shape moved by one σ (`held_shapes`)."""
-    in_place: Sequence[Fit] = ()
+    in_place: Sequence[ExtendedFit] = ()
     """Refits with a rival in the place of a cause that it is not told from: base values that differ
     between them are not known better than that."""
 
@@ -49,24 +49,24 @@ class Sized:
         return float(np.sqrt(self.factor * std**2 + sum((value - v) ** 2 for v in others)))
 
     @property
-    def others(self) -> list[Fit]:
+    def others(self) -> list[ExtendedFit]:
         """Fits in which a number stands elsewhere by what counts as an error of its own."""
         return [self.beside, *self.off]
 
 
-def with_rivals(case: Case) -> list[Fit]:
+def with_rivals(case: Case) -> list[ExtendedFit]:
     """The final fit with each rival in the place of its cause, where that has a fit."""
-    out: list[Fit] = []
+    out: list[ExtendedFit] = []
     for one in case.search.found:
         if not one.rivals:
             continue
-        reduced = leaving_out(case.search.final, one.variant.effect.name, case.search.base)
+        reduced = leave_out(case.search.final, one.variant.effect.name, case.search.base)
         if reduced is None:
             continue
-        for score, variant in scored(reduced, case.inquiry.candidates):
+        for score, variant in score_effects(reduced, case.inquiry.candidates):
             if score.name in one.rivals and score.visible:
                 with contextlib.suppress(extended_fit.DivergedError):
-                    fit = adopted(reduced, score, variant)
+                    fit = adopt(reduced, score, variant)
                     if fit.converged:
                         out.append(fit)
     return out

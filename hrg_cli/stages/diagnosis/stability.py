@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
 from .search import select
 
 
 def stability(
-    case: Case, ahead: Mapping[str, Any] | None, coarser: Callable[[], Fit]
+    case: Case, ahead: Mapping[str, Any] | None, coarser: Callable[[], ExtendedFit]
 ) -> list[dict[str, Any]]:
     """The causes' names where the runs are averaged to half as many rows, and on a part of the data
     (`ahead`: the forecast, which chose them there)."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Score
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
 from .inquiry import NoiseLevel
 from .variants import Variant
@@ -18,7 +18,7 @@ ONE_SIDED = 1.645
 """σ of a one-sided 95 % limit."""
 
 
-def tested(case: Case) -> list[dict[str, Any]]:
+def test_candidates(case: Case) -> list[dict[str, Any]]:
     """Every candidate: score beside the base model, 95 % upper limit of its size beside what was
     found."""
     search, noise, candidates = case.search, case.inquiry.noise, case.inquiry.candidates
@@ -72,7 +72,7 @@ def _limit(score: Score, noise: NoiseLevel, variant: Variant) -> tuple[float | N
     return float(max(sizes[j] for j in same)), units[names[k]]
 
 
-def _level_limit(fit: Fit, noise: NoiseLevel, levels: Sequence[Variant]) -> float | None:
+def _level_limit(fit: ExtendedFit, noise: NoiseLevel, levels: Sequence[Variant]) -> float | None:
     """Least of the values tried at which the data exclude what sets in there, in its full strength;
     None where they exclude none.
 

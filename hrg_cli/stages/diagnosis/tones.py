@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.causes.extended_fit import DivergedError, Fit
+from ...fitting.causes.extended_fit import DivergedError, ExtendedFit
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...fitting.samples.spectrum import floor
 from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
 from ...records import Wave
 from .drive_scatter import corner_hz
-from .scoring import gross
+from .scoring import is_gross
 
 Array = np.ndarray
 NEAREST_CYCLES = 4.0
@@ -112,7 +112,7 @@ def response(turns: float) -> float:
     return float(np.sinc(turns)) * (1 + bend * (1 + CURVED * bend) / 24)
 
 
-def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array]]:
+def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array]]:
     """Of every run: times, envelopes measured less modelled (n, 2) against the common reference, σ,
     at the windows' own rate."""
     from scipy.interpolate import CubicSpline
@@ -137,7 +137,7 @@ def residuals(fit: Fit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array
     return out
 
 
-def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
+def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     """The strongest one-sided tone that stands out of its surroundings by chance once in a million,
     common to the runs in frequency; beside a gross misfit one that stands there alone."""
     from scipy.special import chdtrc
@@ -182,7 +182,7 @@ def strongest(fit: Fit, waves: Sequence[Wave]) -> Tone | None:
         & (mirror - level < (power - level) / ONE_SIDED + noise)
         & (chdtrc(4 * used, expected) < 1e-6 / size)
     )
-    if gross(fit):
+    if is_gross(fit):
         wanted &= power > ISOLATED * _beside(power, longest / (size * step))
     if not wanted.any():
         return None
@@ -240,7 +240,7 @@ def _floor(power: Array, width: int = 101) -> Array:
     return np.maximum(median, 1e-3 * np.median(power))
 
 
-def without(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
+def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
     """The waves with the tone taken out of every run."""
     out = []
     for k, wave in enumerate(waves):
@@ -286,12 +286,12 @@ def _mean_over_median(ratio: Array) -> Array:
     return np.array([one[one < LINE].mean() for one in ratio.T])
 
 
-def taken_out(
-    fit: Fit,
+def take_out_tones(
+    fit: ExtendedFit,
     waves: Sequence[Wave],
-    fitted: Callable[[Sequence[Wave]], Fit],
-    nearest: Callable[[Fit], Fit],
-) -> tuple[Fit, list[Wave], list[Tone]]:
+    fitted: Callable[[Sequence[Wave]], ExtendedFit],
+    nearest: Callable[[ExtendedFit], ExtendedFit],
+) -> tuple[ExtendedFit, list[Wave], list[Tone]]:
     """The fit and the waves without the tones found one after another, and these.
 
     fitted: the base model's fit to waves; nearest: from it one that leaves as little as a few causes
@@ -304,7 +304,7 @@ def taken_out(
             break
         if not tone.standing:
             return fit, left, [*tones, tone]  # listed and not taken out
-        cleaned = without(left, tone)
+        cleaned = take_out_tone(left, tone)
         try:
             fit = fitted(cleaned)
         except DivergedError:  # what is left has no fit: it was no tone

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...effects.effect import REFERENCE_TEMPERATURE, Effect
 from ...fitting.causes import scales
-from ...fitting.causes.extended import Series
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.sensitivities import Wanted
 from .open_terms import LEAST_KELVIN
 
@@ -34,7 +34,7 @@ class Variant:
         return self.effect, self.values, self.steps
 
 
-def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
+def variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
     """All ways the candidates may stand beside this fit."""
     series = fit.series
     warm = series.temperature_degc[series.weight > 0]
@@ -58,7 +58,7 @@ def variants(effects: Sequence[Effect], fit: Fit) -> list[Variant]:
     return out
 
 
-def _there(series: Series) -> set[str]:
+def _there(series: MeasuredRuns) -> set[str]:
     """What these runs hold of what effects need."""
     good = series.weight > 0
     there = set()

@@ -11,14 +11,14 @@ from __future__ import annotations
 from typing import Any
 
 from ...fitting.causes import colour
-from ...fitting.causes.extended_fit import Fit
+from ...fitting.causes.extended_fit import ExtendedFit
 from .remainder import adequacy
 from .thresholds import INADEQUATE
 
 HOUR = 3600.0
 
 
-def wander(fit: Fit) -> list[dict[str, Any]]:
+def wander(fit: ExtendedFit) -> list[dict[str, Any]]:
     """The wander of every component: standard deviation after an hour, correlation time of its
     rate, white level over the stated σ.
 

@@ -17,9 +17,9 @@ import numpy as np
 from ...effects import find, mains_tone
 from ...effects.effect import Effect
 from ...records import Wave
-from .harmonics import below_the_codes, nonlinear
+from .harmonics import below_the_codes, bent_channels
 from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
-from .lost_samples import PhaseStep, lost, phase_steps, split_at, together
+from .lost_samples import PhaseStep, count_lost, join_steps, phase_steps, split_at
 from .offered import UNMEASURED, entry, sound
 from .tones import MOST_TONES, Tone, channel_parts
 
@@ -93,12 +93,12 @@ def causes(
     listed += [line.listed(0, "a tone" if named else unjudged) for line in open_lines]
     offered = [
         offer
-        for group in together(steps, waves)
-        if (offer := lost(group, waves, frequency_hz)) is not None
+        for group in join_steps(steps, waves)
+        if (offer := count_lost(group, waves, frequency_hz)) is not None
     ]
     offered += [_beating(tone, waves) for tone in strange]
     offered += [_tone(line, waves) for line in named]
-    offered += nonlinear(waves, harmonics, codes, found) if direct else []
+    offered += bent_channels(waves, harmonics, codes, found) if direct else []
     return [offer for offer in offered if sound(offer)], listed
 
 

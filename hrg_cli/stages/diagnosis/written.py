@@ -19,7 +19,7 @@ from ...effects.effect import Effect
 from ...errors import HrgError
 from ...fitting.causes import evidence
 from ...fitting.causes.extended import jump_times
-from ...fitting.causes.extended_fit import Fit, flat
+from ...fitting.causes.extended_fit import ExtendedFit, flatten_rows
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.envelope_runs import envelopes_of
@@ -74,9 +74,9 @@ class Written:
         }
 
 
-def faithful(
+def write_faithfully(
     written: Callable[[Array | None, Way], str],
-    fit: Fit,
+    fit: ExtendedFit,
     origin: Sequence[int],
     extra_effects: Sequence[Effect],
     tone: Tone | None = None,
@@ -101,13 +101,13 @@ def faithful(
         if text in told:  # constant rates are written alike in every way
             continue
         told.add(text)
-        held = hold(text, fit, origin, extra_effects, tone)
+        held = hold_written(text, fit, origin, extra_effects, tone)
         best = _nearer(best, (text, held))
         if held is not None and held.ratio < NEAR:
             return best
         if held is not None and way == along:
             other = written(held.change, way)
-            best = _nearer(best, (other, hold(other, fit, origin, extra_effects, tone)))
+            best = _nearer(best, (other, hold_written(other, fit, origin, extra_effects, tone)))
     return best
 
 
@@ -120,9 +120,9 @@ def _nearer(
     return other if other[1].rms_over_noise < one[1].rms_over_noise else one
 
 
-def hold(
+def hold_written(
     text: str,
-    fit: Fit,
+    fit: ExtendedFit,
     origin: Sequence[int],
     extra_effects: Sequence[Effect],
     tone: Tone | None = None,
@@ -176,7 +176,9 @@ def hold(
         change[k] = evidence.solve(own, (real(said - u) * weight).ravel())[0]
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
-    figures = [float(np.sqrt(np.mean(flat(series, side) ** 2))) for side in (missed, fitted)]
+    figures = [
+        float(np.sqrt(np.mean(flatten_rows(series, side) ** 2))) for side in (missed, fitted)
+    ]
     return Written(figures[0], figures[1], share, change) if fitted.any() else None
 
 
@@ -185,7 +187,9 @@ def _estimated(recording: Any) -> Wave:
     return collect(estimate(collect(demodulate(recording, periods_per_window=PERIODS))))
 
 
-def _envelopes(wave: Wave, fit: Fit, tone: Tone | None, k: int) -> tuple[Array, Array, float]:
+def _envelopes(
+    wave: Wave, fit: ExtendedFit, tone: Tone | None, k: int
+) -> tuple[Array, Array, float]:
     """Times, envelopes against the fit's reference less their mean turn (n, 2), and that turn, of
     the simulated wave of piece k; freed of the tone that the measured one was freed of."""
     good = wave.good()
@@ -200,7 +204,7 @@ def _envelopes(wave: Wave, fit: Fit, tone: Tone | None, k: int) -> tuple[Array, 
     return t, u * np.exp(-1j * own * t)[:, None], own + shift
 
 
-def _jumping(fit: Fit, k: int) -> Array:
+def _jumping(fit: ExtendedFit, k: int) -> Array:
     """Rows of a run (n,) next to an instant at which the motion jumps, where windows see both
     sides."""
     t = fit.series.time_s[k]

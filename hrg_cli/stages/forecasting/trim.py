@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.envelopes.resonator_spread import deviation, from_vector, moved
+from ...fitting.envelopes.resonator_spread import deviation, from_vector, spread_points
 from ...physics.drift import drift_bound
 from ...physics.resonator import Mechanics
 
@@ -53,7 +53,7 @@ def trim_of(
     wanted = x[3:5]
     done = wanted if step_rad_s is None else np.round(wanted / step_rad_s) * step_rad_s
     trimmed = np.array([*x[:3], *(wanted - done), x[5]])
-    points = moved(x, covariance)
+    points = spread_points(x, covariance)
     sizes, angles = np.hypot(points[:, 3], points[:, 4]), np.arctan2(points[:, 4], points[:, 3])
     angles = angles[0] + np.angle(np.exp(1j * (angles - angles[0])))
     m2 = 2 * mechanics.mode_number

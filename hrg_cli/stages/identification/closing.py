@@ -28,7 +28,7 @@ BLURRED_RAD = 1.0
 it."""
 
 
-def close(
+def close_verdict(
     verdict: Verdict, impossible: Iterable[Check] = (), doubtful: Iterable[Check] = ()
 ) -> Verdict:
     """The verdict with these checks: a failure of the first refuses it, of the second makes it
@@ -40,7 +40,7 @@ def close(
     return verdict
 
 
-def physical(verdict: Verdict) -> tuple[list[Check], list[Check]]:
+def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
     """Bounds no passive resonator leaves by more than its errors: (refusing, doubting)."""
     value, std = verdict.values, verdict.std
     refusing: list[Check] = []

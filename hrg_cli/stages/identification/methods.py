@@ -39,9 +39,9 @@ from .verdict import (
     ORDER,
     POOR_FIT,
     contradictions,
-    from_fit,
-    judged,
-    one_rate,
+    is_one_rate,
+    judge_fit,
+    judge_parameters,
     second_order_std,
 )
 
@@ -70,7 +70,7 @@ def by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Ver
     if modes is not None:
         return modes
     try:
-        verdict = from_fit(
+        verdict = judge_fit(
             base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks)
         )
     except HrgError:
@@ -135,7 +135,7 @@ def only_second_order(p: Array) -> Freedom:
     )
 
 
-def prepared(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
+def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
     """The rows the likelihood was fitted to, averaged along its motion, without their phases' drift
     and second order.
 
@@ -239,11 +239,11 @@ def by_regression(
     """One of seed A's methods, judged by its own misfit, by its distance from the likelihood on the
     same rows, and by physics."""
     best = base_fit(runs, known, blocks)
-    ready = prepared(runs, known, best)
+    ready = prepare_rows(runs, known, best)
     answer = regression(method, ready, best, eliminate_rate)
     if answer.refused:
         raise HrgError(answer.refused)
-    return _verdict(answer, ready, judged(best, runs, known), known, method)
+    return _verdict(answer, ready, judge_parameters(best, runs, known), known, method)
 
 
 def _verdict(
@@ -285,13 +285,13 @@ def _verdict(
         "weak_splits": weak_splits(values, std, components),
     }
     verdict.suspect = list(answer.warnings)
-    refusing, doubting = closing.physical(verdict)
+    refusing, doubting = closing.check_bounds(verdict)
     assert likelihood.fit is not None
     apart = _apart(answer, likelihood.fit)
-    closing.close(
+    closing.close_verdict(
         verdict,
         [
-            *checks.sound(
+            *checks.check_fit(
                 covariance,
                 answer.unsettled < closing.UNSETTLED,
                 f"{method}: taking off the differences' truncation did not settle",
@@ -351,7 +351,7 @@ def physical_of(
 ) -> tuple[dict[str, float], dict[str, float], Array]:
     """Parameters by name, standard deviations, covariance (7, 7) in ORDER; what the method does not
     give is left out."""
-    numbers, slopes = coordinates.physical(np.nan_to_num(answer.p), mode)
+    numbers, slopes = coordinates.to_parameters(np.nan_to_num(answer.p), mode)
     covariance = np.zeros((7, 7))
     own = np.nan_to_num(answer.covariance)
     covariance[1:, 1:] = slopes @ own @ slopes.T
@@ -378,7 +378,7 @@ def physical_of(
     return values, std, covariance
 
 
-def compared(
+def compare_methods(
     runs: Sequence[EnvelopeRun], known: Known, best: Verdict, eliminate_rate: bool
 ) -> list[dict[str, Any]]:
     """Every method on the same inputs: parameters, and the difference from the likelihood in units
@@ -388,7 +388,7 @@ def compared(
             "the methods of seed A need both channels of a resonator, these runs show modes alone;"
             " give --method likelihood for them"
         )
-    ready = prepared(runs, known, best.fit)
+    ready = prepare_rows(runs, known, best.fit)
     table = [_row("likelihood", best.values, best.std, best, [], "") | _splits(best)]
     for method in ALL:
         answer = regression(method, ready, best.fit, eliminate_rate)
@@ -456,21 +456,21 @@ def unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verd
         )
     found = rate_offset.rate_offset(runs, known, blocks, start)
     noise = inference.inflation(found.fit)[0]
-    verdict = judged(
+    verdict = judge_parameters(
         found.fit,
-        [envelope_runs.turned_by(r, found.value) for r in runs],
+        [envelope_runs.turn_table(r, found.value) for r in runs],
         known,
         noise * found.beside,
     )
     std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
     factor = float(found.fit.p[SCALE_FACTOR])
     seen = max(abs(found.value), abs(found.fit.p[DAMPING] / factor))
-    unclear = not std < 0.3 * seen or (known.scale_factor is not None and one_rate(found.fit))
+    unclear = not std < 0.3 * seen or (known.scale_factor is not None and is_one_rate(found.fit))
     span = 2 * max(
         float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))
         for r in found.fit.response.batch.runs
     )
-    closing.close(
+    closing.close_verdict(
         verdict,
         [
             checks.holds(
@@ -510,7 +510,7 @@ def _rates_differ(runs: Sequence[EnvelopeRun]) -> bool:
     return bool(high - low > 0.1 * max(abs(low), abs(high)) > 0)
 
 
-def profiles(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
+def profile_intervals(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
     """Profile-likelihood intervals of the verdict's fit."""
     assert verdict.fit is not None
     return resampling.profile(
@@ -521,13 +521,13 @@ def profiles(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
     )
 
 
-def resampled(verdict: Verdict, draws: int, seed: int) -> None:
+def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
     """Replace the errors by those of a block bootstrap and keep its 68 and 95 % intervals."""
     assert verdict.fit is not None
     p = resampling.bootstrap(verdict.fit, draws, seed)
     mode = verdict.mode_number
-    table = np.array([coordinates.physical(row, mode)[0] for row in p])
-    centre = coordinates.physical(verdict.fit.p, mode)[0]
+    table = np.array([coordinates.to_parameters(row, mode)[0] for row in p])
+    centre = coordinates.to_parameters(verdict.fit.p, mode)[0]
     period = np.pi / mode
     for axis in (2, 4):
         table[:, axis] = (

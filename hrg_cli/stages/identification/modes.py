@@ -11,7 +11,7 @@ import numpy as np
 from ...fitting import checks
 from ...fitting.envelopes import one_mode, two_modes
 from ...fitting.envelopes.decay_stretch import decay_stretch
-from ...fitting.envelopes.envelope_runs import EnvelopeRun, averaged
+from ...fitting.envelopes.envelope_runs import EnvelopeRun, average_rows
 from ...fitting.envelopes.one_mode import OneMode
 from ...fitting.envelopes.two_modes import Modes
 from . import closing
@@ -62,7 +62,7 @@ def _of(one: OneMode | None) -> OneMode:
     return one
 
 
-def thinned(run: EnvelopeRun) -> EnvelopeRun:
+def thin_run(run: EnvelopeRun) -> EnvelopeRun:
     """At most 2000 rows by averages about the run's own mean frequency; a split turns little in
     one."""
     turn = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]))
@@ -73,7 +73,7 @@ def thinned(run: EnvelopeRun) -> EnvelopeRun:
         factor = np.exp(1j * offset * dt)
         return factor, none, none, factor
 
-    return averaged(run, ROWS, carry)
+    return average_rows(run, ROWS, carry)
 
 
 def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
@@ -87,7 +87,7 @@ def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
         return None
     signals, dead = [], True
     for run in runs:
-        thin = thinned(run)
+        thin = thin_run(run)
         u, one = two_modes.channels(thin)
         if not one:
             return None
@@ -118,13 +118,13 @@ def _seen(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
         else from_one
     )
     both = [
-        _fitted(thin, u, s, run)
+        _fit_modes(thin, u, s, run)
         for s in dict.fromkeys(((from_one.start, from_one.stop), (from_two.start, from_two.stop)))
     ]
     return min(both, key=lambda s: (s.chi2 / s.dof) * (len(thin) / len(s.run)) ** 2)
 
 
-def _fitted(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: EnvelopeRun) -> Seen:
+def _fit_modes(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: EnvelopeRun) -> Seen:
     rows = slice(*stretch)
     part, signal = thin.rows(rows), u[rows]
     one = one_mode.identify(part, signal[:, 0])
@@ -133,7 +133,11 @@ def _fitted(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: Envelope
         return Seen(part, thin, spacing, one, None)
     two, single = two_modes.identify(part, signal, 2), two_modes.identify(part, signal, 1)
     adequate = checks.goodness(one.chi2, one.dof).passed
-    if two_modes.resolved(two, single) and not adequate and two.chi2_per_dof < one.chi2 / one.dof:
+    if (
+        two_modes.are_resolved(two, single)
+        and not adequate
+        and two.chi2_per_dof < one.chi2 / one.dof
+    ):
         return Seen(part, thin, spacing, None, two)
     return Seen(part, thin, spacing, one, None)
 
@@ -163,10 +167,10 @@ def free_modes(
     """
     if len(runs) != 1 or float(np.ptp(runs[0].turn_rad)) > 0:
         return None
-    run = thinned(runs[0])
+    run = thin_run(runs[0])
     two, single = two_modes.identify(run, run.envelope, 2), two_modes.identify(run, run.envelope, 1)
     if (
-        not two_modes.resolved(two, single)
+        not two_modes.are_resolved(two, single)
         or not two.chi2_per_dof * (0.5 if impossible else BETTER) < chi2_per_dof
     ):
         return None
@@ -293,13 +297,13 @@ def _verdict(found: Sequence[Seen], reason: str) -> Verdict:
         verdict.flat.append(band_sentence(float(mean[0]), float(std[0])))
         verdict.suspect.append(verdict.flat[-1])
     verdict.suspect += [sentence for s in found if (sentence := _cut_sentence(s))]
-    refusing, doubting = closing.physical(verdict)
+    refusing, doubting = closing.check_bounds(verdict)
     model = "two modes leave" if pair else "one mode leaves"
-    return closing.close(
+    return closing.close_verdict(
         verdict,
-        [*checks.sound(covariance, bool(np.all(np.isfinite(mean)))), *refusing],
+        [*checks.check_fit(covariance, bool(np.all(np.isfinite(mean)))), *refusing],
         [
-            *checks.closing(
+            *checks.check_statistics(
                 chi2,
                 dof,
                 [s.residual() for s in found],

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.envelopes import axis_crossings, envelope_runs, propagator, working_mode
-from ...fitting.envelopes.base_fit import Known, check
+from ...fitting.envelopes.base_fit import Known, check_runs
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.free_windows import driven_and_free
 from ...fitting.envelopes.regressions import Regression
@@ -18,13 +18,13 @@ from .outcome import Verdict
 from .verdict import ORDER
 
 
-def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
+def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
     """Frequency and damping split of a driven gyro, with the sensitivity of the second and the
     mean-frequency trap in numbers; the stiffness axis from the quadrature's course of its free
     windows too."""
     apart = [driven_and_free(w, envelope_runs.from_wave(w, rate_rad_s)) for w in waves]
     driven, free = ([run for pair in apart for run in pair[k]] for k in (0, 1))
-    check(driven or free)
+    check_runs(driven or free)
     thin = _thinned(driven or free)
     found = working_mode.monitor(thin)
     mode = thin[0].mode_number
@@ -88,11 +88,11 @@ def monitored(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
 def _thinned(runs: Sequence[EnvelopeRun]) -> list[EnvelopeRun]:
     """Some two thousand rows a run against its own mean frequency, averaged along a first guess of
     its motion; nobody decays."""
-    p, offsets = propagator.rough(runs)
+    p, offsets = propagator.guess_roughly(runs)
     p[0] = 0.0
     return [
-        envelope_runs.retuned(r, o)
-        for r, o in zip(propagator.thinned(runs, p, offsets, 2000), offsets)
+        envelope_runs.retune(r, o)
+        for r, o in zip(propagator.thin_rows(runs, p, offsets, 2000), offsets)
     ]
 
 

@@ -41,7 +41,7 @@ WORDS = {
 }
 
 
-def from_fit(
+def judge_fit(
     fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]
 ) -> Verdict:
     """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted
@@ -51,7 +51,7 @@ def from_fit(
     turning = max(float(np.ptp(r.turn_rad)) for r in runs)
     mode = runs[0].mode_number
     if known.scale_factor is None and (
-        turning == 0 or _flat_in(fit, "scale_factor") or one_rate(fit)
+        turning == 0 or _flat_in(fit, "scale_factor") or is_one_rate(fit)
     ):
         nominal = nominal_scale_factor(mode)
         why = (
@@ -59,7 +59,7 @@ def from_fit(
             if turning == 0
             else f"the runs turn the table by {turning:.2g} rad at most"
         )
-        if turning and one_rate(fit):
+        if turning and is_one_rate(fit):
             why = (
                 "the runs have one rate and turn the wave through part of a period only, so a"
                 " damping split imitates it"
@@ -71,19 +71,19 @@ def from_fit(
         known = dataclasses.replace(known, scale_factor=nominal)
         fit = again(known)
         if turning:
-            beside = inference.considered(fit, SCALE_FACTOR, scale_factor_spread(mode))
+            beside = inference.widen_by_held(fit, SCALE_FACTOR, scale_factor_spread(mode))
             notes[-1] += (
                 f"; what K within {nominal:g} ± {scale_factor_spread(mode):g} may do to the others"
                 " is in their errors"
             )
-    verdict = judged(fit, runs, known, beside)
+    verdict = judge_parameters(fit, runs, known, beside)
     if notes:
         del verdict.values["scale_factor"]  # nobody said it and no run shows it
     verdict.flat = notes + verdict.flat
     return verdict
 
 
-def one_rate(fit: Fit) -> bool:
+def is_one_rate(fit: Fit) -> bool:
     """Whether the runs' own systematic residual forbids telling K·Ω from a damping split: one rate,
     less than a period of 2mθ, χ² poor."""
     data = fit.response.batch
@@ -96,7 +96,7 @@ def one_rate(fit: Fit) -> bool:
     return not differ and max(spans) < 2 * np.pi and factor > 2
 
 
-def judged(
+def judge_parameters(
     fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | None = None
 ) -> Verdict:
     """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what stands
@@ -226,13 +226,13 @@ def second_order_std(fit: Fit) -> float:
 
 def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
     """The closing checks, and sentences about flat directions and runs that disagree."""
-    refusing, doubting = closing.physical(verdict)
+    refusing, doubting = closing.check_bounds(verdict)
     residual = fit.response.residual()
     left = [
         np.concatenate([r[: len(run)].real, r[: len(run)].imag], axis=1)
         for r, run in zip(residual, fit.response.batch.runs)
     ]
-    statistics = checks.closing(
+    statistics = checks.check_statistics(
         fit.chi2,
         fit.dof,
         left,
@@ -256,9 +256,9 @@ def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: fl
         f"the fit did not settle in {fit.iterations} iterations; look at the runs' residuals or"
         " give fewer, cleaner runs"
     )
-    closing.close(
+    closing.close_verdict(
         verdict,
-        [*checks.sound(verdict.covariance, fit.converged, settled), *refusing],
+        [*checks.check_fit(verdict.covariance, fit.converged, settled), *refusing],
         [*statistics, truncated, closing.blur(fit, runs), *doubting],
     )
     if verdict.flat:

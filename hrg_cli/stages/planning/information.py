@@ -17,7 +17,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended import Point, predict
-from ...fitting.causes.extended_fit import Freedom
+from ...fitting.causes.extended_fit import CoordinatePriors
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.sensitivities import base_sensitivities, propagation
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
@@ -34,7 +34,7 @@ ROWS, STEPS = 120, 1500
 
 
 @dataclass(frozen=True)
-class Layout:
+class InformationColumns:
     """Columns of the information: the seven coordinates, then each cause's fitted parameters.
 
     `acting`: values of the causes that act while others are judged (a lagging thermometer shows
@@ -123,7 +123,7 @@ def _converter(run: SimulationFile) -> float:
 def information(
     waves: Sequence[Wave],
     mechanics: Mechanics,
-    layout: Layout,
+    layout: InformationColumns,
     references: Mapping[str, Mapping[str, float]],
     measured: bool,
 ) -> list[Array]:
@@ -142,12 +142,12 @@ def information(
         )
         truth = Point(from_mechanics(mechanics), point.start, point.offset_rad_s, active)
         if measured:
-            flow = extended_fit.fit(series, truth, Freedom(truth.p, np.zeros(COUNT))).flow
+            flow = extended_fit.fit(series, truth, CoordinatePriors(truth.p, np.zeros(COUNT))).flow
         else:
             flow = propagation(predict(series, replace(truth, offset_rad_s=np.zeros(1))))
         shared, own = base_sensitivities(flow)
-        own_columns = extended_fit.flat(series, own)
-        columns = [extended_fit.flat(series, shared)]
+        own_columns = extended_fit.flatten_rows(series, own)
+        columns = [extended_fit.flatten_rows(series, shared)]
         for cause in layout.causes:
             values = (
                 cause.values()

@@ -13,10 +13,10 @@ import numpy as np
 from ...effects.effect import Effect
 from ...errors import HrgError
 from ...fitting.envelopes.base_fit import nominal_scale_factor
-from ...fitting.envelopes.coordinates import COUNT, from_mechanics, physical
+from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Diagnosis, Resonator, Wave
-from .information import Layout
+from .information import InformationColumns
 
 Array = np.ndarray
 
@@ -67,7 +67,7 @@ def reference_temperatures(
     }
 
 
-def weak_prior(m: Mechanics, layout: Layout) -> Array:
+def weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
     """Weak information that keeps what nothing measures finite: ten times the damping, thirty times
     the split, K within 3."""
     damping = max(abs(m.damping_rate_1_s), 1e-9)
@@ -78,11 +78,11 @@ def weak_prior(m: Mechanics, layout: Layout) -> Array:
     return M
 
 
-def information_of(known: Resonator | Diagnosis, m: Mechanics, layout: Layout) -> Array:
+def information_of(known: Resonator | Diagnosis, m: Mechanics, layout: InformationColumns) -> Array:
     """The resonator's own covariance as information on the coordinates; a diagnosis without its
     waves brings its stds."""
     M = np.zeros((layout.size, layout.size))
-    _, slopes = physical(from_mechanics(m), m.mode_number)
+    _, slopes = to_parameters(from_mechanics(m), m.mode_number)
     order = [name for name, _ in PARAMETERS][1:]
     if isinstance(known, Resonator):
         there = [

@@ -13,7 +13,7 @@ import numpy as np
 from ...effects import EFFECTS
 from ...errors import HrgError
 from ...records import Diagnosis, Resonator, Wave
-from .information import Layout
+from .information import InformationColumns
 
 Array = np.ndarray
 
@@ -113,7 +113,7 @@ def never_told(known: Resonator | Diagnosis) -> list[str]:
 def questions_of(
     sizes: Mapping[str, Mapping[str, float]],
     groups: Sequence[Sequence[str]],
-    layout: Layout,
+    layout: InformationColumns,
     waves: Sequence[Wave],
 ) -> list[Question]:
     """Each cause against the base model and against its rivals, of the size found, or the typical one

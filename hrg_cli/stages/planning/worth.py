@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ...fitting.envelopes.coordinates import COUNT, from_mechanics, physical
+from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
 from ...physics.resonator import PARAMETERS, Mechanics
-from .information import Layout, left_over
+from .information import InformationColumns, left_over
 from .questions import BASE, INHERENT, Question
 
 Array = np.ndarray
@@ -20,7 +20,7 @@ NOTHING = 1e-3
 """σ that rounding alone may give."""
 
 
-def separation(M: Array, question: Question, layout: Layout) -> float:
+def separation(M: Array, question: Question, layout: InformationColumns) -> float:
     """σ by which the cause stands out with the base model free; of two causes, σ of the one that
     the other, free too, follows less.
 
@@ -33,7 +33,7 @@ def separation(M: Array, question: Question, layout: Layout) -> float:
     return max(one, _beside(M, question.rival, question.rival_size, question.cause, layout))
 
 
-def _beside(M: Array, cause: str, size: Array, rival: str, layout: Layout) -> float:
+def _beside(M: Array, cause: str, size: Array, rival: str, layout: InformationColumns) -> float:
     """σ of a cause of that size with the base model, and the rival, free."""
     free = layout.free(cause, rival) + ([] if rival == BASE else layout.columns(rival))
     S = left_over(M, layout.columns(cause), free)
@@ -42,7 +42,9 @@ def _beside(M: Array, cause: str, size: Array, rival: str, layout: Layout) -> fl
     return float(np.sqrt(left)) if left > max(1e-9 * all_of_it, NOTHING**2) else 0.0
 
 
-def sum_of_separations(M: Array, questions: Sequence[Question], layout: Layout) -> float:
+def sum_of_separations(
+    M: Array, questions: Sequence[Question], layout: InformationColumns
+) -> float:
     """Sum of log(1 + σ²): the least separated count most."""
     return float(sum(np.log1p(separation(M, q, layout) ** 2) for q in questions))
 
@@ -63,7 +65,7 @@ def _units(m: Mechanics) -> Array:
 
 def deviations(M: Array, m: Mechanics) -> dict[str, float | None]:
     """Standard deviation of every parameter but the frequency from the base model's information."""
-    _, slopes = physical(from_mechanics(m), m.mode_number)
+    _, slopes = to_parameters(from_mechanics(m), m.mode_number)
     u = _units(m)
     covariance = np.zeros((COUNT, COUNT))
     covariance[:6, :6] = np.linalg.pinv(
@@ -97,7 +99,9 @@ def choose_runs(
     return names
 
 
-def find_impossible(everything: Array, questions: Sequence[Question], layout: Layout) -> list[str]:
+def find_impossible(
+    everything: Array, questions: Sequence[Question], layout: InformationColumns
+) -> list[str]:
     """Sentences about what all runs of the menu together cannot tell apart."""
     out = []
     for q in questions:
@@ -118,7 +122,7 @@ def reason_of(
     had: Array,
     offered: Mapping[str, Array],
     questions: Sequence[Question],
-    layout: Layout,
+    layout: InformationColumns,
     m: Mechanics,
 ) -> str:
     """What would be lost without this run."""

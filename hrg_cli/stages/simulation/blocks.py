@@ -19,7 +19,7 @@ from .bench_tables import RecordingTable
 Array = np.ndarray
 
 
-def recorded(
+def record_blocks(
     settings: SimulationFile,
     made: Iterator[Block],
     pickoff: Readout,
@@ -40,7 +40,7 @@ def recorded(
     for block in made:
         n = len(block.samples.time_s)
         raw = readout.convert(pickoff, readout.measure(pickoff, block.samples, random))
-        keep = readout.kept(pickoff, first, n, rate)
+        keep = readout.kept_samples(pickoff, first, n, rate)
         waiting.append(raw if keep is None else raw[:, keep])
         at = np.arange(-first % log_stride, n, log_stride)
         if len(at):

@@ -85,7 +85,7 @@ def control_of(settings: SimulationFile) -> Control:
     )
 
 
-def sprung(settings: SimulationFile, plant: Plant) -> Plant:
+def add_spring(settings: SimulationFile, plant: Plant) -> Plant:
     """The plant with [spring]: W less 2ωs(I + R(2mα)), a softening along α alone."""
     s = settings.spring
     if s is not None:

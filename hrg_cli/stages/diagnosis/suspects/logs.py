@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....fitting.causes.extended_fit import Fit
+from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_fit import nominal_scale_factor
 from ....records import Wave
 from ..lines import frequency_of
@@ -26,12 +26,12 @@ SETTLED = 1e-3
 """Relative distance of two frequencies that a difference of 273 °C would exceed."""
 
 
-def wrong_logs(waves: Sequence[Wave], fit: Fit) -> list[Suspicion]:
+def wrong_logs(waves: Sequence[Wave], fit: ExtendedFit) -> list[Suspicion]:
     """Findings that need no misfit."""
     return [*_rates(fit), *_temperatures(waves)]
 
 
-def usual_scale_factor(fit: Fit) -> bool:
+def usual_scale_factor(fit: ExtendedFit) -> bool:
     """Whether K is what a resonator of that mode has, or unknown."""
     if fit.layout.coordinate(SCALE_FACTOR) is None:
         return True
@@ -43,7 +43,7 @@ def usual_scale_factor(fit: Fit) -> bool:
     return usual / RANGE - SURE * std < K < usual * RANGE + SURE * std
 
 
-def _rates(fit: Fit) -> list[Suspicion]:
+def _rates(fit: ExtendedFit) -> list[Suspicion]:
     """K far from what any resonator of that mode has, by the factor of a unit, or of the other
     sign."""
     if fit.layout.coordinate(SCALE_FACTOR) is None or fit.chi2 / fit.dof > GROSS:
@@ -81,11 +81,11 @@ def _rates(fit: Fit) -> list[Suspicion]:
     return []
 
 
-def _rates_of(fit: Fit) -> np.ndarray:
+def _rates_of(fit: ExtendedFit) -> np.ndarray:
     return fit.series.rate_rad_s[fit.series.weight > 0]
 
 
-def _several_rates(fit: Fit) -> bool:
+def _several_rates(fit: ExtendedFit) -> bool:
     """Whether the rates differ so that a constant drift does not stand for K."""
     rates = _rates_of(fit)
     return bool(np.ptp(rates) > 0.5 * np.abs(rates).max() > 0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
-from ....fitting.causes.extended_fit import Fit, Freedom
+from ....fitting.causes.extended_fit import CoordinatePriors, ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, COUNT
 from ....records import Array, Wave
 from ..data import prepare
@@ -42,7 +42,7 @@ class Reading:
     correction: str
 
 
-def held(waves: Sequence[Wave], others: Fit, free: Sequence[str] = ()) -> Fit:
+def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = ()) -> ExtendedFit:
     """Runs beside one another, their starts and frequencies fitted, the coordinates those of the
     others but for the `free` ones."""
     series, point, _ = prepare(waves, None, others.series.time_s.shape[1])
@@ -51,24 +51,26 @@ def held(waves: Sequence[Wave], others: Fit, free: Sequence[str] = ()) -> Fit:
     p = others.point.p.copy()
     series = replace(series, free_phase=others.series.free_phase)
     return extended_fit.fit(
-        series, replace(point, p=p, active=others.point.active), Freedom(p, std, passive=False)
+        series,
+        replace(point, p=p, active=others.point.active),
+        CoordinatePriors(p, std, passive=False),
     )
 
 
-def misfits(waves: Sequence[Wave], others: Fit) -> Array:
+def misfits(waves: Sequence[Wave], others: ExtendedFit) -> Array:
     """χ² of every one of several ways a run may have been, each beside the others' coordinates;
     infinite where no fit is found."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
-        fit = held(waves, others)
+        fit = fit_held(waves, others)
         return np.bincount(fit.rows[:, 0], fit.residual**2, len(waves))
     return np.full(len(waves), np.inf)
 
 
-def _own(wave: Wave, others: Fit, coordinate: str) -> tuple[float, float] | None:
+def _own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
     """A coordinate as this run alone shows it beside the others' values, and its σ; None where the
     fit finds no end."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
-        fit = held([wave], others, [coordinate])
+        fit = fit_held([wave], others, [coordinate])
         return fit.coordinate(coordinate), fit.coordinate_std(coordinate)
     return None
 
@@ -77,28 +79,28 @@ def of_the_channels(wave: Wave) -> Iterator[Reading]:
     """Channels exchanged or inverted."""
     yield Reading(
         "channels swapped",
-        (change.swapped(wave),),
+        (change.swap_channels(wave),),
         0,
         "with C and S exchanged",
         "exchange the columns of C and S of this run and import it anew",
     )
     yield Reading(
         "one channel inverted",
-        (change.inverted(wave),),
+        (change.invert_channel(wave),),
         0,
         "with one channel's sign turned",
         "turn the sign of one channel of this run (a negative scale factor) and import it anew",
     )
     yield Reading(
         "channels swapped and one inverted",
-        (change.turned(wave),),
+        (change.swap_and_invert(wave),),
         0,
         "with C and S exchanged and one of them turned",
         "exchange C and S of this run, turn the sign of one and import it anew",
     )
 
 
-def of_the_time(wave: Wave, others: Fit) -> Iterator[Reading]:
+def of_the_time(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A sampling rate that is not the recording's."""
     hz = float(np.median(others.frequency_hz))
     own = wave.reference_frequency_hz + float(np.median(_turning_hz(wave)))
@@ -107,7 +109,7 @@ def of_the_time(wave: Wave, others: Fit) -> Iterator[Reading]:
         return
     yield Reading(
         "sampling rate wrong",
-        (change.timed(wave, factor),),
+        (change.scale_times(wave, factor),),
         1,
         f"with all its times multiplied by {factor:.6g} (it oscillates at {own:.6g} Hz, the others"
         f" at {hz:.6g} Hz)",
@@ -121,7 +123,7 @@ def _turning_hz(wave: Wave) -> Array:
     return np.asarray(np.diff(phase) / np.diff(t) / (2 * np.pi))
 
 
-def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
+def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A rate log of another sign, unit or size, late, or none."""
     if wave.mode != "free":
         return
@@ -132,11 +134,11 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
     shown = _shown_rate(wave, common)
     if _turns(wave):
         near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
-        seen = _own(change.rated(wave, near), others, SCALE_FACTOR)
+        seen = _own(change.scale_rate(wave, near), others, SCALE_FACTOR)
         factor = None if seen is None else near * seen[0] / common
         yield Reading(
             "rate log of wrong sign",
-            (change.rated(wave, -1.0),),
+            (change.scale_rate(wave, -1.0),),
             0,
             f"{logged:.4g} rad/s is logged, its wave turns as at {-logged:.4g}: with the log's sign"
             " turned",
@@ -144,7 +146,7 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
         )
         yield Reading(
             "rate log in °/s",
-            (change.rated(wave, np.pi / 180),),
+            (change.scale_rate(wave, np.pi / 180),),
             0,
             f"{logged:.4g} is logged, its wave turns as at {np.radians(logged):.4g} rad/s: with the"
             " log read as °/s",
@@ -153,20 +155,20 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
         if factor is not None and np.isfinite(factor) and factor != 0:
             yield Reading(
                 "rate log of wrong scale",
-                (change.rated(wave, factor),),
+                (change.scale_rate(wave, factor),),
                 1,
                 f"{logged:.4g} rad/s is logged, its wave turns as at {factor * logged:.4g}: with"
                 f" the log multiplied by {factor:.4g}",
                 f"multiply this run's rate log by {factor:.4g}, or find its unit",
             )
     if not _turns(wave) or _varies(wave):
-        seen = _own(change.steady(wave, shown), others, SCALE_FACTOR) if shown else None
+        seen = _own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
         if seen is not None and abs(seen[0]) > ROTATION * seen[1]:
             rate = shown * seen[0] / common
             what = "rate log missing" if not _turns(wave) else "rate log of another run"
             yield Reading(
                 what,
-                (change.steady(wave, rate),),
+                (change.hold_rate(wave, rate),),
                 1,
                 f"{logged:.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that constant"
                 " rate",
@@ -178,7 +180,7 @@ def of_the_rate(wave: Wave, others: Fit) -> Iterator[Reading]:
             early = "late" if late > 0 else "early"
             yield Reading(
                 f"rate log {early}",
-                (change.earlier(wave, late),),
+                (change.advance_rate(wave, late),),
                 1,
                 f"with its rate log moved by {-late:+.4g} s",
                 f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both"
@@ -215,13 +217,15 @@ def _varies(wave: Wave) -> bool:
     return bool(np.ptp(rate) > 0.02 * np.abs(rate).max())
 
 
-def _lateness(wave: Wave, others: Fit) -> float | None:
+def _lateness(wave: Wave, others: ExtendedFit) -> float | None:
     """By how much the log is late."""
     span = float(wave.time_s[-1] - wave.time_s[0])
-    return least(lambda late: change.earlier(wave, late), others, LATEST * span, FINEST * span)
+    return least(lambda late: change.advance_rate(wave, late), others, LATEST * span, FINEST * span)
 
 
-def least(made: Callable[[float], Wave], others: Fit, reach: float, finest: float) -> float | None:
+def least(
+    made: Callable[[float], Wave], others: ExtendedFit, reach: float, finest: float
+) -> float | None:
     """The number within ± `reach` with which a wave made by it misfits least: trials side by side,
     finer and finer, then a parabola."""
     best = 0.0
@@ -242,13 +246,13 @@ def least(made: Callable[[float], Wave], others: Fit, reach: float, finest: floa
     return best
 
 
-def own_damping(wave: Wave, others: Fit) -> tuple[float, float] | None:
+def own_damping(wave: Wave, others: ExtendedFit) -> tuple[float, float] | None:
     """The damping rate that this run alone shows beside the others' splits and scale factor, and
     its σ."""
     return _own(wave, others, DAMPING)
 
 
-def of_the_damping(wave: Wave, others: Fit) -> Iterator[Reading]:
+def of_the_damping(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Another damping and nothing else: the vacuum."""
     seen = own_damping(wave, others)
     common = others.coordinate(DAMPING)
@@ -257,7 +261,7 @@ def of_the_damping(wave: Wave, others: Fit) -> Iterator[Reading]:
     changed = seen[0] - common
     yield Reading(
         "damping changed" if changed < 0 else "loss of pressure",
-        (change.damped(wave, changed),),
+        (change.undo_damping(wave, changed),),
         1,
         f"its damping is {seen[0]:.5g} 1/s, the others' {common:.5g}: with that alone its own",
         (
@@ -276,7 +280,7 @@ def of_a_knock(wave: Wave) -> Iterator[Reading]:
     pieces, rest = [], wave
     shift = 0
     for jump in found:
-        first, rest = change.cut(rest, jump.before - shift, jump.after - shift)
+        first, rest = change.cut_rows(rest, jump.before - shift, jump.after - shift)
         shift = jump.after
         pieces.append(first)
     pieces.append(rest.replace(run_id=f"{wave.run_id} after"))
@@ -291,10 +295,10 @@ def of_a_knock(wave: Wave) -> Iterator[Reading]:
     )
 
 
-Maker = Callable[[Wave, Fit], Iterator[Reading]]
+Maker = Callable[[Wave, ExtendedFit], Iterator[Reading]]
 
 
-def readings(wave: Wave, others: Fit) -> Iterator[Reading]:
+def readings(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Every mistake that this run's motion could show beside the others' coordinates."""
     yield from of_the_channels(wave)
     yield from of_the_time(wave, others)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ....fitting.envelopes.frozen import CORRECTION, frozen
+from ....fitting.envelopes.frozen import CORRECTION, find_frozen
 from ....records import Wave
 from .suspicion import Suspicion
 
@@ -13,6 +13,6 @@ def stuck_columns(waves: Sequence[Wave]) -> list[Suspicion]:
     """What repeats one value where noise is stated, by run."""
     return [
         Suspicion(wave.run_id, f"{one.what} stuck", one.evidence, CORRECTION)
-        for wave, found in zip(waves, frozen(waves), strict=True)
+        for wave, found in zip(waves, find_frozen(waves), strict=True)
         for one in found
     ]

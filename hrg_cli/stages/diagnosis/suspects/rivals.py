@@ -7,10 +7,10 @@ import contextlib
 from collections.abc import Callable, Sequence
 
 from ....fitting.causes import extended_fit
-from ....fitting.causes.extended_fit import Fit
+from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
-from ..refits import QUICK_STEPS, adopted
-from ..scoring import scored
+from ..refits import QUICK_STEPS, adopt
+from ..scoring import score_effects
 from ..variants import Variant
 from .logs import usual_scale_factor
 
@@ -24,26 +24,26 @@ TRIED = 3
 """Best scores that are refitted."""
 
 
-def catalogued(base: Fit, candidates: Sequence[Variant], enough: float) -> float:
+def fit_catalogue(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> float:
     """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator
     has; it ends where that is `enough`."""
     return _left(nearest(base, candidates, enough))
 
 
-def nearest(base: Fit, candidates: Sequence[Variant], enough: float) -> Fit:
+def nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> ExtendedFit:
     """The fit that leaves least of those with a few causes, found in few steps, with a scale factor
     that a resonator has; it ends where χ² a degree of freedom is `enough`."""
     fit = best = base
     for _ in range(MOST):
         strong = [
             pair
-            for pair in scored(fit, candidates)
+            for pair in score_effects(fit, candidates)
             if pair[0].visible and pair[0].gain > WORTHWHILE * fit.chi2
         ]
         fits = []
         for score, variant in strong[:TRIED]:
             with contextlib.suppress(extended_fit.DivergedError):
-                fits.append(adopted(fit, score, variant, QUICK_STEPS))
+                fits.append(adopt(fit, score, variant, QUICK_STEPS))
         likely = [one for one in fits if usual_scale_factor(one)]
         if not likely:
             break
@@ -54,31 +54,33 @@ def nearest(base: Fit, candidates: Sequence[Variant], enough: float) -> Fit:
     return best
 
 
-def _left(fit: Fit) -> float:
+def _left(fit: ExtendedFit) -> float:
     return fit.chi2 / fit.dof
 
 
-def warmed(
-    fitted: Callable[[Sequence[Wave]], Fit], candidates: Sequence[Variant], base: Fit
-) -> Callable[[Sequence[Wave]], Fit] | None:
+def fit_warming(
+    fitted: Callable[[Sequence[Wave]], ExtendedFit],
+    candidates: Sequence[Variant],
+    base: ExtendedFit,
+) -> Callable[[Sequence[Wave]], ExtendedFit] | None:
     """The fit with frequency and damping that follow the temperature; None where that does not
     lower χ² of the runs much."""
     thermal = [variant for variant in candidates if variant.effect.scales]
     if not thermal or not base.series.has_temperature:
         return None
 
-    def fit(waves: Sequence[Wave]) -> Fit:
+    def fit(waves: Sequence[Wave]) -> ExtendedFit:
         plain = fitted(waves)
         point = plain.point
         for variant in thermal:
-            point = extended_fit.with_effect(point, variant.effect, variant.values)
+            point = extended_fit.add_effect(point, variant.effect, variant.values)
         return extended_fit.fit(plain.series, point, plain.freedom, QUICK_STEPS)
 
     with contextlib.suppress(extended_fit.DivergedError):
         series = base.series
         point = base.point
         for variant in thermal:
-            point = extended_fit.with_effect(point, variant.effect, variant.values)
+            point = extended_fit.add_effect(point, variant.effect, variant.values)
         if extended_fit.fit(series, point, base.freedom, QUICK_STEPS).chi2 < MATTERS * base.chi2:
             return fit
     return None

@@ -11,19 +11,19 @@ import numpy as np
 
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
-from ....fitting.causes.extended_fit import Fit
+from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ..thresholds import GROSS
 from ..variants import Variant
 from .logs import usual_scale_factor, wrong_logs
-from .readings import DAMPING, KNOCK, Maker, Reading, held, of_a_knock, own_damping, readings
-from .rivals import catalogued, warmed
+from .readings import DAMPING, KNOCK, Maker, Reading, fit_held, of_a_knock, own_damping, readings
+from .rivals import fit_catalogue, fit_warming
 from .suspicion import Suspicion
 from .thermometers import of_the_thermometer
-from .transformations import damped
+from .transformations import undo_damping
 
-Fitted = Callable[[Sequence[Wave]], Fit]
+Fitted = Callable[[Sequence[Wave]], ExtendedFit]
 
 ODD = 1e3
 """Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
@@ -49,13 +49,13 @@ MOST_LEFT_OUT = 10
 
 
 @dataclass(frozen=True)
-class Case:
+class SuspectCase:
     """One reading of one run with the fit it leaves."""
 
     run: int
     reading: Reading
-    fit: Fit
-    apart: Fit | None = None
+    fit: ExtendedFit
+    apart: ExtendedFit | None = None
     """The fit of the run alone, where it is none of the others'."""
 
     @property
@@ -78,7 +78,7 @@ class Case:
 def suspect_runs(
     waves: Sequence[Wave],
     fitted: Fitted,
-    base: Fit,
+    base: ExtendedFit,
     candidates: Sequence[Variant] = (),
     *,
     gross: float = GROSS,
@@ -88,12 +88,12 @@ def suspect_runs(
     waves: as given, one a run; fitted: the base model's fit to waves; base: that of these;
     candidates: the catalogue beside `base`.
     """
-    if base.chi2 / base.dof < gross or (physics := catalogued(base, candidates, RIVAL)) < RIVAL:
+    if base.chi2 / base.dof < gross or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
         return wrong_logs(waves, base)
-    warm = warmed(fitted, candidates, base)
+    warm = fit_warming(fitted, candidates, base)
     found = (
         _wrong_runs(waves, fitted, base, readings)
-        or _leaking(waves, fitted, base)
+        or _find_leaks(waves, fitted, base)
         or (_wrong_runs(waves, warm, warm(waves), of_the_thermometer) if warm is not None else None)
     )
     if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof):
@@ -102,32 +102,34 @@ def suspect_runs(
 
 
 @dataclass(frozen=True)
-class Found:
+class SuspectFound:
     """What explains the runs: the suspicions, and the fit once they are undone."""
 
     suspicions: tuple[Suspicion, ...]
-    fit: Fit
+    fit: ExtendedFit
     chi2_per_dof: float
 
 
-def _wrong_runs(waves: Sequence[Wave], fitted: Fitted, level: Fit, makers: Maker) -> Found | None:
+def _wrong_runs(
+    waves: Sequence[Wave], fitted: Fitted, level: ExtendedFit, makers: Maker
+) -> SuspectFound | None:
     """Fewer than half of the runs without which the others agree, and the mistake of each; None
     where there are none such."""
     before = level.chi2 / level.dof
     if before < GROSS:
         return None
-    wrong, without = _culprits(waves, fitted, level)
+    wrong, without = _find_culprits(waves, fitted, level)
     if not wrong:
         return None
     pieces: list[tuple[Wave, ...]] = [() if k in wrong else (wave,) for k, wave in enumerate(waves)]
-    last: Case | None = None
+    last: SuspectCase | None = None
     chosen = []
     for number, run in enumerate(wrong):
         if number + 1 == len(wrong) == 1:
             cases = [
                 case
                 for k, others in without
-                for case in _cases(_omitting(waves, k), waves[k], k, others, fitted, makers)
+                for case in _cases(_fit_without(waves, k), waves[k], k, others, fitted, makers)
             ]
         else:
             others = _fit(_flat(pieces), fitted)
@@ -146,19 +148,19 @@ def _wrong_runs(waves: Sequence[Wave], fitted: Fitted, level: Fit, makers: Maker
             pieces[last.run] = last.reading.pieces
     if last is None or last.chi2 / last.dof - 1 > (1 - REMOVED) * (before - 1):
         return None
-    told = tuple(_told(waves, case, beside, before) for case, beside in chosen)
-    return Found(told, last.fit, last.chi2 / last.dof)
+    told = tuple(_describe_case(waves, case, beside, before) for case, beside in chosen)
+    return SuspectFound(told, last.fit, last.chi2 / last.dof)
 
 
-def _culprits(
-    waves: Sequence[Wave], fitted: Fitted, level: Fit
-) -> tuple[list[int], list[tuple[int, Fit]]]:
+def _find_culprits(
+    waves: Sequence[Wave], fitted: Fitted, level: ExtendedFit
+) -> tuple[list[int], list[tuple[int, ExtendedFit]]]:
     """Runs left out one after another until the others agree, and the fits without each run that is
     doubted as much as the first."""
     if len(waves) == 1:
         return [0], [(0, level)]
     before, left_out = level.chi2 / level.dof, list[int]()
-    doubted: list[tuple[int, Fit]] = []
+    doubted: list[tuple[int, ExtendedFit]] = []
     while len(left_out) < max(1, (len(waves) - 1) // 2):
         without = _without_each(waves, left_out, fitted, level)
         if not without:
@@ -183,14 +185,14 @@ def _cases(
     pieces: Sequence[tuple[Wave, ...]],
     wave: Wave,
     run: int,
-    others: Fit,
+    others: ExtendedFit,
     fitted: Fitted,
     makers: Maker,
-) -> list[Case]:
+) -> list[SuspectCase]:
     """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
     alone = len(_flat(pieces)) == 0
     out = list(_read(pieces, run, of_a_knock(wave) if alone else makers(wave, others), fitted))
-    apart = None if alone else _fit([wave], lambda own: held(own, others, COORDINATES[:-1]))
+    apart = None if alone else _fit([wave], lambda own: fit_held(own, others, COORDINATES[:-1]))
     if apart is not None:
         own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
         figures = (
@@ -203,11 +205,11 @@ def _cases(
             if own
             else "look at its samples, or leave the run out"
         )
-        out.append(Case(run, Reading(what, (wave,), 6, figures, todo), others, apart))
+        out.append(SuspectCase(run, Reading(what, (wave,), 6, figures, todo), others, apart))
     return out
 
 
-def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
+def _find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> SuspectFound | None:
     """Dampings that differ from run to run and nothing else: gas. The runs with more damping than
     those of the least are named."""
     if len(waves) < 3 or any(wave.mode != "free" for wave in waves):
@@ -218,7 +220,7 @@ def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
         if any(one is None for one in dampings):
             return None
         less += np.array([one[0] - fit.coordinate(DAMPING) for one in dampings if one is not None])
-        undone = [damped(wave, d) for wave, d in zip(waves, less, strict=True)]
+        undone = [undo_damping(wave, d) for wave, d in zip(waves, less, strict=True)]
         again = _fit(undone, fitted)
         if again is None or again.chi2 > fit.chi2:
             return None
@@ -241,21 +243,21 @@ def _leaking(waves: Sequence[Wave], fitted: Fitted, base: Fit) -> Found | None:
         )
         for k in sorted(high)
     )
-    return Found(told, fit, after)
+    return SuspectFound(told, fit, after)
 
 
 def _read(
     pieces: Sequence[tuple[Wave, ...]], run: int, made: Iterator[Reading], fitted: Fitted
-) -> Iterator[Case]:
+) -> Iterator[SuspectCase]:
     for reading in made:
         fit = _fit([*_flat(pieces[:run]), *reading.pieces, *_flat(pieces[run + 1 :])], fitted)
         if fit is not None:
-            yield Case(run, reading, fit)
+            yield SuspectCase(run, reading, fit)
 
 
 def _without_each(
-    waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: Fit
-) -> list[tuple[int, Fit]]:
+    waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: ExtendedFit
+) -> list[tuple[int, ExtendedFit]]:
     """The fits without each of the runs beside those left out already, that which leaves the others
     agreeing best first."""
     there = [k for k in range(len(waves)) if k not in left_out]
@@ -268,11 +270,11 @@ def _without_each(
     return sorted(out, key=lambda pair: pair[1].chi2 / pair[1].dof)
 
 
-def _omitting(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
+def _fit_without(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
     return [() if k == run else (wave,) for k, wave in enumerate(waves)]
 
 
-def _misfits(fit: Fit) -> Array:
+def _misfits(fit: ExtendedFit) -> Array:
     """Mean squared residual of every run."""
     runs = len(fit.series.names)
     return np.bincount(fit.rows[:, 0], fit.residual**2, runs) / np.maximum(
@@ -284,7 +286,7 @@ def _flat(pieces: Sequence[tuple[Wave, ...]]) -> list[Wave]:
     return [wave for run in pieces for wave in run]
 
 
-def _fit(waves: Sequence[Wave], fitted: Fitted) -> Fit | None:
+def _fit(waves: Sequence[Wave], fitted: Fitted) -> ExtendedFit | None:
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
         fit = fitted(waves)
         if np.isfinite(fit.chi2):
@@ -292,7 +294,7 @@ def _fit(waves: Sequence[Wave], fitted: Fitted) -> Fit | None:
     return None
 
 
-def _figures(fit: Fit) -> str:
+def _figures(fit: ExtendedFit) -> str:
     damping, split = fit.coordinate(DAMPING), float(np.hypot(*fit.point.p[FREQUENCY_SPLIT]))
     return (
         f"{fit.frequency_hz.mean():.6g} Hz, damping {damping:.4g} 1/s, frequency split {split:.4g}"
@@ -300,7 +302,9 @@ def _figures(fit: Fit) -> str:
     )
 
 
-def _told(waves: Sequence[Wave], case: Case, beside: Sequence[Case], before: float) -> Suspicion:
+def _describe_case(
+    waves: Sequence[Wave], case: SuspectCase, beside: Sequence[SuspectCase], before: float
+) -> Suspicion:
     """The case in words; runs and mistakes that explain as much are named."""
     evidence = (
         f"{case.reading.found} χ² a degree of freedom falls from {before:.3g} to"

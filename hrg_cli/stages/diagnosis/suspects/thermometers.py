@@ -11,10 +11,10 @@ import numpy as np
 from ....effects.effect import RELATIVE_TO_TEMPERATURE
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
-from ....fitting.causes.extended_fit import Fit
+from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
 from . import transformations as change
-from .readings import DAMPING, FINEST, Reading, held, least
+from .readings import DAMPING, FINEST, Reading, fit_held, least
 
 COURSE_ROUNDS = 3
 PLAUSIBLE_DEGC = 200.0
@@ -23,7 +23,7 @@ LONGEST_LAG = 0.5
 """Part of the run by which a thermometer may be behind."""
 
 
-def of_the_thermometer(wave: Wave, others: Fit) -> Iterator[Reading]:
+def of_the_thermometer(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A thermometer in another unit, stuck, missing or elsewhere; only where frequency or damping
     follow the temperature."""
     if _logs_temperature(wave):
@@ -40,7 +40,7 @@ def of_the_thermometer(wave: Wave, others: Fit) -> Iterator[Reading]:
         if lag is not None:
             yield Reading(
                 "thermometer in another place",
-                (change.leading(wave, lag),),
+                (change.undo_lag(wave, lag),),
                 1,
                 f"with its temperature {abs(lag):.4g} s {'behind' if lag > 0 else 'before'} the"
                 " resonator's",
@@ -75,13 +75,13 @@ def _logs_temperature(wave: Wave) -> bool:
     return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
 
 
-def _lag(wave: Wave, others: Fit) -> float | None:
+def _lag(wave: Wave, others: ExtendedFit) -> float | None:
     """By how much this thermometer is behind."""
     span = float(wave.time_s[-1] - wave.time_s[0])
-    return least(lambda lag: change.leading(wave, lag), others, LONGEST_LAG * span, FINEST * span)
+    return least(lambda lag: change.undo_lag(wave, lag), others, LONGEST_LAG * span, FINEST * span)
 
 
-def _shown_course(wave: Wave, others: Fit) -> Wave | None:
+def _shown_course(wave: Wave, others: ExtendedFit) -> Wave | None:
     """The wave with the quadratic course of temperature that its phase shows beside the others'
     model, at the level of its damping."""
     relative = {
@@ -100,7 +100,7 @@ def _shown_course(wave: Wave, others: Fit) -> Wave | None:
     per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * span
     for _ in range(COURSE_ROUNDS):
         with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
-            fit = held([change.course(wave, level, slopes)], others, [DAMPING])
+            fit = fit_held([change.replace_temperature(wave, level, slopes)], others, [DAMPING])
             rows = fit.series.weight[0] > 0
             x = (fit.series.time_s[0][rows] - float(wave.time_s[0])) / span
             left = _phase_left(fit)[rows]
@@ -111,10 +111,10 @@ def _shown_course(wave: Wave, others: Fit) -> Wave | None:
                 level += warmer if abs(warmer) < PLAUSIBLE_DEGC else 0.0
             continue
         return None
-    return change.course(wave, level, slopes)
+    return change.replace_temperature(wave, level, slopes)
 
 
-def _phase_left(fit: Fit) -> Array:
+def _phase_left(fit: ExtendedFit) -> Array:
     """Phase of what was measured against the model, unwrapped, along the rows of the only run."""
     seen = fit.prediction.seen[0]
     return np.unwrap(np.angle(np.sum(fit.series.envelope[0] * np.conj(seen), axis=-1)))

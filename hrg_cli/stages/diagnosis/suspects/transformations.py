@@ -12,18 +12,18 @@ from ....records import Array, Wave
 ZERO_KELVIN_DEGC = -273.15
 
 
-def swapped(wave: Wave) -> Wave:
+def swap_channels(wave: Wave) -> Wave:
     """C and S exchanged: θ → π/2m − θ, the sense of rotation and the sign of a_B with it."""
     return _mirrored(wave, np.pi / (2 * wave.mode_number))
 
 
-def inverted(wave: Wave) -> Wave:
+def invert_channel(wave: Wave) -> Wave:
     """One channel with the other sign: θ → −θ, a_B → −a_B (which of the two is a common turn by π,
     which nobody sees)."""
     return _mirrored(wave, 0.0)
 
 
-def turned(wave: Wave) -> Wave:
+def swap_and_invert(wave: Wave) -> Wave:
     """Both mistakes: θ → θ + π/2m, the damping's and the stiffness's axes change places."""
     return wave.replace(wave_angle_rad=wave.wave_angle_rad + np.pi / (2 * wave.mode_number))
 
@@ -39,7 +39,7 @@ def _mirrored(wave: Wave, about_rad: float) -> Wave:
     )
 
 
-def timed(wave: Wave, factor: float) -> Wave:
+def scale_times(wave: Wave, factor: float) -> Wave:
     """All times multiplied by a factor; every frequency divided by it."""
     hz = (
         None
@@ -61,7 +61,7 @@ def timed(wave: Wave, factor: float) -> Wave:
     )
 
 
-def damped(wave: Wave, less_1_s: float) -> Wave:
+def undo_damping(wave: Wave, less_1_s: float) -> Wave:
     """The wave as it would have been with a damping rate smaller by `less_1_s`: everything times
     e^{Δν t}."""
     growth = np.exp(less_1_s * (np.asarray(wave.time_s, float) - float(wave.time_s[0])))
@@ -75,18 +75,18 @@ def damped(wave: Wave, less_1_s: float) -> Wave:
     return replaced(wave, **{name: getattr(wave, name) * growth for name in names})
 
 
-def rated(wave: Wave, factor: float) -> Wave:
+def scale_rate(wave: Wave, factor: float) -> Wave:
     """The logged rate multiplied."""
     assert wave.rate_rad_s is not None
     return wave.replace(rate_rad_s=factor * np.asarray(wave.rate_rad_s, float))
 
 
-def steady(wave: Wave, rate_rad_s: float) -> Wave:
+def hold_rate(wave: Wave, rate_rad_s: float) -> Wave:
     """A constant rate in place of the log."""
     return wave.replace(rate_rad_s=np.full(len(wave), rate_rad_s))
 
 
-def earlier(wave: Wave, late_s: float) -> Wave:
+def advance_rate(wave: Wave, late_s: float) -> Wave:
     """The rate log moved forward by the time it came late; its first and last value held."""
     rate, time = np.asarray(wave.rate_rad_s, float), np.asarray(wave.time_s, float)
     known = np.isfinite(rate)
@@ -108,7 +108,7 @@ def _warmed(wave: Wave, change: object) -> Wave:
     return wave.replace(temperature_degc=change(np.asarray(wave.temperature_degc, float)))
 
 
-def course(wave: Wave, start_degc: float, slopes: Array) -> Wave:
+def replace_temperature(wave: Wave, start_degc: float, slopes: Array) -> Wave:
     """A polynomial of the time in place of the temperature log: start + c₁x + c₂x² …, x from 0 to 1
     over the run."""
     time = np.asarray(wave.time_s, float)
@@ -118,7 +118,7 @@ def course(wave: Wave, start_degc: float, slopes: Array) -> Wave:
     )
 
 
-def leading(wave: Wave, lag_s: float) -> Wave:
+def undo_lag(wave: Wave, lag_s: float) -> Wave:
     """The temperature that a thermometer with a lag of first order has shown: T + τ dT/dt, the log
     smoothed before it is differentiated."""
     time, warm = np.asarray(wave.time_s, float), np.asarray(wave.temperature_degc, float)
@@ -127,7 +127,7 @@ def leading(wave: Wave, lag_s: float) -> Wave:
     return wave.replace(temperature_degc=warm + lag_s * fit.deriv()(x) / np.ptp(time))
 
 
-def cut(wave: Wave, before: int, after: int) -> tuple[Wave, Wave]:
+def cut_rows(wave: Wave, before: int, after: int) -> tuple[Wave, Wave]:
     """The rows up to `before` and from `after` on, each a run of its own."""
     first, last = wave.rows(0, before + 1), wave.rows(after, len(wave))
     return first.replace(run_id=f"{wave.run_id} before"), last.replace(
