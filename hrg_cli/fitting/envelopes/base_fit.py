@@ -3,6 +3,7 @@ Gauss–Newton, phase order."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,6 +18,8 @@ from .likelihood import Batch, Fit, Freedom, batch, fit, free_coordinates
 Array = np.ndarray
 MAX_PHASE_ORDER = 9
 AVERAGINGS = 8
+SHARES = (0.1, 0.3, 0.6, 1.0)
+"""Parts of the runs over which a fit that does not settle grows."""
 WRAPPED_RAD = 0.7
 """Turn of the wave within one window from which its ellipse may turn half way round unseen."""
 SETTLED = 0.1
@@ -327,19 +330,27 @@ def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> 
     """Gauss–Newton; where it does not settle, again over growing parts of the runs from their
     beginning on.
 
-    A part has straight phases alone: higher orders that a tenth of a run fixes lead anywhere beyond
-    it.
+    First with straight phases alone: higher orders that a tenth of a run fixes lead anywhere beyond
+    it. A phase that bends by turns needs them all the same.
     """
     result = fit(data, space, z, first, phase)
     if result.converged:
         return result
-    none = np.zeros_like(phase[:, 1:])
-    phase = phase[:, :1]
-    for share in (0.1, 0.3, 0.6, 1.0):
+    with contextlib.suppress(np.linalg.LinAlgError):
+        straight = _grown(data, space, z, first, phase[:, :1], phase.shape[1])
+        if straight.converged:
+            return straight
+    return _grown(data, space, z, first, phase, phase.shape[1])
+
+
+def _grown(data: Batch, space: Freedom, z: Array, first: Array, phase: Array, orders: int) -> Fit:
+    """Gauss–Newton over growing parts of the runs, each from where the last one ended; the whole with
+    so many orders of phase."""
+    for share in SHARES:
         kept = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
         part = Batch(data.runs, data.time_s, data.turn_rad, data.envelope, data.weight * kept)
         if share == 1.0:
-            phase = np.concatenate([phase, none], axis=1)
+            phase = np.pad(phase, ((0, 0), (0, orders - phase.shape[1])))
         result = fit(part, space, z, first, phase)
         z, first, phase = result.z, result.response.state.start, result.response.state.phase
     return result
