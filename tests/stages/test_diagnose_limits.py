@@ -9,7 +9,8 @@ from diagnosis_statistics import CYCLE, FORCED, base_of, measured, sized, table_
 from hrg_cli.effects import EFFECTS, find
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis import report
+from hrg_cli.stages.diagnosis import tested
+from hrg_cli.stages.diagnosis.inquiry import STATED
 from hrg_cli.stages.diagnosis.variants import variants
 
 PLAIN = [
@@ -49,7 +50,7 @@ def test_limits_of_one_parameter_hold_in_ninety_five_of_a_hundred():
                     S,
                     fit.basis,
                 )
-                inside = true <= report._limit(score, 1.0, variant)[0]
+                inside = true <= tested._limit(score, STATED, variant)[0]
                 small += inside and size < 1
                 held += inside and size > 1
                 tried += size > 1
