@@ -11,8 +11,8 @@ import numpy as np
 
 from ..physics.plant import Readout, SlowState
 from ..physics.resonator import exponential, generator
-from .effect import OF_EVERY_RUN, RUN, Array, Effect, Parameter, Values
-from .jumps import instants, part_after
+from .effect import Array, Effect, Parameter, Values
+from .jumps import in_its_run, instants, part_after, run_parameter
 
 
 def readout(p: Values, readout: Readout) -> None:
@@ -27,9 +27,7 @@ def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     later = np.exp(1j * state.omega_r_rad_s * p["lost_s"]) * np.einsum(
         "...ij,...j->...i", exponential(L, p["lost_s"]), u
     )
-    after = part_after(np.asarray(state.time_s), p["time_s"])
-    if state.run is not None and p[RUN] != OF_EVERY_RUN:
-        after = after * (state.run == p[RUN])
+    after = part_after(np.asarray(state.time_s), p["time_s"]) * in_its_run(p, state)
     return u + after[..., None] * (later - u)
 
 
@@ -40,14 +38,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("lost_s", "s", 1e-4, "time lost, a whole number of samples"),
         Parameter("time_s", "s", 0.5, "instant of the loss", fitted=False),
-        Parameter(
-            RUN,
-            "1",
-            0.0,
-            "number of the run in which it happens, from 0; −1: every run",
-            neutral=OF_EVERY_RUN,
-            fitted=False,
-        ),
+        run_parameter(),
     ),
     mistaken_for=("a phase slip",),
     next_experiment="log a sample counter beside the channels",

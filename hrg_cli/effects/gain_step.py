@@ -13,8 +13,8 @@ stayed.
 import numpy as np
 
 from ..physics.plant import Readout, Samples, SlowState
-from .effect import OF_EVERY_RUN, RUN, Array, Effect, Parameter, Values
-from .jumps import instants, part_after
+from .effect import Array, Effect, Parameter, Values
+from .jumps import in_its_run, instants, part_after, run_parameter
 
 
 def steps(p: Values) -> Array:
@@ -33,9 +33,7 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u (1 + g r), r the part of a row's length after t_k, in the run that it happens in."""
-    part = part_after(np.asarray(state.time_s), p["time_s"])
-    if state.run is not None and p[RUN] != OF_EVERY_RUN:
-        part = part * (state.run == p[RUN])
+    part = part_after(np.asarray(state.time_s), p["time_s"]) * in_its_run(p, state)
     return u * (1 + part[..., None] * steps(p))
 
 
@@ -47,14 +45,7 @@ EFFECT = Effect(
         Parameter("c_gain", "1", 1e-3, "relative step of the gain of C"),
         Parameter("s_gain", "1", 1e-3, "relative step of the gain of S"),
         Parameter("time_s", "s", 0.5, "instant of the step", fitted=False),
-        Parameter(
-            RUN,
-            "1",
-            0.0,
-            "number of the run in which it happens, from 0; −1: every run",
-            neutral=OF_EVERY_RUN,
-            fitted=False,
-        ),
+        run_parameter(),
     ),
     mistaken_for=("momentum_kick",),
     next_experiment="the same run with a test tone added to both channels before the amplifiers",

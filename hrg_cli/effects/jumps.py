@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .effect import RUN, Array, Runs, Values
+from ..physics.plant import SlowState
+from .effect import OF_EVERY_RUN, RUN, Array, Parameter, Runs, Values
 
 FEWEST = 4
 """Rows on either side by which a jump is judged, at least."""
@@ -86,6 +87,25 @@ def part_after(time_s: Array, instant: float) -> Array:
         return np.asarray(time_s > instant, float)
     width = np.maximum(np.gradient(time_s, axis=-1), np.finfo(float).tiny)
     return np.asarray(np.clip((time_s - instant) / width + 0.5, 0, 1))
+
+
+def run_parameter(what: str = "in which it happens") -> Parameter:
+    """The parameter that says in which run of several something happens."""
+    return Parameter(
+        RUN,
+        "1",
+        0.0,
+        f"number of the run {what}, from 0; −1: every run",
+        neutral=OF_EVERY_RUN,
+        fitted=False,
+    )
+
+
+def in_its_run(p: Values, state: SlowState) -> Array:
+    """1 in the run, or the runs, in which it happens and 0 elsewhere, (...)."""
+    if state.run is None or p[RUN] == OF_EVERY_RUN:
+        return np.ones(())
+    return np.asarray(state.run == p[RUN], float)
 
 
 def _threshold(rows: int) -> float:

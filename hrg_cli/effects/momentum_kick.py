@@ -15,8 +15,8 @@ the case.
 import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
-from .effect import OF_EVERY_RUN, RUN, Array, Effect, Parameter, Runs, Values
-from .jumps import MOST, Jump, jumps
+from .effect import RUN, Array, Effect, Parameter, Runs, Values
+from .jumps import MOST, Jump, in_its_run, jumps, run_parameter
 
 
 def velocity_over_omega(p: Values) -> Array:
@@ -34,9 +34,7 @@ def slow_jump(p: Values, state: SlowState) -> tuple[float, Array]:
     """(t_k, −j (Δż/ω) e^{−jω_r t_k}) in the run that was struck."""
     instant = p["time_s"] + p["phase_rad"] / state.mechanics.omega_rad_s
     jump = -1j * velocity_over_omega(p) * np.exp(-1j * state.omega_r_rad_s * instant)
-    if state.run is None or p[RUN] == OF_EVERY_RUN:
-        return instant, jump
-    return instant, (state.run == p[RUN])[..., None] * jump
+    return instant, in_its_run(p, state)[..., None] * jump
 
 
 def instants(runs: Runs) -> list[Values]:
@@ -88,14 +86,7 @@ EFFECT = Effect(
             fitted_then=True,
         ),
         Parameter("time_s", "s", 0.5, "instant of the knock", fitted=False),
-        Parameter(
-            RUN,
-            "1",
-            0.0,
-            "number of the run that was struck, from 0; −1: every run",
-            neutral=OF_EVERY_RUN,
-            fitted=False,
-        ),
+        run_parameter("that was struck"),
     ),
     mistaken_for=("dropped_samples",),
     next_experiment="an accelerometer on the case, or the same run again: a knock comes once",

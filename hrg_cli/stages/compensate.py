@@ -140,7 +140,8 @@ def _stream(
     name = f"run {wave.run_id or '?'}"
     inside = covered(wave)
     known = wave.rate_rad_s is not None and bool(inside.any())
-    unknown = [f"{sentence} of its figures" for sentence in [left_out(wave)] if sentence]
+    outside = left_out(wave, inside)
+    unknown = [f"{outside} of its figures"] if outside else []
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
     totals = _Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf

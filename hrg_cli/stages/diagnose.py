@@ -196,7 +196,12 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     """The diagnosis with all the fits that it takes."""
 
     def near(fit: ExtendedFit) -> ExtendedFit:
-        return nearest(fit, variants(asked.searched, fit), GROSS) if is_gross(fit) else fit
+        if not is_gross(fit):
+            return fit
+        near_it: ExtendedFit = fit.remembered(
+            "nearest", lambda: nearest(fit, variants(asked.searched, fit), GROSS)
+        )
+        return near_it
 
     cut = cut_at_losses(asked.waves, asked.fit, near)
     candidates = variants(asked.searched, cut.untouched)

@@ -93,23 +93,29 @@ def rate(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
     impossible, doubtful = closing_checks(found)
+    inside = covered(wave)
+    before, after = (
+        _less(values, wave, inside, found.time_s)
+        for values in (found.plain_rate_rad_s, found.rate_rad_s)
+    )
     result = Compensated(
         time_s=found.time_s,
         rate_estimate_rad_s=found.rate_rad_s,
         rate_estimate_rad_s_std=found.rate_rad_s_std,
         angle_estimate_rad=_integral(found.rate_rad_s, found.time_s),
-        residual_before_rad_s=_less(found.plain_rate_rad_s, wave, found.time_s),
-        residual_after_rad_s=_less(found.rate_rad_s, wave, found.time_s),
+        residual_before_rad_s=before,
+        residual_after_rad_s=after,
         gyro_id=wave.gyro_id,
         run_id=wave.run_id,
         lot_id=wave.lot_id,
         mode_number=wave.mode_number,
         details=json.dumps(
-            _figures(found, wave) | {"checks": [c.table() for c in (*impossible, *doubtful)]}
+            _figures(found, before, after)
+            | {"checks": [c.table() for c in (*impossible, *doubtful)]}
         ),
     )
-    unknown = [f"{sentence} of the comparison with it" for sentence in [left_out(wave)] if sentence]
-    noted = result.judged(unknown, "valid")
+    outside = left_out(wave, inside)
+    noted = result.judged([f"{outside} of the comparison with it"] if outside else [], "valid")
     return noted.judged(checks.failures(impossible), "refused").judged(
         checks.failures(doubtful), "suspect"
     )
@@ -194,9 +200,10 @@ def _integral(values: Array, time_s: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(time_s))])
 
 
-def _less(estimate: Array, wave: Wave, time_s: Array) -> Array | None:
-    """The estimate less the logged rate, NaN where the log does not reach; None without a log."""
-    if wave.rate_rad_s is None or not (inside := covered(wave)).any():
+def _less(estimate: Array, wave: Wave, inside: Array, time_s: Array) -> Array | None:
+    """The estimate less the logged rate, NaN where the log does not reach (`inside`: windows that it
+    covers); None without a log."""
+    if wave.rate_rad_s is None or not inside.any():
         return None
     logged = np.asarray(wave.rate_rad_s, float)
     known = np.isfinite(logged) & inside
@@ -205,9 +212,9 @@ def _less(estimate: Array, wave: Wave, time_s: Array) -> Array | None:
     return np.where(reached, estimate - np.interp(time_s, at, logged[known]), np.nan)
 
 
-def _figures(found: RateEstimate, wave: Wave) -> dict[str, Any]:
+def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> dict[str, Any]:
     """Mean rate with its error, the plain estimate's, their difference (the drift), and what either
-    leaves of the logged rate."""
+    leaves of the logged rate (`before`, `after`)."""
     covariance, count = found.covariance, len(found.time_s)
     apart = found.plain_rate_rad_s - found.rate_rad_s
     figures: dict[str, Any] = {
@@ -225,11 +232,7 @@ def _figures(found: RateEstimate, wave: Wave) -> dict[str, Any]:
             "difference_rms_rad_s": float(np.sqrt(np.mean(apart**2))),
         },
     }
-    for name, values in (
-        ("plain_error_rms_rad_s", found.plain_rate_rad_s),
-        ("error_rms_rad_s", found.rate_rad_s),
-    ):
-        left = _less(values, wave, found.time_s)
+    for name, left in (("plain_error_rms_rad_s", before), ("error_rms_rad_s", after)):
         if left is not None and np.isfinite(left).any():
             figures[name] = float(np.sqrt(np.nanmean(left**2)))
     return figures

@@ -69,11 +69,12 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
     """
     waves, notes, doubts = [], list(usable.notes), list(usable.doubts)
     for wave in usable.waves:
-        sentence = "" if wave.run_id in given else left_out(wave)
+        inside = np.ones(len(wave), bool) if wave.run_id in given else covered(wave)
+        sentence = left_out(wave, inside)
         if not sentence:
             waves.append(wave)
-        elif np.count_nonzero(covered(wave) & wave.good()) >= MIN_ROWS:
-            waves.append(within_log(wave))
+        elif np.count_nonzero(inside & wave.good()) >= MIN_ROWS:
+            waves.append(within_log(wave, inside))
             notes.append(sentence)
         else:
             doubts.append(sentence)

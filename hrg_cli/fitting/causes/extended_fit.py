@@ -28,7 +28,7 @@ from .sensitivities import (
     effect_sensitivities,
     propagation,
 )
-from .wave_frame import imaginary
+from .wave_frame import directions, imaginary, real
 
 __all__ = [
     "CoordinatePriors",
@@ -233,6 +233,19 @@ class ExtendedFit:
             if name in self.layout.parameters(effect)
             else 0.0
         )
+
+
+def on_rows(fit: ExtendedFit, values: Array) -> Array:
+    """Values (N, ...) of a fit's residual rows where they stand, (R, n, 4, ...); 0 elsewhere."""
+    out = np.zeros((*fit.series.weight.shape, 4, *values.shape[1:]))
+    out[tuple(fit.rows.T)] = values
+    return out
+
+
+def along_wave(fit: ExtendedFit, values: Array) -> Array:
+    """The same along the wave's own directions: amplitude, phase, angle, ellipticity."""
+    own = real(directions(fit.prediction.seen))
+    return np.asarray(np.einsum("rnki,rni...->rnk...", own, on_rows(fit, values)))
 
 
 def flatten_rows(series: MeasuredRuns, values: Array) -> Array:

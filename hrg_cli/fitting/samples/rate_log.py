@@ -33,19 +33,20 @@ def covered(wave: Wave) -> Array:
     return inside
 
 
-def within_log(wave: Wave) -> Wave:
+def within_log(wave: Wave, inside: Array | None = None) -> Wave:
     """The wave with the windows that its rate log does not cover flagged as not finite; of a file
-    nothing but rates and flags is read."""
-    inside = covered(wave)
+    nothing but rates and flags is read. inside (n,): `covered`, where that is known."""
+    inside = covered(wave) if inside is None else inside
     if inside.all():
         return wave
     flags = np.asarray(wave.flags[:])
     return wave.replace(flags=np.where(inside, flags, flags | FLAG_NOT_FINITE).astype(flags.dtype))
 
 
-def left_out(wave: Wave) -> str:
-    """What to say of the windows that a run's rate log does not cover; empty where there is none."""
-    outside = int(np.count_nonzero(~covered(wave)))
+def left_out(wave: Wave, inside: Array) -> str:
+    """What to say of the windows that a run's rate log does not cover (`inside`: those it does);
+    empty where there is none."""
+    outside = int(np.count_nonzero(~inside))
     if not outside:
         return ""
     return (

@@ -153,9 +153,11 @@ def path_of(
             )
         rate_rad_s = 0.0
     if need_rate and rate_rad_s is None:
-        if not covered(wave).any():
-            raise HrgError(f"{left_out(wave)}; log the table's rate or give it with rate_rad_s")
-        wave = within_log(wave)
+        inside = covered(wave)
+        if not inside.any():
+            told = left_out(wave, inside)
+            raise HrgError(f"{told}; log the table's rate or give it with rate_rad_s")
+        wave = within_log(wave, inside)
     per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
     pieces: list[dict[str, Array]] = []
     turned = 0.0

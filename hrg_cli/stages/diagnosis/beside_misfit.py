@@ -24,8 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.causes import evidence
-from ...fitting.causes.extended_fit import ExtendedFit
-from ...fitting.causes.wave_frame import directions, real
+from ...fitting.causes.extended_fit import ExtendedFit, along_wave
 from .case import Case
 from .refits import bic, hold_unseen, leave_out, refit
 from .remainder import search_rest
@@ -191,7 +190,7 @@ class TakenAway:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Coefficients (N,) of a residual over orthonormal cosines in time, of every run and of the
+    """Coefficients (N, ...) of a residual over orthonormal cosines in time, of every run and of the
     wave's four components, and the band (N,) of each."""
 
     coefficients: Array
@@ -199,20 +198,19 @@ class Spectrum:
 
     @classmethod
     def of(cls, residual: Array, fit: ExtendedFit) -> Spectrum:
-        """Of values (N,) over σ that stand on the rows of a fit, along whose wave the components
+        """Of values (N, ...) over σ that stand on the rows of a fit, along whose wave the components
         lie."""
         from scipy.fft import dct
 
-        good = fit.series.weight > 0
-        values = np.zeros((*good.shape, 4))
-        values[tuple(fit.rows.T)] = residual
-        own = np.einsum("rnki,rni->rnk", real(directions(fit.prediction.seen)), values)
+        good, own = fit.series.weight > 0, along_wave(fit, residual)
         coefficients, band = [], []
         for components, kept in zip(own, good, strict=True):
             count = int(kept.sum())
             if count == 0:
                 continue
-            coefficients.append(dct(components[kept], axis=0, norm="ortho").ravel())
+            coefficients.append(
+                dct(components[kept], axis=0, norm="ortho").reshape(-1, *residual.shape[1:])
+            )
             octave = np.floor(np.log2(np.maximum(np.arange(count), 1) / FIRST_BAND)) + 1
             band.append(np.repeat(np.maximum(octave, 0).astype(int), 4))
         return cls(np.concatenate(coefficients), np.concatenate(band))

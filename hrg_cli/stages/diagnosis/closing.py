@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting import checks
-from ...fitting.causes.extended_fit import ExtendedFit
-from ...fitting.causes.wave_frame import directions, real
+from ...fitting.causes.extended_fit import ExtendedFit, along_wave
 from ...fitting.checks import Check
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...physics import ellipse
@@ -111,9 +110,7 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
     """The residual in the wave's own frame, run by run, in the order of time and of what else
     moves."""
     series = fit.series
-    values = np.zeros((*series.weight.shape, 4))
-    values[tuple(fit.rows.T)] = fit.residual
-    own = np.einsum("rnki,rni->rnk", real(directions(fit.prediction.seen)), values)
+    own = along_wave(fit, fit.residual)
     good = series.weight > 0
     _, _, angle, _ = ellipse.wave(fit.prediction.seen, series.mode_number)
     amplitude = np.sqrt(np.sum(np.abs(fit.prediction.seen) ** 2, axis=-1))

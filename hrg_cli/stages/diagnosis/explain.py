@@ -76,8 +76,7 @@ def reweighted(fit: ExtendedFit, level: float) -> ExtendedFit:
 def noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None
     where they agree, and where a gross misfit is left, however large the noise."""
-    values = np.zeros((*fit.series.weight.shape, 4))
-    values[tuple(fit.rows.T)] = (remainder.fit if remainder else fit).residual
+    values = extended_fit.on_rows(fit, (remainder.fit if remainder else fit).residual)
     ok = fit.series.weight > 0
     rough = np.diff(values, n=2, axis=1)[ok[:, 2:]]
     if len(rough) < 20:

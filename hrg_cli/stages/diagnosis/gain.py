@@ -12,7 +12,7 @@ import numpy as np
 from ...effects.effect import frame
 from ...fitting.causes import evidence
 from ...fitting.causes.evidence import HeldOut
-from ...fitting.causes.extended_fit import ExtendedFit, coordinate_rows
+from ...fitting.causes.extended_fit import ExtendedFit, coordinate_rows, on_rows
 from ...fitting.causes.wave_frame import imaginary
 from ...units import DEGREE_PER_HOUR
 
@@ -152,10 +152,8 @@ def _quantities(
     """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
-    errors = np.zeros((*series.weight.shape, 4))
-    errors[tuple(fit.rows.T)] = left
     weight = np.where(series.weight > 0, series.weight, np.inf)
-    difference = imaginary(errors / weight[..., None])
+    difference = imaginary(on_rows(fit, left) / weight[..., None])
     turn, e_A, e_B, a_A = frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A

@@ -162,8 +162,7 @@ def strikes_of(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
         free = fit.basis.off(fit.basis.off(S))
         shown = np.linalg.norm(free, axis=0) > evidence.BLIND * np.linalg.norm(S, axis=0)
         if shown.all():
-            S = np.stack([Spectrum.of(column, fit).coefficients for column in free.T], axis=-1)
-            out.append(_strike(variant, S, model, residual))
+            out.append(_strike(variant, Spectrum.of(free, fit).coefficients, model, residual))
     return out
 
 
@@ -214,4 +213,4 @@ def _model(fit: ExtendedFit) -> Array:
     """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
     J = fit.design.whole()
     basis = evidence.orthonormal(J[:, np.linalg.norm(J, axis=0) > 0], evidence.CLEAR_RANK)
-    return np.stack([Spectrum.of(column, fit).coefficients for column in basis.T], axis=-1)
+    return Spectrum.of(basis, fit).coefficients

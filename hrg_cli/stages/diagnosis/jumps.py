@@ -143,59 +143,20 @@ def _between(
     time: Array, z: Array, noise: Array, table: Array, first: int, last: int, rows: Array
 ) -> EnvelopeJump | None:
     """The jump between rows `first` and `last` of the good ones; None where it is none or the run
-    begins or ends there.
-
-    table: its angle at the rows. Every row is carried to the instant along the
-    run's own motion, where it stands still but for what this misses.
-    """
-    left = np.arange(max(0, first + 1 - TOUCHED - 2 * NEIGHBOURS), max(0, first + 1 - TOUCHED))
-    right = np.arange(
-        min(len(time), last + TOUCHED), min(len(time), last + TOUCHED + 2 * NEIGHBOURS)
-    )
-    if len(left) < NEIGHBOURS or len(right) < NEIGHBOURS:
+    begins or ends there. table: its angle at the rows."""
+    seen = Crossing.of(time, z, noise, table, first, last)
+    if seen is None or not seen.jumps:
         return None
-    near = np.concatenate([left, right])
-    span = slice(near[0], near[-1] + 1)
-    middle = float(time[first] + time[last]) / 2
-    x = time[near] - middle
-    unit = x / np.ptp(x)
-    here = (unit > 0).astype(float)
-    curved = table[near] - np.polyval(np.polyfit(x, table[near], 1), x)
-    design = np.column_stack([np.ones(len(x)), unit, unit**2, here, here * unit])
-    if np.ptp(curved) > CURVED:
-        design = np.column_stack([design, curved])
-    else:  # a constant rate is a part of the motion's own exponents
-        table = np.zeros(len(table))
-    bend = table - np.interp(middle, time, table)
-    inverse = np.linalg.pinv(design)
-    motion = OwnMotion.of(time, z, table, left, right)
-    carried = motion.carried_to(middle, time[span], bend[span], z[span])
-    still, across = carried[near - near[0]], carried[last - near[0]] - carried[first - near[0]]
-    solution = inverse @ still
-    before, after = solution[0], solution[0] + solution[3]
-    turning = np.interp(middle, (time[1:] + time[:-1]) / 2, np.diff(table) / np.diff(time))
-    slope = motion.slope(before, turning) + solution[1] / np.ptp(x)
-    left_over = still - design @ solution
-    spread = np.sum(np.abs(left_over) ** 2, axis=0) / (2 * max(1, len(x) - design.shape[1]))
-    std = float(
-        np.sqrt(max(spread.max(), float(np.median(noise[near])) ** 2) * (inverse @ inverse.T)[3, 3])
-    )
-    # what a straighter course would make of the step: the rest of it is not known to that
-    straight = np.linalg.pinv(design[:, [0, 1, 3]]) @ still
-    std = float(np.hypot(std, BENT * np.abs(straight[2] - solution[3]).max()))
-    size = float(np.sqrt(np.sum(np.abs(before) ** 2)))
-    std = float(np.hypot(std, UNFOLLOWED * size * np.ptp(curved)))
-    step = float(np.abs(after - before).max())
-    if not step > JUMP_SIGMA * std or float(np.abs(across).max()) < AT_ONCE * step:
-        return None
-    rate = float(np.sum(slope * np.conj(before)).imag) / size**2
-    slope = slope - 1j * rate * before  # without the oscillation, which the turn is
-    turn, shift = float(np.angle(np.sum(after * np.conj(before)))), 0.0
+    size = float(np.sqrt(np.sum(np.abs(seen.before) ** 2)))
+    rate = float(np.sum(seen.slope * np.conj(seen.before)).imag) / size**2
+    slope = seen.slope - 1j * rate * seen.before  # without the oscillation, which the turn is
+    turn, shift = float(np.angle(np.sum(seen.after * np.conj(seen.before)))), 0.0
     # the wall of neighbouring windows, fitted across the jump, spoils the two sides by a part of it
-    doubt = float(np.hypot(std, SPOILT * np.sqrt(np.sum(np.abs(after - before) ** 2))))
+    wall = float(np.sqrt(np.sum(np.abs(seen.after - seen.before) ** 2)))
+    doubt = float(np.hypot(seen.std, SPOILT * wall))
     speed = float(np.sqrt(np.sum(np.abs(slope) ** 2)))
-    rest = after - before * np.exp(1j * turn)
-    if speed * float(np.ptp(x)) > doubt:
+    rest = seen.after - seen.before * np.exp(1j * turn)
+    if speed * seen.length_s > doubt:
         moved = slope * np.exp(1j * turn)
         shift = float(np.sum(rest * np.conj(moved)).real) / speed**2
         rest = rest - shift * moved
@@ -203,15 +164,83 @@ def _between(
     return EnvelopeJump(
         before=int(rows[first]),
         after=int(rows[last]),
-        time_s=middle,
+        time_s=float(time[first] + time[last]) / 2,
         turn_rad=turn,
-        turn_std_rad=std / size,
+        turn_std_rad=seen.std / size,
         rest=linear,
         rest_std=doubt,
         shift_s=shift,
         shift_std_s=doubt / speed if speed > 0 else np.inf,
         rate_rad_s=rate,
     )
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """z± (2,) at an instant as the rows before it and as those behind it have them, ż before it, the
+    σ of their difference, what the two rows next to it differ by, and the length of all rows."""
+
+    before: Array
+    after: Array
+    slope: Array
+    std: float
+    across: Array
+    length_s: float
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the two sides differ by more than noise, and at once."""
+        step = float(np.abs(self.after - self.before).max())
+        return step > JUMP_SIGMA * self.std and float(np.abs(self.across).max()) >= AT_ONCE * step
+
+    @classmethod
+    def of(
+        cls, time: Array, z: Array, noise: Array, table: Array, first: int, last: int
+    ) -> Crossing | None:
+        """Every row is carried to the instant along the run's own motion, where it stands still but
+        for what this misses; None where the run begins or ends."""
+        left = np.arange(max(0, first + 1 - TOUCHED - 2 * NEIGHBOURS), max(0, first + 1 - TOUCHED))
+        right = np.arange(
+            min(len(time), last + TOUCHED), min(len(time), last + TOUCHED + 2 * NEIGHBOURS)
+        )
+        if len(left) < NEIGHBOURS or len(right) < NEIGHBOURS:
+            return None
+        near = np.concatenate([left, right])
+        span = slice(near[0], near[-1] + 1)
+        middle = float(time[first] + time[last]) / 2
+        x = time[near] - middle
+        unit, here = x / np.ptp(x), (x > 0).astype(float)
+        curved = table[near] - np.polyval(np.polyfit(x, table[near], 1), x)
+        design = np.column_stack([np.ones(len(x)), unit, unit**2, here, here * unit])
+        if np.ptp(curved) > CURVED:
+            design = np.column_stack([design, curved])
+        else:  # a constant rate is a part of the motion's own exponents
+            table = np.zeros(len(table))
+        bend = table - np.interp(middle, time, table)
+        motion = OwnMotion.of(time, z, table, left, right)
+        carried = motion.carried_to(middle, time[span], bend[span], z[span])
+        still, inverse = carried[near - near[0]], np.linalg.pinv(design)
+        solution = inverse @ still
+        turning = np.interp(middle, (time[1:] + time[:-1]) / 2, np.diff(table) / np.diff(time))
+        left_over = still - design @ solution
+        spread = np.sum(np.abs(left_over) ** 2, axis=0) / (2 * max(1, len(x) - design.shape[1]))
+        variance = max(spread.max(), float(np.median(noise[near])) ** 2)
+        # what a straighter course would make of the step: the rest of it is not known to that
+        straight = np.linalg.pinv(design[:, [0, 1, 3]]) @ still
+        size = float(np.sqrt(np.sum(np.abs(solution[0]) ** 2)))
+        doubts = (
+            np.sqrt(variance * (inverse @ inverse.T)[3, 3]),
+            BENT * np.abs(straight[2] - solution[3]).max(),
+            UNFOLLOWED * size * np.ptp(curved),
+        )
+        return cls(
+            before=solution[0],
+            after=solution[0] + solution[3],
+            slope=motion.slope(solution[0], turning) + solution[1] / np.ptp(x),
+            std=float(np.linalg.norm(doubts)),
+            across=carried[last - near[0]] - carried[first - near[0]],
+            length_s=float(np.ptp(x)),
+        )
 
 
 @dataclass(frozen=True)
@@ -247,9 +276,10 @@ class OwnMotion:
             return float(np.sum(np.abs(second - first @ M) ** 2))
 
         if np.count_nonzero(even) > 2 * NEIGHBOURS:
-            bounds = (-MOST_SCALE_FACTOR, MOST_SCALE_FACTOR)
-            found = minimize_scalar(left_over, bounds=bounds, options={"xatol": 1e-7})
-            K = float(found.x) if half.any() else 0.0
+            K = 0.0
+            if half.any():
+                bounds = (-MOST_SCALE_FACTOR, MOST_SCALE_FACTOR)
+                K = float(minimize_scalar(left_over, bounds=bounds, options={"xatol": 1e-7}).x)
             first, second = (side[even] for side in sides(K))
             M = np.linalg.lstsq(first, second, rcond=None)[0].T
             values, directions = np.linalg.eig(M)

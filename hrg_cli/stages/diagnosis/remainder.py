@@ -86,9 +86,7 @@ def peaks(fit: ExtendedFit) -> list[float]:
     """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's
     components' residuals together."""
     series = fit.series
-    values = np.zeros((*series.weight.shape, 4))
-    values[tuple(fit.rows.T)] = fit.residual
-    values = np.einsum("rnki,rni->rnk", real(directions(fit.flow.prediction.seen)), values)
+    values = extended_fit.along_wave(fit, fit.residual)
     good = series.weight > 0
     span = float(series.time_s[good].max())
     cycles = np.arange(1.5, CELLS / 2 + 1, 0.25)
