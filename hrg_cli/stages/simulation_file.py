@@ -12,6 +12,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from ..effects.effect import OF_EVERY_RUN, RUN
 from ..errors import HrgError
 from ..settings import validate
 from .simulation.bench_tables import EnvironmentTable, RecordingTable
@@ -93,7 +94,7 @@ def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[Simula
     if not isinstance(overrides, list) or not all(isinstance(r, Mapping) for r in overrides):
         raise HrgError(f"{where}: run is not an array of tables; write each run under [[run]]")
     if not overrides:
-        return [validate(SimulationFile, base, where)]
+        return _each_in_its_run([validate(SimulationFile, base, where)], where)
     digits = len(str(len(overrides)))
     runs = []
     for number, override in enumerate(overrides, 1):
@@ -107,7 +108,34 @@ def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[Simula
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise HrgError(f"{where}: run_id {twice[0]} stands twice; give each run its own name")
-    return runs
+    return _each_in_its_run(runs, where)
+
+
+def _each_in_its_run(runs: list[SimulationFile], where: str) -> list[SimulationFile]:
+    """The runs, each without the effects that happen in another one: what has `run` happens in the
+    run of that number, from 0, or with −1 in every run. HrgError: there is no such run."""
+
+    def happens(number: int, name: str, given: Mapping[str, Any]) -> bool:
+        wanted = given.get(RUN, OF_EVERY_RUN)
+        if wanted != OF_EVERY_RUN and wanted not in range(len(runs)):
+            raise HrgError(
+                f"{where}: effects.{name}.{RUN} = {str(wanted).removesuffix('.0')} is no run of the"
+                f" file; give one of 0 to {len(runs) - 1}, in the file's order, or {OF_EVERY_RUN:g} for every run"
+            )
+        return wanted in (OF_EVERY_RUN, number)
+
+    return [
+        run.model_copy(
+            update={
+                "effects": {
+                    name: {key: value for key, value in given.items() if key != RUN}
+                    for name, given in run.effects.items()
+                    if happens(number, name, given)
+                }
+            }
+        )
+        for number, run in enumerate(runs)
+    ]
 
 
 def _merged(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:

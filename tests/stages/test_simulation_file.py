@@ -88,6 +88,23 @@ def test_runs_override_parts_and_programmes_replace_each_other():
     assert (second.readout.kind, second.readout.noise) == ("carrier", 2e-3)
 
 
+def test_what_happens_in_one_run_is_in_that_one_alone():
+    knock = {"c_velocity_over_omega": 1e-3, "time_s": 0.4}
+    names = [{"run_id": name} for name in "abc"]
+
+    def struck(run):
+        tree = changed(effects={"momentum_kick": knock | run}) | {"run": names}
+        return [run.run_id for run in runs_of(tree) if "momentum_kick" in run.effects]
+
+    assert struck({"run": 1}) == ["b"]
+    assert struck({"run": -1}) == struck({}) == ["a", "b", "c"]
+    with pytest.raises(HrgError, match=r"effects.momentum_kick.run = 3 is no run .* 0 to 2"):
+        struck({"run": 3})
+    own = [*names[:2], {"run_id": "c", "effects": {"momentum_kick": knock}}]
+    tree = changed() | {"run": own}
+    assert ["momentum_kick" in run.effects for run in runs_of(tree)] == [False, False, True]
+
+
 def test_integers_serve_as_numbers():
     assert runs_of(changed(device={"frequency_hz": 5000}))[0].device.frequency_hz == 5000.0
 
