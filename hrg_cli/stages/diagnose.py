@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from typing import Annotated, Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from ..effects.effect import INSTANT, Effect
 from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.causes import extended_fit
-from ..fitting.causes.extended import jump_times
+from ..fitting.causes.extended import Active, jump_times
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
@@ -34,6 +34,7 @@ from .diagnosis.explain import explain, reweighted
 from .diagnosis.forecast import forecast
 from .diagnosis.gain import held_out
 from .diagnosis.heard import find_unheard
+from .diagnosis.lines import folded_beside
 from .diagnosis.model import simulation_file
 from .diagnosis.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.orientation import orient_runs
@@ -48,7 +49,7 @@ from .diagnosis.stability import stability
 from .diagnosis.suspects import Suspicion, stuck_columns, suspect_runs
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
-from .diagnosis.tones import Tone, take_out_tones
+from .diagnosis.tones import Tone, confirm_tones, take_out_tone, take_out_tones
 from .diagnosis.variants import Variant, variants
 from .diagnosis.wander import wander
 from .diagnosis.waveform import causes, near_tones, unnamed
@@ -191,6 +192,11 @@ class InSamples:
     unnamed_hz: list[float]
     odd: str
 
+    def named(self, case: Case) -> list[Effect]:
+        """The causes that the dynamics and the samples name."""
+        named = [find(str(entry["name"])) for entry in self.shown]
+        return [*(one.variant.effect for one in case.search.found), *named]
+
 
 def _diagnosed(asked: Asked) -> Diagnosis:
     """The diagnosis with all the fits that it takes."""
@@ -209,13 +215,13 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         return refuse(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
     if contradiction := find_strangers(cut.base):
         raise HrgError(contradiction)
-    base, pieces, tones = take_out_tones(cut.base, cut.pieces, asked.fit, near)
-
-    case = _explain_heard(asked, base)
+    case, pieces, tones = _explain_beside_tones(asked, cut, near)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
     closing = closing_checks(case, written, samples.shown, samples.unnamed_hz, samples.odd)
     failed = checks.failures(closing)
+    if failed and (folded := folded_beside(pieces, samples.named(case))):
+        failed = [folded, *failed]
     verdict = word(bool(case.search.found or samples.shown), bool(failed))
 
     ahead = forecast(case, asked.waves[0].units)
@@ -239,6 +245,29 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     report, shares = switched_off(report, case.search.base, case.search.final)
     record = record_of(case.search, asked.waves, verdict, report, model)
     return with_shares(record, shares).judged(doubts(verdict, failed, case.search.final))
+
+
+def _explain_beside_tones(
+    asked: Asked, cut: Cut, near: Callable[[ExtendedFit], ExtendedFit]
+) -> tuple[Case, list[Wave], list[Tone]]:
+    """The causes, the pieces without the tones near the resonance, and these: each of them stands
+    out beside the causes too."""
+    base, pieces, tones = take_out_tones(cut.base, cut.pieces, asked.fit, near)
+    while True:
+        case = _explain_heard(asked, base)
+        active = case.search.final.point.active
+
+        def complete(waves: Sequence[Wave], active: Active = active) -> ExtendedFit:
+            fit = asked.fit(waves)
+            return extended_fit.fit(fit.series, replace(fit.point, active=active), fit.freedom)
+
+        standing = confirm_tones(tones, cut.pieces, complete) if active else tones
+        if len(standing) == len(tones):
+            return case, pieces, tones
+        tones = standing
+        taken = [tone for tone in tones if tone.standing]
+        pieces = reduce(take_out_tone, taken, list(cut.pieces))
+        base = asked.fit(pieces) if taken else cut.base
 
 
 def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:

@@ -242,6 +242,17 @@ def on_rows(fit: ExtendedFit, values: Array) -> Array:
     return out
 
 
+def unsettled_part(fit: ExtendedFit) -> Array:
+    """What of the measured envelopes stands beside the prediction along what nobody knows of the
+    runs, and is no misfit, (R, n, 2)."""
+    series = fit.series
+    if series.unsettled is None:
+        return np.zeros_like(fit.prediction.seen)
+    whole = _whitened_rows(series, fit.prediction.residual())
+    scale = np.where(series.weight > 0, series.weight, 1.0)
+    return np.asarray(imaginary(on_rows(fit, whole - fit.residual)) / scale[..., None])
+
+
 def along_wave(fit: ExtendedFit, values: Array) -> Array:
     """The same along the wave's own directions: amplitude, phase, angle, ellipticity."""
     own = real(directions(fit.prediction.seen))

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...effects.effect import Effect
 from ...records import Array, Wave
 
 LINE_RATIO = 8.0
@@ -170,6 +171,28 @@ def harmonic_of(
     off = np.abs(line.frequency_hz - fold(orders * frequency_hz, sampling))
     near = np.flatnonzero(off < WIDTH_CELLS * cell + orders * wander_hz)
     return int(orders[near[0]]) if len(near) else 0
+
+
+def folded_beside(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
+    """A sentence on the lowest odd multiple of the oscillation that a named cause makes and the
+    sampling folds so near to it that the windows do not part them; empty where there is none.
+
+    The slow model knows a read-out's defect by what it does at the oscillation itself.
+    """
+    sampling, makers = sampling_hz(waves), [e.name for e in found if e.makes_harmonics]
+    if not sampling or not makers:
+        return ""
+    window_s = max(wave.window_s for wave in waves)
+    own = float(np.median([frequency_of(wave) for wave in waves]))
+    for order in range(3, HARMONICS + 1, 2):
+        apart = abs(float(fold(order * own, sampling)) - own)
+        if apart * window_s < 1:
+            return (
+                f"multiple {order} of the oscillation, which {makers[0]} makes, is folded to"
+                f" {apart:.3g} Hz beside it by the sampling at {sampling:.6g} Hz, where windows of"
+                f" {window_s:.3g} s do not part them and no model has it; sample at another rate"
+            )
+    return ""
 
 
 def spurs(

@@ -22,8 +22,13 @@ from .tones import Tone, channel_parts
 Array = np.ndarray
 TONE, LOSS = mains_tone.EFFECT.name, dropped_samples.EFFECT.name
 """The pages by which the file makes a tone, and loses samples."""
-SAMPLES_A_PERIOD = 8.5
-"""No whole number: the harmonics that a read-out's defect makes would fold onto the oscillation."""
+SAMPLES_A_PERIOD = 11 - 5**0.5
+"""Whole multiples of it stay as far from even numbers as can be (a golden section), so that no odd
+harmonic below the 113th, which a read-out's defect makes, is folded onto the oscillation: with 8.5
+the 33rd and the 35th of a converter's were."""
+FOR_HARMONICS = 19 - 5**0.5
+"""The same where such a defect is in the file: what few samples a window catch of a converter's step
+scatters with the root of the sampling."""
 
 
 def simulation_file(
@@ -58,16 +63,22 @@ def simulation_file(
                 np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3)
             )
         }
+    known = (*(effect for effect, _ in fit.point.active), *EFFECTS)
+    named = [
+        *(effect for effect, _ in fit.point.active),
+        *(find(e["name"], known) for e in effects_named),
+    ]
+    bent = any(effect.makes_harmonics for effect in named)
+    samples_a_period = FOR_HARMONICS if bent else SAMPLES_A_PERIOD
     table: dict[str, Any] = {
         "device": device,
         "recording": {
-            "sample_rate_hz": float(np.ceil(SAMPLES_A_PERIOD * frequency.max())),
+            "sample_rate_hz": float(np.ceil(samples_a_period * frequency.max())),
             "duration_s": 1.0,
         },
     }
     if waves[0].gyro_id:
         table["recording"]["gyro_id"] = waves[0].gyro_id
-    known = (*(effect for effect, _ in fit.point.active), *EFFECTS)
     lost = {
         run: {k: v["value"] for k, v in e["parameters"].items()}
         for e in reversed(effects_named)

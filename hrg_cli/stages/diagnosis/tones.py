@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
-from ...fitting.causes.extended_fit import DivergedError, ExtendedFit
+from ...fitting.causes.extended_fit import DivergedError, ExtendedFit, unsettled_part
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...fitting.samples.spectrum import floor
 from ...fitting.samples.windows import BEND, CURVED
@@ -41,6 +42,8 @@ ISOLATED, LOBE, BESIDE = 10.0, 2.5, 8.0
 run away from it: a misfit of the motion is no line alone."""
 SHOWN = 0.05
 """Part of a tone that a window must show for its true size to be told from what is seen."""
+LEFT_OUT = 1.5
+"""Usual distances of the rows beyond which some between two were left out."""
 SCATTER = 0.2
 """Part of a tone's χ² that its vectors' scatter from run to run may have where its phase is the
 same in all of them."""
@@ -114,27 +117,36 @@ def response(turns: float) -> float:
 
 def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array]]:
     """Of every run: times, envelopes measured less modelled (n, 2) against the common reference, σ,
-    at the windows' own rate."""
+    at the windows' own rate; without the windows that the model leaves out."""
     from scipy.interpolate import CubicSpline
 
     out = []
     reference = fit.series.reference_frequency_hz
+    model = fit.prediction.seen + unsettled_part(fit)
     for k, wave in enumerate(waves):
-        good = wave.good()
+        rows = fit.series.weight[k] > 0
+        at = fit.series.time_s[k][rows]
+        good = wave.good() & _among(np.asarray(wave.time_s, float), at)
         t = np.asarray(wave.time_s, float)[good]
         measured = envelopes_of(wave, good)
         measured = (
             measured * np.exp(2j * np.pi * (wave.reference_frequency_hz - reference) * t)[:, None]
         )
-        rows = fit.series.weight[k] > 0
-        at = fit.series.time_s[k][rows]
         slow = np.exp(-1j * fit.point.offset_rad_s[k] * at)[:, None]
-        model = (
-            CubicSpline(at, fit.prediction.seen[k][rows] * slow)(t)
+        seen = (
+            CubicSpline(at, model[k][rows] * slow)(t)
             * np.exp(1j * fit.point.offset_rad_s[k] * t)[:, None]
         )
-        out.append((t, measured - model, np.asarray(wave.signal_std, float)[good]))
+        out.append((t, measured - seen, np.asarray(wave.signal_std, float)[good]))
     return out
+
+
+def _among(time_s: Array, rows_s: Array) -> Array:
+    """Which windows (n,) stand among rows that follow one another, and not where rows between two
+    were left out."""
+    apart = np.diff(rows_s)
+    gap = np.append(np.append(False, apart > LEFT_OUT * np.median(apart)), False)
+    return np.asarray(~gap[np.searchsorted(rows_s, time_s)])
 
 
 def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
@@ -312,3 +324,26 @@ def take_out_tones(
         left = cleaned
         tones.append(tone)
     return fit, left, tones
+
+
+def confirm_tones(
+    tones: Sequence[Tone], waves: Sequence[Wave], fitted: Callable[[Sequence[Wave]], ExtendedFit]
+) -> list[Tone]:
+    """The tones that stand out of the waves beside a complete model as well, each with the others
+    taken out; what is listed only stays.
+
+    Before its cause is known a misfit of the motion can look like a line. fitted: the complete
+    model's fit to waves; where it has none nothing speaks against the tone.
+    """
+    taken = [tone for tone in tones if tone.standing]
+
+    def stands(tone: Tone) -> bool:
+        left = reduce(take_out_tone, (other for other in taken if other is not tone), list(waves))
+        try:
+            again = strongest(fitted(left), left)
+        except DivergedError:
+            return True
+        longest = max(float(wave.time_s[-1] - wave.time_s[0]) for wave in left)
+        return again is not None and abs(again.frequency_hz - tone.frequency_hz) * longest < 1
+
+    return [tone for tone in tones if not tone.standing or stands(tone)]
