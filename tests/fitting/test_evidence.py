@@ -153,6 +153,33 @@ def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
     assert one.rank == 22
 
 
+def test_tests_that_look_at_the_same_count_as_one():
+    """The best of correlated tests is as likely as that of so many independent ones, within a fifth
+    of the chance at 5 %."""
+    random = np.random.default_rng(4)
+    common = random.standard_normal((60, 3))
+    power = np.exp(-np.arange(60) / 6)
+    for alike, spread in ((12, 0.1), (6, 0.5), (12, 3.0)):
+        spaces = [
+            np.linalg.qr(common[:, [k % 3]] + spread * random.standard_normal((60, 1)))[0]
+            for k in range(alike)
+        ]
+        noise = random.standard_normal((4000, 60)) * np.sqrt(power)
+        sizes = [float(np.sum(S[:, 0] ** 2 * power)) for S in spaces]
+        z2 = np.max(
+            [(noise @ S[:, 0]) ** 2 / size for S, size in zip(spaces, sizes, strict=True)], axis=0
+        )
+        weighted = [S * np.sqrt(power)[:, None] for S in spaces]
+        count = evidence.count_independent(weighted)
+        assert 1 <= count <= alike
+        p = [evidence.correct_for_tries(float(evidence.significance(g, 1)[1]), count) for g in z2]
+        assert 0.035 < np.mean(np.array(p) < 0.05) < 0.065, (alike, spread, count)
+    one = spaces[0]
+    assert evidence.count_independent([one, one, -one]) == pytest.approx(1.0, abs=1e-4)
+    apart = np.linalg.qr(random.standard_normal((60, 6)))[0]
+    assert evidence.count_independent([apart[:, :3], apart[:, 3:]]) == pytest.approx(2.0)
+
+
 def test_corrected_p_counts_the_number_tried():
     assert evidence.correct_for_tries(1e-6, 50) == pytest.approx(5e-5, rel=1e-3)
     assert evidence.correct_for_tries(1.0, 50) == pytest.approx(1.0)

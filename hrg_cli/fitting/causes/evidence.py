@@ -412,7 +412,22 @@ def both(p: float, q: float) -> float:
     return float(min(1.0, product * (1.0 - np.log(product))))
 
 
-def correct_for_tries(p_value: float, tried: int) -> float:
+def count_independent(spaces: Sequence[Array]) -> float:
+    """How many independent tests those along the columns S_k (N, q_k) amount to, S_k of orthonormal
+    columns times the root of the noise's power.
+
+    |S_jᵀ r|² and |S_kᵀ r|² of a residual r of this noise correlate by ρ = |S_jᵀ S_k|²/|S_jᵀ S_j||S_kᵀ
+    S_k| (Frobenius norms); with the eigenvalues λ of √ρ the tests are as good as (Σ√λ)²/Σλ (Galwey
+    2009).
+    """
+    norms = [float(np.linalg.norm(S.T @ S)) for S in spaces]
+    shared = np.array([[np.linalg.norm(S.T @ R) for R in spaces] for S in spaces])
+    root = shared / np.sqrt(np.outer(norms, norms))
+    values = np.maximum(np.linalg.eigvalsh(root), 0.0)
+    return float(np.sum(np.sqrt(values)) ** 2 / np.sum(values))
+
+
+def correct_for_tries(p_value: float, tried: float) -> float:
     """p for the best of `tried` candidates (Šidák)."""
     return float(-np.expm1(tried * np.log1p(-min(p_value, 1 - 1e-16))))
 

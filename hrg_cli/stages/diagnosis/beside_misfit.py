@@ -12,6 +12,8 @@ n_b is that of the residual *without* the cause, less q: of a rest of three shap
 three parameters takes all. In bands where nothing is left over the noise is the stated one, λ = 1
 and n = ∞, and F is the usual Δχ².
 
+The chance is that of the best of as many causes as take different things away along such a misfit.
+
 A cause that stands out may still be one of many that take the same away: beside a misfit a rival is
 whatever comes within the odds of `WORTH` at the power λ that is left.
 """
@@ -59,7 +61,7 @@ def drop_indistinct(case: Case) -> Case:
         search = case.search
         judged = sorted(
             (
-                _judge_cause(one, without, search.final)
+                _judge_cause(one, without, search.final, case.inquiry.candidates)
                 for one in search.found
                 if one.sizes is None
                 and (without := leave_out(search.final, one.variant.effect.name, search.base))
@@ -81,12 +83,25 @@ class JudgedCause:
     chance: float
 
 
-def _judge_cause(one: Found, without: ExtendedFit, final: ExtendedFit) -> JudgedCause:
+def _judge_cause(
+    one: Found, without: ExtendedFit, final: ExtendedFit, candidates: Sequence[Variant]
+) -> JudgedCause:
     rank = max(1, one.score.rank)
     taken = TakenAway.away(final, without, rank)
-    return JudgedCause(
-        one, without, taken.beside, evidence.correct_for_tries(taken.chance(rank), one.tried)
-    )
+    tried = _independent_tries(without, candidates, taken.power)
+    chance = evidence.correct_for_tries(taken.chance(rank), min(tried, one.tried))
+    return JudgedCause(one, without, taken.beside, chance)
+
+
+def _independent_tries(without: ExtendedFit, candidates: Sequence[Variant], power: Array) -> float:
+    """How many independent tests the causes beside a fit are along a misfit of this power (B,) in
+    its bands: of a slow one all that is slow takes the same away."""
+    spaces = []
+    for score, _ in score_effects(without, candidates):
+        if score.visible:
+            spectrum = Spectrum.of(score.space, without)
+            spaces.append(spectrum.coefficients * np.sqrt(power[spectrum.band])[:, None])
+    return evidence.count_independent(spaces)
 
 
 def _settle_rivals(case: Case, judged: Sequence[JudgedCause]) -> tuple[Case, bool]:
@@ -119,7 +134,7 @@ def _simpler(case: Case, one: JudgedCause) -> Case | None:
         found = Found(
             hold_unseen(variant, fit), score, one.cause.tried, worth, tuple(sorted(others))
         )
-        if _judge_cause(found, one.without, fit).chance <= BESIDE_MISFIT:
+        if _judge_cause(found, one.without, fit, case.inquiry.candidates).chance <= BESIDE_MISFIT:
             kept = case.without(one.cause, one.without).search
             last = tuple(s for s, _ in score_effects(fit, case.inquiry.candidates))
             search = replace(kept, final=fit, found=(*kept.found, found), last=last)

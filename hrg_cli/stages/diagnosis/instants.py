@@ -102,7 +102,9 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
         for one in strikes
         if one.criterion > best.criterion - WORTH
     } - {best.variant.effect.name}  # fmt: skip
-    chance = evidence.correct_for_tries(min(one.chance for one in strikes), len(tried))
+    # the places are those where the rows jump most, of all rows
+    places = int(np.count_nonzero(fit.series.weight)) * len(effects)
+    chance = evidence.correct_for_tries(min(one.chance for one in strikes), places)
     if chance > SIGNIFICANT or len(rivals) > MOST_RIVALS:
         return None
     with contextlib.suppress(extended_fit.DivergedError):
@@ -116,9 +118,7 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
             return None
         S = fit.sensitivities([best.variant.wanted])[0]
         score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
-        return again, Found(
-            best.variant, score, len(tried), best.gain, tuple(sorted(rivals)), sizes
-        )
+        return again, Found(best.variant, score, places, best.gain, tuple(sorted(rivals)), sizes)
     return None
 
 
