@@ -20,9 +20,9 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..executors import local_processes, run_tasks
+from ..fitting.envelopes.coordinates import SPLITS
 from ..fitting.envelopes.inference import CLEAR
 from ..records import Resonator
-from ..stages.identification.splits import SPLITS
 from ..stages.identify import identify
 from .run_downs import DrawnProgramme, draw
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from synthetic_waves import GYRO, programme
 
-from hrg_cli.stages.identification.splits import SPLITS, weak_splits
+from hrg_cli.fitting.envelopes.coordinates import SPLITS
+from hrg_cli.stages.identification.splits import weak_splits
 from hrg_cli.stages.identify import identify
 
 STARTS = ((0.0, 0.8), (0.3, -0.8), (0.6, 0.0))
@@ -50,3 +51,21 @@ def test_a_clear_split_needs_no_word():
     assert "frequency_split_cos_rad_s = 6.4 ± 1" in said
     held = {**components, SPLITS[1][2][0]: {"value": 6.4, "std": 0.0}}
     assert weak_splits({**values, "frequency_split_rad_s": 5.0}, std, held) == []
+
+
+def test_every_method_states_a_uniform_axis_where_no_split_is_shown():
+    """An axis of a split that noise alone may show has the σ of a uniform one, π/(m√12), in every
+    method that gives it."""
+    size, axis, _ = SPLITS[1]
+    gyro, details = found(0.7, 5)
+    uniform = np.pi / gyro.mode_number / np.sqrt(12)
+    judged = 0
+    for row in details["methods"]:
+        cells = row["parameters"]
+        if row["refused"] or axis not in cells:
+            continue
+        assert cells[axis]["std"] <= uniform * (1 + 1e-9), row["method"]
+        if cells[size]["value"] < 1.5 * cells[size]["std"]:
+            assert cells[axis]["std"] > 0.99 * uniform, row["method"]
+            judged += 1
+    assert judged >= 4

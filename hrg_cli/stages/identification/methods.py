@@ -534,6 +534,7 @@ def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
             centre[axis] + np.mod(table[:, axis] - centre[axis] + period / 2, period) - period / 2
         )
     covariance = np.cov(table.T)
+    inference.widen_axes(covariance, np.cov(p.T), verdict.fit.p, mode)
     verdict.covariance[1:, 1:] = covariance
     intervals = {}
     for row, name in enumerate(ORDER[1:]):

@@ -6,21 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...fitting.envelopes.coordinates import SPLIT_COMPONENTS, SPLITS
 from ...fitting.envelopes.inference import CLEAR
 
 Array = np.ndarray
-SPLIT_COMPONENTS = (
-    "damping_split_cos_1_s",
-    "damping_split_sin_1_s",
-    "frequency_split_cos_rad_s",
-    "frequency_split_sin_rad_s",
-)
-"""Components of the two splits along their electrical axes 0 and 90°."""
-SPLITS = (
-    ("damping_split_1_s", "damping_axis_rad", SPLIT_COMPONENTS[:2]),
-    ("frequency_split_rad_s", "stiffness_axis_rad", SPLIT_COMPONENTS[2:]),
-)
-"""Size, axis and components of a split."""
 Components = Mapping[str, Mapping[str, float]]
 
 
