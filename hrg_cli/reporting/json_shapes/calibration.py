@@ -253,9 +253,25 @@ class Trade(Shape):
     """Rate random walk; null: below what the run can show."""
 
 
-class Compensate(Common):
-    """`hrg compensate`. The figures are absent where the run's rate is not logged."""
+class RateStd(Shape):
+    """Stated standard deviations of the rates, rms over the run."""
 
+    rms: float
+    """All of it."""
+    by_noise: float
+    """By the noise of the wave angle, of its own in every increment."""
+    by_tables: float
+    """By the tables, common to all increments at a temperature and an angle."""
+
+
+class Compensate(Common):
+    """`hrg compensate`. The figures are absent where the run's rate is not logged; those of the
+    standard deviation where the windows do not state one."""
+
+    rate_std_rad_s: RateStd | None = None
+    """Stated standard deviations of the rates."""
+    error_over_std_rms: Number = None
+    """Rms of rate estimate less logged rate over its standard deviation."""
     residual_rms_rad_s: Before | None = None
     """Rms of rate estimate less logged rate."""
     angle_cell_rms_rad_s: Before | None = None
