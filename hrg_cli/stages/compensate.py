@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.samples.rate_log import covered, left_out
+from ..fitting.samples.rate_log import left_out, stretches
 from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
@@ -137,9 +137,9 @@ def _stream(
     wave: Wave, calibration: Calibration, windows: int, earth_rate: float
 ) -> Iterator[Compensated]:
     name = f"run {wave.run_id or '?'}"
-    inside = covered(wave)
-    known = wave.rate_rad_s is not None and bool(inside.any())
-    outside = left_out(wave, inside)
+    stretch = stretches(wave)
+    known = wave.rate_rad_s is not None and bool(stretch.any())
+    outside = left_out(wave, stretch > 0)
     unknown = [f"{outside} of its figures"] if outside else []
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
     spread = Spread()
@@ -155,9 +155,7 @@ def _stream(
             continue
         # the next piece begins with this one's last good block, so that no increment is lost
         # between them
-        of_log = np.logical_and.reduceat(inside[begin:stop], np.arange(0, stop - begin, windows))[
-            kept
-        ]
+        of_log = _of_blocks(stretch[begin:stop], windows)[kept]
         begin += int(kept[-1]) * windows
         path = path_of(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
@@ -170,7 +168,7 @@ def _stream(
         drift = drift + measured_drift(calibration, path)
         time = path.interval_s
         rate = (drift - path.turn / time) / scale
-        logged = of_log[1:] & of_log[:-1]
+        logged = (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0)
         noise, own = deviations(calibration, path, blocks, rate, scale)
         steady = path.rate_rad_s[logged] if logged.any() and known else _smooth(rate)
         slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
@@ -225,6 +223,14 @@ def _good_blocks(piece: Wave, windows: int) -> Array:
     good = np.asarray(piece.good())
     count = np.add.reduceat(good.astype(int), np.arange(0, len(good), windows))
     return np.flatnonzero(count >= max(1.0, windows / 2))
+
+
+def _of_blocks(stretch: Array, windows: int) -> Array:
+    """The stretch of the rate log that a block of windows is in, 0 where it is not wholly in
+    one."""
+    starts = np.arange(0, len(stretch), windows)
+    least, most = (f.reduceat(stretch, starts) for f in (np.minimum, np.maximum))
+    return np.where(least == most, least, 0)
 
 
 def _smooth(rate: Array, increments: int = 200) -> Array:
