@@ -147,6 +147,17 @@ class Programmes(Shape):
     """Each harmonic."""
 
 
+class RateLog(Shape):
+    """How late the rate logs are against the samples; negative: early."""
+
+    late_s: float
+    """Seconds, as the waves' turns show."""
+    std_s: float
+    """Standard deviation."""
+    taken_off_s: float
+    """What was taken off the logs' times before the tables were made; 0 where none is shown."""
+
+
 class Calibrate(Rehearsed):
     """`hrg calibrate` of wave files."""
 
@@ -190,6 +201,8 @@ class Calibrate(Rehearsed):
     """Checks on the result."""
     noise: dict[str, Number] | None = None
     """Noise found over noise stated, angle random walk."""
+    rate_log: RateLog | None = None
+    """Lateness of the rate logs, where a rate changes within a run."""
     resonator: list[dict[str, Any]] | None = None
     """With --model physical, a row a resonator: its node, each coefficient with its _std, their
     covariance."""
