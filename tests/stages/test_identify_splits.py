@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from synthetic_waves import GYRO, programme
 
 from hrg_cli.fitting.envelopes.coordinates import SPLITS
@@ -69,3 +70,16 @@ def test_every_method_states_a_uniform_axis_where_no_split_is_shown():
             assert cells[axis]["std"] > 0.99 * uniform, row["method"]
             judged += 1
     assert judged >= 4
+
+
+def test_a_bootstrap_states_the_same_kinds_of_errors():
+    """Axes of splits that are not shown uniform, and the components with the draws' covariance."""
+    gyro = replace(GYRO, frequency_split_rad_s=3e-4, damping_split_1_s=0.06)
+    waves = programme(gyro, 5, STARTS, std=6e-3, seconds=6.0, window=0.02)
+    plain, drawn = (identify(waves, scale_factor=0.55, bootstrap=n) for n in (0, 200))
+    uniform = np.pi / gyro.mode_number / np.sqrt(12)
+    assert drawn.parameters()["stiffness_axis_rad"][1] == pytest.approx(uniform)
+    own, other = (json.loads(r.details)["split_components"] for r in (plain, drawn))
+    for name in own:
+        assert other[name]["std"] == pytest.approx(own[name]["std"], rel=0.35)
+        assert other[name]["std"] != own[name]["std"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,17 @@ def split_components(p: Array, covariance: Array) -> dict[str, dict[str, float]]
         name: {"value": float(p[k]), "std": float(std[k])}
         for k, name in enumerate(SPLIT_COMPONENTS, 1)
         if np.isfinite(p[k])
+    }
+
+
+def state_splits(
+    values: Mapping[str, float], std: Mapping[str, float], p: Array, covariance: Array
+) -> dict[str, Any]:
+    """For the details: the splits' components and the sentences on those lost in noise."""
+    components = split_components(p, covariance)
+    return {
+        "split_components": components,
+        "weak_splits": weak_splits(values, std, components),
     }
 
 
