@@ -7,6 +7,7 @@ import csv
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,6 +19,7 @@ from ..errors import UsageError
 from ..records import Recording
 from ..reporting import console
 from ..store import atomic_path, check_output
+from ..version import __version__
 from .frame import Common, command
 from .options import numbers, words
 
@@ -89,12 +91,15 @@ def main(
     figures into a folder.
 
     recovery hides every effect in RECORDINGs of yours and tells what a diagnosis finds of it.
+    programmes and recovery go on where they were stopped: give the same folder again.
     """
     run.finish(*run_study(name, run, recordings or [], effects=effects, sizes=sizes))
 
 
-OF_RECORDINGS = ("recovery",)
-"""Studies of the user's own recordings; they take up what an interrupted one has done."""
+OF_RECORDINGS, RESUMED = ("recovery",), ("programmes", "recovery")
+"""Studies of the user's own recordings, and those that take up what an interrupted one has done."""
+OF_NO_ROW = ("jobs", "programmes")
+"""Settings that no row of a study depends on: how the work is shared, and how much of it there is."""
 
 
 def run_study(
@@ -123,8 +128,13 @@ def run_study(
         check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
         folder.mkdir(exist_ok=True)
         check_output(folder / f"{name}.json", run.force)
+    mark: dict[str, Any] = {"settings": {k: v for k, v in values.items() if k not in OF_NO_ROW}}
     if name in OF_RECORDINGS:
-        result = _of_recordings(study, name, [Path(path) for path in recordings], folder, values)
+        read = [store.read(Path(path), Recording) for path in recordings]
+        mark["files"] = [store.sha256(Path(path)) for path in recordings]
+        result = _resumed(partial(study, read, **values), name, folder, mark)
+    elif name in RESUMED:
+        result = _resumed(partial(study, **values), name, folder, mark)
     else:
         result = study(**values)
     report: dict[str, Any] = {
@@ -150,20 +160,15 @@ def run_study(
     return report, lambda: console.print_table("", *shown)
 
 
-def _of_recordings(
-    study: Callable[..., Any],
+def _resumed(
+    study: Callable[[Sequence[Any], Callable[[Sequence[Any]], None]], dict[str, Any]],
     name: str,
-    paths: Sequence[Path],
     folder: Path | None,
-    values: Mapping[str, Any],
+    mark: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """A study of recordings; its rows are kept in the folder while it runs, and taken up where
-    files and settings are the same."""
-    recordings = [store.read(path, Recording) for path in paths]
-    mark = {
-        "files": [store.sha256(path) for path in paths],
-        "settings": {key: value for key, value in values.items() if key != "jobs"},
-    }
+    """A study whose rows are kept in the folder while it runs, and taken up where its `mark`, what
+    the rows depend on, is the same."""
+    mark = {**mark, "version": __version__}
     kept = None if folder is None else folder / f"{name}.unfinished.json"
     known: list[Any] = []
     if kept is not None and kept.is_file():
@@ -178,8 +183,7 @@ def _of_recordings(
                     encoding="utf-8",
                 )
 
-    result: dict[str, Any] = study(recordings, known, keep, **values)
-    return result
+    return study(known, keep)
 
 
 def _flat(

@@ -46,6 +46,14 @@ LAGS, UNLIKELY = 4, 3.5
 """Rows apart between which independent ones must show no correlation, and the standard deviations
 that chance does not reach."""
 
+STRAIGHT, STRAIGHT_CHANCE = 1.3, 12.0
+"""Variance of residuals over the differences' up to which a few rows' polynomial has taken all of
+their motion, and three times what the differences' median scatters by, over the root of the rows."""
+
+MEDIAN_OF_ONE, ALONE = 0.4549, 1e-6
+"""Median of the square of a normal number of variance 1, and the part of the other's variance below
+which a part of a channel holds no noise."""
+
 DELAY = 0.55
 """Delay of a filter of one to four poles over its κ, see above."""
 
@@ -89,13 +97,13 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
                     float(low.sum() / max(high.sum(), 1e-300)),
                     low,
                     whole,
-                    1 / np.sqrt(6 * max(1, count)),
+                    1 / np.sqrt(1.5 * max(1, count) * _noisy_parts(whole)),
                 )
             )
         rows *= 2
     tried = [one for one in tried if np.isfinite(one[0])]
     if not tried:
-        return _by_differences(looks)
+        return _of_few(looks)
     level = [one for one in tried if one[0] < LEVEL + 2 * one[3]]
     chosen = level[0] if level else min(tried, key=lambda one: one[0])
     for one in level:
@@ -103,33 +111,59 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
             chosen = one
     ratio, low, whole, chance = chosen
     white = _white(looks)
-    if white is not None and (
-        1 / (LEVEL + 2 * chance) < low.sum() / white.sum() < LEVEL + 2 * chance
-    ):
+    # few bins fall far below their mean more often than they rise above it
+    near = np.exp(-3 * chance) / LEVEL, LEVEL + 3 * chance
+    if white is not None and near[0] < low.sum() / white.sum() < near[1]:
         return RowNoise(white, white, True)
     return RowNoise(
         low * max(1.0, min(ratio, LEVEL)) ** (1 / 3), np.maximum(whole, 1e-300), bool(level)
     )
 
 
-def _by_differences(looks: Sequence[Array]) -> RowNoise:
-    """Of a few rows: their third differences, as if independent: 20 times the variance; the median
-    of |x|² is ln 2 of its mean."""
+def _noisy_parts(variance: Array) -> int:
+    """How many of the parts (channel, 2) hold noise at all, of whose sum a level is: one of an
+    amplitude alone, four of I and Q of two channels."""
+    return max(1, int(np.count_nonzero(variance > 1e-12 * np.max(variance))))
+
+
+def _of_few(looks: Sequence[Array]) -> RowNoise:
+    """Of rows too few for a spectrum: the variance of all residuals where these show no
+    correlation and are no larger than the differences', else that of the differences."""
+    steps, white = _by_differences(looks), _white(looks)
+    rows = sum(look.shape[1] for look in looks)
+    unsure = STRAIGHT_CHANCE / np.sqrt(rows * _noisy_parts(steps))
+    if white is None or not white.sum() < (STRAIGHT + unsure) * steps.sum():
+        white = steps
+    return RowNoise(white, white, False)
+
+
+def _by_differences(looks: Sequence[Array]) -> Array:
+    """Variance (channel, 2) of a few rows by their third differences, as if independent: 20 times
+    the variance. The median of the square of one normal part is 0.455 of its mean, of the two of
+    I and Q together ln 2; they are taken together but where one of them is an amplitude's, which
+    has no other."""
     thirds = np.concatenate(
         [
-            np.diff(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1])), 3, axis=1)
+            np.diff(_along(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1]))), 3, axis=1)
             for look in looks
         ],
         axis=1,
     )
     thirds = thirds[:, np.isfinite(thirds).all(0)]
-    scatter = (
-        np.median(np.abs(thirds) ** 2, axis=1) / np.log(2) / 20 / 2
-        if thirds.shape[1]
-        else np.full(looks[0].shape[0], np.nan)
-    )
-    both = np.repeat(np.maximum(scatter, 1e-300)[:, None], 2, axis=1)
-    return RowNoise(both, both, False)
+    if not thirds.shape[1]:
+        return np.full((looks[0].shape[0], 2), 1e-300)
+    parts = np.stack([thirds.real, thirds.imag], 1) ** 2 / 20
+    apart = np.median(parts, axis=-1) / MEDIAN_OF_ONE
+    both = np.median(parts.sum(1), axis=-1) / (2 * np.log(2))
+    alone = apart.min(1) < ALONE * apart.max(1)
+    return np.maximum(np.where(alone[:, None], apart, both[:, None]), 1e-300)
+
+
+def _along(u: Array) -> Array:
+    """Envelopes (channel, n) in the phase of the stronger channel's mean."""
+    mean = np.nanmean(np.where(np.isfinite(u), u, np.nan), axis=1)
+    strong = mean[np.argmax(np.abs(mean))]
+    return u * (np.conj(strong) / np.abs(strong) if np.abs(strong) > 0 else 1.0)
 
 
 def _white(looks: Sequence[Array]) -> Array | None:
@@ -152,13 +186,13 @@ def _white(looks: Sequence[Array]) -> Array | None:
             pieces.append(((parts**2).sum(-1), rows - DEGREE - 1))
             scale = np.sqrt(pieces[-1][0] / pieces[-1][1])[..., None]
             parts = parts / np.maximum(scale, 1e-300)
-            missed += parts[..., 0].size * np.asarray(taken)
+            missed += _noisy_parts(pieces[-1][0]) * np.asarray(taken)
             products += [(parts[..., k:] * parts[..., :-k]).sum() for k in range(1, LAGS + 1)]
     if not pieces:
         return None
     freedom = sum(count for _, count in pieces)
     variance = np.asarray(sum(square for square, _ in pieces)) / freedom
-    correlated = np.abs(products + missed) / np.sqrt(freedom * variance.size)
+    correlated = np.abs(products + missed) / np.sqrt(freedom * _noisy_parts(variance))
     if (correlated > UNLIKELY).any():
         return None
     both = variance.mean(1, keepdims=True)
@@ -176,7 +210,8 @@ def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int
     if not power:
         nothing = np.full((looks[0].shape[0], 2), np.nan)
         return nothing, nothing, nothing, 0
-    middle = _without_lines(np.median(power, axis=0) / _median_of(len(power)))
+    # the median of medians of exponential variables of mean 1, of odd numbers exactly, is ln 2
+    middle = _without_lines(np.median(power, axis=0) / np.log(2))
     low, high = np.median(middle[..., LOW], -1), np.median(middle[..., HIGH], -1)
     middle[..., : LOW.start] = low[..., None]
     return low, high, middle.mean(-1), len(power)
@@ -233,12 +268,6 @@ def _residuals(look: Array, rows: int, every: int, basis: Array) -> Iterator[Arr
             yield (u - fit) * np.where(
                 along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300)
             )
-
-
-def _median_of(count: int) -> float:
-    """Mean of the median of so many exponential variables of mean 1: Σ 1/i."""
-    middle = [count // 2 + 1] if count % 2 else [count // 2, count // 2 + 1]
-    return float(np.mean([sum(1 / i for i in range(count - k + 1, count + 1)) for k in middle]))
 
 
 def _without_lines(power: Array) -> Array:

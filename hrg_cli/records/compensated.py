@@ -19,7 +19,7 @@ class Compensated(Record):
     time_s: Array = column("s", "middle of the increment", valid=RISING)
     rate_estimate_rad_s: Array = column("rad s-1", "rate after the tables")
     rate_estimate_rad_s_std: Array | None = column(
-        "rad s-1", "its standard deviation, where it is known", optional=True, valid=SCATTER
+        "rad s-1", "its standard deviation, NaN where it is not known", optional=True, valid=SCATTER
     )
     angle_estimate_rad: Array = column("rad", "its integral from the run's start")
     residual_before_rad_s: Array | None = column(

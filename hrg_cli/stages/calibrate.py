@@ -16,6 +16,7 @@ from ..fitting.checks import failures
 from ..fitting.tables.increments import Path, path_of
 from ..fitting.tables.joint import Fitted, TableLayout, fit
 from ..records import Calibration, Resonator, Wave
+from .calibration import late_log
 from .calibration.checks import noisy_angles, stray_harmonics
 from .calibration.choice import (
     Wanted,
@@ -194,7 +195,9 @@ def calibrate(
     factors, widths = build(forced, table_nodes, axis, interpolation, FACTORS)
     mode_number = waves[0].mode_number
     layout = TableLayout(table_nodes, axis, mode_number, *limits, interpolation, factors, widths)
-    fitted = fit(forced, layout)
+    fitted, free, late = late_log.follow(fit(forced, layout), free)
+    if late is not None and late.taken_s:
+        remarks.insert(0, late.sentence)
     folds, held_out_by = choose_folds(fitted, needed)
     coefficients, why_not = _of_resonators(
         given, model, axis, table_nodes, low, high, interpolation
@@ -223,6 +226,7 @@ def calibrate(
         if model in ("auto", "all")
         else None,
         "stray_harmonics": strays,
+        "rate_log": None if late is None else late.table(),
         "resonator": None if coefficients is None else coefficients.table(),
     }
     if len(tried) > 1:
@@ -371,7 +375,7 @@ def summary(record: Calibration) -> dict[str, Any]:
         }
     out |= {
         key: details[key]
-        for key in ("choice", "checks", "noise", "resonator")
+        for key in ("choice", "checks", "noise", "resonator", "rate_log")
         if details.get(key) is not None
     }
     if details.get("stability") is not None:

@@ -11,16 +11,14 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.samples.rate_log import covered, left_out
+from ..fitting.samples.rate_log import left_out, stretches
 from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
-from .calibration.table import measured_drift, need_range
-from .figures_of_merit import allan_figures
+from .calibration.table import measured_drift, need_range, standard_deviations
+from .compensation.figures import MOST_RATES, Spread, Totals
 
 Array = np.ndarray
-LEAST_RATES, MOST_RATES = 100, 100_000
-"""Rates between which an Allan deviation is made; longer runs are averaged to the most."""
 CORRECTION = "rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
 """Sign and order this stage applies; a calibration that asks for another is refused."""
 
@@ -49,7 +47,8 @@ def compensate(
 ) -> Iterator[Compensated]:
     """Rate of each increment and its integral with a calibration's tables.
 
-    Ω_i = (∫w D dt − mΔθ_i)/∫w K dt, from m·dθ/dt = −KΩ + D (seed A after (7)). Where the rate was
+    Ω_i = (∫w D dt − mΔθ_i)/∫w K dt, from m·dθ/dt = −KΩ + D (seed A after (7)), with its standard
+    deviation by the noise of the angle and by the tables' own (`deviations`). Where the rate was
     logged, the residuals with a constant scale factor alone and with the tables are kept beside it.
 
     Parameters
@@ -62,7 +61,7 @@ def compensate(
     Returns
     -------
     Iterator[Compensated]
-        Blocks of increments: time [s], rate [rad/s], angle [rad].
+        Blocks of increments: time [s], rate with its standard deviation [rad/s], angle [rad].
 
     Raises
     ------
@@ -138,12 +137,13 @@ def _stream(
     wave: Wave, calibration: Calibration, windows: int, earth_rate: float
 ) -> Iterator[Compensated]:
     name = f"run {wave.run_id or '?'}"
-    inside = covered(wave)
-    known = wave.rate_rad_s is not None and bool(inside.any())
-    outside = left_out(wave, inside)
+    stretch = stretches(wave)
+    known = wave.rate_rad_s is not None and bool(stretch.any())
+    outside = left_out(wave, stretch > 0)
     unknown = [f"{outside} of its figures"] if outside else []
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
-    totals = _Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
+    spread = Spread()
+    totals = Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf
     step = max(windows, ROWS_AT_ONCE // windows * windows)
     begin, stop = 0, 0
@@ -155,9 +155,7 @@ def _stream(
             continue
         # the next piece begins with this one's last good block, so that no increment is lost
         # between them
-        of_log = np.logical_and.reduceat(inside[begin:stop], np.arange(0, stop - begin, windows))[
-            kept
-        ]
+        of_log = _of_blocks(stretch[begin:stop], windows)[kept]
         begin += int(kept[-1]) * windows
         path = path_of(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
@@ -170,7 +168,8 @@ def _stream(
         drift = drift + measured_drift(calibration, path)
         time = path.interval_s
         rate = (drift - path.turn / time) / scale
-        logged = of_log[1:] & of_log[:-1]
+        logged = (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0)
+        noise, own = deviations(calibration, path, blocks, rate, scale)
         steady = path.rate_rad_s[logged] if logged.any() and known else _smooth(rate)
         slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
         middle = angle + np.cumsum(rate * time) - rate * time / 2
@@ -180,17 +179,43 @@ def _stream(
             true = np.where(logged, path.rate_rad_s, np.nan)
             before, after = -path.turn / time / scale_factor - true, rate - true
             totals.add(path, before, after)
+        spread.add(noise, own, after)
         record = Compensated(
-            time_s=path.middle(path.time_s), rate_estimate_rad_s=rate, angle_estimate_rad=middle,
+            time_s=path.middle(path.time_s), rate_estimate_rad_s=rate, rate_estimate_rad_s_std=np.hypot(noise, own),
+            angle_estimate_rad=middle,
             residual_before_rad_s=before, residual_after_rad_s=after,
             gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
-            status=wave.status, status_reasons=(*wave.status_reasons, *unknown), details=json.dumps(totals.figures() if known else {}),
+            status=wave.status, status_reasons=(*wave.status_reasons, *unknown),
+            details=json.dumps((totals.figures() if known else {}) | spread.figures()),
         )  # fmt: skip
         yield _judge_rates(
             record, calibration, totals if known else None, scale_factor, slowest, fastest, name
         )
     if not np.isfinite(slowest):
         raise HrgError(f"{name}: has no good windows; see its flags, and demodulate again")
+
+
+def deviations(
+    calibration: Calibration, path: Path, blocks: Array, rate: Array, scale: Array
+) -> tuple[Array, Array]:
+    """Standard deviations (n,) of the increments' rates by the noise of the wave angle,
+    m√(σ²_i + σ²_{i+1})/(|K|Δt), and by the tables, √(σ_D² + Ω²σ_K²)/|K|; NaN where it is not
+    stated.
+
+    Neighbouring increments share a block's angle, so the first part is anticorrelated, −½ in even
+    windows, and sums up to the noise of the first and the last angle; the second is common to all
+    increments at a temperature and an angle. What σ of a block moves the tables' place is
+    D'Δt/2m ≪ 1 of the first part and left out.
+
+    blocks (b,): temperature or frequency of the blocks; rate and scale (n,): Ω and K.
+    """
+    variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
+    gain = np.abs(scale)
+    noise = path.mode_number * np.sqrt(variance[1:] + variance[:-1]) / (gain * path.interval_s)
+    drift_std, scale_std = standard_deviations(
+        calibration, path.middle(blocks), path.middle(path.angle_rad)
+    )
+    return noise, np.hypot(drift_std, rate * scale_std) / gain
 
 
 def _good_blocks(piece: Wave, windows: int) -> Array:
@@ -200,84 +225,24 @@ def _good_blocks(piece: Wave, windows: int) -> Array:
     return np.flatnonzero(count >= max(1.0, windows / 2))
 
 
+def _of_blocks(stretch: Array, windows: int) -> Array:
+    """The stretch of the rate log that a block of windows is in, 0 where it is not wholly in
+    one."""
+    starts = np.arange(0, len(stretch), windows)
+    least, most = (f.reduceat(stretch, starts) for f in (np.minimum, np.maximum))
+    return np.where(least == most, least, 0)
+
+
 def _smooth(rate: Array, increments: int = 200) -> Array:
     """Means over stretches of increments, so that noise does not look like a rate."""
     size = min(increments, len(rate))
     return np.asarray(rate[: len(rate) // size * size].reshape(-1, size).mean(axis=1))
 
 
-class _Totals:
-    """Sums over the run: squares of the residuals, their means in cells of wave angle, and how the
-    wave follows the rate log."""
-
-    def __init__(self, cells: Array, together: int) -> None:
-        self.cells, self.together = cells, together
-        self.errors: list[Array] = []
-        self.time_s = 0.0
-        self.squares, self.rows = np.zeros(2), 0
-        self.followed = self.turned = 0.0
-
-    def add(self, path: Path, before: Array, after: Array) -> None:
-        """Take in the increments whose rate is known: those whose errors are finite."""
-        known = np.isfinite(after)
-        if not known.any():
-            return
-        before, after, time = before[known], after[known], path.interval_s[known]
-        rotation, turn = path.rotation[known], path.turn[known]
-        period = np.pi / path.mode_number
-        cell = (
-            np.mod(path.middle(path.angle_rad)[known], period) / period * CELLS_A_PERIOD
-        ).astype(int) % CELLS_A_PERIOD
-        for row, weight in enumerate((time, before * time, after * time)):
-            self.cells[row] += np.bincount(cell, weight, CELLS_A_PERIOD)
-        whole = len(after) // self.together * self.together
-        self.errors.append(after[:whole].reshape(-1, self.together).mean(axis=1))
-        self.time_s += float(time.sum())
-        self.squares += [before @ before, after @ after]
-        self.rows += len(before)
-        self.followed += float(turn @ rotation)
-        self.turned += float(rotation @ rotation)
-
-    @property
-    def scale_factor_seen(self) -> float:
-        """Least-squares K of m·Δθ = −K∫Ω dt; NaN without rotation."""
-        return -self.followed / self.turned if self.turned > 0 else float("nan")
-
-    def figures(self) -> dict[str, Any]:
-        seen = self.cells[0] > 0
-        means = self.cells[1:, seen] / self.cells[0, seen]
-        row = np.sqrt(self.squares / max(self.rows, 1))
-        cell = np.sqrt((means**2).mean(axis=1)) if seen.any() else np.zeros(2)
-        return {
-            "residual_rms_rad_s": {"before": float(row[0]), "after": float(row[1])},
-            "angle_cell_rms_rad_s": {"before": float(cell[0]), "after": float(cell[1])},
-            **self.trade(),
-        }
-
-    def trade(self) -> dict[str, dict[str, Any]]:
-        """Bias residual and Allan coefficients of the compensated rate's error (None: not seen),
-        then these with 95 % intervals.
-
-        Empty for a short run.
-        """
-        errors = np.concatenate(self.errors) if self.errors else np.zeros(0)
-        if len(errors) < LEAST_RATES:
-            return {"trade": {}}
-        found = allan_figures(errors, self.time_s / max(self.rows, 1) * self.together)
-        trade = {
-            "bias_residual_rad_s": float(errors.mean()),
-            "white_angle_noise_rad": found.quantization_rad or None,
-            "angle_random_walk_rad_sqrt_s": found.angle_random_walk_rad_sqrt_s or None,
-            "bias_instability_rad_s": found.bias_instability_rad_s or None,
-            "rate_random_walk_rad_s_sqrt_s": found.rate_random_walk_rad_s_sqrt_s or None,
-        }
-        return {"trade": trade, "allan": {**found.intervals, "chi2_per_dof": found.chi2_per_dof}}
-
-
 def _judge_rates(
     record: Compensated,
     calibration: Calibration,
-    totals: _Totals | None,
+    totals: Totals | None,
     scale_factor: float,
     slowest: float,
     fastest: float,

@@ -56,7 +56,7 @@ from .diagnosis.waveform import causes, near_tones, unnamed
 from .diagnosis.written import Written, write_faithfully
 from .identification.modes import has_dead_channel, thin_run
 from .one_gyro import of_one_gyro
-from .usable import ESTIMATE_AGAIN, not_refused, why_refused, with_known_rates
+from .usable import ESTIMATE_AGAIN, named_apart, not_refused, why_refused, with_known_rates
 
 Array = np.ndarray
 MOTIONS_EACH = 40 * extended_fit.MOST_STEPS
@@ -136,7 +136,7 @@ def diagnose(
     with usable.blamed():
         _need_both_channels(usable.waves)
     asked = Asked(
-        tuple(_with_clipped(w) for w in usable.waves),
+        tuple(_with_clipped(w) for w in named_apart(usable.waves)),
         resonator,
         tuple(e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"),
         tuple(extra_effects),

@@ -303,16 +303,14 @@ def _table(
     angles = start + np.concatenate(
         [[0.0], np.arange(STARTS) * np.pi / mechanics.mode_number / STARTS]
     )
-    followed = _followed(gyros, angles, drive, gain, rate, times, STEP_ANGLE / 2)
+    followed, largest = _followed(gyros, angles, drive, gain, rate, times, STEP_ANGLE / 2)
     m, K = mechanics.mode_number, mechanics.scale_factor
-    alive = np.logical_and.accumulate(
-        np.all(np.abs(followed[:, 1]) < LARGEST_RATIO, axis=1), axis=0
-    )  # (times, angles): a course ends by itself, and does not begin again
+    alive = np.all(largest < LARGEST_RATIO, axis=1)  # (times, angles): a course ends by itself
     if drive == "free":
         alive &= (np.exp(-mechanics.damping_rate_1_s * times) > FADED)[:, None]
     count = int(np.count_nonzero(alive[:, 0]))
     if count == 0:
-        poorly = abs(followed[0, 1, 0, 0]) < LARGEST_RATIO
+        poorly = largest[0, 0, 0] < LARGEST_RATIO
         raise HrgError(
             f"within {times[0]:g} s the wave is a circle"
             + (
@@ -327,7 +325,7 @@ def _table(
     followed = np.where(alive[:, None, None, :], followed, np.nan)
     error = -(m * (followed[:, 0] - angles) / K + rate * times[:, None, None])
     told = slice(None) if alive[-1].all() else slice(1)  # the last row's courses
-    coarse = _followed(
+    coarse, _ = _followed(
         from_vector(vector_of(mechanics)[None], mechanics),
         angles,
         drive,
@@ -362,9 +360,9 @@ def _followed(
     rate: float,
     times: Array,
     step_angle: float,
-) -> Array:
-    """(θ, r) at the times (t, 2, gyros, angles) by the Adams rule; the quadrature starts settled,
-    in a run-down at zero."""
+) -> tuple[Array, Array]:
+    """(θ, r) at the times (t, 2, gyros, angles) by the Adams rule, and the largest |r| of any step
+    up to them (t, gyros, angles); the quadrature starts settled, in a run-down at zero."""
     turning = float(np.max(2 * gyros.scale_factor * abs(rate)))
     splits = float(np.max(2 * gyros.damping_split_1_s + 2 * gyros.frequency_split_rad_s))
     decay = float(np.max(law.quadrature_decay(gyros, drive, gain)))
@@ -387,17 +385,21 @@ def _followed(
     steps = law.adams_steps(
         slope, begin + angles if follows else np.stack([begin + angles, settled]), step
     )
-    out, at = [], 0
+    out, widest, largest, at = [], [], np.abs(settled), 0
     with np.errstate(all="ignore"):
         for number in numbers:
-            state = next(islice(steps, int(number) - at - 1, None))
-            out.append(
-                np.stack([state, law.quadrature_settled(gyros, state, drive, gain)])
-                if follows
-                else state
-            )
+            for state in islice(steps, int(number) - at):
+                if not follows:
+                    # `fmax` would forget a course that has left the numbers
+                    np.maximum(largest, np.abs(state[1]), out=largest)
+            if follows:  # whose map was held against a circle at every angle
+                state = np.stack([state, law.quadrature_settled(gyros, state, drive, gain)])
+                np.maximum(largest, np.abs(state[1]), out=largest)
+            out.append(state)
+            widest.append(largest.copy())
             at = int(number)
-    return np.where(np.isfinite(out), out, np.inf)
+    path, ratio = (np.where(np.isfinite(kept), kept, np.inf) for kept in (out, widest))
+    return path, ratio
 
 
 def _short(table: dict[str, Array], duration: float, drive: str) -> str:

@@ -22,7 +22,7 @@ from ..fitting.envelopes.rate_from_model import (
     RateEstimate,
     rate_from_model,
 )
-from ..fitting.samples.rate_log import covered, left_out
+from ..fitting.samples.rate_log import left_out, stretches
 from ..records import Compensated, Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
 
@@ -93,9 +93,9 @@ def rate(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
     impossible, doubtful = closing_checks(found)
-    inside = covered(wave)
+    stretch = stretches(wave)
     before, after = (
-        _less(values, wave, inside, found.time_s)
+        _less(values, wave, stretch, found.time_s)
         for values in (found.plain_rate_rad_s, found.rate_rad_s)
     )
     result = Compensated(
@@ -114,7 +114,7 @@ def rate(
             | {"checks": [c.table() for c in (*impossible, *doubtful)]}
         ),
     )
-    outside = left_out(wave, inside)
+    outside = left_out(wave, stretch > 0)
     noted = result.judged([f"{outside} of the comparison with it"] if outside else [], "valid")
     return noted.judged(checks.failures(impossible), "refused").judged(
         checks.failures(doubtful), "suspect"
@@ -200,15 +200,20 @@ def _integral(values: Array, time_s: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(time_s))])
 
 
-def _less(estimate: Array, wave: Wave, inside: Array, time_s: Array) -> Array | None:
-    """The estimate less the logged rate, NaN where the log does not reach (`inside`: windows that it
-    covers); None without a log."""
-    if wave.rate_rad_s is None or not inside.any():
+def _less(estimate: Array, wave: Wave, stretch: Array, time_s: Array) -> Array | None:
+    """The estimate less the logged rate, NaN where the log does not reach (`stretch`: the windows'
+    stretch of it, 0 outside); None without a log."""
+    if wave.rate_rad_s is None or not stretch.any():
         return None
     logged = np.asarray(wave.rate_rad_s, float)
-    known = np.isfinite(logged) & inside
+    known = np.isfinite(logged) & (stretch > 0)
     at, half = np.asarray(wave.time_s, float)[known], wave.window_s / 2
-    reached = (time_s >= at[0] - half) & (time_s <= at[-1] + half)
+    place = np.searchsorted(at, time_s)
+    before, after = np.maximum(place - 1, 0), np.minimum(place, len(at) - 1)
+    reached = (stretch[known][before] == stretch[known][after]) | (
+        np.minimum(np.abs(time_s - at[before]), np.abs(time_s - at[after])) <= half
+    )
+    reached &= (time_s >= at[0] - half) & (time_s <= at[-1] + half)
     return np.where(reached, estimate - np.interp(time_s, at, logged[known]), np.nan)
 
 

@@ -20,13 +20,13 @@ from pydantic import Field
 from .. import settings as checking
 from ..effects.effect import no_term
 from ..errors import HrgError
+from ..fitting.envelopes.coordinates import SPLITS
 from ..fourier import coefficients_at
 from ..records import REHEARSAL as PREFIX
 from ..records import Calibration, Diagnosis, Record, Resonator, Wave, collect
 from . import twin_colour
 from .demodulate import demodulate
 from .estimate import estimate
-from .identification.splits import SPLITS
 from .simulate import simulate
 from .twin import Measured, Twin, effects_of, twin_of
 from .twin_diagnosis import base_values, causes, causes_held, same_sign, twin_of_diagnosis

@@ -12,11 +12,15 @@ import numpy as np
 
 from ..errors import HrgError
 from ..fitting.envelopes.envelope_runs import MIN_ROWS
-from ..fitting.samples.rate_log import covered, left_out, within_log
+from ..fitting.samples.rate_log import left_out, stretches, within_log
 from ..records import Wave
 from ..records.record import Record
 
 R = TypeVar("R", bound=Record)
+Array = np.ndarray
+LEAST_STRETCH = 32
+"""Good windows between two holes of a rate log from which they are a run of their own: its start
+and its frequency cost some six values of the four in each window."""
 TOLD = 4
 """Runs named in an error."""
 ESTIMATE_AGAIN = "mend what it says, and demodulate and estimate the recording again"
@@ -69,21 +73,44 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
     """
     waves, notes, doubts = [], list(usable.notes), list(usable.doubts)
     for wave in usable.waves:
-        inside = np.ones(len(wave), bool) if wave.run_id in given else covered(wave)
-        sentence = left_out(wave, inside)
-        if not sentence:
+        stretch = np.ones(len(wave), int) if wave.run_id in given else stretches(wave)
+        if stretch.all():
             waves.append(wave)
-        elif np.count_nonzero(inside & wave.good()) >= MIN_ROWS:
-            waves.append(within_log(wave, inside))
-            notes.append(sentence)
-        else:
-            doubts.append(sentence)
+            continue
+        own = stretches_taken(wave, stretch)
+        waves += [within_log(wave, stretch == number) for number in own]
+        sentence = left_out(wave, np.isin(stretch, own))
+        if short := np.count_nonzero(~np.isin(stretch, [0, *own])):
+            sentence += f", {short} of them in stretches of it that are too short for runs"
+        if len(own) > 1:
+            sentence += f"; its {len(own)} stretches of log are taken as runs of their own"
+        (notes if own else doubts).append(sentence)
     if usable.waves and not waves:
         raise HrgError(
             f"{_first(doubts)}; no run is left: log the rate over the whole run, or give the rate"
             " with rate_rad_s"
         )
     return Usable(waves, tuple(notes), tuple(doubts), usable.refusals)
+
+
+def named_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:
+    """The waves, those whose run_id an earlier one has numbered from 2."""
+    seen: dict[str, int] = {}
+    out = []
+    for wave in waves:
+        count = seen[wave.run_id] = seen.get(wave.run_id, 0) + 1
+        out.append(wave if count == 1 else wave.replace(run_id=f"{wave.run_id or 'run'} ({count})"))
+    return tuple(out)
+
+
+def stretches_taken(wave: Wave, stretch: Array) -> list[int]:
+    """The stretches (n,) of a rate log that are worth a start of their own, in order of time: those
+    of `LEAST_STRETCH` good windows; the longest may be as short as any run."""
+    good = np.bincount(np.where(wave.good(), stretch, 0), minlength=2)
+    good[0] = 0
+    longest = int(np.argmax(good))
+    least = {longest: MIN_ROWS}
+    return [k for k in range(1, len(good)) if good[k] >= least.get(k, LEAST_STRETCH)]
 
 
 def why_refused(wave: Wave) -> str:

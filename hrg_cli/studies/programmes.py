@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -20,9 +20,9 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..executors import local_processes, run_tasks
+from ..fitting.envelopes.coordinates import SPLITS
 from ..fitting.envelopes.inference import CLEAR
 from ..records import Resonator
-from ..stages.identification.splits import SPLITS
 from ..stages.identify import identify
 from .run_downs import DrawnProgramme, draw
 
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
+Answer = dict[str, Any]
+AT_ONCE = 4
+"""Programmes a process after which the answers are kept: what an interrupted study loses."""
 WRONG = 5.0
 """Standard deviations from which a quiet answer is wrong."""
 LEVELS = {"68": 1.0, "95": 1.96}
@@ -39,6 +42,8 @@ UNKNOWN_RATE = "unknown rate"
 
 
 def programmes_study(
+    known: Sequence[Answer] = (),
+    keep: Callable[[Sequence[Answer]], None] = lambda answers: None,
     *,
     programmes: Annotated[int, Field(ge=1, description="programmes drawn")] = 500,
     raw: Annotated[
@@ -51,17 +56,36 @@ def programmes_study(
     and refused, and of the quiet ones the largest and rms error and the coverage.
 
     wrong: every quiet answer beyond 5 standard deviations, with its programme.
+
+    known: answers of an interrupted study, whose programmes are not done again; keep: told all
+    answers whenever there are more.
     """
     every = round(1 / raw) if raw > 0 else 0
     tasks = [
         (seed * 1_000_003 + k, bool(every and k % every == every - 1)) for k in range(programmes)
     ]
-    found = run_tasks(answers_of, tasks, lambda: local_processes(jobs))
-    answers = [row for rows in found if rows is not None for row in rows]
-    return assemble(answers) | {"programmes": programmes, "raw": raw, "seed": seed}
+    answers = [_taken_up(answer) for answer in known]
+    done = {(answer["programme"], answer["raw"]) for answer in answers}
+    missing = [task for task in tasks if task not in done]
+    for first in range(0, len(missing), AT_ONCE * jobs):
+        some = missing[first : first + AT_ONCE * jobs]
+        for rows in run_tasks(answers_of, some, lambda: local_processes(jobs)):
+            answers += rows or []
+        keep(list(answers))
+    wanted = [answer for answer in answers if (answer["programme"], answer["raw"]) in set(tasks)]
+    return assemble(wanted) | {"programmes": programmes, "raw": raw, "seed": seed}
 
 
-def answers_of(task: tuple[int, bool]) -> list[dict[str, Any]]:
+def _taken_up(answer: Answer) -> Answer:
+    """A kept answer with the numbers that a JSON has no word for."""
+    numbers = {
+        key: {n: float("nan") if v is None else v for n, v in answer[key].items()}
+        for key in ("errors", "over_bound")
+    }
+    return {**answer, **numbers}
+
+
+def answers_of(task: tuple[int, bool]) -> list[Answer]:
     """{programme, raw, method, said, errors, over_bound} of every method on one programme; said:
     "quiet", "doubted" or "refused"."""
     seed, raw = task

@@ -333,3 +333,49 @@ def test_white_rows_noise_is_as_well_known_as_their_number_allows(rows):
     assert abs(size.mean() - 1) < 4 * expected / np.sqrt(len(size)) + 0.01
     assert size.std() < 1.6 * expected
     assert np.mean([one.correlated_rows == 1 for one in found]) > 0.9
+
+
+def noisy(kind, rows, rng, std=2e-4):
+    """Rows of one wave that decays, as I and Q of two channels or as an amplitude alone."""
+    time = np.arange(rows) / rows
+    if kind == "amplitude":
+        return np.array([np.exp(-0.9 * time) + std * rng.normal(size=rows), 0 * time]).astype(
+            complex
+        )
+    noise = rng.normal(size=(2, 2, rows)) * std
+    return np.exp((-0.9 + 1.2j) * time) * np.array([[0.9], [0.43j]]) + noise[0] + 1j * noise[1]
+
+
+@pytest.mark.parametrize("kind", ["amplitude", "I and Q"])
+@pytest.mark.parametrize("rows", [40, 64, 128, 1000])
+def test_errors_of_few_rows_are_as_large_as_stated(kind, rows):
+    """An amplitude has one quadrature, whose noise is known from half the numbers: error over σ,
+    √⟨σ²/s²⟩ over draws of s (of k degrees of freedom it is √(k/(k − 2))), within 5 %."""
+    rng = np.random.default_rng(rows)
+    stated = [
+        row_noise([noisy(kind, rows, rng)]).density[0, 0]
+        for _ in range(1000 if rows < 1000 else 100)
+    ]
+    assert 0.95 < np.sqrt(np.mean(2e-4**2 / np.array(stated))) < 1.05
+
+
+@pytest.mark.parametrize("rows", [12, 24])
+def test_of_very_few_rows_the_differences_of_an_amplitude_are_of_one_quadrature(rows):
+    rng = np.random.default_rng(rows)
+    stated = [row_noise([noisy("amplitude", rows, rng)]) for _ in range(400)]
+    assert np.median([one.density[0, 0] for one in stated]) == pytest.approx(2e-4**2, rel=0.2)
+    assert not any(one.level for one in stated)
+
+
+def test_forty_rows_of_an_amplitude_alone(tmp_path):
+    """Through the import: what is left of the amplitude about its decay is as large as stated."""
+    rng, z = np.random.default_rng(6), []
+    for number in range(12):
+        time = np.arange(40) / 50.0
+        path = tmp_path / f"a{number}.csv"
+        true = 0.02 * np.exp(-0.1 * time)
+        written(path, time, [true + 3e-6 * rng.normal(size=40)], "time (s),amplitude (V)")
+        made = taken(path)
+        assert any("too few rows" in reason for reason in made.status_reasons)
+        z.append((made.signals[:, 0] - true) / made.signals_std[:, 0])
+    assert 0.9 < np.sqrt(np.mean(np.square(z))) < 1.1

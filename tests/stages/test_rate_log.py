@@ -1,5 +1,7 @@
 """Windows whose rate nobody logged, and waves that were refused, take no part and are named."""
 
+import json
+
 import numpy as np
 import pytest
 from forced_runs import Truth, forced_run
@@ -13,6 +15,7 @@ from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.compensate import compensate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.identify import identify
+from hrg_cli.stages.rate import rate
 
 LOGGED_S = 2.0
 """The log's end; the table turns another way from here on, which nobody knows."""
@@ -74,6 +77,58 @@ def test_a_run_that_the_log_misses_is_left_out_and_all_of_them_are_refused(runs)
             stage(missed)
 
 
+def holed(wave: Wave, begin_s: float, end_s: float) -> Wave:
+    """The wave without its rates logged between two times."""
+    inside = (wave.time_s >= begin_s) & (wave.time_s < end_s)
+    return wave.replace(rate_rad_s=np.where(inside, np.nan, wave.rate_rad_s))
+
+
+def turning_there(rate: float):
+    """A rate that doubles while nobody logs it, from 1.2 to 2 s."""
+    return lambda t: rate * (1 + ((np.asarray(t) > 1.22) & (np.asarray(t) < 1.9)))
+
+
+@pytest.fixture(scope="module")
+def interrupted():
+    return [
+        holed(run_down(theta, turning_there(rate), seed=40 + i, window=8e-3), 1.2, 2.0)
+        for i, (theta, rate) in enumerate(CASES)
+    ]
+
+
+def test_identify_keeps_both_sides_of_a_hole_in_the_log(interrupted):
+    found = identify(interrupted)
+    assert max(abs(z) for z in errors(found).values()) < 4.5
+    assert found.status == "valid", found.status_reasons
+    assert found.run.tolist() == [f"run {40 + i}" for i in range(4) for _ in range(2)]
+    told = "100 of 500 windows of run run 40 lie outside its rate log and are left out; its 2 stretches"
+    assert told in " ".join(found.status_reasons)
+    one = identify([ended(wave, 1.19) for wave in interrupted])
+    for name in ("damping_rate_1_s", "frequency_split_rad_s", "scale_factor"):
+        assert found.parameters()[name][1] < 0.9 * one.parameters()[name][1], name
+
+
+def test_a_rate_is_compared_on_both_sides_of_a_hole_in_the_log(interrupted):
+    found = rate(interrupted[1], identify(interrupted))
+    hole = (found.time_s > 1.21) & (found.time_s < 1.99)
+    assert hole.any() and (np.isnan(found.residual_after_rad_s) == hole).all()
+
+
+def test_a_stretch_too_short_for_a_run_is_told(interrupted):
+    wave = holed(interrupted[1], 2.1, 9.0)
+    found = identify([*interrupted[:1], wave])
+    said = next(r for r in found.status_reasons if "run run 41" in r)
+    assert "350 of 500 windows" in said
+    assert "12 of them in stretches of it that are too short for runs" in said
+
+
+def test_diagnose_keeps_both_sides_of_a_hole_in_the_log(interrupted):
+    found = diagnose([w.replace(signal_std=np.full(len(w), 1e-4)) for w in interrupted])
+    assert found.verdict == "adequate", found.status_reasons
+    names = json.loads(found.run_ids)
+    assert sorted(names) == sorted(f"run {40 + i}{more}" for i in range(4) for more in ("", " (2)"))
+
+
 def test_a_rate_that_is_given_needs_no_log():
     waves = [
         ended(run_down(theta, 0.0, seed=i, window=8e-3), -1.0)
@@ -118,6 +173,42 @@ def test_calibrate_and_compensate_use_no_rate_beyond_the_log(turned):
     later = done.rate_estimate_rad_s[done.time_s > 30.1].mean()
     assert abs(later + 0.42) < 1e-3
     assert any("of its figures" in reason for reason in done.status_reasons)
+
+
+def test_calibrate_and_compensate_keep_both_sides_of_a_hole_in_the_log():
+    """The table turned by twice as much while nobody logged it; the driven wave's angle is known all
+    the time, so its compensated rate is, and the tables are of both sides."""
+    truth = Truth(4, curved=False)
+    waves = [
+        forced_run(
+            truth,
+            20.0,
+            lambda t, rate=rate: rate * (1 + ((np.asarray(t) > 12.1) & (np.asarray(t) < 19.9))),
+            40,
+            seed,
+            run_id=f"r{seed}",
+        )
+        for seed, rate in enumerate((-0.6, -0.3, 0.3, 0.6))
+    ]
+    logged = [holed(wave, 12, 20) for wave in waves]
+    tables, one = (
+        calibrate(w, harmonics=2, scale_factor_harmonics=1, model="table", bootstrap=0)
+        for w in (logged, [ended(wave, 50.0, 20.0) for wave in waves])
+    )
+    missed = tables.drift_rad_s[0] - truth.drift(20.0, np.asarray(tables.wave_angle_rad))
+    assert np.sqrt(np.mean(missed**2)) < 5e-5
+    own, side = (float(np.mean(t.drift_rad_s_std)) for t in (tables, one))
+    assert own < 0.9 * side
+    assert sum("its 2 stretches of log" in r for r in tables.status_reasons) == 4
+    lost = (logged[3].time_s > 12) & (logged[3].time_s < 20)
+    flight = logged[3].replace(flags=np.where(lost, 2, 0).astype("u1"))
+    for wave in (logged[3], flight):
+        done = collect(compensate(wave, tables))
+        error = done.residual_after_rad_s
+        known = np.isfinite(error)
+        assert known[(done.time_s < 11.9) | (done.time_s > 20.1)].all()
+        assert not known[(done.time_s > 12.1) & (done.time_s < 19.9)].any()
+        assert np.abs(error[known] / done.rate_estimate_rad_s_std[known]).max() < 5
 
 
 def noise_alone(seed: int) -> Wave:

@@ -11,6 +11,7 @@ from hrg_cli import settings, store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.causes.colour import ColouredNoise
 from hrg_cli.fitting.envelopes import rows
+from hrg_cli.fitting.envelopes.coordinates import SPLIT_COMPONENTS
 from hrg_cli.fitting.envelopes.envelope_runs import average_rows
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator, collect
@@ -19,7 +20,6 @@ from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.identification.splits import SPLIT_COMPONENTS
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.rehearse import (
     PREFIX,

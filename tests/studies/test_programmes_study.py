@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.stages.identification.methods import ALL
-from hrg_cli.studies import run_downs
+from hrg_cli.studies import programmes, run_downs
 from hrg_cli.studies.programmes import (
     UNKNOWN_RATE,
     WRONG,
@@ -84,3 +84,34 @@ def test_five_hundred_programmes_have_no_quiet_answer_beyond_five_sigma():
     assert 93 < rows["likelihood"]["coverage_95"] < 97
     assert rows["likelihood"]["std_over_bound"] < 1.05
     assert rows[UNKNOWN_RATE]["quiet"] > 0
+
+
+def test_a_stopped_study_goes_on_where_it_was(tmp_path, monkeypatch, hrg):
+    """Stopped after its first answers were kept, and given the same folder again: only what is
+    missing is drawn, the figures are those of a study that was not stopped, and more programmes
+    can be added to it; other settings begin anew."""
+    drawn = []
+
+    def answer(task):
+        drawn.append(task[0])
+        if len(drawn) == 7 and not (tmp_path / "stopped").exists():
+            (tmp_path / "stopped").touch()
+            raise KeyboardInterrupt
+        errors = {"scale_factor": float("nan") if task[0] == 2 else 0.1 * task[0]}
+        own = {"said": "quiet", "errors": errors, "over_bound": {"scale_factor": 1.0}, "why": ""}
+        return [{"programme": task[0], "raw": task[1], "method": "likelihood", **own}]
+
+    monkeypatch.setattr(programmes, "answers_of", answer)
+    folder = tmp_path / "study"
+    asked = ["study", "programmes", "-o", folder, "--set", "raw=0.2", "--set"]
+    assert hrg(*asked, "programmes=10").status != 0
+    assert (folder / "programmes.unfinished.json").is_file() and drawn == list(range(7))
+    drawn.clear()
+    done = hrg(*asked, "programmes=12", "--json")
+    assert done.status == 0, done.err
+    assert drawn == list(range(4, 12))
+    assert not (folder / "programmes.unfinished.json").exists()
+    whole = programmes_study(programmes=12, raw=0.2)
+    assert done.json["result"]["rows"][0]["quiet"] == 12
+    assert done.json["result"]["rows"][0]["beyond_5"] == whole["rows"][0]["beyond_5"] == 1
+    assert done.json["result"]["wrong"][0]["programme"] == 2

@@ -27,6 +27,23 @@ COUNT = len(COORDINATES)
 DAMPING, SCALE_FACTOR, SECOND_ORDER = 0, 5, 6
 DAMPING_SPLIT, FREQUENCY_SPLIT = slice(1, 3), slice(3, 5)
 """Places of the coordinates in p; of a split its two components."""
+SPLIT_COMPONENTS = (
+    "damping_split_cos_1_s",
+    "damping_split_sin_1_s",
+    "frequency_split_cos_rad_s",
+    "frequency_split_sin_rad_s",
+)
+"""Components of the two splits along their electrical axes 0 and 90°."""
+SPLITS = (
+    ("damping_split_1_s", "damping_axis_rad", SPLIT_COMPONENTS[:2]),
+    ("frequency_split_rad_s", "stiffness_axis_rad", SPLIT_COMPONENTS[2:]),
+)
+"""Size, axis and components of a split."""
+SHOWN = 2.3
+"""Standard deviations of a component from which a split has an axis; noise alone shows as much with
+the chance exp(−SHOWN²/2) = 0.07. With it error/σ of the axis is 0.87 to 1.14 for every true size
+from half a standard deviation up; whatever σ(size) is, as long as it does not fall below the
+slope's, one end or the other is beyond 0.88 to 1.11."""
 R_COS = np.array([[1.0, 0.0], [0.0, -1.0]])
 R_SIN = np.array([[0.0, 1.0], [1.0, 0.0]])
 BASIS = np.array([-np.eye(2), -R_COS, -R_SIN, 1j * R_COS, 1j * R_SIN])
@@ -118,13 +135,25 @@ def wrap_axis(axis_rad: float, mode_number: int) -> float:
     return 0.0 if np.isclose(wrapped, np.pi / mode_number, rtol=0, atol=1e-15) else wrapped
 
 
-def axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
-    """Standard deviation of the axis ½m·arg(x + jy) of normal components (2,), covariance (2, 2),
-    about their own; at most a uniform one's.
+def is_shown(components: Array, covariance: Array) -> bool:
+    """Whether normal components (2,) with their covariance (2, 2) show a split at all: as large
+    over their noise, pᵀΣ⁻¹p, as noise alone is once in fourteen times."""
+    size, vector = np.linalg.eigh(covariance)
+    across = (vector.T @ components) ** 2 / np.maximum(size, 1e-12 * max(size[-1], 1e-300))
+    return bool(np.sum(across) >= SHOWN**2)
 
-    By Gauss–Hermite quadrature: where the components are lost in noise, and the better known of
-    them makes the tangent look sharp, the slope says too little.
+
+def axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
+    """Standard deviation of the axis ½m·arg(x + jy) of normal components (2,), covariance (2, 2): a
+    uniform one's where they show no split (`is_shown`), else that of the components about their
+    own, at most the uniform one's.
+
+    By Gauss–Hermite quadrature: the better known of two components may make the tangent look sharp,
+    and then the slope says too little.
     """
+    uniform = np.pi / mode_number / np.sqrt(12)
+    if not is_shown(components, covariance):
+        return float(uniform)
     size, vector = np.linalg.eigh(covariance)
     nodes, weights = np.polynomial.hermite_e.hermegauss(48)
     offset = np.sqrt(np.maximum(size, 0.0))[:, None, None] * np.stack(
@@ -133,9 +162,4 @@ def axis_spread(components: Array, covariance: Array, mode_number: int) -> float
     x, y = components[:, None, None] + np.tensordot(vector, offset, 1)
     turned = np.angle((x + 1j * y) * complex(components[0], -components[1]))
     weight = np.outer(weights, weights) / np.sum(weights) ** 2
-    return float(
-        min(
-            np.sqrt(np.sum(weight * turned**2)) / (2 * mode_number),
-            np.pi / mode_number / np.sqrt(12),
-        )
-    )
+    return float(min(np.sqrt(np.sum(weight * turned**2)) / (2 * mode_number), uniform))

@@ -17,6 +17,8 @@ FLAT_FRACTION = 0.3
 CLEAR = 8.0
 """Size of a split over its standard deviation from which its axis moves with its components as the
 slope says."""
+HELD = 1e-6
+"""Part of a split's noise that its tangent has by rounding alone where the axis is held."""
 LEAST_SHARE = 0.01
 """Part of the information on a direction that a run and the others must have for the one to
 contradict the others in it."""
@@ -126,19 +128,20 @@ def covariance_z(fit: Fit, factor: float) -> Array:
 
 
 def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> None:
-    """Give axes whose split is lost in noise the spread of their components instead of the slope's,
-    in the covariance (6, 6) in place."""
+    """Give axes whose split is not clear of its noise the spread of their components instead of the
+    slope's, in the covariance (6, 6) in place; one that is held stays so."""
     for axis, first in ((2, 1), (4, 3)):
-        part = cov_p[first : first + 2, first : first + 2]
-        std, size2 = (
-            np.sqrt(max(0.0, covariance[axis, axis])),
-            float(p[first] ** 2 + p[first + 1] ** 2),
-        )
+        split, part = p[first : first + 2], cov_p[first : first + 2, first : first + 2]
+        std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(split @ split)
         if not np.any(part) or not np.isfinite(size2) or size2 > CLEAR**2 * np.trace(part):
             continue
-        spread = coordinates.axis_spread(p[first : first + 2], part, mode_number)
-        covariance[axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
-        covariance[:, axis] *= spread / std if np.isfinite(std) and std > 0 else 0.0
+        tangent = 2 * mode_number * np.sqrt(size2) * std
+        if size2 > 0 and tangent < HELD * np.sqrt(np.trace(part)):
+            continue
+        spread = coordinates.axis_spread(split, part, mode_number)
+        wider = spread / std if np.isfinite(std) and std > 0 else 0.0
+        covariance[axis] *= wider
+        covariance[:, axis] *= wider
         covariance[axis, axis] = spread**2
 
 

@@ -17,11 +17,15 @@ import numpy as np
 
 from ...physics.resonator import OF_GENERATOR, Mechanics
 from ...records import Resonator
+from ...records.details import details_number
+from .coordinates import SPLITS
 
 Array = np.ndarray
 CLEAR = 3.0
 """Standard deviations from which a split's axis has the deviation of its own slope; below, both
-components have that of the size."""
+components have that of the size, where a resonator does not state them."""
+UNIFORM = 0.999
+"""Part of a uniform axis's deviation from which the stated one says that nothing is known of it."""
 
 
 def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mechanics:
@@ -80,6 +84,42 @@ def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
     )
 
 
+def slope_covariance(resonator: Resonator) -> Array:
+    """Covariance of the resonator's parameters with its axes as the slopes of their splits make
+    them: what anything computed from it moves with.
+
+    The stated deviation of an axis whose split is lost in noise tells how far the axis may lie off
+    (`inference.widen_axes`) and would move the split as a vector by more than its noise. The stated
+    components give the slope's back: their variances add up to the size's and the tangent's.
+    """
+    values = resonator.parameters()
+    names = [str(n) for n in resonator.name]
+    narrower = np.ones(len(names))
+    for size, axis, components in SPLITS:
+        if not {size, axis} <= set(values):
+            continue
+        lever = 2 * resonator.mode_number * abs(values[size][0])
+        stated = lever * values[axis][1]
+        slope = stated
+        trace = _stated_trace(resonator, components)
+        if trace is not None:
+            slope = np.sqrt(max(0.0, trace - values[size][1] ** 2))
+        elif values[axis][1] >= UNIFORM * np.pi / resonator.mode_number / np.sqrt(12):
+            slope = values[size][1]
+        if slope > 0 and 0 < stated < np.inf:
+            narrower[names.index(axis)] = slope / stated
+    return np.asarray(np.outer(narrower, narrower) * np.asarray(resonator.covariance, float))
+
+
+def _stated_trace(resonator: Resonator, components: tuple[str, ...]) -> float | None:
+    """Sum of the variances of a split's components where the resonator states them."""
+    stds = [
+        details_number(resonator.details, "split_components", name, "std", default=-1.0)
+        for name in components
+    ]
+    return float(np.sum(np.square(stds))) if min(stds) >= 0 else None
+
+
 def vector_covariance(resonator: Resonator) -> Array:
     """Covariance (6, 6) of the vector; what the resonator does not hold, or holds without a finite
     deviation, counts as known."""
@@ -87,22 +127,22 @@ def vector_covariance(resonator: Resonator) -> Array:
     values = resonator.parameters()
     order = [name for name in OF_GENERATOR if name in values and np.isfinite(values[name][1])]
     at = [[str(n) for n in resonator.name].index(name) for name in order]
-    covariance = np.asarray(resonator.covariance, float)[np.ix_(at, at)]
+    covariance = slope_covariance(resonator)[np.ix_(at, at)]
     J = np.zeros((6, len(order)))
     for column, name in enumerate(order):
         for row, slope in _slopes(name, values, m):
             J[row, column] = slope
     moved = J @ covariance @ J.T
-    for size, axis, first in (
-        ("damping_split_1_s", "damping_axis_rad", 1),
-        ("frequency_split_rad_s", "stiffness_axis_rad", 3),
-    ):
-        if size in order and axis in order and abs(values[size][0]) < CLEAR * values[size][1]:
+    for (size, axis, components), first in zip(SPLITS, (1, 3), strict=True):
+        if not {size, axis} <= set(order) or _stated_trace(resonator, components) is not None:
+            continue
+        if abs(values[size][0]) < CLEAR * values[size][1]:
+            tangent2 = (2 * m * values[size][0]) ** 2 * covariance[
+                order.index(axis), order.index(axis)
+            ]
             moved[first : first + 2] = 0.0
             moved[:, first : first + 2] = 0.0
-            moved[first, first] = moved[first + 1, first + 1] = (
-                max(values[size][1], 2 * m * abs(values[size][0]) * values[axis][1]) ** 2
-            )
+            moved[first, first] = moved[first + 1, first + 1] = max(values[size][1] ** 2, tangent2)
     return moved
 
 

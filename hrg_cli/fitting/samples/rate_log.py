@@ -2,7 +2,8 @@
 
 A window whose rate is not finite turned by an unknown angle. Between two known rates that are a few
 windows apart the rate is bridged; beyond the log's ends, and across a longer hole, nothing says how
-far the table turned, so one stretch remains: the one with the most known windows.
+far the table turned, so the stretches on both sides of a hole are as good as two runs: each has a
+start of its own. What can take one stretch alone takes the one with the most known windows.
 """
 
 from __future__ import annotations
@@ -18,29 +19,40 @@ BRIDGED = 5
 ROWS_AT_ONCE = 1 << 16
 
 
-def covered(wave: Wave) -> Array:
-    """Windows (n,) bool that a run's rate log covers; all of them where none was kept."""
+def stretches(wave: Wave) -> Array:
+    """The stretch (n,) of its rate log that each window is in, from 1; 0 where the log does not
+    cover it. All windows are in one where no log was kept."""
     if wave.rate_rad_s is None:
-        return np.ones(len(wave), bool)
+        return np.ones(len(wave), int)
     pieces = wave.only(("rate_rad_s",)).blocks(ROWS_AT_ONCE)
     finite = [np.isfinite(np.asarray(piece.rate_rad_s, float)) for piece in pieces]
     known = np.flatnonzero(np.concatenate([np.zeros(0, bool), *finite]))
-    inside = np.zeros(len(wave), bool)
-    if len(known):
-        stretches = np.split(known, np.flatnonzero(np.diff(known) > BRIDGED + 1) + 1)
-        longest = max(stretches, key=len)
-        inside[longest[0] : longest[-1] + 1] = True
-    return inside
+    out = np.zeros(len(wave), int)
+    holes = np.flatnonzero(np.diff(known) > BRIDGED + 1) + 1
+    for number, rows in enumerate(np.split(known, holes) if len(known) else [], 1):
+        out[rows[0] : rows[-1] + 1] = number
+    return out
+
+
+def covered(wave: Wave) -> Array:
+    """Windows (n,) bool in the longest stretch of a run's rate log; all of them where none was
+    kept."""
+    stretch = stretches(wave)
+    return (stretch == np.argmax(np.bincount(stretch, minlength=2)[1:]) + 1) & (stretch > 0)
 
 
 def within_log(wave: Wave, inside: Array | None = None) -> Wave:
-    """The wave with the windows that its rate log does not cover flagged as not finite; of a file
-    nothing but rates and flags is read. inside (n,): `covered`, where that is known."""
+    """The wave with the windows outside one stretch of its rate log flagged as not finite, and
+    their rates unknown; of a file nothing but rates and flags is read. inside (n,): the stretch,
+    by default the longest."""
     inside = covered(wave) if inside is None else inside
-    if inside.all():
+    if inside.all() or wave.rate_rad_s is None:
         return wave
-    flags = np.asarray(wave.flags[:])
-    return wave.replace(flags=np.where(inside, flags, flags | FLAG_NOT_FINITE).astype(flags.dtype))
+    flags, rate = np.asarray(wave.flags[:]), np.asarray(wave.rate_rad_s[:], float)
+    return wave.replace(
+        flags=np.where(inside, flags, flags | FLAG_NOT_FINITE).astype(flags.dtype),
+        rate_rad_s=np.where(inside, rate, np.nan),
+    )
 
 
 def left_out(wave: Wave, inside: Array) -> str:

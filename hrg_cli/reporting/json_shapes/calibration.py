@@ -147,6 +147,17 @@ class Programmes(Shape):
     """Each harmonic."""
 
 
+class RateLog(Shape):
+    """How late the rate logs are against the samples; negative: early."""
+
+    late_s: float
+    """Seconds, as the waves' turns show."""
+    std_s: float
+    """Standard deviation."""
+    taken_off_s: float
+    """What was taken off the logs' times before the tables were made; 0 where none is shown."""
+
+
 class Calibrate(Rehearsed):
     """`hrg calibrate` of wave files."""
 
@@ -190,6 +201,8 @@ class Calibrate(Rehearsed):
     """Checks on the result."""
     noise: dict[str, Number] | None = None
     """Noise found over noise stated, angle random walk."""
+    rate_log: RateLog | None = None
+    """Lateness of the rate logs, where a rate changes within a run."""
     resonator: list[dict[str, Any]] | None = None
     """With --model physical, a row a resonator: its node, each coefficient with its _std, their
     covariance."""
@@ -253,9 +266,25 @@ class Trade(Shape):
     """Rate random walk; null: below what the run can show."""
 
 
-class Compensate(Common):
-    """`hrg compensate`. The figures are absent where the run's rate is not logged."""
+class RateStd(Shape):
+    """Stated standard deviations of the rates, rms over the run."""
 
+    rms: float
+    """All of it."""
+    by_noise: float
+    """By the noise of the wave angle, of its own in every increment."""
+    by_tables: float
+    """By the tables, common to all increments at a temperature and an angle."""
+
+
+class Compensate(Common):
+    """`hrg compensate`. The figures are absent where the run's rate is not logged; those of the
+    standard deviation where the windows do not state one."""
+
+    rate_std_rad_s: RateStd | None = None
+    """Stated standard deviations of the rates."""
+    error_over_std_rms: Number = None
+    """Rms of rate estimate less logged rate over its standard deviation."""
     residual_rms_rad_s: Before | None = None
     """Rms of rate estimate less logged rate."""
     angle_cell_rms_rad_s: Before | None = None

@@ -14,6 +14,7 @@ import numpy as np
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import Factor
 from ...fourier import node_weights
+from .late_log import LATE, moves, rate_slope
 
 Array = np.ndarray
 
@@ -166,6 +167,8 @@ def build(
     means = np.array([float(np.mean(p.rate_rad_s)) for p in paths])
     if fastest > 0 and len(np.unique(np.round(means / fastest, 2))) >= FEWEST_RATES:
         available["rate"] = (rate_powers(fastest), 2)
+    if any(moves(p) for p in paths):
+        available[LATE] = (rate_slope, 1)
     forced = [p for p in paths if p.forced]
     for name, logs, factor, width in (
         ("quadrature_drive", [p.drive_quadrature for p in forced], quadrature_drive, 1),

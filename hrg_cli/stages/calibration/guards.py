@@ -28,6 +28,7 @@ from ...fitting.tables.joint import (
     predict_turn,
     solve,
 )
+from .late_log import LATE
 
 Array = np.ndarray
 LARGEST_NOISE = 2.0
@@ -206,6 +207,10 @@ def causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]
         "quadrature_drive": lambda z: (
             f"the drift moves with the logged quadrature drive ({z:.3g} times its error): a phase"
             " error of the quadrature loop; run with --ladder to measure it"
+        ),
+        LATE: lambda z: (
+            f"the waves turn earlier or later than the rate logs say ({z:.3g} times the error): the"
+            " logs are late or early against the samples; keep both on one clock"
         ),
     }
     out += [

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting.checks import Check, goodness
+from ...fitting.envelopes.resonator_spread import slope_covariance
 from ...fitting.tables.joint import TableLayout
 from ...fourier import node_weights
 from ...records import Resonator
@@ -45,7 +46,7 @@ def coefficients_of(resonator: Resonator) -> tuple[Array, Array]:
                 f"the resonator file of gyro {resonator.gyro_id or '?'} has no {name} (it was not"
                 " determined); identify free runs at both signs of rotation"
             )
-    covariance = np.asarray(resonator.covariance, float)
+    covariance = slope_covariance(resonator)
     if not np.isfinite(covariance).all():
         raise HrgError(
             "the resonator file's covariance is not finite: its runs do not tell all parameters;"

@@ -66,9 +66,7 @@ def standard_deviations(
         places = (np.arange(nodes)[:, None] * width + first + np.arange(size)).ravel()
         block = np.asarray(calibration.covariance)[np.ix_(places, places)]
         rows = (weights[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
-        variance = (
-            np.einsum("ni,ij,nj->n", rows, block, rows) + (float(doubt.get(key, 0.0)) * shape) ** 2
-        )
+        variance = np.sum((rows @ block) * rows, axis=1) + (float(doubt.get(key, 0.0)) * shape) ** 2
         out.append(np.sqrt(np.maximum(variance, 0)))
     return out[0], out[1]
 

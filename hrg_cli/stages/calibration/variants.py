@@ -17,6 +17,7 @@ import numpy as np
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import Model, TableLayout
 from .factors import reference_hz
+from .late_log import LATE
 from .resonators import ResonatorCoefficients
 
 Array = np.ndarray
@@ -29,6 +30,7 @@ FACTORS = (
     "flattening_course",
     "rate",
     "quadrature_drive",
+    LATE,
 )
 """What the common layout holds beside the tables: the variants' measured parts, and causes that no
 variant holds."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.envelopes.coordinates import COORDINATES, to_parameters
+from ...fitting.envelopes.inference import widen_axes
 from ...physics.resonator import PARAMETERS
 from ...records import Resonator
 from .sized import Sized
@@ -24,18 +25,21 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     them wrong."""
     fit = sized.fit
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)
-    covariance = fit.coordinate_covariance()
-    stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0) * sized.factor)
+    own = fit.coordinate_covariance() * sized.factor
+    covariance = slopes @ own @ slopes.T
+    widen_axes(covariance, own, fit.point.p, fit.series.mode_number)
+    stds = np.sqrt(np.maximum(np.diag(covariance), 0))
     period = np.pi / fit.series.mode_number
     for other in (*sized.others, *sized.in_place):
         moved = numbers - to_parameters(other.point.p, fit.series.mode_number)[0]
         moved[[2, 4]] = (moved[[2, 4]] + period / 2) % period - period / 2
         stds = np.hypot(stds, moved)
+    stds[[2, 4]] = np.minimum(stds[[2, 4]], period / np.sqrt(12))
     frequency = float(np.mean(fit.frequency_hz))
-    own = [fit.std_at(fit.layout.frequency(k)) for k in range(len(fit.series.names))]
-    spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(own))
+    each = [fit.std_at(fit.layout.frequency(k)) for k in range(len(fit.series.names))]
+    spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(each))
     frequency_std = (
-        max(float(np.sqrt(np.sum(np.square(own))) / len(own)), spread)
+        max(float(np.sqrt(np.sum(np.square(each))) / len(each)), spread)
         / (2 * np.pi)
         * np.sqrt(sized.factor)
     )

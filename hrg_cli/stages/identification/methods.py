@@ -34,7 +34,7 @@ from ...physics import ellipse
 from . import closing
 from .modes import free_modes, one_channel
 from .outcome import Verdict
-from .splits import split_components, weak_splits
+from .splits import state_splits
 from .verdict import (
     ORDER,
     POOR_FIT,
@@ -279,11 +279,7 @@ def _verdict(
         rows,
         mode_number=mode,
     )
-    components = split_components(answer.p, answer.covariance)
-    verdict.details |= answer.details | {
-        "split_components": components,
-        "weak_splits": weak_splits(values, std, components),
-    }
+    verdict.details |= answer.details | state_splits(values, std, answer.p, answer.covariance)
     verdict.suspect = list(answer.warnings)
     refusing, doubting = closing.check_bounds(verdict)
     assert likelihood.fit is not None
@@ -533,7 +529,8 @@ def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
         table[:, axis] = (
             centre[axis] + np.mod(table[:, axis] - centre[axis] + period / 2, period) - period / 2
         )
-    covariance = np.cov(table.T)
+    covariance, own = np.cov(table.T), np.cov(p.T)
+    inference.widen_axes(covariance, own, verdict.fit.p, mode)
     verdict.covariance[1:, 1:] = covariance
     intervals = {}
     for row, name in enumerate(ORDER[1:]):
@@ -543,6 +540,7 @@ def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
                 "68": [float(v) for v in np.quantile(table[:, row], [0.16, 0.84])],
                 "95": [float(v) for v in np.quantile(table[:, row], [0.025, 0.975])],
             }
+    verdict.details |= state_splits(verdict.values, verdict.std, verdict.fit.p, own)
     verdict.details["bootstrap"] = {
         "draws": draws,
         "blocks_a_run": resampling.BLOCKS_A_RUN,

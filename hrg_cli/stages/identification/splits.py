@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from ...fitting.envelopes.coordinates import SPLIT_COMPONENTS, SPLITS
 from ...fitting.envelopes.inference import CLEAR
 
 Array = np.ndarray
-SPLIT_COMPONENTS = (
-    "damping_split_cos_1_s",
-    "damping_split_sin_1_s",
-    "frequency_split_cos_rad_s",
-    "frequency_split_sin_rad_s",
-)
-"""Components of the two splits along their electrical axes 0 and 90°."""
-SPLITS = (
-    ("damping_split_1_s", "damping_axis_rad", SPLIT_COMPONENTS[:2]),
-    ("frequency_split_rad_s", "stiffness_axis_rad", SPLIT_COMPONENTS[2:]),
-)
-"""Size, axis and components of a split."""
 Components = Mapping[str, Mapping[str, float]]
 
 
@@ -32,6 +22,17 @@ def split_components(p: Array, covariance: Array) -> dict[str, dict[str, float]]
         name: {"value": float(p[k]), "std": float(std[k])}
         for k, name in enumerate(SPLIT_COMPONENTS, 1)
         if np.isfinite(p[k])
+    }
+
+
+def state_splits(
+    values: Mapping[str, float], std: Mapping[str, float], p: Array, covariance: Array
+) -> dict[str, Any]:
+    """For the details: the splits' components and the sentences on those lost in noise."""
+    components = split_components(p, covariance)
+    return {
+        "split_components": components,
+        "weak_splits": weak_splits(values, std, components),
     }
 
 

@@ -19,7 +19,7 @@ from ...physics import ellipse
 from ...physics.resonator import PARAMETERS
 from . import closing
 from .outcome import Verdict
-from .splits import split_components, weak_splits
+from .splits import state_splits
 
 Array = np.ndarray
 POOR_FIT = 1.5
@@ -155,9 +155,6 @@ def judge_parameters(
         "run_frequency_drift_hz": [float(d) for d in runs_hz.drift_hz],
         "frequency_note": _frequency_note(differ, drift),
         "second_order": {"value": float(fit.p[SECOND_ORDER]), "std": second_order_std(fit)},
-        "split_components": split_components(
-            fit.p, _of_coordinates(fit, inference.covariance_z(fit, factor) + between)
-        ),
         "iterations": fit.iterations,
         "variance_factor": factor,
         "colour": colour,
@@ -166,9 +163,8 @@ def judge_parameters(
             zip(order[1:], map(float, np.sqrt(np.maximum(0.0, np.diag(bound)))))
         ),
     }
-    verdict.details["weak_splits"] = weak_splits(
-        verdict.values, verdict.std, verdict.details["split_components"]
-    )
+    own = _of_coordinates(fit, inference.covariance_z(fit, factor) + between)
+    verdict.details |= state_splits(verdict.values, verdict.std, fit.p, own)
     _reasons(verdict, fit, runs, colour)
     return verdict
 

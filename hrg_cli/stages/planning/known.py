@@ -14,6 +14,7 @@ from ...effects.effect import Effect
 from ...errors import HrgError
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
+from ...fitting.envelopes.resonator_spread import slope_covariance
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Diagnosis, Resonator, Wave
 from .information import InformationColumns
@@ -92,7 +93,7 @@ def information_of(known: Resonator | Diagnosis, m: Mechanics, layout: Informati
         ]
         rows, covariance = (
             [order.index(str(known.name[k])) for k in there],
-            known.covariance[np.ix_(there, there)],
+            slope_covariance(known)[np.ix_(there, there)],
         )
     else:
         stds = {row["name"]: float(row["std"]) for row in json.loads(known.report)["values"]}

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
+from ...fitting.envelopes.inference import widen_axes
 from ...physics.resonator import PARAMETERS, Mechanics
 from .information import InformationColumns, left_over
 from .questions import BASE, INHERENT, Question
@@ -71,7 +72,9 @@ def deviations(M: Array, m: Mechanics) -> dict[str, float | None]:
     covariance[:6, :6] = np.linalg.pinv(
         left_over(M, range(6), [6]) / np.outer(u, u), hermitian=True
     ) / np.outer(u, u)
-    stds = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0))
+    predicted = slopes @ covariance @ slopes.T
+    widen_axes(predicted, covariance, from_mechanics(m), m.mode_number)
+    stds = np.sqrt(np.maximum(np.diag(predicted), 0))
     return {name: float(std) for (name, _), std in zip(PARAMETERS[1:], stds, strict=True)}
 
 

@@ -1,0 +1,109 @@
+"""A rate log that runs late, or early, against the samples: told from turns that follow it too soon.
+
+A log that is late by τ holds Ω_log(t) = Ω(t − τ), so the wave turns by
+    m·dθ/dt = −KΩ_log(t + τ) + D = −KΩ_log − Kτ·dΩ_log/dt + D + O(τ²):
+a column dΩ_log/dt beside the tables with the coefficient −Kτ. A τ that is shown is taken off the
+logs, the runs are fitted again and what is left of it is found anew until it is within its noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...fitting.tables.increments import Path
+from ...fitting.tables.joint import Fitted, fit
+
+Array = np.ndarray
+LATE = "late_rate_log"
+"""Name of the column."""
+SHOWN = 6.0
+"""Standard deviations from which a lateness is told and taken off."""
+SETTLED, ROUNDS = 0.5, 5
+"""Standard deviations of what is left of a lateness that ends the search, and its rounds."""
+PARTS, MOVES = 8, 0.02
+"""Parts of a run whose mean rates must differ by this part of the largest for a lateness to act."""
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """How late the rate logs are [s], negative: early, with its standard deviation; `taken_s` of it
+    was taken off before the runs were fitted."""
+
+    value_s: float
+    std_s: float
+    taken_s: float = 0.0
+
+    @property
+    def sentence(self) -> str:
+        """What to say of it, and what to do."""
+        way = "late" if self.value_s > 0 else "early"
+        return (
+            f"the rate logs are {1e3 * abs(self.value_s):.4g} ± {1e3 * self.std_s:.1g} ms {way}"
+            " against the samples, as the waves' turns show; the tables are made with the logs set"
+            " right, correct their times, or keep both on one clock"
+        )
+
+    def table(self) -> dict[str, float]:
+        """For the JSON."""
+        return {"late_s": self.value_s, "std_s": self.std_s, "taken_off_s": self.taken_s}
+
+
+def rate_slope(path: Path) -> Array:
+    """dΩ_log/dt, rad/s² (n, 1)."""
+    return np.gradient(path.rate_rad_s, path.middle(path.time_s))[:, None]
+
+
+def moves(path: Path) -> bool:
+    """Whether the logged rate changes within the run, so that the log's time matters."""
+    if len(path) < 2 * PARTS:
+        return False
+    means = [float(part.mean()) for part in np.array_split(path.rate_rad_s, PARTS)]
+    return bool(np.ptp(means) > MOVES * np.abs(path.rate_rad_s).max())
+
+
+def lateness_of(fitted: Fitted) -> Lateness | None:
+    """What the fit says of the logs; None where no rate moves."""
+    layout, solution = fitted.layout, fitted.solution
+    if LATE not in layout.factors:
+        return None
+    place = layout.factor(LATE).start
+    scale = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
+    variance = float(solution.covariance[place, place]) * fitted.chi2_per_dof
+    if not variance > 0 or scale == 0:
+        return None
+    return Lateness(-float(solution.coefficients[place]) / scale, np.sqrt(variance) / abs(scale))
+
+
+def set_right(path: Path, late_s: float) -> Path:
+    """The path with the rate that was logged `late_s` later, where the log holds it."""
+    from scipy.interpolate import CubicSpline
+
+    at = path.time_s + late_s
+    held = np.flatnonzero((at >= path.time_s[0]) & (at <= path.time_s[-1]))
+    if len(held) < 3:
+        return path
+    integral = CubicSpline(path.time_s, path.rate_integral_rad)(at)
+    return replace(path, rate_integral_rad=integral).part(slice(int(held[0]), int(held[-1])))
+
+
+def follow(fitted: Fitted, others: Sequence[Path]) -> tuple[Fitted, list[Path], Lateness | None]:
+    """The fit, and other runs, with the logs set right, where a lateness is shown; else as they
+    are."""
+    late = lateness_of(fitted)
+    if late is None or abs(late.value_s) <= SHOWN * late.std_s:
+        return fitted, list(others), late
+    logged, taken = fitted.paths, 0.0
+    for _ in range(ROUNDS):
+        taken += late.value_s
+        fitted = fit([set_right(path, taken) for path in logged], fitted.layout)
+        left = lateness_of(fitted)
+        if left is None:
+            break
+        late = left
+        if abs(left.value_s) < SETTLED * left.std_s:
+            break
+    found = Lateness(taken + late.value_s, late.std_s, taken)
+    return fitted, [set_right(path, taken) for path in others], found
