@@ -261,7 +261,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("(suspect if clipped > 0.01 * self.rows", "(suspect if clipped > 0.2 * self.rows"),
             ("(suspect if bad > 0.01 * self.rows", "(suspect if bad > 0.2 * self.rows"),
-            ("(suspect if gaps > 0.1 * self.rows", "(suspect if gaps > 0.9 * self.rows"),
+            ("(suspect if gaps > GAPS_SHARE * self.rows", "(suspect if gaps > 9 * GAPS_SHARE * self.rows"),
             ("if bad == self.rows:", "if False:"),
             ("series[outside] = np.nan", "pass"),
             ("rows[\"flags\"][:stop][far[:stop]] |= FLAG_SETTLING", "pass"),
