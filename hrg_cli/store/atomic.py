@@ -16,7 +16,7 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ..errors import NO_MEMORY, DiskFullError, HrgError, UsageError, is_no_memory
@@ -101,6 +101,32 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+@contextlib.contextmanager
+def whole_or_none(
+    outputs: Sequence[Path], unless: tuple[type[BaseException], ...] = ()
+) -> Iterator[None]:
+    """Outputs that belong together: where the block fails (but by `unless`), no file that it has
+    written stays."""
+    before = {path: _stamp(path) for path in outputs}
+    try:
+        yield
+    except unless:
+        raise
+    except BaseException:
+        for path, stamp in before.items():
+            if _stamp(path) not in (None, stamp) and path.is_file():
+                with contextlib.suppress(OSError):
+                    path.unlink()
+        raise
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    with contextlib.suppress(OSError):
+        found = path.stat()
+        return found.st_ino, found.st_mtime_ns
+    return None
 
 
 @contextlib.contextmanager
