@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from hrg_cli.errors import NO_MEMORY, is_no_memory
+from hrg_cli.lots import lot_work
 from hrg_cli.store.atomic import write_error
 
 LIMITED = """
@@ -54,3 +55,9 @@ def test_other_libraries_and_files_are_not_called_so(tmp_path):
             raise OSError("libx.so: not found")  # noqa: B904 (as llvmlite does)
         assert is_no_memory(later.value)
     assert is_no_memory(ImportError("liby.so: failed to map segment from shared object"))
+
+
+def test_a_gyro_of_a_lot_that_finds_no_memory_is_no_internal_error():
+    with lot_work._reporting({"gyro_id": "G"}) as result:
+        raise MemoryError("Unable to allocate 32.0 KiB")
+    assert result == {"gyro_id": "G", "status": "failed", "error": NO_MEMORY}

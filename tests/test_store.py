@@ -4,15 +4,18 @@ when it is wrong."""
 import errno
 import json
 import os
+import sys
 import threading
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 import xarray
+from conftest import ringing
 
 from hrg_cli import store
-from hrg_cli.errors import HrgError
+from hrg_cli.errors import DiskFullError, HrgError
 from hrg_cli.records import (
     KINDS,
     Calibration,
@@ -397,3 +400,39 @@ def test_whether_a_file_is_hdf5_is_not_said_where_it_cannot_be_read(tmp_path, mo
         store.is_hdf5(tmp_path / "x.h5")
     with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
         store.kind_of(tmp_path / "x.h5")
+
+
+def test_a_write_that_is_lost_while_an_object_is_let_go_is_none(tmp_path, capfd):
+    """h5py can only print such an error; a file with a hole must not look whole."""
+
+    def lose(last):
+        error = RuntimeError(
+            "Can't decrement id ref count (file write failed: errno = 28, error message = 'No space"
+            " left on device', total write size = 16, offset = 2432)"
+        )
+        told = SimpleNamespace(
+            exc_type=RuntimeError, exc_value=error, exc_traceback=None, err_msg=None, object=None
+        )
+        sys.excepthook(RuntimeError, error, None)
+        sys.unraisablehook(told)
+        return last
+
+    with pytest.raises(DiskFullError, match="the disk is full"):
+        store.write(tmp_path / "out.h5", ringing(), finish=lose)
+    assert os.listdir(tmp_path) == [] and capfd.readouterr().err == ""
+
+
+def test_other_errors_of_objects_let_go_are_told(tmp_path, monkeypatch):
+    told = []
+
+    class Failing:
+        def __del__(self):
+            raise ValueError("of somebody else")
+
+    def fail(last):
+        Failing()
+        return last
+
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    store.write(tmp_path / "out.h5", ringing(), finish=fail)
+    assert [one.exc_type for one in told] == [ValueError]

@@ -130,13 +130,21 @@ def _stamp(path: Path) -> tuple[int, int] | None:
 
 
 @contextlib.contextmanager
-def quieten_hdf5() -> Iterator[None]:
-    """While a failed file is let go: h5py prints a traceback for each object it cannot flush, which
-    says nothing new."""
+def lost_writes() -> Iterator[list[BaseException]]:
+    """Errors that h5py meets while it lets go of an object, which it can only print; while a failed
+    file is let go they say nothing new, otherwise a write is lost."""
     hooks = sys.unraisablehook, sys.excepthook
-    sys.unraisablehook, sys.excepthook = (lambda _: None), (lambda *_: None)
+    lost: list[BaseException] = []
+
+    def keep(told: sys.UnraisableHookArgs) -> None:
+        if isinstance(told.exc_value, RuntimeError):
+            lost.append(told.exc_value)
+        else:
+            hooks[0](told)
+
+    sys.unraisablehook, sys.excepthook = keep, (lambda *_: None)
     try:
-        yield
+        yield lost
     finally:
         sys.unraisablehook, sys.excepthook = hooks
 
