@@ -57,8 +57,8 @@ def killed_cases(good: Path) -> list[programme.Case]:
     cases = [case for case in programme.ready(good) if case.name != "batch"]
     lots = {
         "batch": "",
-        "batch, two processes": "--jobs 2",
-        "batch, Dask": "--jobs 2 --dask",
+        "batch with two processes": "--jobs 2",
+        "batch with Dask": "--jobs 2 --dask",
     }
     inputs = ("lots.toml", *(f"recording-{k}.h5" for k in range(GYROS)))
     for name, options in lots.items():
