@@ -436,3 +436,15 @@ def test_other_errors_of_objects_let_go_are_told(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "unraisablehook", told.append)
     store.write(tmp_path / "out.h5", ringing(), finish=fail)
     assert [one.exc_type for one in told] == [ValueError]
+
+
+@pytest.mark.parametrize("said", [b"\xf4able", b"caf\xe9", b"\xed\xa0\x80"])
+def test_text_that_is_no_utf8_is_read_as_text(said, hrg, tmp_path):
+    path = tmp_path / "run.h5"
+    store.write(path, ringing(gyro_id="gyro"))
+    with h5py.File(path, "r+") as file:
+        file["recording"].attrs.create("gyro_id", said, dtype=h5py.string_dtype("utf-8"))
+    read = store.read_any(path).gyro_id
+    assert read.encode("utf-8") and "\ufffd" in read
+    done = hrg("info", path, "-o", tmp_path / "info.json")
+    assert done.status in (0, 3) and "internal" not in done.err, done
