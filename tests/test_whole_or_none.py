@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 import synthetic_waves
-from conftest import ringing
+from conftest import PACKAGE, ringing
 
 from hrg_cli import store
 from hrg_cli.commands import diagnose as diagnose_command
@@ -123,7 +123,7 @@ def test_simulating_processes_end_with_a_parent_that_is_killed(tmp_path):
         [sys.executable, "-m", "hrg_cli.cli", "simulate", "gyro.toml", "-o", "run.h5",
          "--jobs", "2", "-q"],
         cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(PACKAGE)},
         start_new_session=True,
     )  # fmt: skip
     own = re.compile(r"run-\d\.h5.*\.tmp$")

@@ -14,7 +14,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.ledger import database
 from hrg_cli.ledger.entry import Figure
 
-ROOT = Path(__file__).parents[2]
+PACKAGE = Path(database.__file__).parents[2]
 
 
 def entries(count, gyro="SN"):
@@ -116,7 +116,7 @@ def test_two_writers_at_once_lose_nothing(tmp_path):
     path = tmp_path / "l.sqlite"
     arguments = [sys.executable, "-c", WRITER, str(Path(__file__).parent), str(path)]
     writers = [
-        subprocess.Popen([*arguments, name], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+        subprocess.Popen([*arguments, name], cwd=PACKAGE, stderr=subprocess.PIPE, text=True)
         for name in ("A", "B")
     ]
     for writer in writers:
