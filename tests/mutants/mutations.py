@@ -434,7 +434,8 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("correction=c_comment(calibration.correction)", "correction=calibration.correction"),
             ("+ errors[\"drift_rad_s_rounding\"]", ""),
             ("+ errors[\"scale_factor_rounding\"]", ""),
-            ("* 32768).astype(np.int64), (v", "* 16384).astype(np.int64), (v"),
+            ("(int64_t)(u * 32768.0), k", "(int64_t)(u * 16384.0), k"),
+            ("(over_nodes + over_angles) / PLACES", "over_nodes / PLACES / 4"),
         ),
     ),
     "reporting/text.py": (
