@@ -448,3 +448,36 @@ def test_text_that_is_no_utf8_is_read_as_text(said, hrg, tmp_path):
     assert read.encode("utf-8") and "\ufffd" in read
     done = hrg("info", path, "-o", tmp_path / "info.json")
     assert done.status in (0, 3) and "internal" not in done.err, done
+
+
+def test_a_kind_that_there_is_not_is_named_with_those_there_are(tmp_path):
+    path = tmp_path / "run.h5"
+    store.write(path, ringing())
+    with h5py.File(path, "r+") as file:
+        file.attrs["kind"] = "gyroscope"
+    with pytest.raises(HrgError, match=r"its kind is 'gyroscope', expected one of .*recording"):
+        store.read_any(path)
+
+
+@pytest.mark.parametrize("value", [2.5, np.float32(1.5)])
+def test_a_whole_number_that_is_none_is_refused(value, tmp_path):
+    path = tmp_path / "run.h5"
+    store.write(path, ringing())
+    with h5py.File(path, "r+") as file:
+        file["recording"].attrs["mode_number"] = value
+    with pytest.raises(HrgError, match=rf"mode_number .*is '{value}', a number was expected"):
+        store.read_any(path)
+
+
+def test_what_shrinks_is_compressed_and_noise_is_not(tmp_path):
+    """A constant column takes a small part of its size on disk; noise would only cost time."""
+    wave = small(Wave, 4000)
+    noise = np.random.default_rng(0).normal(size=4000)
+    store.write(
+        tmp_path / "wave.h5",
+        wave.replace(temperature_degc=np.full(4000, 20.0), main_amplitude=2 + 0.1 * noise),
+    )
+    with h5py.File(tmp_path / "wave.h5") as file:
+        constant, noisy = file["wave/temperature_degc"], file["wave/main_amplitude"]
+        assert constant.id.get_storage_size() < 0.1 * constant.size * 8
+        assert noisy.compression is None and noisy.id.get_storage_size() >= noisy.size * 8
