@@ -101,6 +101,7 @@ def recording_to_wave(
         if done is not None and done.get("steps"):
             yield from _list_steps(done["steps"])
             return
+        _begin(work, note, outputs)
         read = inputs
         for stage, output in steps:
             first = (stage, output)
@@ -194,6 +195,7 @@ def _result(
         done = memory.recall(note, key)
         if done is not None and done.get("steps"):
             return list(_list_steps(done["steps"]))
+        _begin(work, note, [output, *(extended_beside(output) if stage == "diagnose" else ())])
         outcome = _run_noted_stage(work, stage, inputs, output, note, beside)
         outputs = [output]
         if isinstance(outcome.record, Diagnosis):
@@ -256,6 +258,12 @@ def _line(work: Work, name: str, inputs: Sequence[Path], output: Path) -> str:
         if isinstance(work.command_line, str)
         else work.command_line(name, inputs, output)
     )
+
+
+def _begin(work: Work, note: Path, outputs: Sequence[Path]) -> None:
+    """Note what will be written, where a later run could not tell it from somebody else's."""
+    if not work.replace:
+        memory.begin(note, outputs)
 
 
 def _may_replace(work: Work, note: Path, output: Path) -> bool:

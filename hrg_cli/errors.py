@@ -4,13 +4,16 @@ what to do."""
 import errno
 
 NO_MEMORY = "not enough memory; use fewer or shorter inputs"
+UNMAPPED = "failed to map segment"
+"""What the system says of a library that memory has no room for; Python keeps no number of it."""
 
 
 def is_no_memory(error: BaseException) -> bool:
-    """Whether an error says that memory ran out: Python's own, the system's, or that of a compiler
-    that could not even say so."""
-    if isinstance(error, OSError):
-        return error.errno == errno.ENOMEM
+    """Whether an error says that memory ran out: Python's own, the system's, that of a compiler
+    that could not even say so, or that of a library that could not be loaded."""
+    if isinstance(error, (OSError, ImportError)):
+        said = (str(error), str(error.__cause__ or error.__context__))
+        return getattr(error, "errno", None) == errno.ENOMEM or any(UNMAPPED in s for s in said)
     silent = isinstance(error, SystemError) and "exception" in str(error)
     return silent or isinstance(error, MemoryError)
 

@@ -21,6 +21,8 @@ Array = np.ndarray
 LARGEST_ANGLES, LARGEST_NODES = 192, 33
 LARGEST_FLOAT = 1e38
 """Of single precision, with a margin for differences of two."""
+PLACES = 32768
+"""Steps of a cell in which the fixed-point header counts places: 15 bits."""
 
 
 @dataclass(frozen=True)
@@ -156,14 +158,14 @@ def _header(calibration: Calibration, bits: int, precision: float) -> Exported:
         errors[f"{name}_interpolation"] = float(np.abs(plain - true).max())
         if bits:
             raw, offset, step = quantise(table, bits)
-            stored = offset + step * fixed_bilinear(raw, nodes, probe_x, probe_theta, period)
             parts.append((name, raw, offset, step))
+            errors[f"{name}_rounding"] = fixed_rounding(table, step)
         else:
             stored = bilinear(
                 table.astype(np.float32).astype(float), nodes, probe_x, probe_theta, period
             )
             parts.append((name, table, 0.0, 1.0))
-        errors[f"{name}_rounding"] = float(np.abs(stored - plain).max())
+            errors[f"{name}_rounding"] = float(np.abs(stored - plain).max())
     return Exported(_c_text(calibration, nodes, angles, bits, parts, errors), errors)
 
 
@@ -271,18 +273,13 @@ def quantise(table: Array, bits: int) -> tuple[Array, float, float]:
     return np.clip(np.round((table - offset) / step), -top, top).astype(np.int64), offset, step
 
 
-def fixed_bilinear(raw: Array, nodes: Array, x: Array, theta: Array, period: float) -> Array:
-    """The header's integer interpolation: positions with 15 fraction bits, products in 64 bits,
-    results rounded to whole steps."""
-    angles = raw.shape[1]
-    i, u, k, v = _places(nodes, angles, x, theta, period)
-    u15, v15 = (u * 32768).astype(np.int64), (v * 32768).astype(np.int64)
-    up, right = np.minimum(i + 1, len(nodes) - 1), (k + 1) % angles
-
-    def mix(a: Array, b: Array, part: Array) -> Array:
-        return np.asarray(a + (((b - a) * part + 16384) >> 15))
-
-    return mix(mix(raw[i, k], raw[i, right], v15), mix(raw[up, k], raw[up, right], v15), u15)
+def fixed_rounding(table: Array, step: float) -> float:
+    """The most by which the integer interpolation misses the plain one: half a step each of the
+    stored integers and of two products, and the part of a place that is cut off in each
+    direction."""
+    over_nodes = np.abs(np.diff(table, axis=0)).max(initial=0.0)
+    over_angles = np.abs(np.roll(table, -1, axis=1) - table).max()
+    return 1.5 * step + float(over_nodes + over_angles) / PLACES
 
 
 _C = """\

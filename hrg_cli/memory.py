@@ -39,19 +39,31 @@ def recall(note: Path, key: str) -> dict[str, Any] | None:
 
 
 def is_ours(note: Path, output: Path) -> bool:
-    """Whether an output was made by the work that this note tells of, and is as it was left."""
+    """Whether an output was made by the work that this note tells of, and is as it was left, or by
+    work that was begun and killed."""
     noted = _read(note)
-    return noted is not None and noted["outputs"].get(output.name) == store.sha256(output)
+    return noted is not None and (
+        output.name in noted.get("begun", ())
+        or noted["outputs"].get(output.name) == store.sha256(output)
+    )
+
+
+def begin(note: Path, outputs: Sequence[Path]) -> None:
+    """Note, before it is done, what the work will write: what is found of it after a kill is its
+    own. What is there already and somebody else's is not."""
+    ours = [p.name for p in outputs if not p.exists() or is_ours(note, p)]
+    _write(note, (_read(note) or {"key": None, "outputs": {}, "result": {}}) | {"begun": ours})
 
 
 def remember(note: Path, key: str, result: Mapping[str, Any], outputs: Sequence[Path]) -> None:
     """Write the note: key, the outputs' hashes, the result."""
-    text = json.dumps(
-        {"key": key, "outputs": {p.name: store.sha256(p) for p in outputs}, "result": result},
-        indent=1,
-    )
+    hashes = {p.name: store.sha256(p) for p in outputs}
+    _write(note, {"key": key, "outputs": hashes, "result": result})
+
+
+def _write(note: Path, content: Mapping[str, Any]) -> None:
     with store.atomic_path(note, force=True) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def _read(note: Path) -> dict[str, Any] | None:
@@ -60,7 +72,9 @@ def _read(note: Path) -> dict[str, Any] | None:
         noted = json.loads(note.read_text(encoding="utf-8"))
         return (
             noted
-            if {"key", "outputs", "result"} <= set(noted) and isinstance(noted["outputs"], dict)
+            if {"key", "outputs", "result"} <= set(noted)
+            and isinstance(noted["outputs"], dict)
+            and isinstance(noted.get("begun", []), list)
             else None
         )
     except (OSError, ValueError, TypeError):

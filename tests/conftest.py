@@ -14,7 +14,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+import hrg_cli
 from hrg_cli.records import Recording
+
+PACKAGE = Path(hrg_cli.__file__).parents[1]
+"""Where the package under test lies: a process that a test starts must import the same one."""
 
 SEED = os.environ.get("HRG_TEST_SEED", "")
 """Empty: every drawn example is the same each time; a number: another set of examples (`make

@@ -530,8 +530,24 @@ def test_clean_lots_have_outliers_at_the_stated_rate(count):
     assert false <= 15 + 4 * 3.8
 
 
-def test_gyros_that_were_given_a_value_do_not_stand_out_by_rounding():
-    values = np.full(12, 0.554)
-    values[3] = np.nextafter(0.554, 1)
+def outliers_of(values):
     rows = judged_rows(LotSettings(recordings=["x"]), [], identified(values, 0.0))
-    assert not any(row["outliers"] for row in rows)
+    return [row["gyro_id"] for row in rows if row["outliers"]]
+
+
+def test_gyros_that_were_given_a_value_do_not_stand_out_by_rounding():
+    """The last digits of a value that is held are no spread; another value stands out against it."""
+    digits = np.random.default_rng(2).integers(-2, 3, 12)
+    digits[3] = 60
+    assert outliers_of(0.554 * (1 + digits * np.finfo(float).eps)) == []
+    held = np.full(12, 0.554)
+    held[3] = np.nextafter(0.554, 1)
+    assert outliers_of(held) == []
+    held[7] = 0.5541
+    assert outliers_of(held) == ["7"]
+
+
+def test_four_gyros_have_no_common_value_to_stand_out_of():
+    values = np.array([1.0, 1.001, 0.999, 1.002, 0.9985, 1e6])
+    assert outliers_of(values) == ["5"]
+    assert outliers_of(values[2:]) == []

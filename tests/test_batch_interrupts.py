@@ -11,6 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from conftest import PACKAGE
 from test_batch import run_down, split_of
 
 from hrg_cli import store
@@ -19,7 +20,6 @@ from hrg_cli.executors import run_tasks
 from hrg_cli.lots.batch import executor_for, run_lot
 from hrg_cli.records import Resonator
 
-ROOT = Path(__file__).parents[1]
 SOON_S = 20.0
 """Generous: this machine may be busy; without the mend it took the rest of the lot."""
 
@@ -57,7 +57,7 @@ def batch(lot: Path, out: Path, *options: str) -> subprocess.Popen[str]:
         cwd=lot,
         env=os.environ
         | {
-            "PYTHONPATH": str(ROOT),
+            "PYTHONPATH": str(PACKAGE),
             "OMP_NUM_THREADS": "1",
             "OPENBLAS_NUM_THREADS": "1",
         },

@@ -9,6 +9,7 @@ from typing import get_args
 import pytest
 import typer
 import typer.main
+from conftest import PACKAGE
 
 from hrg_cli import cli
 from hrg_cli.commands.options import column, flags_of, numbers, words
@@ -45,7 +46,7 @@ print([m for m in sys.modules if m.startswith('hrg_cli.commands.') or m == 'nump
         capture_output=True,
         text=True,
         check=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT)} | environment,
+        env=os.environ | {"PYTHONPATH": str(PACKAGE)} | environment,
     )
     *said, loaded = done.stdout.splitlines()
     return said, loaded

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pytest
 import typer.main
-from conftest import ringing
+from conftest import PACKAGE, ringing
 from forced_runs import Truth, programme
 
 from hrg_cli import store
@@ -38,7 +38,7 @@ def shell(*arguments, stdin=None, **environment):
         [sys.executable, "-m", "hrg_cli.cli", *map(str, arguments)],
         input=stdin,
         capture_output=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT)} | environment,
+        env=os.environ | {"PYTHONPATH": str(PACKAGE)} | environment,
         check=False,
     )
 
@@ -255,7 +255,7 @@ def on_terminal(*arguments, **environment):
     ours, theirs = pty.openpty()
     given = (
         {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
-        | {"PYTHONPATH": str(ROOT), "TERM": "xterm-256color"}
+        | {"PYTHONPATH": str(PACKAGE), "TERM": "xterm-256color"}
         | environment
     )
     child = subprocess.Popen(
@@ -322,7 +322,7 @@ def test_closed_pipe_is_quiet(command, tmp_path):
         cwd=tmp_path,
         stdout=writing,
         stderr=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(PACKAGE)},
         check=False,
     )
     os.close(writing)
@@ -348,7 +348,7 @@ def test_closed_pipe_keeps_the_verdict(tmp_path):
             "--json",
         ],
         stdout=writing,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(PACKAGE)},
         check=False,
     )
     os.close(writing)

@@ -45,30 +45,42 @@ def test_json_is_enough_to_apply_the_tables(tables):
     assert tree["correction"] == tables.correction and tree["node_range"] == [-10.0, 40.0]
 
 
-@pytest.mark.parametrize("bits", [0, 16, 32])
-def test_header_compiles_and_agrees_within_its_stated_errors(tables, bits, tmp_path):
+TRY = """#include <stdio.h>
+#include "hrg_calibration.h"
+int main(void) { double x, a;
+while (scanf("%lf %lf", &x, &a) == 2) printf("%.17g %.17g %.17g %d %.17g %.17g\\n",
+  hrg_drift_rad_s(x, a), hrg_scale_factor(x, a), hrg_rate_rad_s(x, a, -0.1, 0.0), hrg_in_range(x),
+  HRG_DRIFT_WORST_ERROR, HRG_SCALE_FACTOR_WORST_ERROR);
+return 0; }
+"""
+
+
+def compiled(text, points, folder):
+    """What the header computes at points (x, theta): drift, K, a rate, whether in range, and the
+    worst errors it states."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler (cc) is installed")
-    exported = export(tables, ".h", fixed_point_bits=bits)
-    (tmp_path / "hrg_calibration.h").write_text(exported.text)
-    (tmp_path / "try.c").write_text(
-        '#include <stdio.h>\n#include "hrg_calibration.h"\nint main(void) { double x, a;\nwhile'
-        ' (scanf("%lf %lf", &x, &a) == 2) printf("%.17g %.17g %.17g %d\\n", hrg_drift_rad_s(x, a),'
-        " hrg_scale_factor(x, a), hrg_rate_rad_s(x, a, -0.1, 0.0), hrg_in_range(x));\nreturn 0; }\n"
-    )
+    (folder / "hrg_calibration.h").write_text(text)
+    (folder / "try.c").write_text(TRY)
     subprocess.run(
         [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-o", "try", "try.c", "-lm"],
-        cwd=tmp_path,
+        cwd=folder,
         check=True,
     )
+    given = "\n".join(f"{x:.17g} {theta:.17g}" for x, theta in points)
+    out = subprocess.run(
+        ["./try"], cwd=folder, input=given, capture_output=True, text=True, check=True
+    ).stdout
+    return np.array([[float(v) for v in line.split()] for line in out.splitlines()])
+
+
+@pytest.mark.parametrize("bits", [0, 16, 32])
+def test_header_compiles_and_agrees_within_its_stated_errors(tables, bits, tmp_path):
+    exported = export(tables, ".h", fixed_point_bits=bits)
     draw = np.random.default_rng(0)
     x, theta = draw.uniform(-10, 40, 1000), draw.uniform(-7, 7, 1000)
-    given = "\n".join(f"{a:.17g} {b:.17g}" for a, b in zip(x, theta)) + "\n99 0.3\n"
-    out = subprocess.run(
-        ["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True
-    ).stdout
-    table = np.array([[float(v) for v in line.split()] for line in out.splitlines()])
+    table = compiled(exported.text, [*zip(x, theta), (99.0, 0.3)], tmp_path)
     drift, scale = tables.values_at(x, theta)
     for column, truth, name in ((0, drift, "drift_rad_s"), (1, scale, "scale_factor")):
         stated = exported.errors[f"{name}_interpolation"] + exported.errors[f"{name}_rounding"]
@@ -77,6 +89,28 @@ def test_header_compiles_and_agrees_within_its_stated_errors(tables, bits, tmp_p
     assert table[:-1, 2] == pytest.approx((drift + 0.2) / scale, abs=1e-4)
     assert (table[:-1, 3] == 1).all() and table[-1, 3] == 0
     assert exported.errors["drift_rad_s_interpolation"] < np.median(tables.drift_rad_s_std)
+
+
+@pytest.mark.parametrize("bits", [0, 16])
+def test_the_stated_worst_error_holds_where_rounding_is_all_of_it(tables, bits, tmp_path):
+    """Tables that are straight over the temperature and the same at every angle: interpolation
+    adds nothing, and the macros must hold what the stored numbers round."""
+    flat = {}
+    for name, first, rise in (("drift", 1e-3, 2e-3), ("scale_factor", 0.55, 0.03)):
+        harmonics = np.zeros_like(getattr(tables, f"{name}_harmonics"))
+        harmonics[:, 0] = first + rise * (tables.temperature_degc + 10) / 50 * np.pi / 3
+        flat[f"{name}_harmonics"] = harmonics
+    straight = tables.replace(**flat)
+    exported = export(straight, ".h", fixed_point_bits=bits)
+    draw = np.random.default_rng(1)
+    x, theta = draw.uniform(-10, 40, 2000), draw.uniform(-7, 7, 2000)
+    found = compiled(exported.text, list(zip(x, theta)), tmp_path)
+    for column, truth, name in zip((0, 1), straight.values_at(x, theta), flat):
+        worst, stated = np.abs(found[:, column] - truth).max(), found[0, 4 + column]
+        grain = np.spacing(np.abs(truth).max())
+        assert exported.errors[f"{name.removesuffix('_harmonics')}_interpolation".replace(
+            "drift_", "drift_rad_s_")] < 100 * grain  # fmt: skip
+        assert 100 * grain < worst <= 1.05 * stated, (name, worst, stated)
 
 
 def test_one_node_and_refusals(tables):

@@ -6,7 +6,7 @@ import pytest
 from forced_runs import Truth, programme
 
 from hrg_cli.errors import HrgError
-from hrg_cli.limits import check
+from hrg_cli.limits import MOST_LIMITS, check
 from hrg_cli.settings import load_toml
 from hrg_cli.stages.calibrate import calibrate
 
@@ -81,3 +81,14 @@ def test_a_figure_at_its_limit_passes_and_beyond_does_not(record):
         assert check(whole, {"calibration": {"details.figure": {"minimum": 8.5 - value}}})[
             -1
         ].passed is (not passed)
+
+
+@pytest.mark.parametrize("count", [MOST_LIMITS, MOST_LIMITS + 1])
+def test_a_file_of_limits_is_bounded(record, count):
+    """A limits file of hundreds of thousands of keys is no limits file; its work is refused."""
+    table = {"calibration": {f"bias_{k}": {"minimum": 0.0} for k in range(count)}}
+    if count > MOST_LIMITS:
+        with pytest.raises(HrgError, match=f"hold {count} entries .* {MOST_LIMITS} at most"):
+            check(record, table)
+    else:
+        assert len(check(record, table)) == count + 1  # and the status

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import records_by_hand
-from conftest import ringing
+from conftest import PACKAGE, ringing
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError, UsageError
@@ -197,7 +197,7 @@ def test_an_input_whose_name_is_no_text_is_read(tmp_path):
         command,
         capture_output=True,
         check=False,
-        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+        env=os.environ | {"PYTHONPATH": str(PACKAGE)},
     )
     assert done.returncode == 0 and json.loads(done.stdout)["status"] == "valid", done
     assert "demodulate" in store.read_any(tmp_path / "b.h5").provenance.history[-1]
@@ -254,7 +254,7 @@ def test_words_of_libraries_do_not_reach_standard_output(tmp_path):
             "print('after')",
         ]
     )
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = os.environ | {"PYTHONPATH": str(PACKAGE)}
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import records_by_hand as by_hand
-from conftest import ringing
+from conftest import PACKAGE, ringing
 
 from hrg_cli import store
 from hrg_cli.records import Recording, Wave
@@ -31,7 +31,7 @@ def bash(line, folder, **more):
     environment = (
         os.environ
         | {
-            "PYTHONPATH": str(ROOT),
+            "PYTHONPATH": str(PACKAGE),
             "PATH": f"{tool.parent}:{os.environ['PATH']}",
             "TMPDIR": str(folder / "tmp"),
         }

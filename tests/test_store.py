@@ -4,15 +4,18 @@ when it is wrong."""
 import errno
 import json
 import os
+import sys
 import threading
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 import xarray
+from conftest import ringing
 
 from hrg_cli import store
-from hrg_cli.errors import HrgError
+from hrg_cli.errors import DiskFullError, HrgError
 from hrg_cli.records import (
     KINDS,
     Calibration,
@@ -397,3 +400,84 @@ def test_whether_a_file_is_hdf5_is_not_said_where_it_cannot_be_read(tmp_path, mo
         store.is_hdf5(tmp_path / "x.h5")
     with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
         store.kind_of(tmp_path / "x.h5")
+
+
+def test_a_write_that_is_lost_while_an_object_is_let_go_is_none(tmp_path, capfd):
+    """h5py can only print such an error; a file with a hole must not look whole."""
+
+    def lose(last):
+        error = RuntimeError(
+            "Can't decrement id ref count (file write failed: errno = 28, error message = 'No space"
+            " left on device', total write size = 16, offset = 2432)"
+        )
+        told = SimpleNamespace(
+            exc_type=RuntimeError, exc_value=error, exc_traceback=None, err_msg=None, object=None
+        )
+        sys.excepthook(RuntimeError, error, None)
+        sys.unraisablehook(told)
+        return last
+
+    with pytest.raises(DiskFullError, match="the disk is full"):
+        store.write(tmp_path / "out.h5", ringing(), finish=lose)
+    assert os.listdir(tmp_path) == [] and capfd.readouterr().err == ""
+
+
+def test_other_errors_of_objects_let_go_are_told(tmp_path, monkeypatch):
+    told = []
+
+    class Failing:
+        def __del__(self):
+            raise ValueError("of somebody else")
+
+    def fail(last):
+        Failing()
+        return last
+
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    store.write(tmp_path / "out.h5", ringing(), finish=fail)
+    assert [one.exc_type for one in told] == [ValueError]
+
+
+@pytest.mark.parametrize("said", [b"\xf4able", b"caf\xe9", b"\xed\xa0\x80"])
+def test_text_that_is_no_utf8_is_read_as_text(said, hrg, tmp_path):
+    path = tmp_path / "run.h5"
+    store.write(path, ringing(gyro_id="gyro"))
+    with h5py.File(path, "r+") as file:
+        file["recording"].attrs.create("gyro_id", said, dtype=h5py.string_dtype("utf-8"))
+    read = store.read_any(path).gyro_id
+    assert read.encode("utf-8") and "\ufffd" in read
+    done = hrg("info", path, "-o", tmp_path / "info.json")
+    assert done.status in (0, 3) and "internal" not in done.err, done
+
+
+def test_a_kind_that_there_is_not_is_named_with_those_there_are(tmp_path):
+    path = tmp_path / "run.h5"
+    store.write(path, ringing())
+    with h5py.File(path, "r+") as file:
+        file.attrs["kind"] = "gyroscope"
+    with pytest.raises(HrgError, match=r"its kind is 'gyroscope', expected one of .*recording"):
+        store.read_any(path)
+
+
+@pytest.mark.parametrize("value", [2.5, np.float32(1.5)])
+def test_a_whole_number_that_is_none_is_refused(value, tmp_path):
+    path = tmp_path / "run.h5"
+    store.write(path, ringing())
+    with h5py.File(path, "r+") as file:
+        file["recording"].attrs["mode_number"] = value
+    with pytest.raises(HrgError, match=rf"mode_number .*is '{value}', a number was expected"):
+        store.read_any(path)
+
+
+def test_what_shrinks_is_compressed_and_noise_is_not(tmp_path):
+    """A constant column takes a small part of its size on disk; noise would only cost time."""
+    wave = small(Wave, 4000)
+    noise = np.random.default_rng(0).normal(size=4000)
+    store.write(
+        tmp_path / "wave.h5",
+        wave.replace(temperature_degc=np.full(4000, 20.0), main_amplitude=2 + 0.1 * noise),
+    )
+    with h5py.File(tmp_path / "wave.h5") as file:
+        constant, noisy = file["wave/temperature_degc"], file["wave/main_amplitude"]
+        assert constant.id.get_storage_size() < 0.1 * constant.size * 8
+        assert noisy.compression is None and noisy.id.get_storage_size() >= noisy.size * 8

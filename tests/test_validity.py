@@ -230,3 +230,35 @@ def test_more_records_may_be_open_than_files(tmp_path, monkeypatch):
         with pytest.raises(HrgError, match=r"0\.h5: changed while it was read"):
             records[0].rows(0, 2)
     assert not handles._in_use
+
+
+def test_rows_that_fall_between_two_blocks_are_seen(tmp_path):
+    """Each block rises by itself; the second begins before the first ended."""
+    path = tmp_path / "wave.h5"
+    store.write(path, small(Wave, 40))
+    with h5py.File(path, "r+") as file:
+        time = file["wave/time_s"]
+        time[20:] = time[20:] - (time[20] - time[15])
+    with store.open_record(path, Wave) as record:
+        blocks = record.blocks(20)
+        next(blocks)
+        with pytest.raises(HrgError, match=r"time_s holds .* in row 21 after .* must increase"):
+            next(blocks)
+
+
+@pytest.mark.parametrize("stored", [">f8", "<f4", ">i4"])
+def test_rows_read_lazily_have_the_declared_type(stored, tmp_path):
+    """Another program's byte order or width: what is computed with is the machine's double."""
+    path = tmp_path / "wave.h5"
+    store.write(path, small(Wave, 12))
+    values = np.arange(1, 13)
+    with h5py.File(path, "r+") as file:
+        units = file["wave/main_amplitude"].attrs["units"]
+        del file["wave/main_amplitude"]
+        made = file.create_dataset("wave/main_amplitude", data=values.astype(stored))
+        made.attrs["units"] = units
+    with store.open_record(path, Wave) as record:
+        read = next(record.blocks(12)).main_amplitude
+        assert read.dtype == np.dtype(float) and read.dtype.isnative
+        assert (record.main_amplitude[3:7] * 2.5).dtype == np.dtype(float)
+    np.testing.assert_array_equal(read, values)

@@ -85,19 +85,20 @@ def diagnose_files(
         further["resonator"] = read_believed(model, mean_temperature(waves))
     elif model is not None:
         beside["resonator"] = model
-    outcome = pipeline.run_stage(
-        "diagnose",
-        waves,
-        output,
-        values,
-        beside=beside,
-        further=further,
-        force=run.force,
-        command_line=command_line(),
-        progress=progress,
-    )
-    assert isinstance(outcome.record, Diagnosis)
-    written = write_extended(outcome.record, output, run.force)
+    with store.whole_or_none([output, extended, resonator]):
+        outcome = pipeline.run_stage(
+            "diagnose",
+            waves,
+            output,
+            values,
+            beside=beside,
+            further=further,
+            force=run.force,
+            command_line=command_line(),
+            progress=progress,
+        )
+        assert isinstance(outcome.record, Diagnosis)
+        written = write_extended(outcome.record, output, run.force)
     told = answer([outcome.record], (), {"diagnosis": output.name})
     more = {
         "extended_model": str(extended) if extended in written else None,

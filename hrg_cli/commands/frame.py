@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import functools
 import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, get_args
@@ -336,6 +337,18 @@ def command(
     return register
 
 
+@contextlib.contextmanager
+def _dropped_where_it_fails(output: Path | None) -> Iterator[None]:
+    """A command that fails leaves no output, also where it fails after writing it."""
+    if output is None:
+        yield
+        return
+    from ..store import whole_or_none
+
+    with whole_or_none([output], unless=(typer.Exit,)):
+        yield
+
+
 def _piped(
     name: str, function: Callable[..., None], common: Common, arguments: Mapping[str, Any]
 ) -> None:
@@ -353,7 +366,8 @@ def _piped(
 
         message(slow)
     try:
-        function(common, **given)
+        with _dropped_where_it_fails(common.output):
+            function(common, **given)
     except KeyboardInterrupt:
         if common.output is not None and common.output.is_dir():
             raise InterruptedRunError(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +13,8 @@ import typer
 
 from .. import pipeline, settings, store
 from ..effects import load_effects
+from ..errors import HrgError
+from ..executors import local_processes, run_tasks
 from ..records import Recording
 from ..reporting import console
 from ..stages.simulate import run_ids, simulate, summary
@@ -82,7 +84,8 @@ def simulate_files(
         Task(config, file, effects_from, {**values, "run": name}, path, run.force, command_line())
         for name, path in zip(names, outputs)
     ]
-    reports = list(_all(tasks, run.jobs, progress))
+    with store.whole_or_none(outputs):
+        reports = _all(tasks, run.jobs, progress)
     statuses = [report["status"] for report in reports]
     return {
         "kind": "recording",
@@ -98,22 +101,22 @@ def simulate_files(
     }
 
 
-def _all(tasks: Sequence[Task], jobs: int, progress: pipeline.Progress) -> Iterator[dict[str, Any]]:
+def _all(tasks: Sequence[Task], jobs: int, progress: pipeline.Progress) -> list[dict[str, Any]]:
     if len(tasks) == 1:
-        yield _one(tasks[0], progress)
-    elif jobs > 1:
-        with ProcessPoolExecutor(jobs) as pool:
-            yield from _counted(pool.map(_one, tasks), len(tasks), progress)
-    else:
-        yield from _counted(map(_one, tasks), len(tasks), progress)
+        return [_one(tasks[0], progress)]
+    reports = run_tasks(
+        _one, tasks, partial(local_processes, jobs), lambda count: progress(count / len(tasks))
+    )
+    return [_known(report, task) for report, task in zip(reports, tasks, strict=True)]
 
 
-def _counted(
-    done: Iterable[dict[str, Any]], total: int, progress: pipeline.Progress
-) -> Iterator[dict[str, Any]]:
-    for count, report in enumerate(done, 1):
-        progress(count / total)
-        yield report
+def _known(report: dict[str, Any] | None, task: Task) -> dict[str, Any]:
+    if report is None:
+        raise HrgError(
+            f"{task.output}: the process that simulated it was killed, probably for want of memory;"
+            " simulate with fewer --jobs"
+        )
+    return report
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,15 @@
 """The ledger as one SQLite file: opened, written in one transaction, read whole.
 
 A rollback journal, no write-ahead log: the first also holds on a shared folder, the second does not
-(https://www.sqlite.org/wal.html, §1). A writer waits for another one's transaction.
+(https://www.sqlite.org/wal.html, §1). A writer waits for another one's transaction. A new ledger is
+made under a temporary name and gets its own when whole, as every output.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,6 +17,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ..errors import HrgError
+from ..store.atomic import atomic_path
 from .entry import Entry, Figure
 
 APPLICATION, VERSION = 0x68726731, 1
@@ -41,7 +44,28 @@ _SCHEMA = (
 def add(path: Path, entries: Sequence[Entry]) -> list[bool]:
     """Enter all, or none where anything fails; whether each is new (by its SHA-256). HrgError: the
     database is damaged, another program's, busy, or cannot be written."""
-    with _opened(path, "rwc") as connection:
+    if not os.path.lexists(path) and path.parent.is_dir():
+        try:
+            return _add_to_new(path, entries)
+        except HrgError as error:
+            if not path.exists():  # otherwise another program has made it meanwhile
+                raise HrgError(str(error).replace("--output", "--ledger")) from error
+    return _add_to(path, path, entries)
+
+
+def _add_to_new(path: Path, entries: Sequence[Entry]) -> list[bool]:
+    """Make the ledger whole or not at all: nothing is left of one whose disk was full."""
+    with atomic_path(path) as temporary:
+        return _add_to(temporary, path, entries, journal="MEMORY")
+
+
+def _add_to(
+    place: Path, path: Path, entries: Sequence[Entry], journal: str = "DELETE"
+) -> list[bool]:
+    """Enter all or none into the file at `place`, which errors call `path`. A file that is dropped
+    where anything fails needs no journal beside it."""
+    with _opened(place, "rwc", path) as connection:
+        connection.execute(f"PRAGMA journal_mode = {journal}")
         connection.execute("BEGIN IMMEDIATE")
         try:
             _make_tables(connection, path)
@@ -60,7 +84,7 @@ def read_entries(path: Path) -> list[Entry]:
             f"{path}: no such ledger; make one with `hrg ledger add FILE`, or name it with --ledger"
         )
     left_by_a_killed_writer = Path(f"{path}-journal").exists()  # only who may write can undo it
-    with _opened(path, "rw" if left_by_a_killed_writer else "ro") as connection:
+    with _opened(path, "rw" if left_by_a_killed_writer else "ro", path) as connection:
         connection.execute("BEGIN")
         _need_own(connection, path)
         figures: dict[int, dict[str, Figure]] = {}
@@ -74,17 +98,18 @@ def read_entries(path: Path) -> list[Entry]:
 
 
 @contextlib.contextmanager
-def _opened(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
-    """A connection that is closed on leaving; every way SQLite fails becomes a sentence."""
+def _opened(place: Path, mode: str, path: Path) -> Iterator[sqlite3.Connection]:
+    """A connection to `place` that is closed on leaving; every way SQLite fails becomes a sentence
+    that names `path`."""
     if not path.parent.is_dir():
         raise HrgError(f"{path}: the folder {path.parent} does not exist; make it first")
     if path.exists() and not path.is_file():
         raise HrgError(f"{path}: is no regular file; name a file for the ledger")
     connection = None
     try:
-        place = quote(str(path.absolute()).encode("utf-8", "surrogateescape"))
+        address = quote(str(place.absolute()).encode("utf-8", "surrogateescape"))
         connection = sqlite3.connect(
-            f"file:{place}?mode={mode}", uri=True, timeout=WAIT_S, isolation_level=None
+            f"file:{address}?mode={mode}", uri=True, timeout=WAIT_S, isolation_level=None
         )
         connection.execute("PRAGMA trusted_schema = OFF")
         connection.execute("PRAGMA cell_size_check = ON")

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import chain
-from ..errors import DiskFullError, HrgError
+from ..errors import NO_MEMORY, DiskFullError, HrgError, is_no_memory
 from .gyro_page import answer_gyro
 
 TABLED = (
@@ -220,7 +220,5 @@ def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     except HrgError as error:
         result |= {"status": "failed", "error": str(error)}
     except Exception as error:
-        result |= {
-            "status": "failed",
-            "error": f"internal error: {type(error).__name__}: {str(error)[:200]}",
-        }
+        said = f"internal error: {type(error).__name__}: {str(error)[:200]}"
+        result |= {"status": "failed", "error": NO_MEMORY if is_no_memory(error) else said}

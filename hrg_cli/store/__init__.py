@@ -6,7 +6,7 @@ replaced only when asked. Datasets carry dimension scales, so each group opens w
 `xarray.open_dataset(path, group=..., engine="h5netcdf")`.
 """
 
-from .atomic import atomic_path, check_output, remove_stale
+from .atomic import atomic_path, check_output, remove_stale, whole_or_none
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
 from .reading import (
     changes,
@@ -39,5 +39,6 @@ __all__ = [
     "remove_stale",
     "sha256",
     "texts_of",
+    "whole_or_none",
     "write",
 ]

@@ -16,7 +16,7 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ..errors import NO_MEMORY, DiskFullError, HrgError, UsageError, is_no_memory
@@ -104,13 +104,47 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def quieten_hdf5() -> Iterator[None]:
-    """While a failed file is let go: h5py prints a traceback for each object it cannot flush, which
-    says nothing new."""
-    hooks = sys.unraisablehook, sys.excepthook
-    sys.unraisablehook, sys.excepthook = (lambda _: None), (lambda *_: None)
+def whole_or_none(
+    outputs: Sequence[Path], unless: tuple[type[BaseException], ...] = ()
+) -> Iterator[None]:
+    """Outputs that belong together: where the block fails (but by `unless`), no file that it has
+    written stays."""
+    before = {path: _stamp(path) for path in outputs}
     try:
         yield
+    except unless:
+        raise
+    except BaseException:
+        for path, stamp in before.items():
+            if _stamp(path) not in (None, stamp) and path.is_file():
+                with contextlib.suppress(OSError):
+                    path.unlink()
+        raise
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    with contextlib.suppress(OSError):
+        found = path.stat()
+        return found.st_ino, found.st_mtime_ns
+    return None
+
+
+@contextlib.contextmanager
+def lost_writes() -> Iterator[list[BaseException]]:
+    """Errors that h5py meets while it lets go of an object, which it can only print; while a failed
+    file is let go they say nothing new, otherwise a write is lost."""
+    hooks = sys.unraisablehook, sys.excepthook
+    lost: list[BaseException] = []
+
+    def keep(told: sys.UnraisableHookArgs) -> None:
+        if isinstance(told.exc_value, RuntimeError):
+            lost.append(told.exc_value)
+        else:
+            hooks[0](told)
+
+    sys.unraisablehook, sys.excepthook = keep, (lambda *_: None)
+    try:
+        yield lost
     finally:
         sys.unraisablehook, sys.excepthook = hooks
 

@@ -155,9 +155,11 @@ def _texts(file: h5py.File, group: str, names: Sequence[str]) -> dict[str, str]:
 
 
 def _text(value: Any) -> str:
+    """The text that every program can write again: bytes that are no UTF-8 become U+FFFD."""
     if isinstance(value, np.ndarray) and value.shape == (1,):
         value = value[0]
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    raw = value if isinstance(value, bytes) else str(value).encode("utf-8", "surrogatepass")
+    return raw.decode("utf-8", "replace")
 
 
 def _kind(file: h5py.File, path: Path) -> type[Record]:

@@ -27,7 +27,7 @@ import numpy as np
 from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
 from ..version import __version__
-from .atomic import atomic_path, quieten_hdf5
+from .atomic import atomic_path, lost_writes
 from .checksums import Running, seal
 from .handles import reading
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
@@ -95,7 +95,7 @@ def write(
     ...
     hrg_cli.errors.HrgError: ...
     """
-    with atomic_path(path, force) as temporary:
+    with atomic_path(path, force) as temporary, lost_writes() as lost:
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
         last: AnyRecord | None = None
         file: h5py.File | None = None
@@ -119,13 +119,14 @@ def write(
             _finish(file, last)
             seal(file, running)
             file.close()
+            if lost:
+                raise lost[0]
         except BaseException as error:
-            with quieten_hdf5():
-                traceback.clear_frames(error.__traceback__)
-                if file is not None:
-                    with contextlib.suppress(Exception):
-                        file.close()
-                file = None
+            traceback.clear_frames(error.__traceback__)
+            if file is not None:
+                with contextlib.suppress(Exception):
+                    file.close()
+            file = None
             if isinstance(error, RuntimeError) and (
                 number := re.search(r"errno = (\d+)", str(error))
             ):

@@ -1,5 +1,7 @@
 """The ledger's file: whole or nothing, two writers at once, damage told in one sentence."""
 
+import contextlib
+import resource
 import sqlite3
 import subprocess
 import sys
@@ -12,7 +14,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.ledger import database
 from hrg_cli.ledger.entry import Figure
 
-ROOT = Path(__file__).parents[2]
+PACKAGE = Path(database.__file__).parents[2]
 
 
 def entries(count, gyro="SN"):
@@ -55,6 +57,50 @@ def test_nothing_is_entered_where_one_fails(tmp_path):
     assert database.read_entries(path) == entries(2)
 
 
+@contextlib.contextmanager
+def files_no_longer_than(size):
+    """A disk with so much room: longer files cannot be written."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("room", [0, 4096, 40_000])
+def test_a_new_ledger_is_whole_or_absent(room, tmp_path):
+    path = tmp_path / "l.sqlite"
+    with files_no_longer_than(room), pytest.raises(HrgError, match=r"l\.sqlite: ") as refused:
+        database.add(path, entries(500))
+    assert ".tmp" not in str(refused.value), "the sentence names what the user named"
+    assert list(tmp_path.iterdir()) == []
+    assert database.add(path, entries(2)) == [True] * 2
+
+
+def test_an_old_ledger_is_as_it_was_where_the_disk_is_full(tmp_path):
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(2))
+    with files_no_longer_than(path.stat().st_size), pytest.raises(HrgError):
+        database.add(path, entries(500, "NEW"))
+    assert database.read_entries(path) == entries(2)
+
+
+def test_a_ledger_made_by_another_meanwhile_is_added_to(tmp_path, monkeypatch):
+    path = tmp_path / "l.sqlite"
+    make_new = database._add_to_new
+
+    def after_another(new, given):
+        monkeypatch.undo()
+        database.add(path, entries(3, "THEIRS"))
+        return make_new(new, given)
+
+    monkeypatch.setattr(database, "_add_to_new", after_another)
+    assert database.add(path, entries(2)) == [True] * 2
+    assert database.read_entries(path) == [*entries(3, "THEIRS"), *entries(2)]
+    assert [one.name for one in tmp_path.iterdir()] == ["l.sqlite"]
+
+
 WRITER = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -70,7 +116,7 @@ def test_two_writers_at_once_lose_nothing(tmp_path):
     path = tmp_path / "l.sqlite"
     arguments = [sys.executable, "-c", WRITER, str(Path(__file__).parent), str(path)]
     writers = [
-        subprocess.Popen([*arguments, name], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+        subprocess.Popen([*arguments, name], cwd=PACKAGE, stderr=subprocess.PIPE, text=True)
         for name in ("A", "B")
     ]
     for writer in writers:

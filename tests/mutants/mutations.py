@@ -261,7 +261,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("(suspect if clipped > 0.01 * self.rows", "(suspect if clipped > 0.2 * self.rows"),
             ("(suspect if bad > 0.01 * self.rows", "(suspect if bad > 0.2 * self.rows"),
-            ("(suspect if gaps > 0.1 * self.rows", "(suspect if gaps > 0.9 * self.rows"),
+            ("(suspect if gaps > GAPS_SHARE * self.rows", "(suspect if gaps > 9 * GAPS_SHARE * self.rows"),
             ("if bad == self.rows:", "if False:"),
             ("series[outside] = np.nan", "pass"),
             ("rows[\"flags\"][:stop][far[:stop]] |= FLAG_SETTLING", "pass"),
@@ -434,7 +434,8 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("correction=c_comment(calibration.correction)", "correction=calibration.correction"),
             ("+ errors[\"drift_rad_s_rounding\"]", ""),
             ("+ errors[\"scale_factor_rounding\"]", ""),
-            ("* 32768).astype(np.int64), (v", "* 16384).astype(np.int64), (v"),
+            ("(int64_t)(u * 32768.0), k", "(int64_t)(u * 16384.0), k"),
+            ("(over_nodes + over_angles) / PLACES", "over_nodes / PLACES / 4"),
         ),
     ),
     "reporting/text.py": (

@@ -9,6 +9,8 @@ build/faults/mutants.json; `--resume` runs what was not yet run on the files as 
 from __future__ import annotations
 
 import argparse
+import ast
+import functools
 import hashlib
 import importlib
 import json
@@ -51,10 +53,43 @@ class Mutation:
     new: str
 
     def key(self) -> str:
-        """Digest of the change, of the file and of its tests: a verdict holds while they stay."""
-        read = [ROOT / "hrg_cli" / self.file, *(ROOT / test for test in self.tests)]
-        parts = [self.old.encode(), self.new.encode(), *(path.read_bytes() for path in read)]
-        return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
+        """Digest of the change and of the file: what a verdict was passed on."""
+        return _digest(self.old, self.new, _text(ROOT / "hrg_cli" / self.file))
+
+    def seen_by(self, by: str) -> str:
+        """Digest of what a verdict rests on: the test that saw the change, or all of them where
+        none did. It holds while that stays."""
+        seen = source_of(by)
+        return _digest(seen or "\0".join(_text(ROOT / test) for test in self.tests))
+
+    def still(self, row: dict) -> bool:
+        """Whether a verdict on this change still holds."""
+        return row["key"] == self.key() and row["seen_by"] == self.seen_by(row["by"])
+
+
+@functools.cache
+def _text(path: Path) -> str:
+    return path.read_text()
+
+
+def _digest(*texts: str) -> str:
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
+
+
+@functools.cache
+def source_of(test: str) -> str:
+    """The text of a test function by its name (FILE::NAME[PARAMETERS]); empty where there is
+    none."""
+    place, _, name = test.partition("[")[0].partition("::")
+    path = ROOT / place
+    if not name or not path.is_file():
+        return ""
+    text = path.read_text()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef) and node.name == name.rpartition("::")[2]:
+            first = min([node.lineno, *(one.lineno for one in node.decorator_list)])
+            return "\n".join(text.splitlines()[first - 1 : node.end_lineno])
+    return ""
 
 
 @dataclass
@@ -216,9 +251,10 @@ def kept() -> dict[str, dict]:
 
 def keep(rows: dict[str, dict]) -> None:
     """Write down what came of every change of today's list that was run."""
-    keys = [change.key() for change in chosen("", "", 0, 0)]
+    changes = [(change, rows.get(change.key())) for change in chosen("", "", 0, 0)]
     KEPT.parent.mkdir(parents=True, exist_ok=True)
-    told = {"listed": len(keys), "changes": [rows[key] for key in keys if key in rows]}
+    held = [row for change, row in changes if row is not None and change.still(row)]
+    told = {"listed": len(changes), "changes": held}
     KEPT.write_text(json.dumps(told, indent=1) + "\n")
 
 
@@ -234,11 +270,14 @@ def run(changes: list[Mutation], before: dict[str, dict]) -> tuple[dict[str, dic
         )
         runner = Runner(folder)
         for change in changes:
-            found = None if change.key() in before else runner.noticed(change)
+            key = change.key()
+            if key in before and change.still(before[key]):
+                continue
+            found = runner.noticed(change)
             if found is None:
                 continue
-            row = {"key": change.key(), "file": change.file, "old": change.old, "new": change.new}
-            rows[change.key()] = row | found
+            row = {"key": key, "file": change.file, "old": change.old, "new": change.new}
+            rows[key] = row | found | {"seen_by": change.seen_by(str(found["by"]))}
             keep(rows)
             print(
                 f"{found['verdict']:8} {found['seconds']:6} s {change.file}: {change.old[:60]!r} →"

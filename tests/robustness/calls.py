@@ -16,6 +16,7 @@ from pathlib import Path
 
 import batches
 import judge
+import numpy as np
 import programme
 
 SHIM = Path(__file__).with_name("fail_nth.c")
@@ -50,14 +51,15 @@ def put_failures(
     cases: Sequence[programme.Case],
     most: int,
     calls: Sequence[tuple[str, int]] = CALLS,
+    sample: int = 0,
 ) -> tuple[Counter, list[str]]:
-    """The first `most` calls of each kind that each command makes, failing one at a time: how each
-    ended, and what broke a promise."""
+    """The first `most` calls of each kind that each command makes (at most `sample` of them where
+    it is given), failing one at a time: how each ended, and what broke a promise."""
     trials = [
         Failing(case, call, nth, code)
         for case in cases
         for call, code, made in _made(case, good, folder, calls)
-        for nth in range(1, min(most, made) + 1)
+        for nth in tried(min(most, made), sample)
     ]
     together = [trial for trial in trials if trial.call in READING]
     alone = [trial for trial in trials if trial.call not in READING]
@@ -76,6 +78,14 @@ def put_failures(
             )
             print(failures[-1], file=sys.stderr, flush=True)
     return counts, failures
+
+
+def tried(made: int, sample: int) -> list[int]:
+    """Every one of the calls made, or `sample` of them spread evenly, the first and last among
+    them."""
+    if not sample or made <= sample:
+        return list(range(1, made + 1))
+    return sorted({round(nth) for nth in np.linspace(1, made, sample)})
 
 
 def _made(

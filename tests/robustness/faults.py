@@ -173,11 +173,19 @@ def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=0, help="damaged inputs")
     parser.add_argument("--failures", type=int, default=0, help="calls of each kind and command")
+    parser.add_argument(
+        "--sampled",
+        type=int,
+        default=0,
+        help="of commands that take seconds only so many of these calls, spread evenly",
+    )
     parser.add_argument("--kills", type=int, default=0, help="kills")
     parser.add_argument(
         "--seed", type=int, default=int(os.environ.get("HRG_TEST_SEED") or time.time()) % 2**31
     )
-    parser.add_argument("--only", default="", help="commands whose names contain this")
+    parser.add_argument(
+        "--only", default="", help="commands whose names begin with this; several joined by commas"
+    )
     parser.add_argument("--no-costly", action="store_true")
     return parser.parse_args()
 
@@ -190,7 +198,7 @@ def main() -> int:
     judge.warm()
     folder = Path(tempfile.mkdtemp(prefix="hrg-faults-"))
     good = programme.build(judge.clean(folder / "good"))
-    cases = [case for case in programme.ready(good, not asked.no_costly) if asked.only in case.name]
+    cases = programme.named(programme.ready(good, not asked.no_costly), asked.only)
     failures = replay(good, folder / "trial") if asked.trials and not asked.only else []
     if asked.trials:
         used = sum(os.times()[:4])
@@ -201,8 +209,11 @@ def main() -> int:
         failures += broken
     if asked.failures:
         for case in cases:
-            counts, broken = calls.put_failures(good, folder / "trial", [case], asked.failures)
-            keep("calls.jsonl", {"most": asked.failures}, counts, broken)
+            sample = asked.sampled if case.costly else 0
+            counts, broken = calls.put_failures(
+                good, folder / "trial", [case], asked.failures, sample=sample
+            )
+            keep("calls.jsonl", {"most": asked.failures, "sample": sample}, counts, broken)
             print(f"{sum(counts.values())} failing calls\n{told_by_case(counts)}", flush=True)
             failures += broken
     if asked.kills:

@@ -57,8 +57,8 @@ def killed_cases(good: Path) -> list[programme.Case]:
     cases = [case for case in programme.ready(good) if case.name != "batch"]
     lots = {
         "batch": "",
-        "batch, two processes": "--jobs 2",
-        "batch, Dask": "--jobs 2 --dask",
+        "batch with two processes": "--jobs 2",
+        "batch with Dask": "--jobs 2 --dask",
     }
     inputs = ("lots.toml", *(f"recording-{k}.h5" for k in range(GYROS)))
     for name, options in lots.items():
@@ -72,7 +72,7 @@ def put_kills(
 ) -> Iterator[tuple[str, str, str]]:
     """So many kills over the commands in turn: of each the command, when it fell, and in words what
     broke a promise (empty: nothing)."""
-    cases = [case for case in killed_cases(good) if only in case.name]
+    cases = programme.named(killed_cases(good), only)
     quick = [case for case in cases if not case.costly] or cases
     costly = [case for case in cases if case.costly] or cases
     rng = random.Random(seed)

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+import hrg_cli
+
 HANG_S, WAITS = 10.0, 6
 """A hang: so much processor time (a busy machine is none), or six times that on the clock."""
 HEADER = 4096
@@ -80,7 +82,10 @@ class Trials:
         self.start_mb = 0.0
 
     def _start(self) -> subprocess.Popen[bytes]:
-        roots = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
+        roots = [
+            str(Path(hrg_cli.__file__).parents[1]),
+            *filter(None, [os.environ.get("PYTHONPATH")]),
+        ]
         environment = {
             **os.environ,
             "OMP_NUM_THREADS": "1",

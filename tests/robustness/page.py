@@ -21,6 +21,12 @@ One judge holds every run to the promises: exit status 0, 1, 2 or 3; with 1 and 
 output; with 0 and 3 one JSON object; no traceback, no library's words, no half file, no figure that is not finite in a valid result,
 bounded time and memory. An input that broke one is kept in `tests/robustness/corpus.json` and replayed in every run of the tests.
 """
+LIBRARY = """A crash at a failed allocation is the library's: numpy (2.4.6) lets go of Python's lock before the iterator of a
+broadcast of more than 500 elements allocates its buffers (64 KiB each), and where these cannot be had it raises MemoryError
+without the lock (`npyiter_allocate_buffers` below `NpyIter_Reset`). `np.ones(4000)[:, None, None] * np.eye(2)` with the second
+allocation refused ends in a segmentation fault without any code of this project. What such an end leaves is what a kill leaves:
+the output is absent, and the next run removes the temporary file.
+"""
 
 
 def damage(runs: list[dict[str, Any]]) -> str:
@@ -53,20 +59,38 @@ def calls(runs: list[dict[str, Any]]) -> str:
     for run in latest.values():
         for _, call, status, number in run["counts"]:
             counts[call, status] += number
+    kinds = sorted({call for call, _ in counts})
     lines = [
         f"* {call}: "
         + ", ".join(f"{n} × exit {s}" for (c, s), n in sorted(counts.items()) if c == call)
-        for call in sorted({call for call, _ in counts})
+        for call in kinds
     ]
     most = sorted({run["most"] for run in latest.values()})
+    samples = sorted({run["sample"] for run in latest.values() if run.get("sample")})
+    sampled = f" (of those that take seconds {_either(samples)}, spread evenly)" if samples else ""
     broken = sum(len(run["failures"]) for run in latest.values())
     return (
-        f"## Failing calls\n\nThe first {' or '.join(map(str, most))} of each kind that each of"
-        f" {len(latest)} commands makes below its folder, one at a time (allocations of 16 KiB or"
-        f" more): {sum(counts.values())} in all, {broken} broke a promise.\n\n"
+        f"## Failing calls\n\nThe first {_either(most)} of each kind that each of"
+        f" {len(latest)} commands makes below its folder{sampled}, one at a time (allocations of"
+        f" 16 KiB or more): {sum(counts.values())} in all, {broken} broke a promise.\n\n"
         + "\n".join(lines)
-        + "\n"
+        + f"\n\n| command | {' | '.join(kinds)} | broke |\n|---|{'---|' * (len(kinds) + 1)}\n"
+        + "\n".join(_calls_row(name, latest[name], kinds) for name in sorted(latest))
+        + "\n\n"
+        + LIBRARY
     )
+
+
+def _either(numbers: list[int]) -> str:
+    return " or ".join(map(str, numbers))
+
+
+def _calls_row(name: str, run: dict[str, Any], kinds: list[str]) -> str:
+    counts = Counter()
+    for _, call, _, number in run["counts"]:
+        counts[call] += number
+    cells = (str(counts[kind] or "") for kind in kinds)
+    return f"| {name} | {' | '.join(cells)} | {len(run['failures']) or ''} |"
 
 
 def kills(runs: list[dict[str, Any]]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import h5py
@@ -101,6 +101,26 @@ CASES = (
         "out.h5",
     ),
     _case("diagnose", "diagnose {free0.h5} {free1.h5} -o {out}", "free0.h5", "out.h5", costly=True),
+    _case(
+        "update",
+        "update {calibration.h5} --resonator {later.h5} -o {out}",
+        "calibration.h5 later.h5",
+        "out.h5",
+    ),
+    _case(
+        "forecast",
+        "forecast {resonator.h5} -o {out} --duration-s 20",
+        "resonator.h5",
+        "out.csv",
+    ),
+    _case("mismatch", "mismatch {forced0.h5} -o {out}", "forced0.h5", "out.csv"),
+    _case(
+        "inject",
+        "inject {recording.h5} --effect gain_mismatch --set gain=1e-3 -o {out}",
+        "recording.h5",
+        "out.h5",
+    ),
+    _case("diff", "diff {resonator.h5} {later.h5} -o {out}", "resonator.h5 later.h5", "out.json"),
     _case("export csv", "export {calibration.h5} -o {out}", "calibration.h5", "out.csv"),
     _case("export json", "export {calibration.h5} -o {out}", "calibration.h5", "out.json"),
     _case("export header", "export {calibration.h5} -o {out}", "calibration.h5", "out.h"),
@@ -138,6 +158,12 @@ CASES = (
         "ledger.sqlite limits.toml",
         "out.json",
     ),
+    _case(
+        "ledger history",
+        "ledger history G-17 --ledger {ledger.sqlite} --limits {limits.toml} -o {out}",
+        "ledger.sqlite limits.toml",
+        "out.json",
+    ),
     _case("simulate", "simulate {gyro.toml} -o {out} --seed 1", "gyro.toml", "out.h5"),
     _case("import csv", "import {log.csv} -o {out}", "log.csv", "out.h5"),
     _case("import wav", "import {log.wav} -o {out}", "log.wav", "out.h5"),
@@ -159,6 +185,14 @@ CASES = (
         "out.html",
         costly=True,
     ),
+    _case(
+        "rehearse",
+        "rehearse {resonator.h5} {free0.h5} {free1.h5} {free2.h5} --times 2 --keep-file -o {out}",
+        "resonator.h5 free0.h5",
+        "out.json",
+        costly=True,
+    ),
+    _case("run", "run {recording.h5} -o {out}", "recording.h5", "out", costly=True),
     _case("batch", "batch {lot.toml} -o {out}", "lot.toml recording.h5", "out", costly=True),
 )
 
@@ -173,6 +207,8 @@ def build(folder: Path) -> Path:
             theta, rate, seconds=1.0, window=5e-3, seed=n, gyro_id="G-17"
         )
         store.write(folder / f"free{n}.h5", wave)
+        warm = replace(wave, temperature_degc=np.full(len(wave), 20.0))
+        store.write(folder / f"warm{n}.h5", warm)
     truth = forced_runs.Truth()
     for n, (temperature, rate) in enumerate((t, r) for t in (0.0, 40.0) for r in (-0.5, 0.02, 0.5)):
         wave = forced_runs.forced_run(
@@ -180,9 +216,13 @@ def build(folder: Path) -> Path:
         )
         store.write(folder / f"forced{n}.h5", wave)
     values = settings.checked(pipeline.STAGES["identify"].function(), {})
-    pipeline.run_stage(
-        "identify", [folder / f"free{n}.h5" for n in range(3)], folder / "resonator.h5", values
-    )
+    for name, waves in (("resonator", "free"), ("later", "warm")):
+        pipeline.run_stage(
+            "identify",
+            [folder / f"{waves}{n}.h5" for n in range(3)],
+            folder / f"{name}.h5",
+            values,
+        )
     for kind in ("wave", "diagnosis"):
         record = records_by_hand.RECORDS[kind]()
         store.write(folder / f"{kind}.h5", record if kind != "wave" else record.rows(0, 300))
@@ -255,3 +295,8 @@ def ready(folder: Path, costly: bool = True) -> list[Case]:
         for case in CASES
         if (costly or not case.costly) and all((folder / name).exists() for name in case.damaged)
     ]
+
+
+def named(cases: list[Case], only: str) -> list[Case]:
+    """The cases whose names begin with one of the words in `only`, which commas join."""
+    return [case for case in cases if case.name.startswith(tuple(only.split(",")))]
