@@ -18,7 +18,7 @@ from ..units import DEGREE_PER_HOUR
 from . import answer_use, answer_words
 from .answer_words import Cause, Departure
 from .json_text import calibration_rms, entries, figure_of_merit, json_list, json_object
-from .quantities import LABELS, parameter, quantity
+from .quantities import label_of, parameter, quantity
 from .text import plain
 
 SURE = ("adequate", "explained")
@@ -131,7 +131,8 @@ def answer(
     departure = answer_words.departure_of(diagnosis) if isinstance(diagnosis, Diagnosis) else None
     causes = answer_words.causes_of(report, departure)
     verdict = plain(diagnosis.verdict) if isinstance(diagnosis, Diagnosis) else None
-    tables = _of_tables(calibration) if isinstance(calibration, Calibration) else ""
+    used = calibration if isinstance(calibration, Calibration) else None
+    tables = _of_tables(used) if used is not None else ""
     examined = _examined(results)
     if isinstance(diagnosis, Diagnosis):
         runs = len(json_list(diagnosis.run_ids))
@@ -167,10 +168,8 @@ def answer(
         suspect_runs=tuple(answer_words.suspect_run(e) for e in entries(report, "suspect_runs")),
         stability=answer_words.stability(report),
         next_runs=answer_words.next_runs(report),
-        equation=answer_use.equation(calibration is not None, [c.name for c in causes]),
-        snippet=answer_use.snippet(
-            report, calibration if isinstance(calibration, Calibration) else None, parameters
-        ),
+        equation=answer_use.equation(used, [c.name for c in causes]),
+        snippet=answer_use.snippet(report, used, parameters),
         commands=answer_use.commands(named, bool(report), calibration is not None),
     )
 
@@ -260,7 +259,7 @@ def _parameters(
     found = [
         ShownParameter(
             plain(name),
-            LABELS.get(name, plain(name)),
+            label_of(name, float(value), float(std)),
             parameter(name, value, std, units),
             float(value),
             float(std),
@@ -283,7 +282,7 @@ def _moved(report: Mapping[str, Any]) -> tuple[MovedFigure, ...]:
             found.append(
                 MovedFigure(
                     plain(name),
-                    LABELS.get(name, plain(name)),
+                    label_of(name, value, std),
                     parameter(name, believed, 0.0, units),
                     said,
                     sigma,
@@ -322,12 +321,8 @@ def _of_resonator(record: Record) -> str:
     if isinstance(record, Resonator):
         known = record.parameters()
         said = [
-            f"{label} {parameter(name, *known[name])}"
-            for name, label in (
-                ("frequency_hz", "f ="),
-                ("damping_rate_1_s", "τ ="),
-                ("frequency_split_rad_s", "Δf ="),
-            )
+            f"{label_of(name, *known[name][:2]).rsplit(' ', 1)[1]} = {parameter(name, *known[name])}"
+            for name in ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")
             if name in known
         ]
         if record.modes_alone:

@@ -98,6 +98,8 @@ def facts(record: Record) -> dict[str, Any]:
         }
     if isinstance(record, Compensated):
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
+        trade = json_object(record.details).get("trade") or {}
+        found |= {name: value for name, value in trade.items() if value is not None}
     return found
 
 
@@ -105,10 +107,9 @@ def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
     rows: list[tuple[Any, ...]] = []
     drift, scale = report.get("drift_rms_rad_s", {}), report.get("scale_factor_rms_ppm", {})
     for key in ("before", "after", "held_out"):
-        d = drift.get(key)
-        rows.append(
-            (key.replace("_", " "), None if d is None else to_deg_per_hour(d), scale.get(key))
-        )
+        d, k = drift.get(key), scale.get(key)
+        if d is not None or k is not None:  # an update knows none of them
+            rows.append((key.replace("_", " "), None if d is None else to_deg_per_hour(d), k))
     for stage in report.get("ladder", []):
         d = stage.get("drift_rms_rad_s")
         rows.append(
