@@ -1,6 +1,8 @@
 """The evidence engine on plain linear models: scores, blindness, groups, selection statistics,
 held-out errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -112,6 +114,28 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
     assert evidence.score("s", r, r[:, None], parts.basis).gain == pytest.approx(
         np.sum((r - J @ whole) ** 2), rel=1e-9
     )
+
+
+def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole():
+    """A direction over several runs that nobody knows: the steps are those of J less its part along
+    it, which no longer stands in blocks."""
+    J, blocks, random = in_runs(5)
+    unknown = evidence.orthonormal(random.standard_normal((len(J), 2)))
+    design = evidence.Design.of(J, blocks)
+    shared = design.shared - unknown @ (unknown.T @ design.shared)
+    design = replace(design, shared=shared, unknown=unknown)
+    whole = J - unknown @ (unknown.T @ J)
+    np.testing.assert_allclose(design.whole(), whole, atol=1e-9 * np.abs(J).max())
+    np.testing.assert_allclose(design.sizes(), np.linalg.norm(whole, axis=0), rtol=1e-9)
+    r = random.standard_normal(len(J))
+    r -= unknown @ (unknown.T @ r)
+    np.testing.assert_allclose(design.along(r), whole.T @ r, rtol=1e-6, atol=1e-9 * np.abs(J).max())
+    factored = evidence.factor_design(design)
+    step, covariance = factored.solve(r, np.zeros((1, J.shape[1])), np.zeros(1))
+    wanted, its = evidence.solve(whole, r)
+    np.testing.assert_allclose(step, wanted, rtol=1e-7, atol=1e-10)
+    np.testing.assert_allclose(covariance, its, rtol=1e-6, atol=1e-9 * np.abs(its).max())
+    np.testing.assert_allclose(factored.basis.along(r - whole @ wanted), 0, atol=1e-8)
 
 
 def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from hrg_cli.effects import find
-from hrg_cli.fitting.causes import extended, extended_fit
+from hrg_cli.fitting.causes import evidence, extended, extended_fit
 from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
 from hrg_cli.fitting.causes.sensitivities import base_sensitivities, propagation
+from hrg_cli.fitting.causes.wave_frame import real
 
 STRONG = {
     "cubic_stiffness": {"pull_rad_s": 3.0},
@@ -110,3 +111,25 @@ def test_an_effect_that_only_rounds_is_not_seen():
     flow = propagation(extended.predict(still, replace(point, active=())))
     effect = find("quadrature_drive_phase_error")
     assert not extended_fit.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()
+
+
+def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too():
+    """The steps of a fit are those of what it judges, also where a direction over all runs is taken
+    off: blocks of one run each would mix the runs' own columns."""
+    series, point = programme()
+    count = 4 * int(np.count_nonzero(series.weight))
+    free = evidence.orthonormal(np.random.default_rng(1).standard_normal((count, 1)))
+    series = replace(series, unsettled=evidence.Basis((), free))
+    freedom = extended_fit.CoordinatePriors(np.zeros(7), np.full(7, np.inf))
+    layout = extended_fit.layout_of(series, point, freedom)
+    design = extended_fit.design_of(propagation(extended.predict(series, point)), layout)
+
+    def judged(step):
+        there = extended.predict(series, extended_fit.move_point(point, layout, step, False))
+        return extended_fit.flatten_rows(series, real(there.seen) * series.weight[..., None])
+
+    whole = design.whole()
+    for k in (*range(layout.run(0).start, layout.run(1).stop), layout.coordinates[2]):
+        step = 1e-4 * np.eye(layout.count)[k]
+        change = (judged(step) - judged(-step)) / 2e-4
+        assert np.linalg.norm(whole[:, k] - change) < 1e-3 * np.linalg.norm(change)

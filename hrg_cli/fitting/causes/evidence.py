@@ -34,14 +34,18 @@ zero."""
 @dataclass(frozen=True)
 class Design:
     """A design J (N, k) kept in its parts: `shared` columns (N, s) at `places` (s,), and blocks
-    (rows, columns, values) of one run each.
+    (rows, columns, values) of one run each; all of them less their part along `unknown` (N, u).
 
-    Memory grows with the rows, not with rows times runs.
+    Memory grows with the rows, not with rows times runs. What is unknown may reach over all runs:
+    a block less its part along it would be a block no more, so that part is taken off where the
+    design is used. The shared columns stand without it.
     """
 
     shared: Array
     places: Array
     own: tuple[tuple[slice, slice, Array], ...] = ()
+    unknown: Array | None = None
+    """Orthonormal columns (N, u); None for none."""
 
     @classmethod
     def of(cls, J: Array, blocks: Sequence[Block] = ()) -> Design:
@@ -67,10 +71,11 @@ class Design:
         out = self.shared @ step[self.places]
         for rows, columns, values in self.own:
             out[rows] += values @ step[columns]
-        return out
+        return self._off(out)
 
     def along(self, S: Array) -> Array:
         """Jᵀ S of columns (N, …), (k, …)."""
+        S = self._off(S)
         out = np.zeros((self.shape[1], *S.shape[1:]))
         out[self.places] = self.shared.T @ S
         for rows, columns, values in self.own:
@@ -83,15 +88,21 @@ class Design:
         out[:, self.places] = self.shared
         for rows, columns, values in self.own:
             out[rows, columns] = values
-        return out
+        return self._off(out)
 
     def sizes(self) -> Array:
         """Lengths of the columns, (k,)."""
         out = np.zeros(self.shape[1])
-        out[self.places] = np.sqrt(np.einsum("ij,ij->j", self.shared, self.shared))
-        for _, columns, values in self.own:
-            out[columns] = np.sqrt(np.einsum("ij,ij->j", values, values))
-        return out
+        out[self.places] = np.einsum("ij,ij->j", self.shared, self.shared)
+        for rows, columns, values in self.own:
+            out[columns] = np.einsum("ij,ij->j", values, values)
+            if self.unknown is not None:
+                out[columns] -= np.sum((self.unknown[rows].T @ values) ** 2, axis=0)
+        return np.sqrt(np.maximum(out, 0.0))
+
+    def _off(self, S: Array) -> Array:
+        """Columns (N, …) less their part along what is unknown."""
+        return S if self.unknown is None else S - self.unknown @ (self.unknown.T @ S)
 
 
 @dataclass(frozen=True)
@@ -113,7 +124,11 @@ class Basis:
 
     def off(self, S: Array) -> Array:
         """Columns (N, …) less their part along the basis."""
-        out = S - self.shared @ (self.shared.T @ S)
+        return self.off_own(S) - self.shared @ (self.shared.T @ S)
+
+    def off_own(self, S: Array) -> Array:
+        """Columns (N, …) less their part along what lives on some rows alone."""
+        out = S.copy()
         for rows, Q in self.own:
             out[rows] -= Q @ (Q.T @ S[rows])
         return out
@@ -141,8 +156,8 @@ class Softened:
 
 @dataclass(frozen=True)
 class Factored:
-    """A design J (N, k) = Q T: its orthonormal basis and T (rank, k), in whose few rows all is
-    solved that asks for J alone."""
+    """A design J (N, k) = Q T: T (rank, k), in whose few rows all is solved that asks for J alone,
+    and an orthonormal basis Q of J and of what is unknown."""
 
     basis: Basis
     triangle: Array
@@ -185,14 +200,18 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
         upper.append(np.zeros((len(part), count)))
         upper[-1][:, columns] = part
     first = Basis(tuple(own), np.zeros((len(design.shared), 0)))
-    left = design.shared / size[design.places]
+    unknown = np.zeros((len(design.shared), 0)) if design.unknown is None else design.unknown
+    # the blocks stand with their part along what is unknown, which therefore comes into the basis
+    left = np.column_stack([unknown, design.shared / size[design.places]])
     beside = first.along(left)
     left = first.off(left)
     again = first.along(left)  # what little is left holds the rounding of what was taken off
     Q, part = _split(first.off(left), tolerance)
+    reach = np.concatenate([beside + again, part])
     triangle = np.concatenate([*upper, np.zeros((len(part), count))])
-    triangle[: len(beside), design.places] = beside + again
-    triangle[len(beside) :, design.places] = part
+    triangle[:, design.places] = reach[:, unknown.shape[1] :]
+    off = orthonormal(reach[:, : unknown.shape[1]])
+    triangle -= off @ (off.T @ triangle)
     # a column of nothing stays so: its rounding would be taken for a direction
     return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
 

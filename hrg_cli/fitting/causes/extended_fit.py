@@ -250,13 +250,24 @@ def along_wave(fit: ExtendedFit, values: Array) -> Array:
 
 def flatten_rows(series: MeasuredRuns, values: Array) -> Array:
     """(R, n, 4, …) -> rows with weight only, (N, …), whitened and off what is unsettled."""
+    rows = _whitened_rows(series, values)
+    return rows if series.unsettled is None else series.unsettled.off(rows)
+
+
+def flatten_own(series: MeasuredRuns, values: Array) -> Array:
+    """The same of columns of every run's own, side by side in one array: off what is unsettled in a
+    run alone, for what reaches over several would mix their columns."""
+    rows = _whitened_rows(series, values)
+    return rows if series.unsettled is None else series.unsettled.off_own(rows)
+
+
+def _whitened_rows(series: MeasuredRuns, values: Array) -> Array:
     keep = series.weight > 0
     if keep.all():
         rows = values.reshape(-1, *values.shape[3:])
     else:
         rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
-    rows = rows if series.scatter is None else series.scatter.off(rows)
-    return rows if series.unsettled is None else series.unsettled.off(rows)
+    return rows if series.scatter is None else series.scatter.off(rows)
 
 
 def sensitivity(
@@ -287,7 +298,8 @@ def layout_of(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> 
 def design_of(flow: Propagation, layout: FitColumns) -> Design:
     """Whitened design of coordinates, runs and active effects."""
     series, point = flow.prediction.series, flow.prediction.point
-    shared, own = (flatten_rows(series, values) for values in base_sensitivities(flow))
+    of_all, of_each = base_sensitivities(flow)
+    shared, own = flatten_rows(series, of_all), flatten_own(series, of_each)
     wanted = [
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
     ]
@@ -299,6 +311,7 @@ def design_of(flow: Propagation, layout: FitColumns) -> Design:
         np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1),
         layout.shared,
         blocks,
+        None if series.unsettled is None else series.unsettled.shared,
     )
 
 
