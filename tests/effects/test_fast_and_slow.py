@@ -24,6 +24,12 @@ SIZES = {
         "sin_rad_s_k": -2e-2,
         "reference_temperature_degc": 22.0,
     },
+    "damping_split_temperature": {
+        "cos_1_s_k": 1e-2,
+        "sin_1_s_k": -2e-2,
+        "reference_temperature_degc": 22.0,
+    },
+    "scale_factor_temperature": {"relative_1_k": 1e-3, "reference_temperature_degc": 22.0},
     "thermal_gradient": {"frequency_s_k": 1e-7, "split_cos_rad_k": 2e-3, "split_sin_rad_k": -1e-3},
     "thermal_hysteresis": {"relative": 3e-7},
     "centrifugal_stiffness": {"coefficient": 20.0},

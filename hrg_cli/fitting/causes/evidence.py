@@ -137,7 +137,7 @@ class Basis:
 @dataclass(frozen=True)
 class Softened:
     """What may be off by a known covariance 1 + Q Λ Qᵀ, in parts that live on some rows alone:
-    orthonormal Q (N, k) and variances λ (k,)."""
+    orthonormal Q (N, k) and variances λ (k,), each among rows that the parts before it whitened."""
 
     own: tuple[tuple[slice, Array, Array], ...]
 
@@ -145,7 +145,7 @@ class Softened:
         """Columns (N, …) whitened, (1 + Q Λ Qᵀ)^{−1/2} S."""
         out = S.copy()
         for rows, Q, power in self.own:
-            along = Q.T @ S[rows]
+            along = Q.T @ out[rows]
             out[rows] -= Q @ (along.T * (1 - 1 / np.sqrt(1 + power))).T
         return out
 

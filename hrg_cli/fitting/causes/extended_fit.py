@@ -437,7 +437,9 @@ def fit(
     settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
     with np.errstate(over="ignore", invalid="ignore"):
         _spend_motion()
-        prediction = predict(series, point, near)
+        prediction = predict(
+            series, point, _measured_motion(series, point) if near is None else near
+        )
         value = _cost(prediction, freedom)
         if not np.isfinite(value):
             raise _no_motion(series, point)
@@ -467,6 +469,13 @@ def fit(
         index,
         here.factored,
     )
+
+
+def _measured_motion(series: MeasuredRuns, point: Point) -> Near | None:
+    """Near which driven runs move: as they were measured. None for free ones, which need no guess."""
+    if not series.forced.any():
+        return None
+    return propagation(Prediction(series, point, series.envelope, series.envelope)).near
 
 
 def _cost(prediction: Prediction, freedom: CoordinatePriors) -> float:

@@ -16,7 +16,8 @@ from ...fitting.causes.extended_fit import ExtendedFit
 from ...records import Wave
 from .data import freedom_of, is_averaged_well, prepare
 from .drive_log import blind_to_lateness, fit_lateness
-from .drive_scatter import allowed_for
+from .drive_ripple import allow_for_ripple
+from .drive_scatter import allowed_for, has_log
 from .lost_samples import PhaseStep
 from .rate_steps import fit_rate_steps
 from .refits import loosen
@@ -47,7 +48,19 @@ def fit_base(
     late = fit_lateness(first)
     if is_gross(late):  # a gross misfit would be laid on the log's time
         return fit_rate_steps(first)
-    return blind_to_lateness(allowed_for(fit_rate_steps(late)))
+    return _beside_log(fit_rate_steps(late))
+
+
+def settle_log(fit: ExtendedFit) -> ExtendedFit:
+    """The fit again beside what the drive's log leaves unknown, once no misfit is gross enough to be
+    laid on it; the same where that is done, or nothing is logged."""
+    if is_gross(fit) or fit.series.scatter is not None or not has_log(fit.series):
+        return fit
+    return _beside_log(fit_lateness(fit))
+
+
+def _beside_log(fit: ExtendedFit) -> ExtendedFit:
+    return blind_to_lateness(allow_for_ripple(allowed_for(fit)))
 
 
 def start_fit(fit: ExtendedFit) -> ExtendedFit:

@@ -3,13 +3,13 @@ base model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ...effects.effect import branch
+from ...effects.effect import branch, frame
 from ...errors import HrgError
 from ...fitting.causes.extended import MeasuredRuns, Point
 from ...fitting.causes.extended_fit import CoordinatePriors
@@ -240,11 +240,11 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Measured
             "held_amplitude": held,
             "held_slope": np.gradient(held, t),
         }
+        row["envelope"] = row["envelope"] - _bend(row, wave.window_s)
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
-        std = np.hypot(run.std, _bend(t, wave.window_s, row["main_drive"], row["quadrature_drive"]))
         columns.setdefault("weight", []).append(
-            np.concatenate([1 / std, np.zeros(longest - len(run))])
+            np.concatenate([1 / run.std, np.zeros(longest - len(run))])
         )
     stacked: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
     return MeasuredRuns(
@@ -288,14 +288,15 @@ def _logged(wave: Wave, name: str, forced: Array) -> Course | None:
     return impulse(*_finite(wave.time_s, values))
 
 
-def _bend(t: Array, window_s: float, *commands: Array) -> Array:
-    """By how much a row's mean may miss its middle, (h² − w²)ü/24: what the commands bend of the
-    wave within a row of length h, ü their slope, beside what a window of length w allows for."""
-    return (
-        np.maximum(np.gradient(t) ** 2 - window_s**2, 0.0)
-        / 24
-        * np.sqrt(sum(np.gradient(command, t) ** 2 for command in commands))
-    )
+def _bend(row: Mapping[str, Array], window_s: float) -> Array:
+    """By how much the mean of a row's windows misses its middle, (h² − w²)ü/24, (n, 2): what the
+    commands bend of the wave within a row of length h, ü their slope along the wave, beside what
+    windows of length w allow for; the motion that rows are averaged along knows no command."""
+    t = row["time_s"]
+    turn, e_A, e_B, _ = frame(row["envelope"], row["phase_rad"])
+    main, quadrature = (np.gradient(row[name], t) for name in ("main_drive", "quadrature_drive"))
+    size = np.maximum(np.gradient(t) ** 2 - window_s**2, 0.0) / 24 * turn
+    return size[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)
 
 
 def _amplitude(u: Array) -> Array:

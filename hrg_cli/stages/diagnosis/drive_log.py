@@ -20,7 +20,9 @@ from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import real
 from ...fitting.samples.course import impulse, mean_of
 from ...records import Wave
-from .drive_scatter import Scatter
+from .drive_scatter import Scatter, has_log, row_length_s
+from .refits import HOPELESS
+from .thresholds import GROSS
 
 Array = np.ndarray
 ROUNDS = 4
@@ -38,11 +40,13 @@ STEP = 1e-3
 def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
     """The fit again with the commands as late as the waves show them; the same where none is
     logged."""
-    if not _logged(fit.series):
+    if not has_log(fit.series):
         return fit
-    before = 1 / (REACH * _row(fit.series)) ** 2
+    before = 1 / (REACH * row_length_s(fit.series)) ** 2
     for _ in range(ROUNDS):
         column = fit.basis.off(extended_fit.flatten_rows(fit.series, of_lateness(fit)))
+        if _is_beside_the_point(fit, column):
+            break
         told = fit.basis.off(
             extended_fit.flatten_rows(fit.series, of_lateness(fit, beyond_scatter))
         )
@@ -56,10 +60,17 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
     return fit
 
 
+def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
+    """Whether the misfit is gross and would be with the commands at any time: no refit says more."""
+    size = max(float(column @ column), np.finfo(float).tiny)
+    left = fit.chi2 - float(column @ fit.residual) ** 2 / size
+    return left > HOPELESS * GROSS * fit.dof
+
+
 def blind_to_lateness(fit: ExtendedFit) -> ExtendedFit:
     """The fit again, blind to a change of the log's time beside what it is blind to already."""
     series = fit.series
-    if not _logged(series):
+    if not has_log(series):
         return fit
     column = extended_fit.flatten_rows(series, of_lateness(fit))
     size = float(np.linalg.norm(column))
@@ -74,7 +85,7 @@ def of_lateness(
     fit: ExtendedFit, part: Callable[[MeasuredRuns], MeasuredRuns] = lambda series: series
 ) -> Array:
     """What is seen of a lateness of one second, over σ, (R, n, 4); of a part of the commands."""
-    flow, point, small = fit.flow, fit.point, STEP * _row(fit.series)
+    flow, point, small = fit.flow, fit.point, STEP * row_length_s(fit.series)
     later = delay_commands(fit.series, small, part(fit.series))
     motion, rows = fit.prediction.motion, RungeKuttaStage(later, point)
     halves = RungeKuttaStage(later.middle(), point)
@@ -142,14 +153,3 @@ def shift_commands(wave: Wave, late_s: float) -> Wave:
 
     t = np.asarray(wave.time_s, float)
     return wave.replace(drive_main=at(wave.drive_main), drive_quadrature=at(wave.drive_quadrature))
-
-
-def _logged(series: MeasuredRuns) -> bool:
-    commands = np.stack([series.main_drive, series.quadrature_drive])
-    return bool(np.any(np.ptp(commands, axis=-1) > 0))
-
-
-def _row(series: MeasuredRuns) -> float:
-    """Length of the rows, of the run that has the shortest."""
-    lengths = [np.median(h[h > 0]) for h in series.step_s if np.any(h > 0)]
-    return float(min(lengths))

@@ -97,9 +97,32 @@ def allowed_for(fit: ExtendedFit) -> ExtendedFit:
         return fit
     runs = _runs(fit, scatter)
     part = _part(fit.residual, runs)
-    soft = Softened(tuple((run.rows, *_directions(part * run.doings)) for run in runs))
-    series = replace(fit.series, scatter=soft, unsettled=_whitened(fit.series.unsettled, soft))
-    return extended_fit.fit(series, fit.point, fit.freedom)
+    return soften(fit, [(run.rows, part * run.doings) for run in runs])
+
+
+def has_log(series: MeasuredRuns) -> bool:
+    """Whether a command is logged in any run."""
+    commands = np.stack([series.main_drive, series.quadrature_drive])
+    return bool(np.any(np.ptp(commands, axis=-1) > 0))
+
+
+def row_length_s(series: MeasuredRuns) -> float:
+    """Length of the rows, of the run that has the shortest."""
+    lengths = [np.median(h[h > 0]) for h in series.step_s if np.any(h > 0)]
+    return float(min(lengths))
+
+
+def soften(fit: ExtendedFit, doings: Sequence[tuple[slice, Array]]) -> ExtendedFit:
+    """The fit again where columns (N, k) over σ of some rows may stand beside it with standard
+    deviation 1 each."""
+    new = tuple((rows, *_directions(columns)) for rows, columns in doings)
+    known = fit.series.scatter
+    series = replace(
+        fit.series,
+        scatter=Softened((*(() if known is None else known.own), *new)),
+        unsettled=_whitened(fit.series.unsettled, Softened(new)),
+    )
+    return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
 def sentence(fit: ExtendedFit) -> str:

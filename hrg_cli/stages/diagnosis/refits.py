@@ -21,6 +21,9 @@ SHORTLIST = 3
 """Candidates refitted to the end before one is chosen."""
 QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
+HOPELESS = 10.0
+"""Times the χ² of a refit that another cause's score must promise to leave for it not to be tried:
+what cannot fit takes by far the longest to say so."""
 
 
 def adopt(
@@ -67,6 +70,23 @@ def adopt(
     )
 
 
+def adopt_hopeful(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], most: int
+) -> list[tuple[ExtendedFit, Score, Variant]]:
+    """The fits with each of the candidates, those left out that promise far less than one before
+    them has reached, and those without a motion."""
+    out: list[tuple[ExtendedFit, Score, Variant]] = []
+    least = np.inf
+    for score, variant in ranked:
+        if fit.chi2 - score.gain > HOPELESS * least:
+            continue
+        with contextlib.suppress(extended_fit.DivergedError):
+            trial = adopt(fit, score, variant, most)
+            out.append((trial, score, variant))
+            least = min(least, trial.chi2)
+    return out
+
+
 def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
     """The variant with its effect as it stands in the fit: unseen parameters held."""
     return replace(
@@ -97,16 +117,8 @@ def refit(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Tria
 
 
 def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
-    trials: list[Trial] = []
-    for score, variant in close:
-        with contextlib.suppress(extended_fit.DivergedError):
-            trial = adopt(
-                fit,
-                score,
-                variant,
-                QUICK_STEPS if len(close) > SHORTLIST else extended_fit.MOST_STEPS,
-            )
-            trials.append((bic(trial), trial, score, variant))
+    most = QUICK_STEPS if len(close) > SHORTLIST else extended_fit.MOST_STEPS
+    trials: list[Trial] = [(bic(one[0]), *one) for one in adopt_hopeful(fit, close, most)]
     trials.sort(key=lambda t: t[0])
     whole: list[Trial] = []
     for level, trial, score, variant in trials[:SHORTLIST]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,11 +10,14 @@ import numpy as np
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
+from . import stand_in
+from .base_fit import settle_log
 from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
 from .refits import (
+    HOPELESS,
     SHORTLIST,
-    adopt,
+    adopt_hopeful,
     bic,
     free_second_order,
     hold_unseen,
@@ -83,7 +85,7 @@ def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
         if step is None:
             break
         fit, one = step
-        fit = loosen(fit)
+        fit = settle_log(loosen(fit))
         found.append(one)
         ranked = score_effects(fit, candidates)
     chosen = fit
@@ -164,6 +166,8 @@ def exchange_causes(
     if len(found) < 2 or fit.chi2 > GROSS * noise.slow * fit.dof:
         return fit, found
     for k, old in enumerate(found):
+        if stand_in.has_none(fit, old.variant.effect.name, candidates):
+            continue
         reduced = leave_out(fit, old.variant.effect.name)
         if reduced is None:
             continue
@@ -175,17 +179,21 @@ def exchange_causes(
             for pair in score_effects(reduced, candidates)
             if pair[0].visible and pair[0].name != old.variant.effect.name
         ]
-        trials = []
-        for score, variant in [pair for pair in others if pair[0].gain > needed][:SHORTLIST]:
-            with contextlib.suppress(extended_fit.DivergedError):
-                trial = adopt(reduced, score, variant)
-                trials.append(
-                    (
-                        bic(trial),
-                        trial,
-                        Found(hold_unseen(variant, trial), score, old.tried, old.delta_bic, ()),
-                    )
-                )
+        near = [
+            pair
+            for pair in others
+            if pair[0].gain > needed and reduced.chi2 - pair[0].gain < HOPELESS * fit.chi2
+        ]
+        trials = [
+            (
+                bic(trial),
+                trial,
+                Found(hold_unseen(variant, trial), score, old.tried, old.delta_bic, ()),
+            )
+            for trial, score, variant in adopt_hopeful(
+                reduced, near[:SHORTLIST], extended_fit.MOST_STEPS
+            )
+        ]
         trials.sort(key=lambda t: t[0])
         here = bic(fit)
         if trials and trials[0][0] < here:
@@ -204,12 +212,16 @@ def exchange_causes(
 
 
 def prune_causes(
-    fit: ExtendedFit, found: list[Found], noise: NoiseLevel, without: Mapping[str, ExtendedFit]
+    fit: ExtendedFit,
+    found: list[Found],
+    noise: NoiseLevel,
+    without: Mapping[str, ExtendedFit],
 ) -> tuple[ExtendedFit, list[Found]]:
     """Backward check: every effect must still be worth its price with the others there; its ΔBIC
     becomes that of leaving it out.
 
-    `without`: fits without an effect that are known already.
+    `without`: fits without an effect that are known already; what is beyond question is not fitted
+    without.
     """
     changed = True
     while changed and found:
@@ -217,6 +229,10 @@ def prune_causes(
         losses = []
         for one in found:
             name = one.variant.effect.name
+            if name not in without and stand_in.is_beyond_question(fit, name):
+                wald = fit.away(one.variant.effect)[1]
+                losses.append((evidence.criterion(wald / noise.slow, *_size(fit, name)), fit))
+                continue
             reduced = without[name] if name in without else leave_out(fit, name)
             losses.append(
                 (np.inf, fit)
@@ -234,3 +250,8 @@ def prune_causes(
                 for one, (loss, _) in zip(found, losses, strict=True)
             ]
     return fit, found
+
+
+def _size(fit: ExtendedFit, name: str) -> tuple[int, int]:
+    """Parameters of an active effect, and rows."""
+    return len(fit.layout.parameters(name)), len(fit.residual)

@@ -4,18 +4,22 @@ blamed."""
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Callable, Sequence
 
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
-from ..refits import QUICK_STEPS, adopt
+from ..refits import QUICK_STEPS, adopt_hopeful
 from ..scoring import score_effects
 from ..variants import Variant
 from .logs import usual_scale_factor
 
 MOST = 2
-"""Causes at once that may stand against one wrong run."""
+"""Causes at once that may stand against one wrong run, beside those that take nearly all there is."""
+NEARLY_ALL = 0.9
+"""Part of χ² that a cause must promise to be tried beside `MOST` others: what a wrong run does, no
+third cause takes up so well."""
 MATTERS = 0.7
 """Part of χ² that a temperature dependence may leave for the thermometers to be looked at."""
 WORTHWHILE = 0.3
@@ -34,17 +38,15 @@ def nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> 
     """The fit that leaves least of those with a few causes, found in few steps, with a scale factor
     that a resonator has; it ends where χ² a degree of freedom is `enough`."""
     fit = best = base
-    for _ in range(MOST):
+    for taken in itertools.count():
+        worthwhile = WORTHWHILE if taken < MOST else NEARLY_ALL
         strong = [
             pair
             for pair in score_effects(fit, candidates)
-            if pair[0].visible and pair[0].gain > WORTHWHILE * fit.chi2
+            if pair[0].visible and pair[0].gain > worthwhile * fit.chi2
         ]
-        fits = []
-        for score, variant in strong[:TRIED]:
-            with contextlib.suppress(extended_fit.DivergedError):
-                fits.append(adopt(fit, score, variant, QUICK_STEPS))
-        likely = [one for one in fits if usual_scale_factor(one)]
+        fits = adopt_hopeful(fit, strong[:TRIED], QUICK_STEPS)
+        likely = [one for one, _, _ in fits if usual_scale_factor(one)]
         if not likely:
             break
         fit = min(likely, key=_left)

@@ -1,0 +1,125 @@
+"""Loops that look at the oscillation itself: a driven gyro integrated with its ripple at 2ω, the drive
+along the instant state, and what the fit of the slow model makes of its rows and its drive's log.
+"""
+
+import numpy as np
+
+from hrg_cli.effects.effect import frame
+from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
+from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
+from hrg_cli.fitting.envelopes import coordinates
+from hrg_cli.fitting.samples.course import impulse, mean_of
+from hrg_cli.physics.ellipse import wave
+from hrg_cli.stages.diagnosis import drive_ripple
+from hrg_cli.stages.diagnosis.drive_ripple import Ripple
+
+HZ, STEPS = 250.0, 24
+P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])
+RATES = np.array([3.0, -3.0, 1.5])
+PERIODS, ROWS = 4, 90
+NOISE = 2e-5
+OMEGA = 2 * np.pi * HZ
+
+
+def recorded(gain_1_s):
+    """Envelopes that demodulation shows (R, n, 2) of u̇ = G − G* e^{−2jωt}, which z'' = −2Nz' + 2KΩJz' −
+    2ωδωRz − ω²z + drive is in u = (z − jz'/ω) e^{−jωt}, and the quadrature loop's command of every step.
+
+    The drive holds the amplitude by what it loses and nulls the quadrature with a gain, both along
+    the state of the instant, the command held over a step.
+    """
+    L = coordinates.generator(P, RATES, 1.0)
+    angle, near = np.array([0.1, 0.7, 1.3]), np.zeros(len(RATES))
+    u = np.stack([np.cos(angle), np.sin(angle)], -1).astype(complex)
+    seen = np.zeros((len(RATES), ROWS, 2), complex)
+    log = np.zeros((len(RATES), ROWS * PERIODS * STEPS))
+    t, h = 0.0, 1 / HZ / STEPS
+
+    def slow(u, quadrature):
+        turn, e_A, e_B, _ = frame(u, near)
+        force = turn[:, None] * (P[0] * e_A - 1j * quadrature[:, None] * e_B)
+        return np.einsum("rij,rj->ri", L, u) + force
+
+    def rate(t, u, quadrature):
+        G = slow(u, quadrature)
+        return G - np.conj(G) * np.exp(-2j * OMEGA * t)
+
+    for k in range(log.shape[1]):
+        quadrature = log[:, k] = -gain_1_s * wave(u, 1)[1]
+        row, place = divmod(k, PERIODS * STEPS)
+        if place == PERIODS * STEPS // 2:
+            v = u
+            for _ in range(3):  # less its own ripple
+                ripple = -1j / (2 * OMEGA) * np.conj(slow(v, quadrature)) * np.exp(-2j * OMEGA * t)
+                v = u - ripple
+            seen[:, row] = v + 1j / (2 * OMEGA) * slow(v, quadrature)
+        k1 = rate(t, u, quadrature)
+        k2 = rate(t + h / 2, u + h / 2 * k1, quadrature)
+        k3 = rate(t + h / 2, u + h / 2 * k2, quadrature)
+        k4 = rate(t + h, u + h * k3, quadrature)
+        u, t = u + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
+    return seen, log
+
+
+def measured(seen, log, seed):
+    """The rows with noise and the means of the commands."""
+    length, h = PERIODS / HZ, 1 / HZ / STEPS
+    t = (np.arange(ROWS) + 0.5) * length
+    times = (np.arange(log.shape[1]) + 0.5) * h
+    courses = [impulse(times, one) for one in log]
+    mean = np.stack([mean_of(one, t, length) for one in courses])
+    area = np.stack([one.at(t) for one in courses])
+    random = np.random.default_rng(seed)
+    noise = random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape)
+    one = np.ones((len(RATES), ROWS))
+    return MeasuredRuns(
+        names=("a", "b", "c"), time_s=t * one, envelope=seen + NOISE * noise, weight=one / NOISE,
+        rate_rad_s=RATES[:, None] * one, temperature_degc=25 * one, temperature_rate_degc_s=0 * one,
+        branch=one, table_angle_rad=RATES[:, None] * t, phase_rad=0 * one, main_drive=P[0] * one,
+        quadrature_drive=mean, main_impulse=P[0] * t * one, quadrature_impulse=area, forced=one,
+        held_amplitude=np.nan * one, held_slope=0 * one, turn_rad_s=np.zeros(len(RATES)),
+        reference_frequency_hz=HZ, mode_number=2,
+    )  # fmt: skip
+
+
+def fitted(series):
+    std = np.array([np.inf, 3.0, 3.0, 9.0, 9.0, 3.0, 0.0])
+    start = Point(np.append(P[:6], 1.0), series.envelope[:, 0].copy(), np.zeros(len(RATES)))
+    return extended_fit.fit(series, start, CoordinatePriors(np.eye(7)[6], std))
+
+
+def errors(fit):
+    return (fit.point.p[:6] - P[:6]) / np.sqrt(np.diag(fit.coordinate_covariance())[:6])
+
+
+def test_a_drive_along_the_instant_state_makes_the_force_that_averaging_gives():
+    fit = fitted(measured(*recorded(0.0), seed=1))
+    column = fit.basis.off(Ripple.of(fit).doings[:, 0])
+    size = float(column @ column)
+    # four σ, and what is of third order in the rates over ω
+    assert abs(float(column @ fit.residual) / size - 1) < 4 * size**-0.5 + 0.01
+
+
+def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
+    seen, log = recorded(15.0)
+    before, after, left, std = [], [], [], []
+    for seed in range(8):
+        plain = fitted(measured(seen, log, seed))
+        beside = drive_ripple.allow_for_ripple(plain)
+        before.append(errors(plain))
+        after.append(errors(beside))
+        left.append(beside.chi2 / beside.dof)
+        std.append(beside.coordinate_std("scale_factor") / P[5])
+    assert (
+        np.abs(np.array(before)[:, 5]).min() > 50
+    )  # K, of which the loop's answer looks as a part
+    assert np.abs(after).max() < 4 and 0.9 < np.mean(left) < 1.1
+    # what a loop of that gain can do to K at most, k/4ω, is the size of what is not known of it
+    assert max(std) < 15.0 / (4 * OMEGA)
+
+
+def test_without_a_log_of_commands_nothing_is_allowed_for():
+    series = measured(*recorded(0.0), seed=2)
+    fit = fitted(series)
+    assert drive_ripple.allow_for_ripple(fit) is fit
