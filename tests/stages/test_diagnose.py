@@ -146,6 +146,21 @@ def test_every_hidden_effect_is_named(effect, seed):
     check(effect, seed)
 
 
+def test_a_cause_that_the_runs_held_out_do_not_feel_is_not_given_up():
+    """Half of the runs do not turn, so that what a cause of turning ones predicts of them is chance;
+    the other half alone knows it."""
+    table = programme(21, {"centrifugal_stiffness": {"coefficient": 6.0}}, runs=5)
+    for run in table["run"][1::2]:
+        del run["environment"]["rate_rad_s"]
+        steps = {"kind": "steps", "levels_rad_s": [1.0, -1.0, 2.0, 0.0], "dwell_s": 0.45}
+        run["environment"]["rate"] = steps
+    for run in table["run"][::2]:
+        run["environment"]["rate_rad_s"] = 0.0
+    out = verdict(table)[1]
+    assert [e["name"] for e in out["effects"]] == ["centrifugal_stiffness"]
+    assert out["verdict"] == "explained"
+
+
 def test_what_the_sampling_folds_beside_the_oscillation_is_said():
     """At four samples a period the third multiple, which a bent pick-off makes, stands beside the
     oscillation: found, but not all of it is in the model."""

@@ -21,13 +21,14 @@ import numpy as np
 
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended import MeasuredRuns, Point, predict
-from ...fitting.causes.extended_fit import CoordinatePriors, ExtendedFit, design_of
+from ...fitting.causes.extended_fit import CoordinatePriors, ExtendedFit, design_of, layout_of
 from ...fitting.causes.sensitivities import propagation
 from ...fitting.causes.wave_frame import real
 from ...physics import ellipse
 from .case import Case
 from .refits import leave_out
 from .search import select
+from .thresholds import WORTH
 
 Array = np.ndarray
 FEWEST_RUNS = 4
@@ -62,7 +63,7 @@ class Errors:
     4), relative wave errors (k, 4).
 
     `parts`: δmθ, δ ln a, δr and δφ (k, 4); `learned` (k, 4, m): what one σ of each of m
-    combinations of the parameters moves the errors by.
+    combinations of the parameters moves the errors by; weight (k,): 1/σ of the rows.
     """
 
     run: Array
@@ -70,11 +71,26 @@ class Errors:
     difference: Array
     parts: Array
     learned: Array
+    weight: Array
 
     @property
     def square(self) -> Array:
         """e of every row, (k,)."""
         return np.sum(self.difference**2, axis=1)
+
+    def surprise(self, misfit: float) -> float:
+        """−2 ln of the density that the forecast gave what came, less a constant: of errors e with
+        C = s² + MMᵀ over σ, eᵀC⁻¹e + ln det C/s², M what was `learned` and s² = `misfit`.
+
+        A proper score (Good 1952): what a forecast does not know counts neither for it nor against.
+        """
+        e = (self.difference * self.weight[:, None]).ravel()
+        M = (self.learned * self.weight[:, None, None]).reshape(len(e), -1)
+        known = np.eye(M.shape[1]) + M.T @ M / misfit
+        along = M.T @ e / misfit
+        return float(
+            e @ e / misfit - along @ np.linalg.solve(known, along) + np.linalg.slogdet(known)[1]
+        )
 
     def drawn(self, random: np.random.Generator) -> Array:
         """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
@@ -179,26 +195,43 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
             offset_rad_s=base.point.offset_rad_s[kept],
             active=still,
         )
-        own = extended_fit.fit(
-            series, point, CoordinatePriors(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
-        )
-        prediction, layout, covariance, names = own.prediction, own.layout, own.covariance, kept
+        held = CoordinatePriors(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
+        own = extended_fit.fit(series, point, held)
+        prediction, names = own.prediction, kept
+        learned = _of_own(own, fit)
     else:
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
-        layout, covariance = fit.layout, fit.covariance
-    with np.errstate(all="ignore"):
-        design = design_of(propagation(prediction), layout)
+        with np.errstate(all="ignore"):
+            learned = design_of(propagation(prediction), fit.layout).whole() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
-    learned = (design.whole() @ _root(covariance)).reshape(len(run), 4, -1) / weight[:, None, None]
+    learned = learned.reshape(len(run), 4, -1) / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]
     misfit = max(
         1.0, fit.chi2 / fit.dof
     )  # a model that misses its own training by more than the noise is trusted that much less
     parts = _parts(measured, said)
     return Errors(
-        names[run], series.time_s[run, row], real(measured - said), parts, np.sqrt(misfit) * learned
+        names[run],
+        series.time_s[run, row],
+        real(measured - said),
+        parts,
+        np.sqrt(misfit) * learned,
+        weight,
     )
+
+
+def _of_own(own: ExtendedFit, fit: ExtendedFit) -> Array:
+    """What one σ of what was learned moves, over σ, (N, m): of the runs' own starts and frequencies,
+    and of all that they share with the training, beside these."""
+    point = replace(own.point, active=fit.point.active)
+    layout = layout_of(own.series, point, fit.freedom)
+    with np.errstate(all="ignore"):
+        design = design_of(propagation(replace(own.prediction, point=point)), layout)
+        of_runs = own.design.whole() @ _root(own.covariance)
+    places = fit.layout.shared
+    of_all = own.basis.off(design.shared) @ _root(fit.covariance[np.ix_(places, places)])
+    return np.concatenate([of_runs, of_all], axis=1)
 
 
 def drop_misleading(case: Case) -> Case:
@@ -215,8 +248,8 @@ def drop_misleading(case: Case) -> Case:
 
 
 def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequence[Fold]) -> bool:
-    """Whether what is held out is predicted no better with a cause than without it, fitted each
-    time to the training data alone.
+    """Whether what is held out is predicted worse with a cause than without it, fitted each time to
+    the training data alone, by odds of `WORTH`.
 
     Folds whose training does not know the cause (`UNTAUGHT`) are left out; none left: it cannot be
     said, and is not.
@@ -234,10 +267,11 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
             reduced = leave_out(taught, name)
             if reduced is None:
                 continue
-            one, other = (float(errors_of(f, base, fold).square.sum()) for f in (taught, reduced))
+            misfit = max(1.0, reduced.chi2 / reduced.dof)
+            one, other = (errors_of(f, base, fold).surprise(misfit) for f in (taught, reduced))
             if np.isfinite(one) and np.isfinite(other):
                 with_it, without_it = with_it + one, without_it + other
-    return with_it > without_it
+    return with_it > without_it + WORTH
 
 
 def gain_of(
