@@ -131,7 +131,8 @@ def answer(
     departure = answer_words.departure_of(diagnosis) if isinstance(diagnosis, Diagnosis) else None
     causes = answer_words.causes_of(report, departure)
     verdict = plain(diagnosis.verdict) if isinstance(diagnosis, Diagnosis) else None
-    tables = _of_tables(calibration) if isinstance(calibration, Calibration) else ""
+    used = calibration if isinstance(calibration, Calibration) else None
+    tables = _of_tables(used) if used is not None else ""
     examined = _examined(results)
     if isinstance(diagnosis, Diagnosis):
         runs = len(json_list(diagnosis.run_ids))
@@ -167,10 +168,8 @@ def answer(
         suspect_runs=tuple(answer_words.suspect_run(e) for e in entries(report, "suspect_runs")),
         stability=answer_words.stability(report),
         next_runs=answer_words.next_runs(report),
-        equation=answer_use.equation(calibration is not None, [c.name for c in causes]),
-        snippet=answer_use.snippet(
-            report, calibration if isinstance(calibration, Calibration) else None, parameters
-        ),
+        equation=answer_use.equation(used, [c.name for c in causes]),
+        snippet=answer_use.snippet(report, used, parameters),
         commands=answer_use.commands(named, bool(report), calibration is not None),
     )
 

@@ -12,15 +12,29 @@ import numpy as np
 from ..effects import EFFECTS
 from ..effects.effect import no_term, same_signal
 from ..records import Calibration
+from ..stages.calibration.table import measured_part
 from .json_text import as_float, child, entries
 
 Array = np.ndarray
 
 
-def equation(tables: bool, causes: Sequence[str]) -> str:
+MEASURED = {
+    "quadrature": "D_r from the measured a_B/a_A",
+    "phase": "D_r from the measured a_B/a_A and frequency",
+}
+"""What a drift model computes in operation, in words."""
+
+
+def equation(calibration: Calibration | None, causes: Sequence[str]) -> str:
     """The equation that the result gives the numbers of."""
-    if tables:
-        return "m·dθ/dt = −K·Ω + D(T, θ), so Ω = (D − m·dθ/dt)/K"
+    if calibration is not None:
+        part = measured_part(calibration)
+        if part is None:
+            return "m·dθ/dt = −K·Ω + D(T, θ), so Ω = (D − m·dθ/dt)/K"
+        return (
+            "m·dθ/dt = −K·Ω + D(T, θ) + D_r, so Ω = (D + D_r − m·dθ/dt)/K;"
+            f" {MEASURED[part['kind']]}"
+        )
     first = "m·dθ/dt = −K·Ω + D(θ), D(θ) = ν·δμ·sin 2m(θ − θ_μ)"
     seen = [name for name in causes if matrix_of({name: {}}) is not None]
     return f"{first}; channels first: (C, S) = (1 + E)⁻¹ (C, S) measured" if seen else first
@@ -74,8 +88,16 @@ def snippet(
     """C with the numbers: the tables, which were made of the channels as they are; else the
     channels put right, then the rate."""
     if calibration is not None:
-        include = '#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */'
-        return f"{include}\ndouble rate_rad_s = hrg_rate_rad_s(x, theta, dtheta_dt, 0.0);"
+        lines = ['#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */']
+        measured = "0.0"
+        if measured_part(calibration) is not None:
+            measured = "measured"
+            lines.append(
+                "double measured = hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz);"
+                "  /* ratio: a_B/a_A */"
+            )
+        lines.append(f"double rate_rad_s = hrg_rate_rad_s(x, theta, dtheta_dt, {measured});")
+        return "\n".join(lines)
     lines = []
     found = {
         str(e.get("name")): {

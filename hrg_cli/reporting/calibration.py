@@ -8,6 +8,7 @@ from typing import Any
 
 from ..units import to_deg_per_hour
 from .console import print_table
+from .quantities import round_with_std
 
 
 def show(report: Mapping[str, Any]) -> None:
@@ -124,25 +125,40 @@ def stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[An
     ), rows
 
 
+COEFFICIENTS = {
+    "K_DC_rad_s": "cos 2mθ (K_DC), °/h",
+    "K_DS_rad_s": "sin 2mθ (K_DS), °/h",
+    "K": "K",
+    "quadrature_cos_rad_s": "r·cos 2mθ, °/h",
+    "quadrature_sin_rad_s": "r·sin 2mθ, °/h",
+}
+"""What each coefficient stands before in D, r = a_B/a_A, and its unit on the screen."""
+
+
 def coefficients(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """The resonators' coefficients over temperature or frequency."""
+    """The resonators' coefficients over temperature or frequency, a row each."""
     rows = []
     for row in report.get("resonator") or []:
-        place = next(
-            (row[key] for key in ("temperature_degc", "frequency_hz") if row.get(key) is not None),
-            None,
-        )
-        rows += [
-            (name, place, row[name], row[f"{name}_std"]) for name in row if f"{name}_std" in row
-        ]
-    return ("coefficient", "at", "value", "std"), rows
+        degc, frequency = row.get("temperature_degc"), row.get("frequency_hz")
+        place = f"{degc:.6g} °C" if degc is not None else f"{frequency:.10g} Hz"
+        rows.append((place, *(_said(name, row[name], row[f"{name}_std"]) for name in COEFFICIENTS)))
+    return ("drift coefficients at", *COEFFICIENTS.values()), rows
+
+
+def _said(name: str, value: float | None, std: float) -> str:
+    """A coefficient rounded by its standard deviation; a drift in °/h."""
+    if value is None or not name.endswith("_rad_s"):
+        return round_with_std(value, std)
+    return round_with_std(to_deg_per_hour(value), to_deg_per_hour(std))
 
 
 def show_moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """What an update moved: each coefficient before and now, and the change in its standard
-    deviation."""
-    rows = [
-        (row["name"], row["before"], row["now"], row["std"], row["moved_sigma"])
-        for row in report.get("moved", [])
-    ]
-    return ("coefficient", "before", "now", "std of the change", "moved, σ"), rows
+    """What an update moved: each coefficient before, now, the change, and the change in its
+    standard deviation."""
+    rows = []
+    for row in report.get("moved", []):
+        before, now = row["before"], row["now"]
+        change = None if before is None else now - before
+        said = (_said(row["name"], value, row["std"]) for value in (before, now, change))
+        rows.append((COEFFICIENTS[row["name"]], *said, row["moved_sigma"]))
+    return ("drift coefficient", "before", "now", "change", "moved, σ"), rows

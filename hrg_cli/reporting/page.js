@@ -4,7 +4,7 @@
   var system = window.matchMedia("(prefers-color-scheme: dark)");
   try { kept = window.localStorage.getItem("hrg-theme"); } catch (error) { kept = null; }
   function dark() { return root.dataset.theme ? root.dataset.theme === "dark" : system.matches; }
-  function show() { button.setAttribute("aria-pressed", String(dark())); }
+  function show() { button.textContent = dark() ? "Light page" : "Dark page"; }
   if (kept === "dark" || kept === "light") { root.dataset.theme = kept; }
   button.hidden = false;
   button.addEventListener("click", function () {

@@ -105,10 +105,9 @@ def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
     rows: list[tuple[Any, ...]] = []
     drift, scale = report.get("drift_rms_rad_s", {}), report.get("scale_factor_rms_ppm", {})
     for key in ("before", "after", "held_out"):
-        d = drift.get(key)
-        rows.append(
-            (key.replace("_", " "), None if d is None else to_deg_per_hour(d), scale.get(key))
-        )
+        d, k = drift.get(key), scale.get(key)
+        if d is not None or k is not None:  # an update knows none of them
+            rows.append((key.replace("_", " "), None if d is None else to_deg_per_hour(d), k))
     for stage in report.get("ladder", []):
         d = stage.get("drift_rms_rad_s")
         rows.append(

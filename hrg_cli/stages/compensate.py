@@ -15,7 +15,7 @@ from ..fitting.samples.rate_log import covered, left_out
 from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
-from .calibration.table import measured_drift, need_range
+from .calibration.table import corrections_along, need_range
 from .figures_of_merit import allan_figures
 
 Array = np.ndarray
@@ -164,10 +164,7 @@ def _stream(
         )
         blocks = path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
         need_range(calibration, blocks, name)
-        drift, scale = calibration.values_at(
-            path.middle(blocks), path.middle(path.angle_rad), np.diff(path.angle_rad)
-        )
-        drift = drift + measured_drift(calibration, path)
+        drift, scale = corrections_along(calibration, path)
         time = path.interval_s
         rate = (drift - path.turn / time) / scale
         logged = of_log[1:] & of_log[:-1]

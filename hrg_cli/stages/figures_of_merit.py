@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import HrgError
 from ..fitting.tables.increments import Path, path_of
 from ..records import Calibration, Wave
+from .calibration.table import corrections_along
 
 Array = np.ndarray
 
@@ -28,10 +29,13 @@ def calibration_figures(calibration: Calibration) -> dict[str, float]:
     bias = drift / scale
     mean = float(scale.mean())
     held = json.loads(calibration.details).get("figures", {})
+    over_angle = bias.mean(axis=1)
+    # a model without a constant term has no bias; its mean over the cells is their rounding
+    over_angle[np.abs(over_angle) < 1e-12 * np.abs(bias).max()] = 0.0
     out = {
-        "bias_rad_s": float(bias.mean()),
+        "bias_rad_s": float(over_angle.mean()),
         "angle_dependent_bias_rad_s": float(np.ptp(bias, axis=1).max() / 2),
-        "temperature_bias_rad_s": float(np.ptp(bias.mean(axis=1)) / 2),
+        "temperature_bias_rad_s": float(np.ptp(over_angle) / 2),
         "scale_factor_mean": mean,
         "scale_factor_angle_ppm": float(np.ptp(scale, axis=1).max() / 2 / mean * 1e6),
         "scale_factor_temperature_ppm": float(np.ptp(scale.mean(axis=1)) / 2 / mean * 1e6),
@@ -63,41 +67,75 @@ class ScaleFactorFigures:
 
 
 def scale_factor_figures(
-    waves: Sequence[Wave | Path], calibration: Calibration | None = None
+    waves: Sequence[Wave | Path],
+    calibration: Calibration | None = None,
+    *,
+    temperatures_by: Calibration | None = None,
 ) -> ScaleFactorFigures:
     """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431:
     deviations from the straight line).
 
     Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the
     angle averages out (runs that turn less are left out); with `calibration` each run is
-    compensated first, whole, and the error is against 1. Asymmetry: (K₊ − K₋)/mean, slopes of both
-    signs with a common bias (NaN where too few rates tell it from the bias). Nonlinearity: largest
-    residual from the line over the largest rate.
+    compensated first, whole, measured part included, and the error is against 1. What K and the
+    bias do over temperature is no nonlinearity: the means over the angle of `temperatures_by` are
+    taken out of the outputs. Asymmetry: (K₊ − K₋)/mean, slopes of both signs with a common bias
+    (NaN where too few rates tell it from the bias). Nonlinearity: largest residual from the line
+    over the largest rate.
     """
     rates, outputs, errors = [], [], []
     for wave in waves:
         path = wave if isinstance(wave, Path) else path_of(wave, harmonics=4)
-        turn, time = path.turn, path.interval_s
+        time, stop = path.interval_s, len(path)
         if calibration is not None:
-            x = path.middle(
-                path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
-            )
-            drift, scale = calibration.values_at(
-                x, path.middle(path.angle_rad), np.diff(path.angle_rad)
-            )
-            turn = (turn - drift * time) / scale
-        span = abs(path.angle_rad[-1] - path.angle_rad[0]) / (np.pi / path.mode_number)
-        stop = len(path)
-        if span < 1 and calibration is None:
+            drift, scale = corrections_along(calibration, path)
+            turn = (path.turn - drift * time) / scale
+        else:
+            stop = _whole_periods(path)
+            turn = path.turn
+            if temperatures_by is not None:
+                turn = _at_one_temperature(path, temperatures_by)
+        if stop == 0:
             continue
-        if calibration is None:
-            travelled = np.abs(np.cumsum(np.diff(path.angle_rad))) / (np.pi / path.mode_number)
-            stop = int(np.searchsorted(travelled, np.floor(span) - 1e-9)) + 1
         total = float(time[:stop].sum())
         rates.append(float(path.rotation[:stop].sum()) / total)
         outputs.append(-float(turn[:stop].sum()) / total)
         errors.append(np.sqrt(2 * np.mean(path.angle_variance)) * path.mode_number / total)
-    rate, output = np.array(rates), np.array(outputs)
+    return _line_through(
+        np.array(rates), np.array(outputs), np.array(errors), compensated=calibration is not None
+    )
+
+
+def _whole_periods(path: Path) -> int:
+    """Increments of a run until the last whole period π/m of its wave angle; 0: it turns less."""
+    period = np.pi / path.mode_number
+    periods = np.floor(abs(path.angle_rad[-1] - path.angle_rad[0]) / period)
+    if periods < 1:
+        return 0
+    travelled = np.abs(np.cumsum(np.diff(path.angle_rad))) / period
+    return int(np.searchsorted(travelled, periods - 1e-9)) + 1
+
+
+def _at_one_temperature(path: Path, tables: Calibration) -> Array:
+    """m·Δθ (n,) as it would be with the tables' mean K and mean bias at every temperature."""
+    x = path.middle(
+        path.temperature_degc if tables.axis == "temperature" else path.frequency_hz
+    )
+    period = np.full(len(path), np.pi / tables.mode_number)
+    drift, scale = tables.values_at(x, np.zeros(len(path)), period)  # their means over the angle
+    mean_drift, mean_scale = (
+        float(np.asarray(h)[:, 0].mean())
+        for h in (tables.drift_harmonics, tables.scale_factor_harmonics)
+    )
+    return np.asarray(
+        (path.turn - drift * path.interval_s) * mean_scale / scale + mean_drift * path.interval_s
+    )
+
+
+def _line_through(
+    rate: Array, output: Array, errors: Array, *, compensated: bool
+) -> ScaleFactorFigures:
+    """The figures of (n,) rates and outputs, whose own errors are `errors`."""
     if len(np.unique(np.round(rate / max(np.abs(rate).max(initial=0.0), 1e-300), 3))) < 2:
         raise HrgError(
             "the runs that turn through a period of the wave angle have one rate only: "
@@ -106,29 +144,36 @@ def scale_factor_figures(
     line = np.stack([rate, np.ones_like(rate)], axis=1)
     (gain, offset), *_ = np.linalg.lstsq(line, output, rcond=None)
     residual = output - line @ np.array([gain, offset])
-    spread = np.sqrt(np.sum(np.array(errors) ** 2) / len(errors))
+    spread = float(np.sqrt(np.mean(errors**2)))
     std = spread / np.sqrt(np.sum((rate - rate.mean()) ** 2))
-    largest = np.abs(rate).max()
-    asymmetry = asymmetry_std = float("nan")
-    halves = np.stack([np.maximum(rate, 0), np.minimum(rate, 0), np.ones_like(rate)], axis=1)
-    if calibration is not None:
-        halves = halves[:, :2]  # the tables took the bias away
-    if (
-        np.linalg.matrix_rank(halves / np.abs(halves).max(axis=0, initial=1e-300), tol=1e-3)
-        == halves.shape[1]
-    ):
-        found = np.linalg.lstsq(halves, output, rcond=None)[0]
-        asymmetry = float(2 * (found[0] - found[1]) / (found[0] + found[1]) * 1e6)
-        contrast = np.array([1.0, -1.0, 0.0])[: halves.shape[1]]
-        asymmetry_std = float(
-            spread * np.sqrt(contrast @ np.linalg.inv(halves.T @ halves) @ contrast) / gain * 1e6
-        )
-    ppm = residual / (gain * largest) * 1e6
-    reference = 1.0 if calibration is not None else gain
+    asymmetry, asymmetry_std = _asymmetry(rate, output, spread, with_bias=not compensated)
+    ppm = residual / (gain * np.abs(rate).max()) * 1e6
+    reference = 1.0 if compensated else gain
     return ScaleFactorFigures(
         float(gain), float(std), float(offset / gain), float((gain / reference - 1) * 1e6), asymmetry, asymmetry_std,
         float(np.abs(ppm).max()), rate.tolist(), ppm.tolist(),
     )  # fmt: skip
+
+
+def _asymmetry(
+    rate: Array, output: Array, spread: float, *, with_bias: bool
+) -> tuple[float, float]:
+    """(K₊ − K₋)/mean in ppm with its standard deviation; NaN where the rates do not tell it.
+
+    `with_bias`: beside a common bias; tables have taken that away.
+    """
+    halves = np.stack([np.maximum(rate, 0), np.minimum(rate, 0), np.ones_like(rate)], axis=1)
+    if not with_bias:
+        halves = halves[:, :2]
+    columns = halves.shape[1]
+    scaled = halves / np.abs(halves).max(axis=0, initial=1e-300)
+    if np.linalg.matrix_rank(scaled, tol=1e-3) < columns:
+        return float("nan"), float("nan")
+    found = np.linalg.lstsq(halves, output, rcond=None)[0]
+    contrast = np.array([1.0, -1.0, 0.0])[:columns]
+    std = spread * np.sqrt(contrast @ np.linalg.inv(halves.T @ halves) @ contrast)
+    mean = (found[0] + found[1]) / 2
+    return float((found[0] - found[1]) / mean * 1e6), float(std / mean * 1e6)
 
 
 def trade_figures(calibration: Calibration, paths: Sequence[Path]) -> dict[str, float | None]:
@@ -139,7 +184,8 @@ def trade_figures(calibration: Calibration, paths: Sequence[Path]) -> dict[str, 
     }
     names = ("error_ppm", "asymmetry_ppm", "nonlinearity_ppm")
     try:
-        compensated, raw = scale_factor_figures(paths, calibration), scale_factor_figures(paths)
+        compensated = scale_factor_figures(paths, calibration)
+        raw = scale_factor_figures(paths, temperatures_by=calibration)
     except HrgError:
         return out | {f"scale_factor_{name}": None for name in names}
     found = {

@@ -320,3 +320,17 @@ def test_units_of_people():
 
 def test_waves_alone_have_no_answer():
     assert answer([by_hand.wave()]) is None and isinstance(by_hand.wave(), Wave)
+
+
+def test_tables_that_measure_the_quadrature_say_so_in_equation_and_snippet():
+    """Of a model with a measured part, a rate computed without it is wrong."""
+    plain = by_hand.calibration()
+    part = {"kind": "quadrature", "coefficients": [[1e-3, 2e-3]], "exact": True}
+    measured = plain.replace(
+        model="quadrature", details=json.dumps(json.loads(plain.details) | {"measured": part})
+    )
+    without, with_it = answer([plain]), answer([measured])
+    assert "D_r" not in without.equation and "theta, dtheta_dt, 0.0" in without.snippet
+    assert "a_B/a_A" in with_it.equation
+    assert "hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)" in with_it.snippet
+    assert "theta, dtheta_dt, measured)" in with_it.snippet

@@ -1,11 +1,13 @@
 """Figures of the trade: known coefficients, and allantools beside."""
 
+import json
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import records_by_hand
+from elliptic_runs import elliptic_run, tempered
 from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.errors import HrgError
@@ -82,3 +84,33 @@ def test_figures_of_a_calibration_are_those_of_its_truth():
     )
     corrected = scale_factor_figures(waves, record)
     assert abs(corrected.error_ppm) < 5 and corrected.nonlinearity_ppm < 20
+
+
+def test_a_scale_factor_that_follows_temperature_is_not_called_a_nonlinearity():
+    """K moves by ±200 ppm over the programme and not with the rate; noise leaves a few ppm."""
+    truth = Truth(1, drift=1e-5, scale_ripple=0, curved=False)
+    truth.k[1, 0] = 0.55 * 4e-4
+    waves = programme(truth, (0, 20, 40), (-0.8, -0.4, 0.4, 0.8), duration=20)
+    record = calibrate(waves, harmonics=1, scale_factor_harmonics=0, model="table", bootstrap=0)
+    trade = json.loads(record.details)["trade"]
+    assert trade["scale_factor_temperature_ppm"] == pytest.approx(200, rel=0.02)
+    assert abs(trade["scale_factor_nonlinearity_ppm"]) < 20
+    assert abs(trade["scale_factor_asymmetry_ppm"]) < 20
+
+
+def test_the_scale_factor_s_error_is_that_of_the_whole_correction_with_its_measured_part():
+    """Runs with a quadrature of three percent: without −2rδω cos ζ their rate is hundreds of ppm
+    off."""
+    waves = [
+        elliptic_run(
+            tempered(T), T, rate, 0.1 + rate, 0.03, f"T{T:g} {rate:+}", duration=20.0, seed=i
+        )
+        for i, (T, rate) in enumerate((T, rate) for T in (0.0, 40.0) for rate in (-0.8, 0.8))
+    ]
+    record = calibrate(
+        waves, harmonics=1, scale_factor_harmonics=0, model="quadrature", bootstrap=0
+    )
+    assert record.status == "valid", record.status_reasons
+    trade = json.loads(record.details)["trade"]
+    assert abs(trade["scale_factor_error_ppm"]) < 3
+    assert trade["bias_rad_s"] == 0.0  # the model has no constant term

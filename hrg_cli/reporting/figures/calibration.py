@@ -59,6 +59,14 @@ def _node_axis(record: Calibration) -> str:
     return "temperature, °C" if record.axis == "temperature" else "frequency, Hz"
 
 
+def _at_nodes(record: Calibration, label: str) -> str:
+    """What a table holds and at which nodes, as the beginning of a sentence."""
+    node = np.asarray(record.node, float)
+    unit = "°C" if record.axis == "temperature" else "Hz"
+    nodes = f"{len(node)} nodes from {spread(node)}" if len(node) > 1 else number(float(node[0]))
+    return f"{label[:1].upper()}{label[1:]}, at {nodes} {unit}"
+
+
 def _draw_map(
     record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str
 ) -> Plot:
@@ -80,8 +88,7 @@ def _draw_map(
         )
         labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
         words = (
-            f"{label} over {len(node)} nodes ({_node_axis(record)} {spread(node)}):"
-            f" {spread(values[:, 0])}."
+            f"{_at_nodes(record, label)}: {spread(values[:, 0])}."
         )
         return Plot(
             key,
@@ -133,8 +140,7 @@ def _draw_map(
         np.unravel_index(np.nanargmax(values), values.shape),
     )
     words = (
-        f"{label} over {len(node)} nodes ({_node_axis(record)} {spread(node)}) and {len(angle)}"
-        f" angles: lowest {number(float(values[low]))} at {number(float(angle[low[1]]), 3)}°,"
+        f"{_at_nodes(record, label)} and {len(angle)} angles: lowest {number(float(values[low]))} at {number(float(angle[low[1]]), 3)}°,"
         f" highest {number(float(values[high]))} at {number(float(angle[high[1]]), 3)}°; median σ"
         f" {number(float(np.nanmedian(deviation)), 2)}."
     )

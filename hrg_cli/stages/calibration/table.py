@@ -156,6 +156,15 @@ def measured_part(calibration: Calibration) -> dict[str, Any] | None:
     raise HrgError("the calibration's details are damaged (measured); make the calibration again")
 
 
+def corrections_along(calibration: Calibration, path: Path) -> tuple[Array, Array]:
+    """(D [rad/s], K) (n,) of a run's increments: the tables, and the part that the model measures."""
+    x = path.middle(
+        path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
+    )
+    drift, scale = calibration.values_at(x, path.middle(path.angle_rad), np.diff(path.angle_rad))
+    return drift + measured_drift(calibration, path), scale
+
+
 def measured_drift(calibration: Calibration, path: Path) -> Array:
     """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in
     operation; zeros otherwise."""

@@ -23,7 +23,7 @@ class DeviceTemperature(Table):
     damping_rate_per_degc: Course = 0.0
     """The same of the damping rate."""
     damping_split_per_degc: Course = 0.0
-    """The same of the damping split."""
+    """The same of ν·δμ, whatever ν does."""
     frequency_split_per_degc: Course = 0.0
     """The same of the frequency split."""
     scale_factor_per_degc: Course = 0.0
