@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,8 @@ from .. import pipeline, store
 from ..errors import UsageError
 from ..records import Resonator
 from ..reporting import console
+from ..reporting.quantities import round_with_std
+from ..reporting.text import number
 from ..stages.forecast import Forecast, forecast, summary
 from ..units import DEGREE
 from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
@@ -99,24 +102,50 @@ def _csv(made: Forecast) -> str:
     return text.getvalue()
 
 
+NAMES = {
+    "damping_part_rad_s": "of the damping split, ν·δμ",
+    "sin_8_theta_part_rad_s": "of the frequency split, δω²/λ (sin 8θ)",
+    "mean_drift_while_turning_rad_s": "mean while turning",
+    "drift_bound_rad_s": "bound D_max, sum of both",
+    "drift_bound_input_rad_s": "bound as input rate, D_max/K",
+    "drift_largest_rad_s": "largest over the wave angle",
+}
+"""The figures in words; λ is the rate at which the quadrature dies away."""
+
+
 def _show(report: dict[str, Any]) -> None:
     hour = DEGREE / 3600
-    names = {name: name.removesuffix("_rad_s").replace("_", " ") for name in report["figures"]}
     rows = [
-        (names[name], f["value"], f["std"], f["value"] / hour, f["std"] / hour)
+        (NAMES[name], round_with_std(f["value"] / hour, f["std"] / hour))
         for name, f in report["figures"].items()
     ]
-    console.print_table("", ("figure", "rad/s", "±", "°/h", "±"), rows)
-    trim = report["trim"]
-    spring = [
-        ("size, rad/s", f"{trim['size_rad_s']:.4g} ± {trim['size_rad_s_std']:.2g}"),
-        ("axis, °", f"{trim['axis_rad'] / DEGREE:.4g} ± {trim['axis_rad_std'] / DEGREE:.2g}"),
+    when = "run-down, after τ" if report["drive"] == "free" else f"{report['drive']} drive"
+    console.print_table("", (f"drift of mθ, {when}", "°/h"), rows)
+    _show_trim(report["trim"], report["trimmed"])
+    head = ("after a fix, s", "wave angle, °", "tangent law, °", "error of the input angle, °")
+    head += ("rms of all starts, °", "worst, °", "left after compensation, °")
+    table = []
+    for row in report["table"]:
+        time_s, way, spread, *others = (
+            value / (1 if name == "time_s" else DEGREE) for name, value in row.items()
+        )
+        said = (number(value, 3) if math.isfinite(value) else "–" for value in others)
+        table.append((number(time_s), round_with_std(way, spread), *said))
+    console.print_table("", head, table)
+
+
+def _show_trim(trim: dict[str, float], trimmed: bool) -> None:
+    """The electric spring's size, axis and what it leaves."""
+    hour = DEGREE / 3600
+    rows = [
+        ("size, rad/s", round_with_std(trim["size_rad_s"], trim["size_rad_s_std"])),
+        ("axis, °", round_with_std(trim["axis_rad"] / DEGREE, trim["axis_rad_std"] / DEGREE)),
         (
             "on the electrodes at 0 and π/4m, rad/s",
             f"{trim['cos_rad_s']:.4g} and {trim['sin_rad_s']:.4g}",
         ),
         ("change of frequency, Hz", f"{trim['frequency_shift_hz']:.4g}"),
-        ("split left, rad/s", f"{trim['left_rad_s']:.3g} ± {trim['left_rad_s_std']:.2g}"),
+        ("split left, rad/s", round_with_std(trim["left_rad_s"], trim["left_rad_s_std"])),
         (
             "D_max before and after, °/h",
             (
@@ -125,26 +154,5 @@ def _show(report: dict[str, Any]) -> None:
             ),
         ),
     ]
-    console.print_table(
-        "",
-        (
-            "electric spring along the stiffest axis" + (" (on)" if report["trimmed"] else ""),
-            "value",
-        ),
-        spring,
-    )
-    head = (
-        "after a fix, s",
-        "wave angle, °",
-        "±",
-        "tangent law, °",
-        "error, °",
-        "rms of all starts, °",
-        "worst, °",
-        "left, °",
-    )
-    table = [
-        tuple(value / (1 if name == "time_s" else DEGREE) for name, value in row.items())
-        for row in report["table"]
-    ]
-    console.print_table("", head, table)
+    title = "electric spring along the stiffest axis" + (" (on)" if trimmed else "")
+    console.print_table("", (title, "value"), rows)

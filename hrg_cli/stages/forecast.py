@@ -257,7 +257,7 @@ def _figures(
         "drift_bound_rad_s": law.drift_bound(gyros, drive, gain),
         "drift_bound_input_rad_s": law.drift_bound(gyros, drive, gain) / gyros.scale_factor,
     }
-    if rate:
+    if rate and drive != "free":  # in a run-down r settles at no mean
         turning, nu = (
             2 * gyros.scale_factor * rate,
             np.asarray(law.quadrature_decay(gyros, drive, gain)),

@@ -21,6 +21,7 @@ from hrg_cli.fitting.envelopes.resonator_spread import (
 from hrg_cli.physics import drift, ellipse, resonator
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator
+from hrg_cli.reporting.quantities import round_with_std
 from hrg_cli.stages.forecast import forecast, summary
 
 
@@ -145,6 +146,8 @@ def test_forecast_figures_are_the_papers():
     assert f["mean_drift_while_turning_rad_s"]["value"] == pytest.approx(
         -turning * 0.004**2 / (0.02**2 + turning**2)
     )
+    run_down = forecast(record, drive="free", rate_rad_s=0.05, duration_s=20.0).figures
+    assert "mean_drift_while_turning_rad_s" not in run_down, "r settles at no mean in a run-down"
 
 
 def test_a_course_ends_by_itself_and_not_with_those_of_other_starts():
@@ -220,6 +223,11 @@ def test_forecast_command(tmp_path, hrg):
     assert hrg("forecast", path, "-o", tmp_path / "f.svg", "-q").status == 0
     assert "<svg" in (tmp_path / "f.svg").read_text()
     assert hrg("forecast", path, "-o", tmp_path / "f.h5").status == 2
+    shown = hrg("forecast", path, "--duration-s", "100").out
+    f = answer["figures"]["drift_bound_rad_s"]
+    hour = np.pi / 180 / 3600
+    assert round_with_std(f["value"] / hour, f["std"] / hour) in shown
+    assert "e-0" not in shown and "rad_s" not in shown
     assert hrg("forecast", path, "--drive", "free").status == 0
     assert hrg("forecast", path, "--drive", "free", "--strict").status == 3
 

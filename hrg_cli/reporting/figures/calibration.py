@@ -87,9 +87,7 @@ def _draw_map(
             color=SERIES[0],
         )
         labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
-        words = (
-            f"{_at_nodes(record, label)}: {spread(values[:, 0])}."
-        )
+        words = f"{_at_nodes(record, label)}: {spread(values[:, 0])}."
         return Plot(
             key,
             f"{'Bias' if symbol == 'D' else 'Scale factor'} {symbol} against {record.axis}",
