@@ -147,6 +147,13 @@ def state_of(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[A
     return q.real, (p + np.einsum("nij,nj->ni", table.damping(t), q.real)) / table.omega(t)[:, None]
 
 
+def velocity(table: Coefficients, t: Array, z: Array, w: Array) -> Array:
+    """ż (2, n) in the instrument's axes, of displacement z and `v_over_omega` w (2, n):
+    ωw − Nz + KΩJz."""
+    turned = np.einsum("nij,jn->in", table.turning(t)[:, None, None] * J - table.damping(t), z)
+    return np.asarray(table.omega(t) * w + turned)
+
+
 def _momentum_matrix(table: Coefficients, t: Array, omega_r: float) -> Array:
     turning = table.turning(t)[:, None, None] * J
     return (

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from . import fast_loop
-from .coefficients import Coefficients, analytic, state_of
+from .coefficients import Coefficients, analytic, state_of, velocity
 from .electronics import Electronics, board
 from .noise import Noise
 from .noise_source import NoiseSource
@@ -173,8 +173,22 @@ def run(
         del parts
         t = np.arange(first, first + n) * step_s
         seen = noisy if source.readout else None
-        samples_of = Samples(t, z, v, drive, table.temperature(t), table.rate(t), seen)
+        samples_of = Samples(
+            t,
+            z,
+            v,
+            drive,
+            table.temperature(t),
+            table.rate(t),
+            functools.partial(_velocity, table, t, z, v, omega),
+            seen,
+        )
         yield Block(samples_of, command, functools.partial(_envelopes, table, t, z, v, omega))
+
+
+def _velocity(table: Coefficients, t: Array, z: Array, v: Array, omega: float) -> Array:
+    """ż/ω (2, n) with the reference's ω."""
+    return velocity(table, t, z, v) / omega
 
 
 def _carried(table: Coefficients, start: float, stop: float, change: Array, scale: float) -> Array:

@@ -209,12 +209,16 @@ class Samples:
     z: Array
     """(2, n) displacement."""
     v_over_omega: Array
-    """(2, n) velocity over ω, seen from axes that turn with the wave's own rotation KΩ."""
+    """(2, n) velocity over ω, seen from axes that turn with the wave's own rotation KΩ: what goes
+    with the analytic signal, to the order of δω/ω."""
     drive: Array
     """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f
     e^{jω_r t}, amplitude a second."""
     temperature_degc: Array
     rate_rad_s: Array
+    velocity: Callable[[], Array] | None = None
+    """() -> (2, n): the displacement's derivative over the reference's ω, for electrodes that read
+    it."""
     noise: Array | None = None
     """(2, n) read-out noise where the engine drew it (the loops saw the same); None: the pick-off
     chain draws its own."""

@@ -22,7 +22,11 @@ def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> 
     for step in readout.steps:
         y = step(samples, y)
     if readout.model == "full":
-        y = pick_off(readout.law, readout.gap, readout.gaps, readout.gains, y, samples.v_over_omega)
+        moved = y
+        if readout.law == "constant-voltage":
+            assert samples.velocity is not None, "an engine's samples know their velocity"
+            moved = samples.velocity()
+        y = pick_off(readout.law, readout.gap, readout.gaps, readout.gains, y, moved)
     if readout.kind == "carrier":
         turns = np.mod(
             readout.carrier_hz / (1 + readout.clock_error) * samples.time_s, 1.0

@@ -9,6 +9,7 @@ the steps come from the cubic through values and derivatives.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -159,10 +160,22 @@ def run(
             seen = term(seen, state)
         turn = np.exp(1j * np.mod(omega_r * times, 2 * np.pi))[:, None]
         q = (seen * turn).T
+        changing = slope[cell] * (1 - x) + slope[cell + 1] * x
         samples = Samples(
-            times, q.real, -q.imag, (drives * turn).T, state.temperature_degc, state.rate_rad_s
+            times,
+            q.real,
+            -q.imag,
+            (drives * turn).T,
+            state.temperature_degc,
+            state.rate_rad_s,
+            functools.partial(_velocity, values, changing, turn, omega_r),
         )
         yield Block(samples, commands.T, values.__getitem__)
+
+
+def _velocity(u: Array, slope: Array, turn: Array, omega: float) -> Array:
+    """ż/ω (2, n) of z = Re[u e^{jωt}]: Re[(ju + u̇/ω) e^{jωt}]."""
+    return np.asarray(((1j * u + slope / omega) * turn).real.T)
 
 
 def _interpolate(

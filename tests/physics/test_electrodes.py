@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hrg_cli import collect, simulate
 from hrg_cli.errors import HrgError
 from hrg_cli.physics.electrodes import LAWS, SIGNS, cubic_factor, pick_off
 
@@ -78,3 +79,32 @@ def test_a_wave_that_reaches_a_gap_is_refused():
             np.full((2, 3), 0.6),
             np.zeros((2, 3)),
         )
+
+
+@pytest.mark.parametrize(("model", "most"), [("fast", 1e-7), ("slow", 1e-6)])
+def test_a_constant_voltage_reads_the_velocity_of_the_displacement(model, most):
+    """A split, a rate and a temperature that moves: what the electrodes give is the derivative of
+    the displacement that `linear` gives, over the frequency, sample by sample."""
+    h = 1 / 80_000.0
+    config = {
+        "device": {
+            "frequency_hz": 1000.0, "time_constant_s": 0.5, "damping_split": 0.2, "damping_axis_rad": 0.3,
+            "frequency_split_rad_s": 3.0, "stiffness_axis_rad": 0.9, "scale_factor": 0.55,
+            "temperature": {"frequency_per_degc": 1e-4},
+        },
+        "start": {"wave_angle_rad": 0.2, "quadrature": 0.1},
+        "environment": {
+            "rate_rad_s": 6.0,
+            "temperature": {"kind": "ramp", "start_degc": 20.0, "stop_degc": 40.0},
+        },
+        "recording": {"sample_rate_hz": 1 / h, "duration_s": 0.3},
+    }  # fmt: skip
+    velocity = {"readout": {"model": "full", "law": "constant-voltage", "gap": 1e7}}
+    z, v = (
+        np.stack([record.c, record.s])
+        for record in (collect(simulate(config | extra, model=model)) for extra in ({}, velocity))
+    )
+    tenth = np.array([-1 / 1260, 5 / 504, -5 / 84, 5 / 21, -5 / 6])  # of the derivative, order 10
+    weights = np.concatenate([tenth, [0.0], -tenth[::-1]])
+    slope = np.stack([np.convolve(row, weights[::-1], mode="valid") for row in z]) / h
+    assert np.abs(v[:, 5:-5] - slope / (2 * np.pi * 1000.0)).max() < most
