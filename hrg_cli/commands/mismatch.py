@@ -17,7 +17,9 @@ from .. import pipeline, store
 from ..errors import UsageError
 from ..records import Wave
 from ..reporting import console
-from ..stages.mismatch import mismatch
+from ..reporting.text import number
+from ..stages.mismatch import Mismatch, mismatch
+from ..units import to_deg_per_hour
 from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
 from .options import flags_of
 
@@ -59,20 +61,32 @@ def mismatch_file(
         "noise_density": made.noise_density,
         "latency": made.latency,
     }
-    rows = [
-        (name, float(np.sqrt(np.mean(made.columns[f"{name}_std"] ** 2))), d)
-        for name, d in made.noise_density.items()
-    ]
-    head = ("signal", "noise of a window", "density, /√Hz")
+    return report, lambda: _show(made, wave.units)
 
-    def show() -> None:
-        console.print_table(f"known {made.delay_s:g} s after the wave was so", head, rows)
-        titles = ("rate of the angle over windows", "latency, s", "noise, rad/s", "found, rad/s")
-        console.print_table(
-            "", titles, [(int(row["windows"]), *list(row.values())[1:]) for row in made.latency]
+
+def _show(made: Mismatch, units: str) -> None:
+    """Noise and delay of the signals, and the angle's rate over more and more windows."""
+    rows = []
+    for name, density in made.noise_density.items():
+        unit = "rad" if name.endswith("_rad") else "amplitude" if units == "1" else units
+        size = float(np.sqrt(np.mean(made.columns[f"{name}_std"] ** 2)))
+        words = name.removesuffix("_rad").replace("_", " ")
+        rows.append((words, f"{number(size, 3)} {unit}", f"{number(density, 3)} {unit}/√Hz"))
+    head = ("signal", "noise of a window", "density")
+    console.print_table(f"known {made.delay_s:.4g} s after the wave was so", head, rows)
+    slopes = [
+        (
+            int(row["windows"]),
+            number(row["latency_s"], 3),
+            *(
+                number(to_deg_per_hour(row[key]), 3)
+                for key in ("rate_noise_rad_s", "rate_noise_found_rad_s")
+            ),
         )
-
-    return report, show
+        for row in made.latency
+    ]
+    head = ("rate of the angle over windows", "latency, s", "noise, °/h", "scatter found, °/h")
+    console.print_table("", head, slopes)
 
 
 def _csv(columns: dict[str, np.ndarray]) -> str:

@@ -75,4 +75,6 @@ def test_mismatch_command(tmp_path, hrg):
     assert done.status == 0, done.err
     rows = list(csv.DictReader((tmp_path / "m.csv").open()))
     assert len(rows) == done.json["rows"] and set(done.json["noise_density"]) <= set(rows[0])
+    shown = hrg("mismatch", tmp_path / "wave.h5", "-o", tmp_path / "again.csv").out
+    assert "rad/√Hz" in shown and "noise, °/h" in shown and "_rad" not in shown
     assert hrg("mismatch", tmp_path / "wave.h5", "-o", tmp_path / "m.h5").status == 2
