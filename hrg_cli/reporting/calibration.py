@@ -32,11 +32,10 @@ def show(report: Mapping[str, Any]) -> None:
     noise = report.get("noise") or {}
     if noise.get("white_over_stated") is not None:
         walk = noise["angle_random_walk_rad_sqrt_s"]
-        beside = (
-            f", beside it an angle random walk of {to_deg_per_hour(walk) / 60:.3g} °/√h"
-            if walk > 0
-            else ""
-        )
+        beside = ""
+        if walk > 0:
+            size = to_deg_per_hour(walk) / 60
+            beside = f" and the walk adds, beside it an angle random walk of {size:.3g} °/√h"
         print(f"noise: {noise['white_over_stated']:.3g} times what the windows state{beside}")
 
 

@@ -98,6 +98,8 @@ def facts(record: Record) -> dict[str, Any]:
         }
     if isinstance(record, Compensated):
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
+        trade = json_object(record.details).get("trade") or {}
+        found |= {name: value for name, value in trade.items() if value is not None}
     return found
 
 

@@ -213,6 +213,8 @@ class _Totals:
         self.time_s = 0.0
         self.squares, self.rows = np.zeros(2), 0
         self.followed = self.turned = 0.0
+        self.windows_s = 0.0
+        """Sum over the increments of the mean width of the blocks at their ends."""
 
     def add(self, path: Path, before: Array, after: Array) -> None:
         """Take in the increments whose rate is known: those whose errors are finite."""
@@ -230,6 +232,7 @@ class _Totals:
         whole = len(after) // self.together * self.together
         self.errors.append(after[:whole].reshape(-1, self.together).mean(axis=1))
         self.time_s += float(time.sum())
+        self.windows_s += float(path.middle(path.width_s)[known].sum())
         self.squares += [before @ before, after @ after]
         self.rows += len(before)
         self.followed += float(turn @ rotation)
@@ -260,7 +263,8 @@ class _Totals:
         errors = np.concatenate(self.errors) if self.errors else np.zeros(0)
         if len(errors) < LEAST_RATES:
             return {"trade": {}}
-        found = allan_figures(errors, self.time_s / max(self.rows, 1) * self.together)
+        rows = max(self.rows, 1)
+        found = allan_figures(errors, self.time_s / rows * self.together, self.windows_s / rows)
         trade = {
             "bias_residual_rad_s": float(errors.mean()),
             "white_angle_noise_rad": found.quantization_rad or None,

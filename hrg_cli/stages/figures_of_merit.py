@@ -81,7 +81,7 @@ def scale_factor_figures(
     bias do over temperature is no nonlinearity: the means over the angle of `temperatures_by` are
     taken out of the outputs. Asymmetry: (K₊ − K₋)/mean, slopes of both signs with a common bias
     (NaN where too few rates tell it from the bias). Nonlinearity: largest residual from the line
-    over the largest rate.
+    over the largest rate (NaN with two rates).
     """
     rates, outputs, errors = [], [], []
     for wave in waves:
@@ -134,7 +134,8 @@ def _line_through(
     rate: Array, output: Array, errors: Array, *, compensated: bool
 ) -> ScaleFactorFigures:
     """The figures of (n,) rates and outputs, whose own errors are `errors`."""
-    if len(np.unique(np.round(rate / max(np.abs(rate).max(initial=0.0), 1e-300), 3))) < 2:
+    distinct = len(np.unique(np.round(rate / max(np.abs(rate).max(initial=0.0), 1e-300), 3)))
+    if distinct < 2:
         raise HrgError(
             "the runs that turn through a period of the wave angle have one rate only: "
             "a scale factor needs at least two; add a run at another rate"
@@ -147,9 +148,11 @@ def _line_through(
     asymmetry, asymmetry_std = _asymmetry(rate, output, spread, with_bias=not compensated)
     ppm = residual / (gain * np.abs(rate).max()) * 1e6
     reference = 1.0 if compensated else gain
+    # two rates have a line through them, whatever the gyro does
+    nonlinearity = float(np.abs(ppm).max()) if distinct > 2 else float("nan")
     return ScaleFactorFigures(
         float(gain), float(std), float(offset / gain), float((gain / reference - 1) * 1e6), asymmetry, asymmetry_std,
-        float(np.abs(ppm).max()), rate.tolist(), ppm.tolist(),
+        nonlinearity, rate.tolist(), ppm.tolist(),
     )  # fmt: skip
 
 
@@ -221,9 +224,9 @@ ALLAN_UNITS = {
 }
 
 
-def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
+def allan_figures(rate_rad_s: Array, interval_s: float, window_s: float = 0.0) -> AllanFigures:
     """Overlapping Allan deviation of an evenly sampled rate and its coefficients, fitted with the
-    covariance of its values (`allan_terms`).
+    covariance of its values (`allan_terms`); window_s: what each end's angle was averaged over.
 
     HrgError: fewer than 30 values, or values that are not finite.
     """
@@ -237,7 +240,7 @@ def allan_figures(rate_rad_s: Array, interval_s: float) -> AllanFigures:
             " there; a longer run is needed"
         )
     time, deviation, _ = allan_deviation(rate, interval_s)
-    found = allan_terms(rate, interval_s)
+    found = allan_terms(rate, interval_s, window_s)
     intervals = {f"{name}_{ALLAN_UNITS[name]}": asdict(c) for name, c in found.coefficients.items()}
     q, n, b, k = (c.value for c in found.coefficients.values())
     return AllanFigures(time, deviation, q, n, b, k, intervals, found.chi2 / max(found.dof, 1))

@@ -12,6 +12,7 @@ from hrg_cli.fitting.tables.allan_terms import (
     _covariance,
     _filters,
     allan_terms,
+    through_windows,
 )
 from hrg_cli.physics.noise import Flicker
 
@@ -101,3 +102,37 @@ def test_the_floor_of_flicker_noise_is_its_bias_instability():
     time, deviation, _ = allan_deviation(rate, INTERVAL)
     own = (time > 20) & (time < 500)
     assert np.sqrt(np.mean(deviation[own] ** 2)) == pytest.approx(level, rel=0.1)
+
+
+@pytest.mark.parametrize("part", [1.0, 0.5])
+def test_angles_averaged_over_windows_keep_the_walk(part):
+    """A random walk of the angle averaged over windows that fill the interval, or half of it: its
+    rates' neighbours hang together, their variance at one interval is half of N²/τ, and the
+    coefficient is still N."""
+    walk, fine, runs, held, sizes, strays = 3e-3, 20, 16, 0, [], 0
+    window = part * INTERVAL
+    for seed in range(runs):
+        random = np.random.default_rng(seed)
+        steps = walk * np.sqrt(INTERVAL / fine) * random.normal(size=4000 * fine)
+        angle = np.cumsum(steps).reshape(-1, fine)[:, : round(part * fine)].mean(axis=1)
+        rate = np.diff(angle) / INTERVAL
+        found = allan_terms(rate, INTERVAL, window).coefficients
+        coefficient = found["angle_random_walk"]
+        held += coefficient.low <= walk <= coefficient.high
+        sizes.append(coefficient.value)
+        strays += sum(c.seen for c in found.values()) - coefficient.seen
+    assert held >= runs - 4 and strays <= 4
+    assert np.mean(sizes) == pytest.approx(walk, rel=0.02)
+    assert allan_terms(rate, INTERVAL).coefficients["angle_random_walk"].value < 0.95 * walk
+
+
+def test_what_windows_keep_is_all_of_a_long_time_and_half_of_one_interval():
+    kept = through_windows(np.array([1.0, 2.0, 100.0]), 1.0)
+    assert kept[:, 0] == pytest.approx([0.5, 0.75, 0.995])
+    assert (np.diff(kept, axis=0) > 0).all() and kept[-1] == pytest.approx(np.ones(3), abs=6e-3)
+    # a random walk of the rate: ∫ of the structure function of its second integral, in closed form
+    f = np.linspace(1e-5, 60, 2_000_000)
+    walk = np.sin(np.pi * f) ** 4 / f**4
+    assert kept[0, 2] == pytest.approx(
+        np.trapezoid(walk * np.sinc(f) ** 2, f) / np.trapezoid(walk, f), rel=1e-3
+    )

@@ -1,5 +1,7 @@
 """Increments of block averages: their noise, their equation, reading by pieces."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from forced_runs import Truth, forced_run, wave_of
@@ -52,6 +54,21 @@ def test_noise_levels_are_recovered():
     ]
     assert np.mean([f.white for f in found]) == pytest.approx((3e-5) ** 2 / 5, rel=0.15)
     assert np.mean([f.walk for f in found]) == pytest.approx(1e-8, rel=0.15)
+
+
+def test_white_noise_that_a_walk_hides_is_what_the_windows_state():
+    """A walk of 15 σ a block leaves nothing to tell the white part by: then it is the stated one,
+    and the walk is still found."""
+    for seed in range(6):
+        path = path_of(noisy(seed, 1e-6, 1e-8), harmonics=1, per_block=5)
+        stated = path.mode_number**2 * float(np.mean(path.angle_variance))
+        found = estimate_noise(path, path.turn)
+        assert found.white == pytest.approx(stated, rel=1e-9)
+        assert found.walk == pytest.approx(1e-8, rel=0.2)
+    # and what is more than stated and can be told still is
+    path = path_of(noisy(0, 3e-5, 1e-8), harmonics=1, per_block=5)
+    louder = replace(path, angle_variance=path.angle_variance / 9)
+    assert estimate_noise(louder, path.turn).white == pytest.approx((3e-5) ** 2 / 5, rel=0.3)
 
 
 def test_a_walk_that_is_not_there_is_seldom_found():

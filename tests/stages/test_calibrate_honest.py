@@ -212,7 +212,7 @@ def test_a_random_walk_is_noise_and_a_misfit_is_not():
     )
     assert walking.status == "valid", walking.status_reasons
     assert summary(walking)["noise"]["angle_random_walk_rad_sqrt_s"] == pytest.approx(
-        np.sqrt(1e-11) / 2, rel=0.5
+        np.sqrt(1e-11) / 0.55, rel=0.5
     )
 
 

@@ -7,6 +7,9 @@ the terms found and the filter of n samples
 |H|² = 2 sin⁴(πfnτ₀)/(n sin πfτ₀)², cov(σ²_i, σ²_j) = (1/T)∫(2S)²|H_i|²|H_j|² df. The squares of the coefficients, not negative, are
 fitted by generalised least squares with it, iterated; the interval of a coefficient is that of its
 square.
+
+Rates that are differences of angles averaged over windows of width w hold the noise of the rate through a further box, sinc²(πfw) in S:
+white rate noise leaves N²/τ·(1 − w/2τ), half of N²/τ where a window fills the interval.
 """
 
 from __future__ import annotations
@@ -25,6 +28,8 @@ LONGEST = 0.125
 differences is far from normal."""
 ROUNDS = 5
 FREQUENCIES = 20_000
+SLOWEST, QUICKEST = 1e-4, 1e2
+"""Frequencies times τ between which a spectrum through a box is integrated; beyond them the filter leaves less than 1e-4."""
 SEEN = 2.0
 """Standard deviations of a squared coefficient from which it is told from zero."""
 NORMAL_95 = 1.96
@@ -60,9 +65,12 @@ class AllanTerms:
     dof: int
 
 
-def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
+def allan_terms(rate: Array, interval_s: float, window_s: float = 0.0) -> AllanTerms:
     """Fit the four terms to the overlapping Allan variance of an evenly sampled rate (n,), at least
-    30 values."""
+    30 values.
+
+    window_s: width of the even average behind the angles whose differences the rates are.
+    """
     from scipy.optimize import nnls
 
     rate = np.asarray(rate, float)
@@ -73,6 +81,7 @@ def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
     terms = np.stack(
         [3 / time**2, 1 / time, np.full(len(time), 2 * np.log(2) / np.pi), time / 3], axis=1
     )
+    terms[:, 1:] *= through_windows(time, window_s)
     unit = 1 / np.linalg.norm(terms / np.maximum(variance, 1e-300)[:, None], axis=0)
     design = terms * unit
     covariance = np.diag((2 * variance * relative) ** 2)
@@ -80,7 +89,7 @@ def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
     for _ in range(ROUNDS):
         root = _root(covariance)
         squares = nnls(root @ design, root @ variance)[0] * unit
-        covariance = _covariance(squares, weights, interval_s)
+        covariance = _covariance(squares, weights, interval_s, window_s)
     root = _root(covariance)
     white, target = root @ design, root @ variance
     found: dict[str, Coefficient] = {}
@@ -111,6 +120,22 @@ def allan_terms(rate: Array, interval_s: float) -> AllanTerms:
         chi2,
         len(time) - len(kept),
     )
+
+
+def through_windows(time_s: Array, window_s: float) -> Array:
+    """Part (points, 3) of the variance of white, flicker and random-walk rate noise that angles
+    averaged over windows keep: ∫f^−p sin⁴(πfτ)/(πfτ)² sinc²(πfw)df over the same without the box,
+    p = 0, 1, 2."""
+    if window_s <= 0:
+        return np.ones((len(time_s), 3))
+    x = np.geomspace(SLOWEST, QUICKEST, FREQUENCIES)
+    box = np.sinc(x * (window_s / np.asarray(time_s, float)[:, None])) ** 2
+    parts = [1 - window_s / (2 * np.asarray(time_s, float))]  # p = 0, in closed form
+    for power in (1, 2):
+        filtered = np.sin(np.pi * x) ** 4 / x ** (power + 2)
+        whole = np.trapezoid(filtered, x)
+        parts.append(np.trapezoid(filtered * box, x, axis=1) / whole)
+    return np.stack(parts, axis=1)
 
 
 def _coefficient(square: float, std: float) -> Coefficient:
@@ -144,10 +169,18 @@ def _filters(time_s: Array, interval_s: float, count: int) -> tuple[Array, Array
     return f, width, 2 * np.sin(n * x) ** 4 / (n * np.sin(x)) ** 2
 
 
-def _covariance(squares: Array, filters: tuple[Array, Array, Array], interval_s: float) -> Array:
+def _covariance(
+    squares: Array,
+    filters: tuple[Array, Array, Array],
+    interval_s: float,
+    window_s: float = 0.0,
+) -> Array:
     f, width, h2 = filters
     q, n, b, k = squares
-    angle = 2 * np.sin(np.pi * f * interval_s) / interval_s
-    two_sided = q * interval_s * angle**2 + n + b / (2 * np.pi * f) + k / (2 * np.pi * f) ** 2
+    half = np.sin(np.pi * f * interval_s)
+    of_rate = n + b / (2 * np.pi * f) + k / (2 * np.pi * f) ** 2
+    # of white noise, aliases included: the sum of sinc² of interval and window over them
+    seen = 1 - min(window_s / interval_s, 1.0) * 2 / 3 * half**2
+    two_sided = q * interval_s * (2 * half / interval_s) ** 2 + of_rate * seen
     weighted = h2 * (2 * two_sided) * np.sqrt(width)
     return np.asarray(weighted @ weighted.T)

@@ -14,6 +14,7 @@ that error second-order small: a harmonic nθ is damped by exp(−n²s²/2m²).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -384,30 +385,47 @@ def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> An
     """White angle noise and angle random walk of a run by maximum likelihood from residual
     increments (n,).
 
-    One parameter (their ratio) is searched; the level follows from the whitened residual.
+    One parameter (their ratio) is searched; the level follows from the whitened residual. White
+    noise that a walk hides is what the windows state, unless the residual denies it.
     `lost_degrees`: degrees of freedom the fit took from this run.
     """
-    from scipy.optimize import minimize_scalar
-
     time = float(np.median(path.interval_s))
     degrees = max(len(residual) - lost_degrees, 1.0)
 
-    def level(log_ratio: float) -> tuple[float, float]:
+    def look(log_ratio: float) -> tuple[float, float]:
+        """(whitened square, log determinant) with white noise one and q·Δt in this ratio to it."""
         bands = covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
         white, log_determinant = whiten(bands, residual)
-        variance = max(float(white @ white) / degrees, 1e-300)
-        return variance, degrees * np.log(variance) + log_determinant
+        return max(float(white @ white), 1e-300), log_determinant
 
-    grid = np.arange(-18.0, 12.1, 3.0)
-    best = grid[int(np.argmin([level(g)[1] for g in grid]))]
-    found = minimize_scalar(
-        lambda g: level(g)[1],
-        bounds=(best - 3.0, best + 3.0),
-        method="bounded",
-        options={"xatol": 0.05},
-    )
-    log_ratio = float(found.x)
-    if level(-40.0)[1] <= level(log_ratio)[1] + NEEDED_GAIN:
-        return AngleNoise(level(-40.0)[0], 0.0)
-    variance = level(log_ratio)[0]
+    def free(log_ratio: float) -> float:
+        square, log_determinant = look(log_ratio)
+        return degrees * (np.log(square / degrees) + 1) + log_determinant
+
+    log_ratio, best = _lowest(free)
+    if free(-40.0) <= best + NEEDED_GAIN:
+        return AngleNoise(look(-40.0)[0] / degrees, 0.0)
+    stated = path.mode_number**2 * float(np.mean(path.angle_variance))
+    if stated > 0:
+
+        def held(log_ratio: float) -> float:
+            square, log_determinant = look(log_ratio)
+            return degrees * np.log(stated) + square / stated + log_determinant
+
+        beside, likelihood = _lowest(held)
+        if likelihood <= best + NEEDED_GAIN:
+            return AngleNoise(stated, stated * float(np.exp(beside)) / time)
+    variance = look(log_ratio)[0] / degrees
     return AngleNoise(variance, variance * float(np.exp(log_ratio)) / time)
+
+
+def _lowest(height: Callable[[float], float]) -> tuple[float, float]:
+    """Where a function of ln(q·Δt/white) is lowest, and how low."""
+    from scipy.optimize import minimize_scalar
+
+    grid = np.arange(-18.0, 21.1, 3.0)
+    near = grid[int(np.argmin([height(g) for g in grid]))]
+    found = minimize_scalar(
+        height, bounds=(near - 3.0, near + 3.0), method="bounded", options={"xatol": 0.05}
+    )
+    return float(found.x), float(found.fun)

@@ -257,10 +257,18 @@ def noise_known(fitted: Fitted) -> Check:
 
 
 def noise_ratio(fitted: Fitted) -> float | None:
-    """Mean over the runs of white noise found / stated (variances); None where no run states
-    one."""
+    """Mean over the runs of white noise found / expected (variances): what the windows state, and
+    the third of a walk's step that a block's mean holds, by which no walk is quite white; None
+    where no run states one."""
     found = [
-        (noise.white / (path.mode_number**2 * float(np.mean(path.angle_variance))), len(path))
+        (
+            noise.white
+            / (
+                path.mode_number**2 * float(np.mean(path.angle_variance))
+                + noise.walk * float(np.median(path.width_s)) / 3
+            ),
+            len(path),
+        )
         for path, noise in zip(fitted.paths, fitted.noises)
         if np.mean(path.angle_variance) > 0
     ]
@@ -341,8 +349,10 @@ def say_noise(fitted: Fitted) -> dict[str, float | None]:
     """The noise the variants were judged at: white against what the windows state, and the angle
     random walk beside it."""
     ratio = noise_ratio(fitted)
-    walk = float(np.median([noise.walk for noise in fitted.noises])) / fitted.layout.mode_number**2
+    layout, values = fitted.layout, fitted.solution.coefficients
+    scale_factor = np.mean([values[layout.scale(j).start] for j in range(len(layout.nodes))])
+    walk = float(np.median([noise.walk for noise in fitted.noises]))  # of mθ; of the input angle:
     return {
         "white_over_stated": None if ratio is None else float(np.sqrt(ratio)),
-        "angle_random_walk_rad_sqrt_s": float(np.sqrt(walk)),
+        "angle_random_walk_rad_sqrt_s": float(np.sqrt(walk) / abs(scale_factor)),
     }
