@@ -122,8 +122,10 @@ def _show(report: dict[str, Any]) -> None:
     when = "run-down, after τ" if report["drive"] == "free" else f"{report['drive']} drive"
     console.print_table("", (f"drift of mθ, {when}", "°/h"), rows)
     _show_trim(report["trim"], report["trimmed"])
-    head = ("after a fix, s", "wave angle, °", "tangent law, °", "error of the input angle, °")
-    head += ("rms of all starts, °", "worst, °", "left after compensation, °")
+    head = [
+        *("after a fix, s", "wave angle, °", "tangent law, °", "error of the input angle, °"),
+        *("rms of all starts, °", "worst, °", "left after compensation, °"),
+    ]
     table = []
     for row in report["table"]:
         time_s, way, spread, *others = (

@@ -85,8 +85,8 @@ def _show(made: Mismatch, units: str) -> None:
         )
         for row in made.latency
     ]
-    head = ("rate of the angle over windows", "latency, s", "noise, °/h", "scatter found, °/h")
-    console.print_table("", head, slopes)
+    titles = ("rate of the angle over windows", "latency, s", "noise, °/h", "scatter found, °/h")
+    console.print_table("", titles, slopes)
 
 
 def _csv(columns: dict[str, np.ndarray]) -> str:

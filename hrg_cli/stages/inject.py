@@ -377,7 +377,7 @@ class _Injection:
             self._log(name, t, 25.0 if name == "temperature_degc" else 0.0)
             for name in ("temperature_degc", "rate_rad_s")
         ]
-        block = Samples(t, q.real.T, -q.imag.T, drive, *logs)
+        block = Samples(t, q.real.T, -q.imag.T, drive, logs[0], logs[1])
         for step in (*self.pickoff.steps, *self.pickoff.after):
             y = step(block, y)
         return y

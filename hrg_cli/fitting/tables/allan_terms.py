@@ -130,11 +130,11 @@ def through_windows(time_s: Array, window_s: float) -> Array:
         return np.ones((len(time_s), 3))
     x = np.geomspace(SLOWEST, QUICKEST, FREQUENCIES)
     box = np.sinc(x * (window_s / np.asarray(time_s, float)[:, None])) ** 2
-    parts = [1 - window_s / (2 * np.asarray(time_s, float))]  # p = 0, in closed form
+    parts: list[Array] = [1 - window_s / (2 * np.asarray(time_s, float))]  # p = 0, closed form
     for power in (1, 2):
         filtered = np.sin(np.pi * x) ** 4 / x ** (power + 2)
         whole = np.trapezoid(filtered, x)
-        parts.append(np.trapezoid(filtered * box, x, axis=1) / whole)
+        parts.append(np.asarray(np.trapezoid(filtered * box, x, axis=1) / whole))
     return np.stack(parts, axis=1)
 
 
