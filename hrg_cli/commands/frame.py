@@ -145,7 +145,7 @@ class Common:
     ) -> None:
         """Print the result and leave with the exit status that its validity asks for (0 where it is
         told but not judged)."""
-        from ..reporting import console
+        from ..reporting import answer_text, console
 
         with unread_is_no_failure():
             self._print(report, show)
@@ -154,7 +154,10 @@ class Common:
         if not judged:
             return
         if not self.json and not (self.quiet and report["status"] == "valid"):
-            for reason in report.get("status_reasons", []):
+            reasons = report.get("status_reasons", [])
+            if report.get("answer") and not self.quiet and not self.piped:
+                reasons = answer_text.untold(reasons, report["answer"]["why"])
+            for reason in reasons:
                 console.message(f"{report['status']}: {reason}")
         if report.get("status") == "refused" or (self.strict and report.get("status") == "suspect"):
             raise typer.Exit(REFUSED)

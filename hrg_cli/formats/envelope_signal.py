@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Array, Status
+from ..records.recording import ONE_CHANNEL
 from .columns import listing, number_of_column
 from .log import Log
 from .quantities import channel_unit, is_level, phase_factor
@@ -147,7 +148,7 @@ class EnvelopeSignal:
                 (
                     "suspect",
                     (
-                        "only one channel was recorded and S is set to 0: wave angle, quadrature"
+                        f"{ONE_CHANNEL}: wave angle, quadrature"
                         " and splits cannot be seen in this run"
                     ),
                 )

@@ -21,6 +21,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..records import Recording
 from ..records.clock import moved
+from ..records.recording import ONE_CHANNEL
 from .columns import ALIASES, Roles, find
 from .log import Array, Log
 from .log_options import (
@@ -259,8 +260,7 @@ def _first_reasons(opened: _Opened, timing: Timing) -> list[str]:
     reasons = [*opened.log.reasons, *timing.reasons]
     if opened.roles.s is None:
         reasons.append(
-            "only one channel was recorded and S is set to 0: wave angle, quadrature and splits"
-            " cannot be seen in this run"
+            f"{ONE_CHANNEL}: wave angle, quadrature and splits cannot be seen in this run"
         )
     return reasons
 

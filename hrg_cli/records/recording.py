@@ -50,6 +50,10 @@ class Slice:
         return part - self._less if self._less else part
 
 
+ONE_CHANNEL = "only one channel was recorded and S is set to 0"
+"""How the reason begins that an import without an S gives its recording."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Recording(Record):
     """Samples of the two channels; evenly sampled (`sample_rate_hz`, first sample at t = 0) or at

@@ -18,7 +18,7 @@ from ..units import DEGREE_PER_HOUR
 from . import answer_use, answer_words
 from .answer_words import Cause, Departure
 from .json_text import calibration_rms, entries, figure_of_merit, json_list, json_object
-from .quantities import LABELS, parameter, quantity
+from .quantities import label_of, parameter, quantity
 from .text import plain
 
 SURE = ("adequate", "explained")
@@ -259,7 +259,7 @@ def _parameters(
     found = [
         ShownParameter(
             plain(name),
-            LABELS.get(name, plain(name)),
+            label_of(name, float(value), float(std)),
             parameter(name, value, std, units),
             float(value),
             float(std),
@@ -282,7 +282,7 @@ def _moved(report: Mapping[str, Any]) -> tuple[MovedFigure, ...]:
             found.append(
                 MovedFigure(
                     plain(name),
-                    LABELS.get(name, plain(name)),
+                    label_of(name, value, std),
                     parameter(name, believed, 0.0, units),
                     said,
                     sigma,
@@ -321,12 +321,8 @@ def _of_resonator(record: Record) -> str:
     if isinstance(record, Resonator):
         known = record.parameters()
         said = [
-            f"{label} {parameter(name, *known[name])}"
-            for name, label in (
-                ("frequency_hz", "f ="),
-                ("damping_rate_1_s", "τ ="),
-                ("frequency_split_rad_s", "Δf ="),
-            )
+            f"{label_of(name, *known[name][:2]).rsplit(' ', 1)[1]} = {parameter(name, *known[name])}"
+            for name in ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")
             if name in known
         ]
         if record.modes_alone:

@@ -3,6 +3,9 @@ lines."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 from .answer import Answer
 from .console import print_table
 from .text import number
@@ -54,6 +57,22 @@ def show(found: Answer) -> None:
         print(f"next run, {line}")
     if found.commands:
         print("then: " + "\n      ".join(found.commands))
+
+
+VERDICT = re.compile(r'the verdict is "[^"]*": (.*)', re.S)
+
+
+def untold(reasons: Sequence[str], why: Sequence[str]) -> list[str]:
+    """The reasons ("FILE: …") that the answer's own, `why`, do not tell."""
+    shown = [line.removeprefix("check failed: ") for line in why]
+
+    def is_told(reason: str) -> bool:
+        text = reason.partition(": ")[2]
+        failed = VERDICT.fullmatch(text)
+        parts = failed[1].split("; ") if failed else [text]
+        return all(any(line.startswith(part) for line in shown) for part in parts)
+
+    return [reason for reason in reasons if not is_told(reason)]
 
 
 def _share(value: float | None) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..units import DEGREE, DEGREE_PER_HOUR
-from .text import number, ten
+from .text import number, plain, ten
 
 TWO_DIGITS = 354
 """Three leading digits of σ up to which two of them are kept; beyond, one, which for 950 and more
@@ -147,10 +147,22 @@ LABELS = {
 """The resonator's parameters in words."""
 
 
+DECAYS = 3.0
+"""Standard deviations of the damping from which it is told as a decay time: below, the inverse of
+what may be none says nothing."""
+
+
+def label_of(name: str, value: float, std: float) -> str:
+    """A parameter in words, as `parameter` tells its value."""
+    if name == "damping_rate_1_s" and not value > DECAYS * std:
+        return "damping rate ν"
+    return LABELS.get(name, plain(name))
+
+
 def parameter(name: str, value: float, std: float, units: str) -> str:
     """A resonator's parameter for people: the damping as decay time, the damping split as the drift
     it makes."""
-    if name == "damping_rate_1_s" and value > 0:
+    if name == "damping_rate_1_s" and value > DECAYS * std:
         return f"{round_with_std(1 / value, std / value / value)} s"
     if name == "damping_split_1_s":
         return f"{round_with_std(value / DEGREE_PER_HOUR, std / DEGREE_PER_HOUR)} °/h of drift"

@@ -14,9 +14,10 @@ from hrg_cli.limits import Row
 from hrg_cli.physics import ellipse
 from hrg_cli.records import Diagnosis, Resonator, Wave, collect
 from hrg_cli.reporting.answer import answer
+from hrg_cli.reporting.answer_text import untold
 from hrg_cli.reporting.answer_use import matrix_of, snippet
 from hrg_cli.reporting.answer_words import size_of
-from hrg_cli.reporting.quantities import quantity, readable, round_with_std
+from hrg_cli.reporting.quantities import label_of, parameter, quantity, readable, round_with_std
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.diagnosis.shares import difference, figures, sets_left_out
@@ -334,3 +335,27 @@ def test_tables_that_measure_the_quadrature_say_so_in_equation_and_snippet():
     assert "a_B/a_A" in with_it.equation
     assert "hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)" in with_it.snippet
     assert "theta, dtheta_dt, measured)" in with_it.snippet
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "label", "said"),
+    [
+        (0.4, 1e-3, "decay time τ", "2.500(6) s"),
+        (-0.0038, 0.0019, "damping rate ν", "−0.0038(19) 1/s"),
+        (0.0019, 0.0019, "damping rate ν", "0.0019(19) 1/s"),
+    ],
+)
+def test_a_damping_that_may_be_none_is_no_decay_time(value, std, label, said):
+    assert label_of("damping_rate_1_s", value, std) == label
+    assert parameter("damping_rate_1_s", value, std, "s-1") == said
+
+
+def test_reasons_that_the_answer_tells_are_not_told_again():
+    why = ("check failed: the noise is louder (noise is 2, the limit is 1)", "one rate only")
+    reasons = [
+        "calibration.h5: one rate only",
+        'diagnosis.h5: the verdict is "unexplained": the noise is louder',
+        'diagnosis.h5: the verdict is "unexplained": the noise is louder; and another',
+        "run.periods.h5: channel S is all zero",
+    ]
+    assert untold(reasons, why) == reasons[2:]

@@ -17,6 +17,7 @@ from hrg_cli.records import (
     Recording,
     collect,
 )
+from hrg_cli.records.recording import ONE_CHANNEL
 from hrg_cli.stages.demodulate import demodulate, summary
 
 
@@ -481,6 +482,8 @@ def test_noise_alone_is_refused_and_one_dead_channel_is_suspect() -> None:
     c, s = oscillation()
     dead = collect(demodulate(recording(c, 0 * s, 40_000.0)))
     assert dead.status == "suspect" and "channel S" in dead.status_reasons[0]
+    alone = recording(c, 0 * s, 40_000.0).judged([f"{ONE_CHANNEL}: no angle"], "suspect")
+    assert not any("dead" in r for r in collect(demodulate(alone)).status_reasons)
     assert (dead.signals_std > 0).all() and dead.reference_frequency_hz == pytest.approx(
         5000.3, abs=0.01
     )

@@ -3,12 +3,14 @@ noise level, residual spectrum."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...errors import HrgError
 from ...records import Recording
+from ...records.recording import ONE_CHANNEL
 from . import frequency as finding
 from .least_count import count_values, least_count
 from .spectrum import AveragedSpectrum, lines, look_residual
@@ -87,7 +89,7 @@ def survey(recording: Recording, name: str) -> Survey:
     even = recording.time_s is None
     carrier = recording.carrier_hz if recording.readout == "carrier" else None
     looks = _looks(recording, even, name)
-    suspect, refused = _dead(looks, name)
+    suspect, refused = _dead(looks, name, recording.status_reasons)
     step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
     if not even and not all(np.isfinite(look.time_s).all() for look in looks):
         raise HrgError(
@@ -248,7 +250,11 @@ def _longest(good: Array) -> slice:
     return slice(int(edges[2 * k]), int(edges[2 * k + 1]))
 
 
-def _dead(looks: list[Look], name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _dead(
+    looks: list[Look], name: str, known: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Channels that do not move; an S that was not recorded is no dead one. known: the recording's
+    own reasons."""
     spread = np.array([max(float(np.ptp(look.y[k])) for look in looks) for k in range(2)])
     level = [float(looks[0].y[k, 0]) for k in range(2)]
     dead = [k for k in range(2) if spread[k] <= 1e-14 * abs(level[k])]
@@ -258,6 +264,8 @@ def _dead(looks: list[Look], name: str) -> tuple[tuple[str, ...], tuple[str, ...
             f"{name}: both channels are {what}; an oscillation was expected: check the pick-off and"
             " the converter"
         )
+    if any(reason.startswith(ONE_CHANNEL) for reason in known):
+        dead = [k for k in dead if k != 1]
     return (
         tuple(
             f"channel {'CS'[k]} is {'all zero' if level[k] == 0 else f'constant at {level[k]:g}'};"
