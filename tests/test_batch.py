@@ -518,6 +518,27 @@ def test_a_gyro_of_wide_sigma_stands_out_all_the_same():
     assert next(row["rank"] for row in rows if row["gyro_id"] == "11") == 1
 
 
+def test_a_gyro_that_its_own_sigma_holds_within_the_lot_does_not_stand_off():
+    """13 robust σ off and a third of its own: the gyro is badly measured, which is no distance."""
+    values = 0.554 + 1e-4 * np.random.default_rng(3).standard_normal(40)
+    values[11] += 13e-4
+    gyros = identified(values, 1e-5)
+    gyros[11]["results"]["identify"]["parameters"]["scale_factor"]["std"] = 40e-4
+    assert not any(row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros))
+
+
+def test_the_distance_of_a_damping_is_told_of_the_damping():
+    """ν below the lot's is a decay time above it."""
+    values = 0.4 + 1e-5 * np.random.default_rng(5).standard_normal(12)
+    values[3] -= 1e-3
+    gyros = identified(values, 1e-6)
+    for gyro in gyros:
+        result = gyro["results"]["identify"]
+        result["parameters"] = {"damping_rate_1_s": result["parameters"].pop("scale_factor")}
+    row = judged_rows(LotSettings(recordings=["x"]), [], gyros)[3]
+    assert row["reason"].startswith("damping rate ν −")
+
+
 @pytest.mark.parametrize("count", [8, 40, 200])
 def test_clean_lots_have_outliers_at_the_stated_rate(count):
     """At most `outlier_rate` of lots of normal values; 300 lots: 5 % are 15 ± 3.8."""

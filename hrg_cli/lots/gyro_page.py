@@ -10,7 +10,7 @@ from .. import memory, store
 from ..extras import without_pages
 from ..limits import check
 from ..reporting.answer import Answer, answer
-from ..reporting.quantities import LABELS
+from ..reporting.quantities import LABELS, RATE_OF_DECAY
 
 PAGE = "report.html"
 
@@ -58,6 +58,8 @@ def _missed(found: Answer) -> list[str]:
 def label(name: str) -> str:
     """A figure in words."""
     stem = name.removeprefix("values.").removesuffix(".value")
+    if stem == "damping_rate_1_s":  # its values and limits are rates
+        return RATE_OF_DECAY
     return LABELS.get(stem, stem.replace("_", " "))
 
 

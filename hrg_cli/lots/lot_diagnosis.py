@@ -11,7 +11,7 @@ import numpy as np
 
 from ..effects import EFFECTS
 from ..reporting.answer_words import in_words
-from ..reporting.quantities import LABELS, unit_for
+from ..reporting.quantities import LABELS, RATE_OF_DECAY, unit_for
 from ..reporting.text import number, plain
 from .common_causes import CommonCause, common_causes, estimates_of
 from .groups import Group, Origin
@@ -113,7 +113,11 @@ def _cause(
 def _shift(one: Shift, names: Sequence[str]) -> dict[str, Any]:
     """A parameter that stands off in a group."""
     units = _units(one.name)
-    words = LABELS.get(one.name, in_words(one.name))
+    words = (
+        RATE_OF_DECAY
+        if one.name == "damping_rate_1_s"
+        else LABELS.get(one.name, in_words(one.name))
+    )
     sign = "higher" if one.value > 0 else "lower"
     size = size_cause(one.name, abs(one.value), one.std, units)
     sentence = f"{one.group.words()}: {words} {sign} by {size} than the others'"

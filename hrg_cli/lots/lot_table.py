@@ -17,6 +17,8 @@ from .pooling import FEWEST, MAD, far_limit
 
 ROUNDING = 1e-9
 """Part of a value to which gyros agree that were given it."""
+OWN_SIGMA = 2.0
+"""Standard deviations of a gyro's own value within which it may be the lot's: badly measured is not far off."""
 NO_ORDER = ("damping_axis_rad", "stiffness_axis_rad")
 """Axes lie at random; none of them stands out."""
 
@@ -29,7 +31,8 @@ def judged_rows(
     Robust distance of a parameter x from the lot: z = (x − median)/(1.4826·MAD), MAD the median
     absolute deviation of the lot: the lot's own spread, whatever the gyro's σ says. Beyond
     `outlier_z`, or where that is not given beyond the distance that a lot of this size without
-    outliers exceeds with a chance of `outlier_rate`, it is named in `outliers`. A gyro passes when
+    outliers exceeds with a chance of `outlier_rate`, it is named in `outliers`, unless it is
+    within `OWN_SIGMA` of its own σ. A gyro passes when
     all its stages gave a result that is not refused, none of its recordings failed and every limit
     holds.
     """
@@ -171,10 +174,11 @@ def _distances(rows: list[dict[str, Any]], name: str, fixed: float | None, rate:
     # gyros whose value is held all agree; rounding is no spread
     spread = max(MAD * median(abs(v - middle) for v in values), ROUNDING * abs(middle))
     for row in rows:
-        value, _ = row["figures"].get(name, (math.nan, math.nan))
+        value, std = row["figures"].get(name, (math.nan, math.nan))
         if math.isfinite(value) and spread > 0:
             row["distances"][name] = (value - middle) / spread
-        if abs(row["distances"].get(name, 0.0)) > limit:
+        within = math.isfinite(std) and abs(value - middle) <= OWN_SIGMA * std
+        if abs(row["distances"].get(name, 0.0)) > limit and not within:
             row["far"].append(name)
 
 

@@ -147,6 +147,7 @@ LABELS = {
 """The resonator's parameters in words."""
 
 
+RATE_OF_DECAY = "damping rate ν"
 DECAYS = 3.0
 """Standard deviations of the damping from which it is told as a decay time: below, the inverse of
 what may be none says nothing."""
@@ -155,7 +156,7 @@ what may be none says nothing."""
 def label_of(name: str, value: float, std: float) -> str:
     """A parameter in words, as `parameter` tells its value."""
     if name == "damping_rate_1_s" and not value > DECAYS * std:
-        return "damping rate ν"
+        return RATE_OF_DECAY
     return LABELS.get(name, plain(name))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..quantities import LABELS, unit_for
+from ..quantities import LABELS, RATE_OF_DECAY, unit_for
 from ..text import number, plain
 from .drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, note, panels
 
@@ -38,7 +38,7 @@ def in_words(name: str) -> str:
     for part, words in (
         ("_rms_rad_s_", " rms "),
         ("_rms_ppm_", " rms "),
-        ("damping_rate_1_s", "damping rate ν"),
+        ("damping_rate_1_s", RATE_OF_DECAY),
     ):
         name = name.replace(part, words)
     return name.replace("_", " ")
