@@ -16,6 +16,7 @@ from .errors import HrgError
 from .measured_export import MEASURED_FORMULA, c_measured, csv_measured
 from .records import Calibration
 from .reporting.text import c_comment
+from .stages.rate_table import is_rate_table
 
 Array = np.ndarray
 LARGEST_ANGLES, LARGEST_NODES = 192, 33
@@ -67,6 +68,11 @@ def export(
         return Exported(_csv(calibration), {})
     if suffix == ".json":
         return Exported(_json(calibration), {})
+    if suffix == ".h" and is_rate_table(calibration):
+        raise HrgError(
+            "these tables are of a rate gyro's output, which has no wave angle: no C header is made"
+            " of them; end the output's name in .json, which holds the powers of the rate too"
+        )
     if suffix != ".h":
         raise HrgError(f"cannot export as {suffix!r}; end the output's name in .csv, .json or .h")
     if fixed_point_bits not in (0, 16, 32):
@@ -127,6 +133,12 @@ def _json(calibration: Calibration) -> str:
             else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]}
         ),
     }
+    if is_rate_table(calibration):
+        tree |= {
+            name: details[name]
+            for name in ("nominal_scale", "powers", "power_coefficients")
+            if name in details
+        }
     for name in (
         "drift_harmonics",
         "drift_harmonics_std",

@@ -253,3 +253,19 @@ def test_strict_from_the_environment(hrg, results, monkeypatch):
         hrg("demodulate", results / "rec.h5", "-o", results / "p2.h5").status == 3
         or store.read_any(results / "p2.h5").status == "valid"
     )
+
+
+def test_files_of_one_name_are_told_apart_and_limits_in_their_units(tmp_path, hrg):
+    """Ten gyros' folders hold a `resonator.h5` each; nobody can tell whose missed the limit by that."""
+    for name in ("SN-1", "SN-2"):
+        (tmp_path / name).mkdir()
+        store.write(tmp_path / name / "resonator.h5", by_hand.resonator().replace(gyro_id=name))
+    files = [tmp_path / name / "resonator.h5" for name in ("SN-1", "SN-2")]
+    found = hrg("check", *files, "--set", "resonator.frequency_split_rad_s='1 uHz'")
+    assert found.status == 3
+    assert "SN-1/resonator.h5" in found.out and "SN-2/resonator.h5" in found.out
+    assert str(tmp_path) not in found.out
+    missed = [line for line in found.err.splitlines() if line.startswith("refused")]
+    assert len(missed) == 2 and all("mHz" in line for line in missed)
+    told = hrg("check", *files, "--set", "resonator.frequency_split_rad_s='1 uHz'", "--json").json
+    assert told["answer"] is None, "an answer is one gyro's"

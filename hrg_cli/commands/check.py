@@ -75,6 +75,8 @@ class Checked:
     """One file: its record, its rows, and what of the baseline it misses (None: not compared)."""
 
     path: Path
+    name: str
+    """As much of the path as tells it from the others."""
     record: Record
     rows: list[Row]
     moved: list[str] | None
@@ -107,14 +109,8 @@ def check_files(
             store.check_output(path, run.force)
     paths = existing(files, "hrg files")
     done = [
-        _checked(
-            path,
-            wanted,
-            baseline,
-            limit_sigma,
-            len(paths) > 1,
-        )
-        for path in paths
+        _checked(path, name, wanted, baseline, limit_sigma, len(paths) > 1)
+        for path, name in zip(paths, told_apart(paths), strict=True)
     ]
     if not any(one.rows or one.moved is not None for one in done):
         raise HrgError(
@@ -122,11 +118,13 @@ def check_files(
             f" other; write [{done[0].record.kind}]"
         )
     records = [one.record for one in done]
-    found = answer(
-        records,
-        [row for one in done for row in one.rows],
-        {one.record.kind: one.path.name for one in done},
-    )
+    found = None
+    if len({getattr(record, "gyro_id", "") for record in records}) == 1:  # an answer is one gyro's
+        found = answer(
+            records,
+            [row for one in done for row in one.rows],
+            {one.record.kind: one.path.name for one in done},
+        )
     for target, text in (
         (junit, check_pages.junit(done, found)),
         (markdown, check_pages.markdown(done, found)),
@@ -140,7 +138,7 @@ def check_files(
         "kind": "check",
         "status": "valid" if passed else "refused",
         "status_reasons": [
-            f"{one.path.name}: {reason}" if named else reason
+            f"{one.name}: {reason}" if named else reason
             for one in done
             for reason in check_pages.why_missed(one)
         ],
@@ -164,7 +162,7 @@ def check_files(
     }
     head = (*(("file",) if named else ()), "figure", "value", "limit", "margin, σ", "passed")
     lines = [
-        (*((one.path.name,) if named else ()), *check_pages.cells(row))
+        (*((one.name,) if named else ()), *check_pages.cells(row))
         for one in done
         for row in one.rows
     ]
@@ -181,8 +179,22 @@ def limits_of(run: Common, limits: Path | None) -> dict[str, Any]:
     return wanted
 
 
+def told_apart(paths: Sequence[Path]) -> list[str]:
+    """The paths' ends, as long as it takes to tell them apart."""
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        names = [str(Path(*path.parts[-parts:])) for path in paths]
+        if len(set(names)) == len(names):
+            break
+    return names
+
+
 def _checked(
-    path: Path, wanted: dict[str, Any], baseline: Path | None, limit_sigma: float, one_of_many: bool
+    path: Path,
+    name: str,
+    wanted: dict[str, Any],
+    baseline: Path | None,
+    limit_sigma: float,
+    one_of_many: bool,
 ) -> Checked:
     record = store.read_any(path)
     rows: list[Row] = []
@@ -199,6 +211,7 @@ def _checked(
             raise HrgError(f"{path}: {error}") from error
     return Checked(
         path,
+        name,
         record,
         rows,
         None if baseline is None else _moved(path, record, baseline, limit_sigma),

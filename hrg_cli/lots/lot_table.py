@@ -177,8 +177,9 @@ def _distances(rows: list[dict[str, Any]], name: str, fixed: float | None, rate:
         value, std = row["figures"].get(name, (math.nan, math.nan))
         if math.isfinite(value) and spread > 0:
             row["distances"][name] = (value - middle) / spread
-        within = math.isfinite(std) and abs(value - middle) <= OWN_SIGMA * std
-        if abs(row["distances"].get(name, 0.0)) > limit and not within:
+        if math.isfinite(std) and abs(value - middle) <= OWN_SIGMA * std:
+            continue
+        if abs(row["distances"].get(name, 0.0)) > limit:
             row["far"].append(name)
 
 

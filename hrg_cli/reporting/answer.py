@@ -149,7 +149,8 @@ def answer(
             f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
         )
     named = dict(names or {})
-    if isinstance(resonator, Resonator) and resonator.modes_alone:
+    one_signal = isinstance(resonator, Resonator) and resonator.modes_alone
+    if one_signal:
         named.pop("resonator", None)
     return Answer(
         gyro_id=plain(next((g for r in results if (g := getattr(r, "gyro_id", ""))), "")),
@@ -168,9 +169,11 @@ def answer(
         suspect_runs=tuple(answer_words.suspect_run(e) for e in entries(report, "suspect_runs")),
         stability=answer_words.stability(report),
         next_runs=answer_words.next_runs(report),
-        equation=answer_use.equation(used, [c.name for c in causes]),
+        equation=answer_use.equation(used, [c.name for c in causes])
+        if used is not None or not one_signal
+        else "",
         snippet=answer_use.snippet(report, used, parameters),
-        commands=answer_use.commands(named, bool(report), calibration is not None),
+        commands=answer_use.commands(named, bool(report), used),
     )
 
 

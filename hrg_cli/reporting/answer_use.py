@@ -13,6 +13,7 @@ from ..effects import EFFECTS
 from ..effects.effect import no_term, same_signal
 from ..records import Calibration
 from ..stages.calibration.table import measured_part
+from ..stages.rate_table import is_rate_table
 from .json_text import as_float, child, entries
 
 Array = np.ndarray
@@ -27,6 +28,8 @@ MEASURED = {
 
 def equation(calibration: Calibration | None, causes: Sequence[str]) -> str:
     """The equation that the result gives the numbers of."""
+    if calibration is not None and is_rate_table(calibration):
+        return "Ω = (output/nominal_scale + D(T) − Σ c_p·Ω^p)/K(T)"
     if calibration is not None:
         part = measured_part(calibration)
         if part is None:
@@ -87,6 +90,8 @@ def snippet(
 ) -> str:
     """C with the numbers: the tables, which were made of the channels as they are; else the
     channels put right, then the rate."""
+    if calibration is not None and is_rate_table(calibration):
+        return ""
     if calibration is not None:
         lines = ['#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */']
         measured = "0.0"
@@ -132,11 +137,15 @@ def snippet(
     return "\n".join(lines)
 
 
-def commands(names: Mapping[str, str], diagnosed: bool, tables: bool) -> tuple[str, ...]:
+def commands(
+    names: Mapping[str, str], diagnosed: bool, calibration: Calibration | None
+) -> tuple[str, ...]:
     """What to type next."""
     found = []
-    if tables:
-        found.append(f"hrg export {names.get('calibration', 'calibration.h5')} -o calibration.h")
+    if calibration is not None:
+        suffix = "json" if is_rate_table(calibration) else "h"
+        file = names.get("calibration", "calibration.h5")
+        found.append(f"hrg export {file} -o calibration.{suffix}")
     if diagnosed:
         file = names.get("diagnosis", "diagnosis.h5")
         found.append(f"hrg simulate {file.removesuffix('.h5')}.extended.toml -o twin.h5")

@@ -22,6 +22,10 @@ class JudgedFile(Protocol):
         """The file."""
 
     @property
+    def name(self) -> str:
+        """As much of its path as tells it from the others."""
+
+    @property
     def record(self) -> Record:
         """What it holds."""
 
@@ -36,7 +40,15 @@ class JudgedFile(Protocol):
 
 def why_missed(one: JudgedFile) -> list[str]:
     """Why a file does not pass."""
-    return [row.sentence() for row in one.rows if not row.passed] + list(one.moved or [])
+    return [_missed(row) for row in one.rows if not row.passed] + list(one.moved or [])
+
+
+def _missed(row: Row) -> str:
+    """Why a figure does not pass, in the units of the screen."""
+    if row.words is not None or row.value is None:
+        return row.sentence()
+    shown = requirement(row)
+    return f"{plain(shown.name)} is {shown.value}, the limit is {shown.limit}"
 
 
 def cells(row: Row) -> tuple[str, str, str, str, str]:
@@ -94,7 +106,7 @@ def markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
             f"gyro: **{found.health}**; fit: **{found.validity}**",
             "",
         ]
-    rows = [(one.path.name, *cells(row)) for one in files for row in one.rows]
+    rows = [(one.name, *cells(row)) for one in files for row in one.rows]
     if rows:
         lines += [
             "| file | figure | value | limit | margin, σ | passed |",
@@ -102,9 +114,7 @@ def markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
         ]
         lines += ["| " + " | ".join(_escaped(c) for c in row) + " |" for row in rows]
     lines += [
-        f"* {_escaped(one.path.name)}: {_escaped(reason)}"
-        for one in files
-        for reason in one.moved or []
+        f"* {_escaped(one.name)}: {_escaped(reason)}" for one in files for reason in one.moved or []
     ]
     return "\n".join(lines) + "\n"
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..records import Calibration, Diagnosis, Record, Resonator
+from ..stages.rate_table import is_rate_table
 from ..version import __version__
 from .json_text import entries, json_list, json_object
 
@@ -34,7 +35,14 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
             " and each window's envelopes resolved into the standing wave's main amplitude,"
             " quadrature, angle and phase with their standard deviations."
         )
-    if isinstance(of.get("resonator"), Resonator):
+    resonator = of.get("resonator")
+    if isinstance(resonator, Resonator) and resonator.modes_alone:
+        said.append(
+            "Frequencies and decays of one mode or two, as the data ask for, were fitted to the"
+            " demodulated signals by maximum likelihood; without a pair of channels there are no"
+            " axes."
+        )
+    elif isinstance(resonator, Resonator):
         said.append(
             "Damping and frequency split, their axes and the scale factor were fitted to all free"
             " runs together by maximum likelihood on the averaged (slow) equations of motion [1]."
@@ -51,13 +59,24 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
             " cause's share is the wave's difference between the fits with and without it,"
             " everything else fitted anew."
         )
-    if isinstance(of.get("calibration"), Calibration):
+    calibration = of.get("calibration")
+    if isinstance(calibration, Calibration) and is_rate_table(calibration):
+        said.append(
+            "Bias, scale factor and powers of the rate were fitted to the dwells over temperature;"
+            " residuals are stated for dwells held out."
+        )
+    elif isinstance(calibration, Calibration):
         said.append(
             "Drift and scale factor were tabulated as Fourier series of the wave angle over"
-            " temperature from forced whole-angle runs; residuals are stated for runs held out [2]."
+            " temperature from forced whole-angle runs; residuals are stated for data held out [2]."
         )
     said.append(
         "Values are given with their standard deviation in the last digits [3]. Computed with hrg"
         f" {__version__}."
     )
     return " ".join(said)
+
+
+def cited(text: str) -> list[tuple[int, str]]:
+    """The citations that a paragraph names, with their numbers."""
+    return [(n, words) for n, words in enumerate(CITATIONS, start=1) if f"[{n}]" in text]

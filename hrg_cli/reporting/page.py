@@ -40,7 +40,7 @@ from .figures import calibration, diagnosis, recording, result, wave
 from .figures.answer import before_and_after
 from .figures.drawing import Plot, png, style, svg
 from .living import as_text, living_data
-from .methods import CITATIONS, methods
+from .methods import cited, methods
 from .page_content import STEPS, PageTable, ShownStep, cell, steps, tables
 from .surface import surface_data
 from .tables import facts
@@ -417,7 +417,7 @@ def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: b
     return environment.get_template("page.html").render(
         entries=entries,
         answers=answers,
-        citations=CITATIONS,
+        cited=cited,
         as_text=as_text,
         shade=SHADES,
         full=full,

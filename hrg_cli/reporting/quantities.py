@@ -69,7 +69,7 @@ def unit_for(name: str, value: float, units: str) -> tuple[float, str]:
     size = abs(value)
     name = next((n for n in reversed(name.split(".")) if n not in ("value", "std")), name)
     if name == "frequency_split_rad_s":
-        return 1e3 / math.pi, "mHz"
+        return (1e3 / math.pi, "mHz") if size <= math.pi else (1 / math.pi, "Hz")
     if name == "pull_rad_s":
         return 1e3 / (2 * math.pi), "mHz"
     choose: Callable[[float], tuple[float, str]] | None = _BY_UNIT.get(units)

@@ -17,6 +17,7 @@ from hrg_cli.reporting.answer import answer
 from hrg_cli.reporting.answer_text import untold
 from hrg_cli.reporting.answer_use import matrix_of, snippet
 from hrg_cli.reporting.answer_words import size_of
+from hrg_cli.reporting.methods import cited, methods
 from hrg_cli.reporting.quantities import label_of, parameter, quantity, readable, round_with_std
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
@@ -359,3 +360,44 @@ def test_reasons_that_the_answer_tells_are_not_told_again():
         "run.periods.h5: channel S is all zero",
     ]
     assert untold(reasons, why) == reasons[2:]
+
+
+def test_tables_of_dwells_have_their_own_equation_and_no_c(tmp_path, hrg):
+    rate = np.tile(np.linspace(-2, 2, 9), 4)
+    output = 3.0 * (rate + 0.01 * rate**2 + 1e-3) + 1e-5 * np.sin(np.arange(36) * 7.0)
+    table = tmp_path / "dwells.csv"
+    table.write_text(
+        "out,rate\n" + "".join(f"{o!r},{r!r}\n" for o, r in zip(output.tolist(), rate.tolist()))
+    )
+    file = tmp_path / "g.h5"
+    done = hrg("calibrate", table, "--output-column", "out", "--rate-column", "rate", "-o", file)
+    assert done.status == 0, done.err
+    found = hrg("info", file, "--json").json["answer"]
+    assert "output" in found["equation"] and "θ" not in found["equation"] and not found["snippet"]
+    assert hrg("export", file, "-o", tmp_path / "g.h").status == 1
+    assert found["commands"][0].endswith(".json")
+    assert hrg("export", file, "-o", tmp_path / "g.json").status == 0
+    told = json.loads((tmp_path / "g.json").read_text())
+    at = dict(zip(told["powers"], told["power_coefficients"]))
+    seen = (
+        output / told["nominal_scale"] + told["drift_harmonics"][0][0]
+        - sum(c * rate**p for p, c in at.items())
+    ) / told["scale_factor_harmonics"][0][0]  # fmt: skip
+    assert seen == pytest.approx(rate, abs=1e-4)
+
+
+def test_one_signal_has_no_equation_of_a_wave_and_only_what_is_cited_is_listed():
+    modes = by_hand.resonator().replace(
+        name=np.array(["frequency_hz", "damping_rate_1_s"], object), value=np.array([526.0, 0.13]),
+        std=np.array([1e-3, 1e-3]), units=np.array(["Hz", "s-1"], object), covariance=np.eye(2) * 1e-6,
+    )  # fmt: skip
+    assert modes.modes_alone
+    assert answer([modes]).equation == ""
+    paragraph = methods([modes], {"recording": 1})
+    assert "axes and the scale factor" not in paragraph
+    assert [n for n, _ in cited(paragraph)] == [3]
+
+
+def test_a_large_split_is_told_in_hertz():
+    assert quantity("frequency_split_rad_s", 10.1 * np.pi, 0.06 * np.pi, "rad s-1") == "10.10(6) Hz"
+    assert quantity("frequency_split_rad_s", 0.1 * np.pi, 1e-4 * np.pi, "rad s-1").endswith("mHz")
