@@ -48,15 +48,18 @@ FARTHEST = 1e12
 """Of times and nodes in their own unit (30 000 years in s): beyond it nothing was measured, and
 squares of differences run out of numbers."""
 
+SQUARABLE = 1e150
+"""The largest deviation whose square is still a number."""
+
 RISING = Valid(rising=True, at_least=-FARTHEST, at_most=FARTHEST)
 
 FLAGGED = Valid(missing="flagged")
 
-FLAGGED_STD = Valid(missing="flagged", at_least=0)
+FLAGGED_STD = Valid(missing="flagged", at_least=0, at_most=SQUARABLE)
 
 LOGGED = Valid(missing="anywhere")
 
-SCATTER = Valid(at_least=0)
+SCATTER = Valid(at_least=0, at_most=SQUARABLE)
 
 POSITIVE = Valid(above=0)
 

@@ -177,7 +177,7 @@ def parsed() -> argparse.Namespace:
         "--sampled",
         type=int,
         default=0,
-        help="of commands that take seconds only so many of these calls, spread evenly",
+        help="only so many of these calls, spread evenly; for commands that take seconds",
     )
     parser.add_argument("--kills", type=int, default=0, help="kills")
     parser.add_argument(
@@ -209,11 +209,11 @@ def main() -> int:
         failures += broken
     if asked.failures:
         for case in cases:
-            sample = asked.sampled if case.costly else 0
             counts, broken = calls.put_failures(
-                good, folder / "trial", [case], asked.failures, sample=sample
+                good, folder / "trial", [case], asked.failures, sample=asked.sampled
             )
-            keep("calls.jsonl", {"most": asked.failures, "sample": sample}, counts, broken)
+            told = {"most": asked.failures, "sample": asked.sampled}
+            keep("calls.jsonl", told, counts, broken)
             print(f"{sum(counts.values())} failing calls\n{told_by_case(counts)}", flush=True)
             failures += broken
     if asked.kills:

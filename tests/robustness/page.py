@@ -66,8 +66,9 @@ def calls(runs: list[dict[str, Any]]) -> str:
         for call in kinds
     ]
     most = sorted({run["most"] for run in latest.values()})
-    samples = sorted({run["sample"] for run in latest.values() if run.get("sample")})
-    sampled = f" (of those that take seconds {_either(samples)}, spread evenly)" if samples else ""
+    samples = [run["sample"] for run in latest.values() if run.get("sample")]
+    each = _either(sorted(set(samples)))
+    sampled = f" (of {len(samples)} of them {each} of those, spread evenly)" if samples else ""
     broken = sum(len(run["failures"]) for run in latest.values())
     return (
         f"## Failing calls\n\nThe first {_either(most)} of each kind that each of"

@@ -1,6 +1,7 @@
 """A seeded sample of the faults that `make faults` puts into every command, every input that ever
 broke a promise, and the judge itself."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -14,6 +15,8 @@ import faults  # noqa: E402
 import judge  # noqa: E402
 import kills  # noqa: E402
 import programme  # noqa: E402
+
+from hrg_cli.cli import COMMANDS  # noqa: E402
 
 SEED = int(os.environ.get("HRG_TEST_SEED", "1"))
 SAMPLE = 60
@@ -124,6 +127,21 @@ print("\\n".join(failures))
     failed, *broken = done.stdout.strip().splitlines()
     assert int(failed.split()[0]) > 0, "no call failed: the shim did nothing"
     assert not broken, done.stdout
+
+
+def test_calls_are_tried_evenly_or_all():
+    assert calls.tried(5, 0) == [1, 2, 3, 4, 5] == calls.tried(5, 8)
+    assert calls.tried(0, 3) == []
+    some = calls.tried(200, 9)
+    assert some[0] == 1 and some[-1] == 200 and len(some) == 9
+    assert all(24 <= later - one <= 26 for one, later in itertools.pairwise(some))
+
+
+def test_every_command_has_a_case():
+    """A command without a case is a command without faults; those left out are named."""
+    without = {"effects", "study"}  # a list that is printed, and experiments of the project's own
+    named = {case.words[0] for case in programme.CASES}
+    assert set(COMMANDS) - named == without
 
 
 JUDGED = {
