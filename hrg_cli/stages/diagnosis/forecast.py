@@ -28,6 +28,7 @@ from ...physics import ellipse
 from .case import Case
 from .refits import leave_out
 from .search import select
+from .stand_in import is_beyond_question
 from .thresholds import WORTH
 
 Array = np.ndarray
@@ -239,6 +240,8 @@ def drop_misleading(case: Case) -> Case:
     folds = folds_of(case.search.base.series)
     for one in reversed(case.search.found):
         name = one.variant.effect.name
+        if is_beyond_question(case.search.final, name):
+            continue
         if not predicts_worse(case.search.final, name, case.search.base, folds):
             continue
         reduced = leave_out(case.search.final, name)

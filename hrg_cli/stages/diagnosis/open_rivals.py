@@ -17,6 +17,7 @@ from .refits import adopt, bic, loosen
 from .remainder import OPEN_TERMS, Remainder, describe
 from .scoring import score_effects
 from .search import Found
+from .stand_in import takes_nearly_all
 from .thresholds import BOUND_COST, CLEARLY, SAME, SIGNIFICANT, WORTH
 
 
@@ -60,7 +61,11 @@ def give_way_to_open_terms(case: Case) -> Case:
     best: Rival | None = None
     start = case.search.base
     for count, following in enumerate(case.search.found):
-        rival = _rival(case, start, count, following)
+        beyond = _taken(start, following)
+        if beyond is not None and case.remainder is not None and takes_nearly_all(start, beyond):
+            start = beyond
+            continue
+        rival = _rival(case, start, count, beyond)
         if _is_open(rival, case.search.found[count:]):
             mimic = rival.mimics(case)
             # nothing is given up for a description that leaves clearly more over
@@ -82,7 +87,14 @@ def give_way_to_open_terms(case: Case) -> Case:
     return replace(case, search=search, remainder=best.described)
 
 
-def _rival(case: Case, start: ExtendedFit, count: int, following: Found) -> Rival:
+def _taken(start: ExtendedFit, following: Found) -> ExtendedFit | None:
+    """The fit with the next cause; None where it has no motion."""
+    with contextlib.suppress(extended_fit.DivergedError):
+        return loosen(adopt(start, following.score, following.variant))
+    return None
+
+
+def _rival(case: Case, start: ExtendedFit, count: int, beyond: ExtendedFit | None) -> Rival:
     search, inquiry = case.search, case.inquiry
     most = OPEN_TERMS if case.remainder is not None else 1
     described = describe(start, inquiry.noise, most, SIGNIFICANT)
@@ -91,9 +103,6 @@ def _rival(case: Case, start: ExtendedFit, count: int, following: Found) -> Riva
         if count == 0
         else tuple(s for s, _ in score_effects(start, inquiry.candidates))
     )
-    beyond = None
-    with contextlib.suppress(extended_fit.DivergedError):
-        beyond = loosen(adopt(start, following.score, following.variant))
     return Rival(count, start, described, ranked, beyond)
 
 

@@ -17,11 +17,21 @@ from .variants import Variant
 
 
 def is_beyond_question(fit: ExtendedFit, name: str) -> bool:
-    """Whether an active effect takes far more than a gross misfit away from driven runs; free ones
-    are fitted without it soon enough."""
+    """Whether an active effect takes a gross misfit away from driven runs; free ones are fitted
+    without it soon enough."""
     effect = next(one for one, _ in fit.point.active if one.name == name)
-    driven = bool(fit.series.forced.any())
-    return driven and fit.away(effect)[1] > HOPELESS * GROSS * fit.dof
+    return _driven(fit) and fit.away(effect)[1] > GROSS * fit.dof
+
+
+def takes_nearly_all(before: ExtendedFit, after: ExtendedFit) -> bool:
+    """Whether one cause more takes nearly all of a gross misfit away from driven runs: open terms
+    would take long to do as much, one for each run."""
+    gross = before.chi2 > GROSS * before.dof
+    return _driven(before) and gross and after.chi2 < before.chi2 / HOPELESS
+
+
+def _driven(fit: ExtendedFit) -> bool:
+    return bool(fit.series.forced.any())
 
 
 def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool:
