@@ -67,7 +67,7 @@ def untold(reasons: Sequence[str], why: Sequence[str]) -> list[str]:
     shown = [line.removeprefix("check failed: ") for line in why]
 
     def is_told(reason: str) -> bool:
-        text = reason.partition(": ")[2]
+        text = reason.partition(": ")[2] or reason
         failed = VERDICT.fullmatch(text)
         parts = failed[1].split("; ") if failed else [text]
         return all(any(line.startswith(part) for line in shown) for part in parts)

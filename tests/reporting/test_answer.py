@@ -358,6 +358,7 @@ def test_reasons_that_the_answer_tells_are_not_told_again():
         'diagnosis.h5: the verdict is "unexplained": the noise is louder',
         'diagnosis.h5: the verdict is "unexplained": the noise is louder; and another',
         "run.periods.h5: channel S is all zero",
+        "frequency_split_rad_s is 0.4, at most 0.3 was wanted",
     ]
     assert untold(reasons, why) == reasons[2:]
 
