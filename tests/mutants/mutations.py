@@ -287,7 +287,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("slack = 0.02 * (calibration.node_max", "slack = 2.0 * (calibration.node_max"),
             ("np.asarray(-2 * path.middle(path.ratio)", "np.asarray(2 * path.middle(path.ratio)"),
-            ("np.einsum(\"ni,ij,nj->n\", rows, block, rows) +", "np.einsum(\"ni,ij,nj->n\", rows, block, rows) / 4 +"),
+            ("np.sum((rows @ block) * rows, axis=1) +", "np.sum((rows @ block) * rows, axis=1) / 4 +"),
         ),
     ),
     "stages/figures_of_merit.py": (

@@ -29,6 +29,7 @@ SIZES = {
     "mains_tone": {"frequency_hz": 2003.0, "c_cos": 1e-3, "s_sin": 5e-4},
     "thermal_frequency": {"relative_1_k": 1e-6, "reference_temperature_degc": 22.0},
     "thermal_damping": {"relative_1_k": 2e-2, "reference_temperature_degc": 22.0},
+    "scale_factor_temperature": {"relative_1_k": 1e-3, "reference_temperature_degc": 22.0},
     "thermal_gradient": {"frequency_s_k": 1e-7, "split_cos_rad_k": 2e-3, "split_sin_rad_k": -1e-3},
     "centrifugal_stiffness": {"coefficient": 20.0},
     "damping_drift": {"slope_1_s2": 2e-2},

@@ -65,7 +65,7 @@ def moves(path: Path) -> bool:
 
 
 def lateness_of(fitted: Fitted) -> Lateness | None:
-    """What the fit says of the logs; None where no rate moves."""
+    """What the fit says of the logs; None where no rate moves, or it cannot say."""
     layout, solution = fitted.layout, fitted.solution
     if LATE not in layout.factors:
         return None
@@ -74,7 +74,8 @@ def lateness_of(fitted: Fitted) -> Lateness | None:
     variance = float(solution.covariance[place, place]) * fitted.chi2_per_dof
     if not variance > 0 or scale == 0:
         return None
-    return Lateness(-float(solution.coefficients[place]) / scale, np.sqrt(variance) / abs(scale))
+    value_s, std_s = -float(solution.coefficients[place]) / scale, float(np.sqrt(variance)) / scale
+    return Lateness(value_s, abs(std_s)) if np.isfinite([value_s, std_s]).all() else None
 
 
 def set_right(path: Path, late_s: float) -> Path:
