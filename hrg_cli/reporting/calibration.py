@@ -31,7 +31,7 @@ def show(report: Mapping[str, Any]) -> None:
             print(f"not tried: {name}, {why}")
     noise = report.get("noise") or {}
     if noise.get("white_over_stated") is not None:
-        walk = noise["angle_random_walk_rad_sqrt_s"]
+        walk = noise["angle_random_walk_rad_sqrt_s"] or 0.0  # null: no run turns, so no K is known
         beside = ""
         if walk > 0:
             size = to_deg_per_hour(walk) / 60

@@ -359,5 +359,7 @@ def say_noise(fitted: Fitted) -> dict[str, float | None]:
     walk = float(np.median([noise.walk for noise in fitted.noises]))  # of mθ; of the input angle:
     return {
         "white_over_stated": None if ratio is None else float(np.sqrt(ratio)),
-        "angle_random_walk_rad_sqrt_s": float(np.sqrt(walk) / abs(scale_factor)),
+        "angle_random_walk_rad_sqrt_s": float(np.sqrt(walk) / abs(scale_factor))
+        if scale_factor
+        else None,
     }
