@@ -73,7 +73,7 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
     """
     waves, notes, doubts = [], list(usable.notes), list(usable.doubts)
     for wave in usable.waves:
-        stretch = np.ones(len(wave), int) if wave.run_id in given else stretches(wave)
+        stretch = np.ones(len(wave), np.int32) if wave.run_id in given else stretches(wave)
         if stretch.all():
             waves.append(wave)
             continue

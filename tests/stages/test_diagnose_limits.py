@@ -84,7 +84,8 @@ def test_a_faint_effect_lies_below_its_limit(name):
 
 @pytest.mark.slow
 def test_faint_effects_of_the_whole_catalogue_lie_below_their_limits():
-    names = [e.name for e in EFFECTS if e.name not in OTHERS and not e.part_of]
+    # what happens at an instant is tested only where the rows jump, and has no limit elsewhere
+    names = [e.name for e in EFFECTS if e.name not in OTHERS and not (e.part_of or e.of_one_run)]
     held = [holds(name, seed) for seed in range(4) for name in names]
     # sizes below 1.6 σ are always covered, larger ones in ninety-five of a hundred
     assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(held)), dict(

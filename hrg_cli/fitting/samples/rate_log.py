@@ -23,11 +23,11 @@ def stretches(wave: Wave) -> Array:
     """The stretch (n,) of its rate log that each window is in, from 1; 0 where the log does not
     cover it. All windows are in one where no log was kept."""
     if wave.rate_rad_s is None:
-        return np.ones(len(wave), int)
+        return np.ones(len(wave), np.int32)
     pieces = wave.only(("rate_rad_s",)).blocks(ROWS_AT_ONCE)
     finite = [np.isfinite(np.asarray(piece.rate_rad_s, float)) for piece in pieces]
     known = np.flatnonzero(np.concatenate([np.zeros(0, bool), *finite]))
-    out = np.zeros(len(wave), int)
+    out = np.zeros(len(wave), np.int32)
     holes = np.flatnonzero(np.diff(known) > BRIDGED + 1) + 1
     for number, rows in enumerate(np.split(known, holes) if len(known) else [], 1):
         out[rows[0] : rows[-1] + 1] = number
