@@ -6,29 +6,24 @@ Size: 0.1 … 10 % a year; the parameters are per second. Mistaken for: temperat
 stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
 """
 
-import numpy as np
-
 from ..physics.plant import Environment, Plant, SlowState
+from ..physics.resonator import split_matrix
 from .effect import Array, Effect, Parameter, Values
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + α_t t), N += t (m_c R(0) + m_s R(π/2))."""
     t = env.time_s[:, None, None]
-    split = np.array(
-        [[p["split_cos_1_s2"], p["split_sin_1_s2"]], [p["split_sin_1_s2"], -p["split_cos_1_s2"]]]
-    )
+    split = split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
     plant.stiffness = plant.retuned(1 + p["frequency_1_s"] * env.time_s)
     plant.damping = plant.damping + t * split
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """t (jω α_t − m_c R(0) − m_s R(π/2)) u."""
-    c, s = u[..., 0], u[..., 1]
-    m_c, m_s = p["split_cos_1_s2"], p["split_sin_1_s2"]
-    turned = np.stack([m_c * c + m_s * s, m_s * c - m_c * s], -1)
+    split = split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
     return state.time_s[..., None] * (
-        1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - turned
+        1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - u @ split
     )
 
 

@@ -9,26 +9,22 @@ where the frequency split moves, 2r₀ of its slope a quarter turn on. What sepa
 temperatures, at rates of both signs.
 """
 
-import numpy as np
-
 from ..physics.plant import Environment, Plant, SlowState
-from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values
+from ..physics.resonator import split_matrix
+from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values, reference_temperature
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """N += ΔT (d_c R(0) + d_s R(π/2))."""
-    slope = np.array([[p["cos_1_s_k"], p["sin_1_s_k"]], [p["sin_1_s_k"], -p["cos_1_s_k"]]])
+    slope = split_matrix(p["cos_1_s_k"], p["sin_1_s_k"])
     warmer = env.temperature_degc - p[REFERENCE_TEMPERATURE]
     plant.damping = plant.damping + warmer[:, None, None] * slope
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """−ΔT (d_c R(0) + d_s R(π/2)) u."""
-    c, s = u[..., 0], u[..., 1]
-    turned = np.stack(
-        [p["cos_1_s_k"] * c + p["sin_1_s_k"] * s, p["sin_1_s_k"] * c - p["cos_1_s_k"] * s], -1
-    )
-    return -(state.temperature_degc - p[REFERENCE_TEMPERATURE])[..., None] * turned
+    slope = split_matrix(p["cos_1_s_k"], p["sin_1_s_k"])
+    return -(state.temperature_degc - p[REFERENCE_TEMPERATURE])[..., None] * (u @ slope)
 
 
 EFFECT = Effect(
@@ -39,14 +35,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("cos_1_s_k", "s-1 K-1", 1e-4, "slope of νδμ cos 2mθ_μ"),
         Parameter("sin_1_s_k", "s-1 K-1", 1e-4, "slope of νδμ sin 2mθ_μ"),
-        Parameter(
-            REFERENCE_TEMPERATURE,
-            "degC",
-            25.0,
-            "temperature at which the base model holds",
-            neutral=25.0,
-            fitted=False,
-        ),
+        reference_temperature(),
     ),
     mistaken_for=("mismatch_temperature", "thermal_damping"),
     next_experiment="runs at rates of both signs and several wave angles, at several temperatures",

@@ -70,6 +70,11 @@ class Parameter:
     fitted_then: bool = False
 
 
+def reference_temperature(meaning: str = "temperature at which the base model holds") -> Parameter:
+    """The parameter that says from which temperature an effect counts."""
+    return Parameter(REFERENCE_TEMPERATURE, "degC", 25.0, meaning, neutral=25.0, fitted=False)
+
+
 class Runs(Protocol):
     """What an effect may look at to say from which values it is to be tried: measured runs side by
     side (R, n), padded with weight 0."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from ..physics.resonator import J
-from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values
+from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values, reference_temperature
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -40,14 +40,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-5, "relative change of the scale factor a kelvin"),
-        Parameter(
-            REFERENCE_TEMPERATURE,
-            "degC",
-            25.0,
-            "temperature at which the base model holds",
-            neutral=25.0,
-            fitted=False,
-        ),
+        reference_temperature(),
     ),
     mistaken_for=("scale factor", "table_rate_error"),
     next_experiment="the same rates, of both signs, at several temperatures",

@@ -6,15 +6,14 @@ Size: 1e-4 … 1e-2 rad/s per K (a good shell: none). Mistaken for: a constant s
 temperature, ageing. What separates it: ring-downs at several temperatures.
 """
 
-import numpy as np
-
 from ..physics.plant import Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values
+from ..physics.resonator import split_matrix
+from .effect import Array, Effect, Parameter, Values, reference_temperature
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """W += 2ω ΔT (s_c R(0) + s_s R(π/2))."""
-    slope = np.array([[p["cos_rad_s_k"], p["sin_rad_s_k"]], [p["sin_rad_s_k"], -p["cos_rad_s_k"]]])
+    slope = split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
     change = env.temperature_degc - p["reference_temperature_degc"]
     plant.stiffness = (
         plant.stiffness + 2 * plant.mechanics.omega_rad_s * change[:, None, None] * slope
@@ -23,12 +22,8 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """jΔT (s_c R(0) + s_s R(π/2)) u."""
-    c, s = u[..., 0], u[..., 1]
-    turned = np.stack(
-        [p["cos_rad_s_k"] * c + p["sin_rad_s_k"] * s, p["sin_rad_s_k"] * c - p["cos_rad_s_k"] * s],
-        -1,
-    )
-    return 1j * (state.temperature_degc - p["reference_temperature_degc"])[..., None] * turned
+    slope = split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
+    return 1j * (state.temperature_degc - p["reference_temperature_degc"])[..., None] * (u @ slope)
 
 
 EFFECT = Effect(
@@ -39,14 +34,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("cos_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω cos 2mθ_ω"),
         Parameter("sin_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω sin 2mθ_ω"),
-        Parameter(
-            "reference_temperature_degc",
-            "degC",
-            25.0,
-            "temperature at which the base model holds",
-            neutral=25.0,
-            fitted=False,
-        ),
+        reference_temperature(),
     ),
     mistaken_for=("ageing", "thermal_gradient"),
     next_experiment=(

@@ -7,7 +7,7 @@ warms up), hysteresis, lag. What separates it: a temperature cycle.
 """
 
 from ..physics.plant import Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values
+from .effect import Array, Effect, Parameter, Values, reference_temperature
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -34,14 +34,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-6, "relative change of frequency a kelvin"),
-        Parameter(
-            "reference_temperature_degc",
-            "degC",
-            25.0,
-            "temperature at which the base model holds",
-            neutral=25.0,
-            fitted=False,
-        ),
+        reference_temperature(),
     ),
     mistaken_for=("ageing", "cubic_stiffness", "thermal_hysteresis"),
     next_experiment="a temperature cycle, up and down, at constant amplitude",

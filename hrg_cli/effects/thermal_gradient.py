@@ -10,18 +10,14 @@ hysteresis. What separates it: soak steps, two ramp speeds.
 import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
+from ..physics.resonator import split_matrix
 from .effect import Array, Effect, Parameter, Values
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + γ dT/dt), W += 2ω dT/dt (g_c R(0) + g_s R(π/2))."""
     rate = np.gradient(env.temperature_degc, env.time_s)
-    split = np.array(
-        [
-            [p["split_cos_rad_k"], p["split_sin_rad_k"]],
-            [p["split_sin_rad_k"], -p["split_cos_rad_k"]],
-        ]
-    )
+    split = split_matrix(p["split_cos_rad_k"], p["split_sin_rad_k"])
     plant.stiffness = (
         plant.retuned(1 + p["frequency_s_k"] * rate)
         + 2 * plant.mechanics.omega_rad_s * rate[:, None, None] * split
@@ -30,11 +26,8 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """j dT/dt (ω γ + g_c R(0) + g_s R(π/2)) u."""
-    c, s = u[..., 0], u[..., 1]
-    g_c, g_s = p["split_cos_rad_k"], p["split_sin_rad_k"]
-    turned = state.mechanics.omega_rad_s * p["frequency_s_k"] * u + np.stack(
-        [g_c * c + g_s * s, g_s * c - g_c * s], -1
-    )
+    split = split_matrix(p["split_cos_rad_k"], p["split_sin_rad_k"])
+    turned = state.mechanics.omega_rad_s * p["frequency_s_k"] * u + u @ split
     return 1j * state.temperature_rate_degc_s[..., None] * turned
 
 

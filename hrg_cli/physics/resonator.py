@@ -69,6 +69,12 @@ def reflection(alpha: float | Array) -> Array:
     return np.stack([np.stack([cos, sin], -1), np.stack([sin, -cos], -1)], -2)
 
 
+def split_matrix(cos: float, sin: float) -> Array:
+    """c R(0) + s R(π/2) = [[c, s], [s, −c]] (2, 2): a split of components c and s along the
+    electrical axes 0 and π/2."""
+    return np.array([[cos, sin], [sin, -cos]])
+
+
 def generator(
     mechanics: Mechanics,
     rate_rad_s: float | Array = 0.0,
