@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -49,7 +49,7 @@ from .diagnosis.stability import stability
 from .diagnosis.suspects import Suspicion, stuck_columns, suspect_runs
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
-from .diagnosis.tones import Tone, confirm_tones, take_out_tone, take_out_tones
+from .diagnosis.tones import Tone, confirm_tones, take_out_tones, without_tones
 from .diagnosis.variants import Variant, variants
 from .diagnosis.wander import wander
 from .diagnosis.waveform import causes, near_tones, unnamed
@@ -182,20 +182,16 @@ class Asked:
 
 @dataclass(frozen=True)
 class InSamples:
-    """What the samples show before any dynamics: the causes' entries, lines of the spectrum, the
-    tone nearest to the oscillation, and what nothing explains: frequencies of lines, a sentence on
-    odd windows."""
+    """What the samples show before any dynamics: the causes' entries, these and the dynamics' causes
+    as effects, lines of the spectrum, the tone nearest to the oscillation, and what nothing
+    explains: frequencies of lines, a sentence on odd windows."""
 
     shown: list[dict[str, Any]]
+    named: list[Effect]
     lines: list[dict[str, Any]]
     tone: Tone | None
     unnamed_hz: list[float]
     odd: str
-
-    def named(self, case: Case) -> list[Effect]:
-        """The causes that the dynamics and the samples name."""
-        named = [find(str(entry["name"])) for entry in self.shown]
-        return [*(one.variant.effect for one in case.search.found), *named]
 
 
 def _diagnosed(asked: Asked) -> Diagnosis:
@@ -220,7 +216,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     model, written = _written(asked, case, cut, pieces, samples)
     closing = closing_checks(case, written, samples.shown, samples.unnamed_hz, samples.odd)
     failed = checks.failures(closing)
-    if failed and (folded := folded_beside(pieces, samples.named(case))):
+    if failed and (folded := folded_beside(pieces, samples.named)):
         failed = [folded, *failed]
     verdict = word(bool(case.search.found or samples.shown), bool(failed))
 
@@ -265,9 +261,8 @@ def _explain_beside_tones(
         if len(standing) == len(tones):
             return case, pieces, tones
         tones = standing
-        taken = [tone for tone in tones if tone.standing]
-        pieces = reduce(take_out_tone, taken, list(cut.pieces))
-        base = asked.fit(pieces) if taken else cut.base
+        pieces = without_tones(cut.pieces, tones)
+        base = asked.fit(pieces) if any(tone.standing for tone in tones) else cut.base
 
 
 def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
@@ -288,16 +283,14 @@ def _seen_in_samples(
     frequency_hz = float(np.mean(case.search.final.frequency_hz))
     found = [one.variant.effect for one in case.search.found]
     shown, lines = causes(waves, cut.steps, tones, frequency_hz, found)
+    named = [*found, *(find(str(entry["name"])) for entry in shown)]
     return InSamples(
         shown,
+        named,
         lines,
         next(iter(near_tones(tones, waves, frequency_hz)), None),
-        [t.frequency_hz for t in unnamed(tones, shown, found)],
-        odd_ones(
-            waves,
-            _instants(case.search.final, cut),
-            [*found, *(find(str(entry["name"])) for entry in shown)],
-        ),
+        [t.frequency_hz for t in unnamed(tones, named)],
+        odd_ones(waves, _instants(case.search.final, cut), named),
     )
 
 

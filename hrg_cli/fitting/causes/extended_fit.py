@@ -198,6 +198,10 @@ class ExtendedFit:
         """Value of a coordinate."""
         return float(self.point.p[COORDINATES.index(name)])
 
+    def effect(self, name: str) -> Effect:
+        """An active effect as it stands in the fit. KeyError: it is not in it."""
+        return {one.name: one for one, _ in self.point.active}[name]
+
     def values(self, effect: str) -> dict[str, float]:
         """All parameters' values of an active effect. KeyError: it is not in the fit."""
         return dict({one.name: values for one, values in self.point.active}[effect])

@@ -91,7 +91,7 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
     """The variant with its effect as it stands in the fit: unseen parameters held."""
     return replace(
         variant,
-        effect=next(effect for effect, _ in fit.point.active if effect.name == variant.effect.name),
+        effect=fit.effect(variant.effect.name),
     )
 
 

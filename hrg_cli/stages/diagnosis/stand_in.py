@@ -12,6 +12,7 @@ from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Basis, Design
 from ...fitting.causes.extended_fit import ExtendedFit
 from .refits import HOPELESS
+from .scoring import is_gross
 from .thresholds import GROSS
 from .variants import Variant
 
@@ -19,15 +20,13 @@ from .variants import Variant
 def is_beyond_question(fit: ExtendedFit, name: str) -> bool:
     """Whether an active effect takes a gross misfit away from driven runs; free ones are fitted
     without it soon enough."""
-    effect = next(one for one, _ in fit.point.active if one.name == name)
-    return _driven(fit) and fit.away(effect)[1] > GROSS * fit.dof
+    return _driven(fit) and fit.away(fit.effect(name))[1] > GROSS * fit.dof
 
 
 def takes_nearly_all(before: ExtendedFit, after: ExtendedFit) -> bool:
     """Whether one cause more takes nearly all of a gross misfit away from driven runs: open terms
     would take long to do as much, one for each run."""
-    gross = before.chi2 > GROSS * before.dof
-    return _driven(before) and gross and after.chi2 < before.chi2 / HOPELESS
+    return _driven(before) and is_gross(before) and after.chi2 < before.chi2 / HOPELESS
 
 
 def _driven(fit: ExtendedFit) -> bool:
@@ -39,7 +38,7 @@ def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool
     takes away."""
     if not is_beyond_question(fit, name):
         return False
-    size, _ = fit.away(next(one for one, _ in fit.point.active if one.name == name))
+    size, _ = fit.away(fit.effect(name))
     columns = np.arange(fit.layout.count)[fit.layout.effect(name)]
     beside = _beside(fit.design, columns)
     own = fit.design.shared[:, np.isin(fit.design.places, columns)]

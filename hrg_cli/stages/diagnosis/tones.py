@@ -273,6 +273,11 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
     return out
 
 
+def without_tones(waves: Sequence[Wave], tones: Sequence[Tone]) -> list[Wave]:
+    """The waves without the tones; one that dies away is listed only, and stays in them."""
+    return reduce(take_out_tone, (tone for tone in tones if tone.standing), list(waves))
+
+
 def _std_without(wave: Wave, vector: Array) -> Array:
     """σ (n,) of a coefficient less what the tone e has in it, √(σ² − (|e_C|² + |e_S|²)/4), not
     below what the spectrum's floor beside the oscillation promises, √(S/T).
@@ -335,10 +340,9 @@ def confirm_tones(
     Before its cause is known a misfit of the motion can look like a line. fitted: the complete
     model's fit to waves; where it has none nothing speaks against the tone.
     """
-    taken = [tone for tone in tones if tone.standing]
 
     def stands(tone: Tone) -> bool:
-        left = reduce(take_out_tone, (other for other in taken if other is not tone), list(waves))
+        left = without_tones(waves, [other for other in tones if other is not tone])
         try:
             again = strongest(fitted(left), left)
         except DivergedError:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects import find, mains_tone
+from ...effects import mains_tone
 from ...effects.effect import Effect
 from ...records import Wave
 from .harmonics import below_the_codes, bent_channels
@@ -121,11 +121,8 @@ def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
     return harmonic_of(_as_line(tone), frequency_hz, sampling, 1 / longest, wander)
 
 
-def unnamed(
-    tones: Sequence[Tone], shown: Sequence[dict[str, Any]], found: Sequence[Effect]
-) -> list[Tone]:
+def unnamed(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
     """Tones that were taken out of the waves where nothing that is named makes a line."""
-    named = [*found, *(find(str(offer["name"])) for offer in shown)]
     makes_lines = any(effect.makes_lines for effect in named)
     return [] if makes_lines else [tone for tone in tones if tone.standing]
 
