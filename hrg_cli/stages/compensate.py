@@ -160,7 +160,7 @@ def _stream(
         path = path_of(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
         )
-        blocks = path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
+        blocks = path.abscissa(calibration.axis)
         need_range(calibration, blocks, name)
         drift, scale = corrections_along(calibration, path)
         time = path.interval_s

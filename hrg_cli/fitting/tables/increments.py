@@ -100,6 +100,10 @@ class Path:
         """
         return np.sqrt(np.maximum(self.width_s**2 - self.row_s**2, 0.0))
 
+    def abscissa(self, axis: str) -> Array:
+        """Temperature or frequency of the blocks (b,), whichever tables have nodes of."""
+        return self.temperature_degc if axis == "temperature" else self.frequency_hz
+
     def middle(self, values: Array) -> Array:
         """Mean of neighbouring blocks (n,)."""
         return (values[1:] + values[:-1]) / 2

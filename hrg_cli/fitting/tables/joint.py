@@ -84,13 +84,15 @@ class TableLayout:
         table = coefficients[: self.table_size].reshape(len(self.nodes), self.node_size)
         return table[:, : self.drift_size], table[:, self.drift_size :]
 
+    def mean_scale_factor(self, coefficients: Array) -> float:
+        """K over the nodes and the wave angle."""
+        return float(np.mean(self.tables(coefficients)[1][:, 0]))
+
     def abscissa(self, path: Path) -> Array:
         """Temperature or frequency of the increments (n,); zeros where there is one node only."""
         if len(self.nodes) == 1:
             return np.full(len(path), self.nodes[0])
-        return path.middle(
-            path.temperature_degc if self.axis == "temperature" else path.frequency_hz
-        )
+        return path.middle(path.abscissa(self.axis))
 
     def part(
         self,

@@ -153,7 +153,7 @@ def _with_harmonics_in_doubt(
     """
     layout, model = fitted.layout, tried.model
     C, found = tried.solution.covariance, tried.solution.coefficients
-    scale_factor = float(np.mean(layout.tables(found)[1][:, 0]))
+    scale_factor = layout.mean_scale_factor(found)
     beyond = dict(zip(("drift", "scale"), limits))
     left_out = doubtful_harmonics(layout, wanted.in_doubt, scale_factor, beyond)
     if not left_out:
@@ -226,7 +226,7 @@ def _average_doubtful(
     A, b, _, _ = fitted.pieces.sum()
     first = solve(A, b, model)
     in_doubt = doubtful_harmonics(
-        layout, wanted.in_doubt, float(np.mean(layout.tables(first.coefficients)[1][:, 0]))
+        layout, wanted.in_doubt, layout.mean_scale_factor(first.coefficients)
     )
     stored = widest_limits(layout, wanted, limits)
     seen = variant("table", layout, *stored).matrix[: layout.table_size]

@@ -93,7 +93,7 @@ class Chosen:
     def scale_factor(self) -> float:
         """Mean K over nodes."""
         coefficients = self.answer.tried.solution.coefficients
-        return float(np.mean(self.fitted.layout.tables(coefficients)[1][:, 0]))
+        return self.fitted.layout.mean_scale_factor(coefficients)
 
     @property
     def chi2_per_dof(self) -> float:

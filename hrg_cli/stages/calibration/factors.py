@@ -62,7 +62,7 @@ def weights_of(path: Path, nodes: Array, axis: str, interpolation: str) -> Array
     """Weights ψ_j (n, J) of the nodes at the increments' temperature or frequency."""
     if len(nodes) == 1:
         return np.ones((len(path), 1))
-    x = path.middle(path.temperature_degc if axis == "temperature" else path.frequency_hz)
+    x = path.middle(path.abscissa(axis))
     return node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
 
 

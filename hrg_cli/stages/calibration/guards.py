@@ -354,8 +354,7 @@ def say_noise(fitted: Fitted) -> dict[str, float | None]:
     """The noise the variants were judged at: white against what the windows state, and the angle
     random walk beside it."""
     ratio = noise_ratio(fitted)
-    layout, values = fitted.layout, fitted.solution.coefficients
-    scale_factor = np.mean([values[layout.scale(j).start] for j in range(len(layout.nodes))])
+    scale_factor = fitted.layout.mean_scale_factor(fitted.solution.coefficients)
     walk = float(np.median([noise.walk for noise in fitted.noises]))  # of mθ; of the input angle:
     return {
         "white_over_stated": None if ratio is None else float(np.sqrt(ratio)),

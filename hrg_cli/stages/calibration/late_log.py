@@ -70,7 +70,7 @@ def lateness_of(fitted: Fitted) -> Lateness | None:
     if LATE not in layout.factors:
         return None
     place = layout.factor(LATE).start
-    scale = float(np.mean(layout.tables(solution.coefficients)[1][:, 0]))
+    scale = layout.mean_scale_factor(solution.coefficients)
     variance = float(solution.covariance[place, place]) * fitted.chi2_per_dof
     if not variance > 0 or scale == 0:
         return None

@@ -22,17 +22,12 @@ NODE_SPACING_DEGC = 15.0
 """Spacing of nodes laid over a temperature sweep."""
 
 
-def abscissa_blocks(path: Path, axis: str) -> Array:
-    """Temperature or frequency of the run's blocks."""
-    return path.temperature_degc if axis == "temperature" else path.frequency_hz
-
-
 def choose_nodes(
     paths: Sequence[Path], axis: str, given: Sequence[float] | None
 ) -> tuple[Array, float, float, list[str]]:
     """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at
     their means, a sweep gets even nodes."""
-    x = np.concatenate([abscissa_blocks(p, axis) for p in paths])
+    x = np.concatenate([p.abscissa(axis) for p in paths])
     finite = np.isfinite(x)
     unit = "°C" if axis == "temperature" else "Hz"
     name = "temperature" if axis == "temperature" else "frequency"
@@ -52,9 +47,7 @@ def choose_nodes(
             ],
         )
     if not finite.all():
-        missing = [
-            p.run_id or "?" for p in paths if not np.isfinite(abscissa_blocks(p, axis)).all()
-        ]
+        missing = [p.run_id or "?" for p in paths if not np.isfinite(p.abscissa(axis)).all()]
         raise HrgError(
             f"run {', '.join(missing)}: {name} is missing in a part of the runs; log it in all of"
             " them or leave these runs out"
@@ -84,8 +77,8 @@ def choose_nodes(
 
 def _dwells(paths: Sequence[Path], axis: str) -> Array | None:
     """Means of the groups of runs that each keep one temperature; None when runs sweep."""
-    means = np.array([abscissa_blocks(p, axis).mean() for p in paths])
-    spans = np.array([np.ptp(abscissa_blocks(p, axis)) for p in paths])
+    means = np.array([p.abscissa(axis).mean() for p in paths])
+    spans = np.array([np.ptp(p.abscissa(axis)) for p in paths])
     order = np.argsort(means)
     smallest = 1.0 if axis == "temperature" else 0.2
     total = float(np.ptp(means))
@@ -125,7 +118,7 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
     run = np.concatenate([np.full(len(p), i) for i, p in enumerate(paths)])
     m = paths[0].mode_number
     x = (
-        np.concatenate([p.middle(abscissa_blocks(p, axis)) for p in paths])
+        np.concatenate([p.middle(p.abscissa(axis)) for p in paths])
         if len(nodes) > 1
         else np.zeros(len(rates))
     )

@@ -156,9 +156,7 @@ def measured_part(calibration: Calibration) -> dict[str, Any] | None:
 
 def corrections_along(calibration: Calibration, path: Path) -> tuple[Array, Array]:
     """(D [rad/s], K) (n,) of a run's increments: the tables, and the part that the model measures."""
-    x = path.middle(
-        path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
-    )
+    x = path.middle(path.abscissa(calibration.axis))
     drift, scale = calibration.values_at(x, path.middle(path.angle_rad), np.diff(path.angle_rad))
     return drift + measured_drift(calibration, path), scale
 
@@ -166,9 +164,7 @@ def corrections_along(calibration: Calibration, path: Path) -> tuple[Array, Arra
 def measured_drift(calibration: Calibration, path: Path) -> Array:
     """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in
     operation; zeros otherwise."""
-    x = path.middle(
-        path.temperature_degc if calibration.axis == "temperature" else path.frequency_hz
-    )
+    x = path.middle(path.abscissa(calibration.axis))
     part = measured_at(calibration, x)
     if part is None:
         return np.zeros(len(path))
