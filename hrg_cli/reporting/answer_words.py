@@ -123,8 +123,8 @@ def in_words(name: str) -> str:
 
 
 def size_of(effect: Mapping[str, Any]) -> str:
-    """The fitted size: one parameter as it is, two components as they are, more by the largest; where
-    a sign or a phase was not measured, what was."""
+    """The fitted size: one parameter as it is, two components as they are, of more the one that stands
+    clearest off zero; where a sign or a phase was not measured, what was."""
     if magnitude := _magnitude(effect):
         return magnitude
     shown = [
@@ -133,7 +133,8 @@ def size_of(effect: Mapping[str, Any]) -> str:
         if isinstance(p, dict)
     ]
     if len(shown) > 2:
-        shown = sorted(shown, key=lambda row: -abs(row[1]))[:1]
+        # of several units the largest number would say nothing
+        shown = [max(shown, key=lambda row: abs(row[1]) / row[2] if row[2] > 0 else 0.0)]
     return ", ".join(plain(quantity(name, value, std, units)) for name, value, std, units in shown)
 
 

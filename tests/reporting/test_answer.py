@@ -200,6 +200,19 @@ def test_two_words(verdict, change, health, validity):
     assert (found.health, found.validity) == (health, validity)
 
 
+def test_a_size_of_many_parameters_is_the_one_that_stands_clearest_off_zero():
+    """Whatever its unit: a knock's phase in radians is a larger number than its velocity."""
+    knock = {
+        "c_velocity_over_omega": {"value": 9.95e-4, "std": 8e-6, "units": "amplitude"},
+        "s_velocity_over_omega": {"value": -1.4e-6, "std": 5e-6, "units": "amplitude"},
+        "phase_rad": {"value": 2e-3, "std": 5e-3, "units": "rad"},
+    }
+    assert size_of({"parameters": knock}) == "995(8) ppm of the unit amplitude"
+    assert (
+        size_of({"parameters": dict(reversed(knock.items()))}) == "995(8) ppm of the unit amplitude"
+    )
+
+
 def test_a_size_without_a_sign_is_given_by_its_magnitude():
     """A harmonic in the samples fixes how large a cubic is, to a tenth, and not its sign: the answer
     says ± 0.070(7), not 0.07 ± 0.07."""
