@@ -1,23 +1,26 @@
-"""MATLAB files of version 5 to 7 (scipy.io.loadmat); version 7.3 is HDF5 and read as such."""
+"""MATLAB files of version 5 to 7 (scipy.io.loadmat, in a process of its own: matlab_child.py);
+version 7.3 is HDF5 and read as such."""
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
-import warnings
+from functools import partial
 from pathlib import Path
-from typing import Any
+from threading import Timer
+from types import SimpleNamespace
+from typing import IO
 
 import numpy as np
 
 from ..errors import HrgError
+from . import matlab_child
 from .log import Log, Reader, log_of_arrays
 from .scalars import rate_of
 
-LARGEST_BYTES = 8 << 30
-LARGEST_RATIO = 1100
-"""zlib reaches no more than about 1032."""
-DEPTH = 4
+LEAST_S, S_PER_BYTE = 60.0, 1e-6
+"""Time after which a file is given up, and what is added for its size."""
 
 
 def recognises(path: Path, head: bytes) -> bool:
@@ -32,86 +35,58 @@ def recognises(path: Path, head: bytes) -> bool:
 def open_matlab(path: Path) -> Log:
     """Every vector, matrix column and structure field as a column. HrgError: damaged, truncated, no
     numbers."""
-    from scipy.io import loadmat, whosmat
-
-    size = path.stat().st_size
-    _try_in_a_child(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            for name, shape, kind in whosmat(str(path)):
-                claimed = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 0
-                if any(int(n) < 0 for n in shape) or claimed * 2 > min(
-                    LARGEST_BYTES, LARGEST_RATIO * size
-                ):
-                    raise HrgError(
-                        f"{path}: variable {name} ({kind}) claims {claimed} values, more than the"
-                        " file can hold; it is damaged"
-                    )
-            content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
-    except HrgError:
-        raise
-    except Exception as error:
-        said = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise HrgError(
-            f"{path}: cannot be read as a MATLAB file ({said}); it is truncated or damaged: save it"
-            " again"
-        ) from error
-    arrays: dict[str, np.ndarray] = {}
-    scalars: dict[str, float] = {}
-    for name, value in content.items():
-        if not name.startswith("__"):
-            _flatten(name, value, arrays, scalars, DEPTH)
+    arrays, scalars = _read_in_a_child(path)
     if not arrays:
         raise HrgError(f"{path}: holds no vector of numbers; a variable a channel was expected")
     return log_of_arrays("matlab", arrays, sample_rate_hz=rate_of(scalars))
 
 
-def _try_in_a_child(path: Path) -> None:
-    """Load the file in a process of its own first: damaged cells and structures make scipy's reader
-    crash, not raise."""
-    program = "import sys, scipy.io; scipy.io.whosmat(sys.argv[1]); scipy.io.loadmat(sys.argv[1])"
-    limit = 60 + path.stat().st_size / 1e6
-    try:
-        child = subprocess.run(
-            [sys.executable, "-c", program, str(path)],
-            capture_output=True,
-            timeout=limit,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
+def _read_in_a_child(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """The file's numbers, read by a process of its own that may crash or hang on damaged bytes."""
+    limit_s = LEAST_S + S_PER_BYTE * path.stat().st_size
+    # -P: the folder of the program, whose modules are named after formats, is not searched
+    program = [sys.executable, "-P", str(matlab_child.__file__), str(path)]
+    late = False
+
+    def give_up() -> None:
+        nonlocal late
+        late = True
+        child.kill()
+
+    with subprocess.Popen(
+        program, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as child:
+        timer = Timer(limit_s, give_up)
+        timer.start()
+        try:
+            assert child.stdout is not None
+            told, arrays = _receive(child.stdout)
+        except (ValueError, EOFError):
+            told, arrays = {}, {}
+        finally:
+            timer.cancel()
+    if late:
         raise HrgError(
-            f"{path}: cannot be read as a MATLAB file within {limit:.0f} s; it is damaged: save it"
-            " again"
-        ) from error
-    if child.returncode < 0:
+            f"{path}: cannot be read as a MATLAB file within {limit_s:.0f} s; it is damaged: save"
+            " it again"
+        )
+    if child.returncode != 0 or not told:
         raise HrgError(
             f"{path}: cannot be read as a MATLAB file (scipy's reader crashed on it); it is"
             " damaged: save it again"
         )
+    if "error" in told:
+        raise HrgError(f"{path}: {told['error']}")
+    return arrays, told["scalars"]
 
 
-def _flatten(
-    name: str, value: Any, arrays: dict[str, np.ndarray], scalars: dict[str, float], depth: int
-) -> None:
-    array = np.asarray(value)
-    if array.dtype.names and depth:
-        if array.size == 1:
-            for field in array.dtype.names:
-                _flatten(
-                    f"{name}/{field}", array.reshape(())[()][field], arrays, scalars, depth - 1
-                )
-        return
-    if array.dtype.kind not in "iufb":
-        return
-    if array.size == 1:
-        scalars[name] = float(array.reshape(()))
-    elif array.ndim == 1 and array.size:
-        arrays[name] = array
-    elif array.ndim == 2:
-        tall = array if array.shape[0] >= array.shape[1] else array.T
-        for index in range(min(tall.shape[1], 64)):
-            arrays[f"{name}/{index + 1}"] = tall[:, index]
+def _receive(stream: IO[bytes]) -> tuple[dict, dict[str, np.ndarray]]:
+    """What the child tells, and its arrays. ValueError, EOFError: it ended before its last."""
+    told = json.loads(stream.readline())
+    # numpy asks what looks like a file for its position; a pipe has none
+    pipe = SimpleNamespace(read=stream.read)
+    read_next = partial(np.lib.format.read_array, pipe, allow_pickle=False)
+    return told, {name: read_next() for name in told.get("arrays", [])}
 
 
 READER = Reader("matlab", recognises, open_matlab)

@@ -14,7 +14,7 @@ from scipy.io import savemat
 from hrg_cli import settings as hrg_settings
 from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.formats import hdf5, import_log, log, read_table
+from hrg_cli.formats import hdf5, import_log, log, matlab, read_table
 from hrg_cli.records import Recording, collect
 
 RATE = 4000.0
@@ -234,6 +234,26 @@ def test_tdms_slow_channel_has_its_own_rate(tmp_path):
         and r.temperature_degc.tolist() == [20, 21, 22]
         and r.auxiliary_time_s.tolist() == [0, 0.25, 0.5]
     )
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("import os; os.kill(os.getpid(), 11)", "crashed on it"),
+        ('print(\'{"arrays": ["c"], "scalars": {}}\')', "crashed on it"),
+        ("import sys; sys.exit(1)", "crashed on it"),
+        ("import time; time.sleep(60)", "within 1 s"),
+    ],
+    ids=["crashes", "ends before its last", "fails", "hangs"],
+)
+def test_a_matlab_reader_takes_nothing_with_it(tmp_path, monkeypatch, program, said):
+    """Damage may make the reader crash in one process and not in the next: it never runs in ours."""
+    matlab_5(tmp_path / "log.mat")
+    (tmp_path / "child.py").write_text(program)
+    monkeypatch.setattr(matlab.matlab_child, "__file__", str(tmp_path / "child.py"))
+    monkeypatch.setattr(matlab, "LEAST_S", 1.0)
+    with pytest.raises(HrgError, match=said):
+        whole(tmp_path / "log.mat")
 
 
 def test_channels_of_different_length_are_refused(tmp_path):

@@ -1,0 +1,102 @@
+"""A program of its own that reads a MATLAB file and hands its numbers over on standard output.
+
+Damaged cells and structures make scipy's reader crash, not raise, and not every time; what crashes
+here takes nothing with it. First a line of JSON, `{"arrays": [names], "scalars": {name: value}}` or
+`{"error": sentence}`, then the arrays one after another as `.npy`. It imports nothing of the
+package, so that it can be run from its file.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+LARGEST_BYTES = 8 << 30
+LARGEST_RATIO = 1100
+"""zlib reaches no more than about 1032."""
+DEPTH = 4
+"""Structures within structures that are opened."""
+MOST_COLUMNS = 64
+"""Columns of one matrix that are handed over."""
+
+
+class ClaimError(Exception):
+    """A variable claims more than its file can hold."""
+
+
+def read_numbers(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """Vectors, matrix columns and structure fields by name, and single numbers by name."""
+    from scipy.io import loadmat, whosmat
+
+    for name, shape, kind in whosmat(str(path)):
+        _check_claim(name, shape, kind, path.stat().st_size)
+    arrays: dict[str, np.ndarray] = {}
+    scalars: dict[str, float] = {}
+    for name, value in loadmat(str(path), squeeze_me=True, struct_as_record=True).items():
+        if not name.startswith("__"):
+            _flatten(name, value, arrays, scalars, DEPTH)
+    return arrays, scalars
+
+
+def _check_claim(name: str, shape: tuple[int, ...], kind: str, file_bytes: int) -> None:
+    claimed = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 0
+    possible = min(LARGEST_BYTES, LARGEST_RATIO * file_bytes)
+    if any(int(n) < 0 for n in shape) or claimed * 2 > possible:
+        raise ClaimError(
+            f"variable {name} ({kind}) claims {claimed} values, more than the file can hold; it is"
+            " damaged"
+        )
+
+
+def _flatten(
+    name: str, value: Any, arrays: dict[str, np.ndarray], scalars: dict[str, float], depth: int
+) -> None:
+    array = np.asarray(value)
+    if array.dtype.names and depth:
+        if array.size == 1:
+            for field in array.dtype.names:
+                _flatten(
+                    f"{name}/{field}", array.reshape(())[()][field], arrays, scalars, depth - 1
+                )
+        return
+    if array.dtype.kind not in "iufb":
+        return
+    if array.size == 1:
+        scalars[name] = float(array.reshape(()))
+    elif array.ndim == 1 and array.size:
+        arrays[name] = array
+    elif array.ndim == 2:
+        tall = array if array.shape[0] >= array.shape[1] else array.T
+        for index in range(min(tall.shape[1], MOST_COLUMNS)):
+            arrays[f"{name}/{index + 1}"] = tall[:, index]
+
+
+def _said(error: Exception) -> str:
+    """What a person is told of an error of the reader."""
+    if isinstance(error, ClaimError):
+        return str(error)
+    words = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+    return f"cannot be read as a MATLAB file ({words}); it is truncated or damaged: save it again"
+
+
+def hand_over(path: Path) -> None:
+    """Read the file and write what it holds on standard output."""
+    out = sys.stdout.buffer
+    warnings.simplefilter("ignore")
+    try:
+        arrays, scalars = read_numbers(path)
+    except Exception as error:  # any: the reader's errors on damaged bytes are of every kind
+        out.write(json.dumps({"error": _said(error)}).encode() + b"\n")
+        return
+    out.write(json.dumps({"arrays": list(arrays), "scalars": scalars}).encode() + b"\n")
+    for array in arrays.values():
+        np.lib.format.write_array(out, np.ascontiguousarray(array), allow_pickle=False)
+
+
+if __name__ == "__main__":
+    hand_over(Path(sys.argv[1]))
