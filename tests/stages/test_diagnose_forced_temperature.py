@@ -27,6 +27,7 @@ SMALL = {
         "stiffness_axis_rad": 0.2,
         "scale_factor": 0.55,
         "temperature": {
+            "frequency_per_degc": [88e-6, -4e-8],
             "damping_rate_per_degc": 0.006,
             "damping_split_per_degc": 0.02,
             "scale_factor_per_degc": 1e-4,
