@@ -95,6 +95,23 @@ def test_round_trip(kind, tmp_path):
     )
 
 
+def test_texts_of_any_length_come_back_whole(tmp_path):
+    """A diagnosis of twelve runs says more than the 64 kB that attributes of fixed size hold."""
+    report = json.dumps({"values": ["ä" * 1000] * 300}, ensure_ascii=False)
+    reasons = tuple(f"reason {k}" for k in range(9000))
+    record = small(Diagnosis).replace(
+        report=report,
+        extended_model="# a line\n" * 30_000,
+        status="suspect",
+        status_reasons=reasons,
+    )
+    store.write(tmp_path / "d.h5", record)
+    back = store.read(tmp_path / "d.h5", Diagnosis)
+    assert back.report == report and back.status_reasons == reasons
+    assert back.extended_model == record.extended_model
+    assert xarray.open_dataset(tmp_path / "d.h5", group="diagnosis", engine="h5netcdf").sizes
+
+
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
 def test_every_group_opens_in_xarray(kind, tmp_path):
     store.write(tmp_path / "a.h5", small(kind))

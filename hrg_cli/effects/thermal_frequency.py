@@ -13,7 +13,7 @@ from .effect import Array, Effect, Parameter, Values, reference_temperature
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω → ω (1 + α ΔT), the split as it was."""
     plant.stiffness = plant.retuned(
-        1 + p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"])
+        p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"])
     )
 
 

@@ -13,7 +13,7 @@ from .effect import Array, Effect, Parameter, Values, branch
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + h b)."""
-    plant.stiffness = plant.retuned(1 + p["relative"] * branch(env.temperature_degc))
+    plant.stiffness = plant.retuned(p["relative"] * branch(env.temperature_degc))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

@@ -73,16 +73,19 @@ class Plant:
         """Add a further acceleration to what is there."""
         self.extra = further if self.extra is None else add_accelerations(self.extra, further)
 
-    def retuned(self, factor: Array) -> Array:
-        """W of a frequency `factor` (k,) times as high, the split in rad/s as it was (so measured
-        over temperature, PHYSICS M9).
+    def retuned(self, relative: Array) -> Array:
+        """W of a frequency higher by a part `relative` (k,) of the linear resonator's, the split in
+        rad/s as it was (so measured over temperature, PHYSICS M9).
 
         W = ω²I + 2ωδω R, so the part common to both axes goes with the factor's square and their
-        difference with the factor.
+        difference with the factor. Parts of one frequency add up: what several effects do to it
+        does not depend on their order.
         """
-        factor = np.asarray(factor)[:, None, None]
-        common = np.trace(self.stiffness, axis1=1, axis2=2)[:, None, None] / 2 * IDENTITY
-        return common * factor**2 + (self.stiffness - common) * factor
+        common = np.trace(self.stiffness, axis1=1, axis2=2) / 2
+        factor = 1 + np.asarray(relative) * self.mechanics.omega_rad_s / np.sqrt(common)
+        alike = common[:, None, None] * IDENTITY
+        split = self.stiffness - alike
+        return alike * factor[:, None, None] ** 2 + split * factor[:, None, None]
 
 
 @functools.lru_cache(maxsize=16)

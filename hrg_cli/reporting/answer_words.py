@@ -57,6 +57,8 @@ class Cause:
     rivals: tuple[str, ...]
 
 
+MORE_THAN_ALL = 1.5
+"""Share over the departure from which a cause is no part of it."""
 QUANTITIES = (
     ("drift_deg_h", "drift", "°/h", "drift_error_deg_h"),
     ("amplitude_ppm", "amplitude", "ppm", "amplitude_error_ppm"),
@@ -203,12 +205,15 @@ def _named(causes: Sequence[Cause], departure: Departure | None) -> str:
     first, rest = causes[0], causes[1:]
     share = getattr(first, departure.key) if departure else None
     part = (
-        min(1.0, share / departure.before)
+        share / departure.before
         if share is not None and departure and departure.before > 0
         else math.nan
     )
     how = (
-        "nearly all of it is"
+        # left out alone it would make more than all of it: the others undo some
+        "the largest cause is"
+        if part > MORE_THAN_ALL
+        else "nearly all of it is"
         if part > 0.9
         else "most of it is"
         if part > 0.6

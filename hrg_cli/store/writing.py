@@ -251,7 +251,8 @@ def _finish(file: h5py.File, record: Record) -> None:
             if group not in file and value == default_of(field_name, spec):
                 continue
             holder = file[group] if group in file else file.create_group(group)
-            holder.attrs[name] = _attribute_text(value) if isinstance(value, str) else value
+            # a text of variable length lives in the file's heap: it may be of any length
+            holder.attrs[name] = value
         elif spec.dims[0] not in GROWING and place in file:
             if file[place].shape == np.shape(value) and spec.dtype != "str":
                 file[place][...] = value
@@ -267,26 +268,11 @@ def _finish(file: h5py.File, record: Record) -> None:
     file.attrs["kind"] = record.kind
     file.attrs["generated_by"] = provenance.generated_by or f"hrg {__version__}"
     file.attrs["created"] = provenance.created or created_now()
-    file.attrs["history"] = _attribute_text("\n".join(provenance.history))
-    file.attrs["settings"] = _attribute_text(provenance.settings)
+    file.attrs["history"] = "\n".join(provenance.history)
+    file.attrs["settings"] = provenance.settings
     file.attrs["sources"] = json.dumps([dataclasses.asdict(s) for s in provenance.sources])
     file.attrs["status"] = record.status
-    file.attrs["status_reasons"] = _attribute_text(
-        json.dumps(list(record.status_reasons), ensure_ascii=False)
-    )
-
-
-def _attribute_text(text: str) -> Any:
-    """An attribute holds 64 kB at the most in the old format; longer texts are cut with a word that
-    says so."""
-    limit = 60_000
-    raw = text.encode()
-    return (
-        text
-        if len(raw) <= limit
-        else raw[:limit].decode("utf-8", "ignore")
-        + "\n… (cut: longer than an HDF5 attribute holds)"
-    )
+    file.attrs["status_reasons"] = json.dumps(list(record.status_reasons), ensure_ascii=False)
 
 
 def _create_late(file: h5py.File, record: Record, place: str, spec: Column, value: Any) -> None:

@@ -7,6 +7,8 @@ import pytest
 from hrg_cli import effects
 from hrg_cli.effects import EFFECTS, nonlinear_damping
 from hrg_cli.physics import ellipse
+from hrg_cli.physics.plant import Environment, ThermalCourses, linear_plant
+from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
@@ -18,6 +20,7 @@ SIZES = {
     "dropped_samples": {"lost_s": 3 / 17310, "time_s": 0.21},
     "mains_tone": {"frequency_hz": 2003.0, "c_cos": 1e-3, "s_sin": 5e-4},
     "thermal_frequency": {"relative_1_k": 1e-6, "reference_temperature_degc": 22.0},
+    "thermal_frequency_curvature": {"relative_1_k2": 3e-7, "reference_temperature_degc": 22.0},
     "thermal_damping": {"relative_1_k": 2e-2, "reference_temperature_degc": 22.0},
     "split_temperature": {
         "cos_rad_s_k": 1e-2,
@@ -207,6 +210,30 @@ def test_neutral_values_do_nothing(effect):
     p = effect.values()
     assert np.allclose(effect.slow_readout(p, u, effect.slow_environment(p, state)), u, rtol=1e-15)
     assert not np.any(effect.slow(p, u, state))
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_parts_of_a_frequency_add_up(order):
+    """f = f₀ (1 + αΔT + βΔT² + γt), in whatever order the effects come: no cross terms, which the
+    sum of the slow terms has not."""
+    warm, t, still = np.array([0.0, 45.0]), np.array([0.0, 1.0]), np.zeros(2)
+    mechanics = Mechanics(5000.0, 0.1, frequency_split_rad_s=0.3)
+    environment = Environment(t, warm, still, warm, still)
+    made = linear_plant(mechanics, ThermalCourses(), environment)
+    given = {
+        "thermal_frequency": {"relative_1_k": 9e-5, "reference_temperature_degc": 22.0},
+        "thermal_frequency_curvature": {
+            "relative_1_k2": -4e-8,
+            "reference_temperature_degc": 22.0,
+        },
+        "ageing": {"frequency_1_s": 1e-4},
+    }
+    for name, values in list(given.items())[::order]:
+        effect = effects.find(name)
+        effect.plant(effect.values(values), made, environment)
+    relative = np.sqrt(np.trace(made.stiffness, axis1=1, axis2=2) / 2) / mechanics.omega_rad_s
+    sum_of_parts = 1 + 9e-5 * (warm - 22) - 4e-8 * (warm - 22) ** 2 + 1e-4 * t
+    np.testing.assert_allclose(relative, sum_of_parts, rtol=1e-10)
 
 
 def test_the_slow_lag_undoes_the_thermometers():

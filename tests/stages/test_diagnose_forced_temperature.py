@@ -1,5 +1,5 @@
-"""Driven runs at several temperatures and rates, whose damping, damping split and scale factor follow
-the temperature: each dependence is a cause, with its size, and nothing else is named."""
+"""Driven runs at several temperatures and rates, whose frequency, damping, damping split and scale
+factor follow the temperature: each dependence is a cause, with its size, and nothing else is named."""
 
 import json
 import tomllib
@@ -12,6 +12,11 @@ from hrg_cli import collect, demodulate, diagnose, estimate, simulate
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "forced_temperature.toml"
 CAUSES = {"thermal_damping", "scale_factor_temperature", "damping_split_temperature"}
+OF_FREQUENCY = {
+    "thermal_frequency": ("relative_1_k", 0),
+    "thermal_frequency_curvature": ("relative_1_k2", 1),
+}
+"""Causes of a frequency that follows temperature: their parameter, and the power that it goes with."""
 SMALL = {
     "device": {
         "frequency_hz": 2000.0,
@@ -22,6 +27,7 @@ SMALL = {
         "stiffness_axis_rad": 0.2,
         "scale_factor": 0.55,
         "temperature": {
+            "frequency_per_degc": [88e-6, -4e-8],
             "damping_rate_per_degc": 0.006,
             "damping_split_per_degc": 0.02,
             "scale_factor_per_degc": 1e-4,
@@ -57,7 +63,9 @@ def diagnosed(config, seed, periods):
 
 def check(config, found, report):
     causes = {cause["name"]: cause["parameters"] for cause in report["effects"]}
-    assert found.verdict == "explained" and set(causes) == CAUSES
+    bends = config["device"]["temperature"].get("frequency_per_degc", [])
+    assert found.verdict == "explained"
+    assert set(causes) == CAUSES | (set(OF_FREQUENCY) if bends else set())
     device, courses = config["device"], config["device"]["temperature"]
     for cause, key in (
         ("thermal_damping", "damping_rate_per_degc"),
@@ -71,6 +79,12 @@ def check(config, found, report):
     for name, true in (("cos_1_s_k", split * np.cos(angle)), ("sin_1_s_k", split * np.sin(angle))):
         slope = causes["damping_split_temperature"][name]
         assert abs(slope["value"] - true) < 4 * slope["std"]
+    shares = {cause["name"]: cause["share"] for cause in report["effects"]}
+    for cause, (name, power) in OF_FREQUENCY.items() if bends else ():
+        # each run's own frequency takes it over in the base model: it turns no wave
+        assert shares[cause]["drift_deg_h"] < 1
+        slope = causes[cause][name]
+        assert abs(slope["value"] - bends[power]) < 4 * slope["std"]
 
 
 def test_what_follows_the_temperature_in_driven_runs_is_named_with_its_size():

@@ -28,6 +28,7 @@ SIZES = {
     "dropped_samples": {"lost_s": 3 / 17310, "time_s": 0.21},
     "mains_tone": {"frequency_hz": 2003.0, "c_cos": 1e-3, "s_sin": 5e-4},
     "thermal_frequency": {"relative_1_k": 1e-6, "reference_temperature_degc": 22.0},
+    "thermal_frequency_curvature": {"relative_1_k2": 3e-7, "reference_temperature_degc": 22.0},
     "thermal_damping": {"relative_1_k": 2e-2, "reference_temperature_degc": 22.0},
     "scale_factor_temperature": {"relative_1_k": 1e-3, "reference_temperature_degc": 22.0},
     "thermal_gradient": {"frequency_s_k": 1e-7, "split_cos_rad_k": 2e-3, "split_sin_rad_k": -1e-3},

@@ -198,8 +198,8 @@ def average_rows(
 
     `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad], `phase(time_s)` [rad]
     what a moving frequency adds. The mean time is the weighted one, so an error δL of that motion
-    enters only as (δL·dt)²/24 of the row: averaging along the motion that is fitted to the rows,
-    until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones
+    enters only as (δL² + [δL, L])dt²/24 of the row: averaging along the motion that is fitted to the
+    rows, until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones
     (gaps) vanish. `grid`: where the first piece begins and how long each is, of the whole run that
     this is a part of.
     """

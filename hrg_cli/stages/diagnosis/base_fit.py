@@ -25,6 +25,9 @@ from .scoring import is_gross
 from .thresholds import WORTH
 from .waveform import phase_steps, split_at
 
+AVERAGED_AGAIN = 2
+"""Times that rows are averaged anew along the motion last fitted: the first may lack the splits."""
+
 
 def fit_base(
     pieces: Sequence[Wave],
@@ -42,9 +45,15 @@ def fit_base(
         freedom = freedom_of(series, point, scale_factor)
         return start_fit(extended_fit.fit(series, point, freedom)), point
 
-    first, guessed = along(None)
-    if not is_gross(first) and not is_averaged_well(first.series, guessed, first.point):
-        first, _ = along(first.point)
+    first, motion = along(None)
+    for _ in range(AVERAGED_AGAIN):
+        if is_averaged_well(first.series, motion, first.point):
+            break
+        motion = first.point
+        again, _ = along(motion)
+        if is_gross(first) and again.chi2 / again.dof >= first.chi2 / first.dof:
+            break  # no motion of the base model is theirs
+        first = again
     late = fit_lateness(first)
     if is_gross(late):  # a gross misfit would be laid on the log's time
         return fit_rate_steps(first)

@@ -49,7 +49,7 @@ SHAPES = 0.1
 DIFFERENT_RATES = 0.1
 """Part of the greatest rate by which rates must differ to count as different."""
 WELL = 0.1
-"""σ by which the average of a row's windows may miss the row's middle."""
+"""σ by which the averages of all rows' windows together may miss the rows' middles."""
 QUIET = 1e-3
 """Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
@@ -108,13 +108,20 @@ def prepare(
 
 def is_averaged_well(series: MeasuredRuns, averaged_along: Point, fitted: Point) -> bool:
     """Whether rows that were averaged along one motion miss their middles by less than a tenth of
-    σ, had they followed another: (Δ·h)²/24 of the wave, Δ the difference of the two, h a row."""
+    σ, all together, had they followed another.
+
+    In the frame that L carries, what Δ more does changes as both turn it, ẅ = (Δ² + [Δ, L])w, and
+    the mean of a row of length h misses its middle by h²ẅ/24: a split of which the average knew
+    nothing is missed in proportion to itself where the wave turns.
+    """
     change = fitted.p - averaged_along.p
     row = np.diff(series.time_s, axis=1)
     turn = np.abs(np.diff(series.table_angle_rad, axis=1))
     moved = np.linalg.norm(change[:5]) * row + abs(change[5]) * turn
+    # damping alike in all directions commutes with everything
+    carried = np.linalg.norm(fitted.p[1:5]) * row + abs(fitted.p[SCALE_FACTOR]) * turn
     size = np.sqrt(np.sum(np.abs(series.envelope) ** 2, axis=-1)) * series.weight
-    return bool(np.max(moved**2 / 24 * size[:, :-1], initial=0.0) < WELL)
+    return bool(np.linalg.norm(moved * (moved + 2 * carried) / 24 * size[:, :-1]) < WELL)
 
 
 def _undamped(p: Array) -> Array:

@@ -127,14 +127,16 @@ class Knowledge:
         root = vectors[:, seen] / np.sqrt(power[seen]) / scale[:, None]
         share, turn = np.linalg.eigh(root.T @ beside @ root)
         V = root @ turn
-        information = np.maximum(1.0 - share, 0.0)
-        told = (V.T @ (own.T @ fit.residual / slow)) / np.maximum(information, BLIND)
+        # what is left of 1 by rounding is nothing that rows say
+        information = np.where(1.0 - share > BLIND, 1.0 - share, 0.0)
+        rows = information > 0
+        shown = V.T @ (own.T @ fit.residual / slow)
+        told = np.divide(shown, information, out=np.zeros_like(shown), where=rows)
         better = share > 0.5
         if not better.any():
             return None
         moved, V = response / size @ V, V / size[:, None]
-        rows = information > BLIND
-        shown = float(np.sum(information[rows] * told[rows] ** 2))
+        told_power = float(np.sum(information * told**2))
         return cls(
             moved[:, better],
             V[:, better],
@@ -143,7 +145,7 @@ class Knowledge:
             V[:, ~better] @ told[~better],
             moved[:, ~better] @ told[~better],
             moved[:, ~better] / information[~better] @ moved[:, ~better].T,
-            float(chdtrc(int(rows.sum()), shown)) if rows.any() else 1.0,
+            float(chdtrc(int(rows.sum()), told_power)) if rows.any() else 1.0,
         )
 
 
@@ -188,7 +190,7 @@ def _agrees(known: Knowledge, size: Array, covariance: Array) -> bool:
     """Whether the rows of the runs allow the size that the offsets ask for."""
     from scipy.special import chdtrc
 
-    told = known.information > BLIND
+    told = known.information > 0
     if not told.any():
         return True
     apart = (size - known.told)[told]

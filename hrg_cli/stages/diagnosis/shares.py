@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -24,6 +24,7 @@ from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.coordinates import to_parameters
 from ...physics import ellipse
 from ...units import DEGREE_PER_HOUR
+from .scoring import is_gross
 
 Array = np.ndarray
 PIECES = 4
@@ -122,30 +123,46 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     """Leave out sets of the extended model's causes and fit the rest; rows with weight, in the
     order of the diagnosis's rows.
 
-    base: the fit without any cause. A set without which the fit diverges is not told.
+    base: the fit without any cause. A set without which the fit diverges is not told, and one
+    without which it does not settle has no figures: they would be those of wherever it stopped.
     """
     good = fit.series.weight > 0
     run = np.broadcast_to(np.arange(len(fit.series.names))[:, None], good.shape)[good]
     time_s, whole = fit.series.time_s[good], real(fit.prediction.seen[good])
     names = [effect.name for effect, _ in fit.point.active]
     rows = {tuple(names): real(base.prediction.seen[good])} if names else {}
+    settled: dict[str, Array] = {}
     for left_out in sets_left_out(names):
-        point = fit.point
-        for name in left_out:
-            point = remove_effect(point, name)
         with contextlib.suppress(DivergedError):
-            refitted = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+            refitted = _fit_without(left_out, base, fit)
             rows[left_out] = real(refitted.prediction.seen[good])
+            if len(left_out) == 1 and refitted.converged:
+                settled[left_out[0]] = rows[left_out]
+    if len(names) == 1:
+        settled = {names[0]: rows[(names[0],)]}
     found = {
-        name: figures(difference(whole, rows[(name,)]), run, time_s)
-        for name in names
-        if (name,) in rows
+        name: figures(difference(whole, without), run, time_s) for name, without in settled.items()
     }
     return Shares(
         tuple(rows),
         np.stack(list(rows.values()), axis=-1) if rows else np.zeros((len(whole), 4, 0)),
         found,
     )
+
+
+def _fit_without(names: Sequence[str], base: ExtendedFit, fit: ExtendedFit) -> ExtendedFit:
+    """The fit without some of its causes, every run's frequency free as in the base model, from
+    where it stood there: a cause may have been found by these frequencies alone."""
+    point = fit.point
+    for name in names:
+        point = remove_effect(point, name)
+    free = replace(fit.freedom, offset_std=np.inf)
+    refitted = extended_fit.fit(fit.series, point, free, near=fit.flow.near)
+    if np.isinf(fit.freedom.offset_std) or not is_gross(refitted):
+        return refitted
+    from_base = replace(point, offset_rad_s=base.point.offset_rad_s)
+    other = extended_fit.fit(fit.series, from_base, free)
+    return min(refitted, other, key=lambda one: one.chi2)
 
 
 def covariance_of(fit: ExtendedFit, std: Array) -> Array:

@@ -41,6 +41,8 @@ NEAR = 1.02
 PERIODS = MOVING_PERIODS
 """Periods a window of the simulated samples, the shortest whose basis moves with the envelope: the
 file's own demodulation must miss nothing that the measurement's noise could show."""
+MOVES = 3
+"""Rounds in which a file's starts and frequencies are moved nearer to the fit."""
 NEXT_ROWS = 2.0
 """Rows' lengths on either side of a jump in which measured rows hold a mean of both sides,
 simulated ones do not."""
@@ -74,13 +76,17 @@ class Written:
         }
 
 
+Candidate = tuple[str, Written | None]
+"""A file's text and how it holds; None: it cannot be simulated."""
+
+
 def write_faithfully(
     written: Callable[[Array | None, Way], str],
     fit: ExtendedFit,
     origin: Sequence[int],
     extra_effects: Sequence[Effect],
     tone: Tone | None = None,
-) -> tuple[str, Written | None]:
+) -> Candidate:
     """The file and how it holds: the first that misses the measurement no more than the fit, or the
     one that misses least.
 
@@ -94,26 +100,43 @@ def write_faithfully(
     driven = bool(np.any(fit.series.forced))
     along = Way(replayed=driven)
     ways = [*([Way()] if driven else []), along, Way(replayed=driven, straight=True)]
-    best: tuple[str, Written | None] = "", None
+
+    def tried(text: str) -> Candidate:
+        return text, hold_written(text, fit, origin, extra_effects, tone)
+
+    best: Candidate = "", None
     told: set[str] = set()
     for way in ways:
         text = written(None, way)
         if text in told:  # constant rates are written alike in every way
             continue
         told.add(text)
-        held = hold_written(text, fit, origin, extra_effects, tone)
-        best = _nearer(best, (text, held))
-        if held is not None and held.ratio < NEAR:
-            return best
-        if held is not None and way == along:
-            other = written(held.change, way)
-            best = _nearer(best, (other, hold_written(other, fit, origin, extra_effects, tone)))
+        one = tried(text)
+        if way == along:
+            one = _moved_nearer(one, lambda change: tried(written(change, along)))
+        best = _nearer(best, one)
+        if best[1] is not None and best[1].ratio < NEAR:
+            break
     return best
 
 
-def _nearer(
-    one: tuple[str, Written | None], other: tuple[str, Written | None]
-) -> tuple[str, Written | None]:
+def _moved_nearer(one: Candidate, tried: Callable[[Array], Candidate]) -> Candidate:
+    """The file with the runs' starts and frequencies moved to where the simulation misses the fit
+    least; a round is linear in what the last left."""
+    change: Array | float = 0.0
+    for _ in range(MOVES):
+        held = one[1]
+        if held is None or held.ratio < NEAR:
+            break
+        change = change + held.change
+        other = tried(change)
+        if _nearer(one, other) is one:
+            break
+        one = other
+    return one
+
+
+def _nearer(one: Candidate, other: Candidate) -> Candidate:
     """Of two files the one that misses less; the first where the other cannot be simulated."""
     if one[1] is None or other[1] is None:
         return other if one[1] is None else one
