@@ -13,7 +13,7 @@ from ...effects.effect import Effect
 from ...fitting.causes import extended_fit
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
-from .scoring import is_gross, is_small
+from .scoring import is_gross, is_small, price_of_place
 from .thresholds import CLEARLY
 from .variants import Variant
 
@@ -96,8 +96,9 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
 
 
 def bic(fit: ExtendedFit) -> float:
-    """χ² + rank·ln N."""
-    return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual)))
+    """χ² + rank·ln N, and what the choice of their instants costs causes that happen at one."""
+    chosen = sum(price_of_place(effect, fit) for effect, _ in fit.point.active)
+    return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual))) + chosen
 
 
 Trial = tuple[float, ExtendedFit, Score, Variant]

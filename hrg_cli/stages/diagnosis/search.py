@@ -25,7 +25,7 @@ from .refits import (
     loosen,
     refit,
 )
-from .scoring import is_gross, score_effects
+from .scoring import is_gross, number_of_places, price_of_place, score_effects
 from .thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
 from .variants import Variant
 
@@ -110,12 +110,13 @@ def best_step(
     tried = sum(s.visible for s, _ in ranked)
     if tried == 0:
         return None
-    top = ranked[0][0]
+    top, first = ranked[0]
     _, p = evidence.significance(top.gain / noise.slow, top.rank)
+    worth = evidence.criterion(top.gain / noise.slow, top.rank, len(fit.residual))
     if (
         not top.visible
-        or evidence.correct_for_tries(p, tried) > SIGNIFICANT
-        or evidence.criterion(top.gain / noise.slow, top.rank, len(fit.residual)) < WORTH
+        or evidence.correct_for_tries(p, tried * number_of_places(first.effect, fit)) > SIGNIFICANT
+        or worth - price_of_place(first.effect, fit) < WORTH
     ):
         return None
     close = [
@@ -147,6 +148,7 @@ def best_step(
         and evidence.correlate_spaces(s, score) > TOGETHER
         and s.rank == score.rank
     ]
+    tried *= number_of_places(variant.effect, fit)
     return chosen, Found(hold_unseen(variant, chosen), score, tried, gain, tuple(rivals))
 
 
