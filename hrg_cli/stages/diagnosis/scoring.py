@@ -30,6 +30,13 @@ def price_of_place(effect: Effect, fit: ExtendedFit) -> float:
     return 2 * float(np.log(number_of_places(effect, fit)))
 
 
+def worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
+    """ΔBIC that a candidate's score promises beside a fit; slow: variance of the noise over the
+    stated one."""
+    gained = evidence.criterion(score.gain / slow, score.rank, len(fit.residual))
+    return gained - price_of_place(variant.effect, fit)
+
+
 def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
@@ -49,16 +56,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
             continue
         if score.name not in best or score.gain > best[score.name][0].gain:
             best[score.name] = (score, variant)
-    rows = len(fit.residual)
-    return sorted(
-        best.values(),
-        key=lambda pair: (
-            price_of_place(pair[1].effect, fit)
-            - evidence.criterion(pair[0].gain, pair[0].rank, rows)
-            if pair[0].visible
-            else np.inf
-        ),
-    )
+    return sorted(best.values(), key=lambda pair: -worth(*pair, fit) if pair[0].visible else np.inf)
 
 
 def _thinkable(score: Score, variant: Variant, fit: ExtendedFit) -> bool:
