@@ -221,6 +221,12 @@ class Effect:
         return any(p.name == RUN for p in self.parameters)
 
     @property
+    def strikes(self) -> bool:
+        """Whether it happens at an instant of one run and may do so by any small amount."""
+        named = {p.name for p in self.parameters}
+        return {INSTANT, RUN} <= named and not (self.whole_samples or self.sets_in)
+
+    @property
     def sets_in(self) -> bool:
         """Whether a fitted parameter does nothing at all up to a level, so that the effect has no
         small size that grows in proportion."""

@@ -204,3 +204,19 @@ def test_a_scale_factor_that_no_run_shows_is_assumed_and_not_measured():
     told = next(v for v in out["values"] if v["name"] == "scale_factor")
     assert out["verdict"] == "adequate"
     assert told["assumed"] and abs(told["value"] - 0.3) < told["std"]
+
+
+def test_frequencies_that_differ_by_parts_in_a_thousand_million_are_no_adequate_model():
+    """Beyond what time stamps in nanoseconds leave unsure and beyond their errors: so little, too,
+    is something that the model does not hold."""
+    runs = waves(programme(6, runs=4, duration_s=1.0, noise=3e-5))
+    for parts, word in ((0.0, "adequate"), (5e-9, "unexplained")):
+        shifted = [
+            run.replace(
+                phase_rad=run.phase_rad
+                + 2 * np.pi * run.reference_frequency_hz * parts * sign * run.time_s
+            )
+            for run, sign in zip(runs, (1, -1, -1, 1), strict=True)
+        ]
+        out = summary(diagnose(shifted))
+        assert out["verdict"] == word, out["checks"]

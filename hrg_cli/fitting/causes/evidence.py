@@ -361,10 +361,8 @@ def _project_candidates(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, 
     lengths before (n, m)."""
     usable = np.all(np.isfinite(size), axis=1) & np.any(size > 0, axis=1)
     P, c = np.where(usable[:, None, None], P, 0.0), np.where(usable[:, None], c, 0.0)
-    power, V = np.linalg.eigh(P)
-    s = np.sqrt(np.maximum(power, 0.0))
+    s, V, directions = _shown_directions(P)
     keep = s > BLIND
-    directions = np.where(keep[:, None, :], V / np.where(keep, s, 1.0)[:, None, :], 0.0)
     projected = np.einsum("nij,ni->nj", directions, c)
     gain, rank = np.sum(projected**2, axis=1), keep.sum(axis=1)
     lost = (
@@ -389,6 +387,27 @@ def _project_candidates(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, 
             largest,
             to_unit,
         )
+
+
+def gains(P: Array, c: Array) -> tuple[Array, Array]:
+    """Falls of χ² (n,) and numbers of parameters (n,) of candidates with s⊥ᵀ s⊥ (n, m, m) and s⊥ᵀ r
+    (n, m) of unit columns."""
+    s, _, directions = _shown_directions(P)
+    return np.sum(np.einsum("nij,ni->nj", directions, c) ** 2, axis=1), np.sum(s > BLIND, axis=1)
+
+
+def chances(gain: Array, rank: Array) -> Array:
+    """Probabilities (n,) that noise makes χ² fall by as much with so many parameters."""
+    return _significance(gain, rank)[1]
+
+
+def _shown_directions(P: Array) -> tuple[Array, Array, Array]:
+    """Of s⊥ᵀ s⊥ (n, m, m) of unit columns: independence (n, m) along the eigenvectors (n, m, m), and
+    these over it, 0 where it is none."""
+    power, V = np.linalg.eigh(P)
+    s = np.sqrt(np.maximum(power, 0.0))
+    keep = s > BLIND
+    return s, V, np.where(keep[:, None, :], V / np.where(keep, s, 1.0)[:, None, :], 0.0)
 
 
 def significance(gain: float, rank: int) -> tuple[float, float]:

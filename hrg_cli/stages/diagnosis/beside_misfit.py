@@ -30,7 +30,7 @@ from ...fitting.causes.extended_fit import ExtendedFit, along_wave
 from .case import Case
 from .refits import bic, hold_unseen, leave_out, refit
 from .remainder import search_rest
-from .scoring import score_effects
+from .scoring import number_of_places, score_effects
 from .search import Found
 from .thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
 from .variants import Variant
@@ -89,6 +89,7 @@ def _judge_cause(
     rank = max(1, one.score.rank)
     taken = TakenAway.away(final, without, rank)
     tried = _independent_tries(without, candidates, taken.power)
+    tried *= number_of_places(one.variant.effect, without)
     chance = evidence.correct_for_tries(taken.chance(rank), min(tried, one.tried))
     return JudgedCause(one, without, taken.beside, chance)
 

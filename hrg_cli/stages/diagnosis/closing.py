@@ -20,16 +20,19 @@ from ...physics import ellipse
 from .case import Case
 from .drive_scatter import TOLD, Scatter
 from .gain import folds_of, predict_folds
+from .places import another_start, beside_strike
 from .scoring import is_small
 from .search import Search
 from .thresholds import (
     BOUND_COST,
     FREQUENCIES,
+    INADEQUATE,
     NOISE_LEVEL,
     OWN_SIGMA,
     RUN_PREDICTED,
     SAME_FREQUENCY,
     SCALE_FACTORS,
+    SIGNIFICANT,
     WRITTEN,
 )
 from .written import Written
@@ -93,6 +96,7 @@ def closing_checks(
             "windows_alike", not odd, odd or "every window's noise is like its neighbours'"
         ),
         *_whiteness(final),
+        *_strikes(final, case.inquiry.noise.slow),
         *_runs(final),
         *_causes(search, waveform),
         *_frequencies(case.frequencies),
@@ -132,6 +136,32 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
             f"what is left is not white in the order of {name.replace('_', ' ')}",
             f"white_in_{name}",
         )
+
+
+def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
+    """No run moves on, from one of its rows, as from another start, and what strikes in the model is
+    all that struck there."""
+    moved = "from {:.4g} s on run {} moves as from another start: what struck it there is not {}"
+    found = [("nothing_strikes", another_start(fit, slow), INADEQUATE, "in the model")]
+    found += [
+        (
+            f"{effect.name}_is_what_struck",
+            beside_strike(values, fit, slow),
+            SIGNIFICANT,
+            f"{effect.name} alone",
+        )
+        for effect, values in fit.point.active
+        if effect.strikes
+    ]
+    for name, place, allowed, cause in found:
+        if place is not None:
+            t = fit.series.time_s[place.run][fit.series.weight[place.run] > 0]
+            yield checks.at_most(
+                name,
+                -float(np.log10(max(place.chance, 1e-300))),
+                -float(np.log10(allowed)),
+                moved.format(t[place.row], fit.series.names[place.run], cause),
+            )
 
 
 def _runs(fit: ExtendedFit) -> Iterator[Check]:

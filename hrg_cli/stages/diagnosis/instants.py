@@ -27,7 +27,7 @@ from .beside_misfit import Spectrum, independent
 from .case import Case
 from .refits import leave_out
 from .remainder import search_rest
-from .scoring import is_gross, is_small, score_effects
+from .scoring import is_gross, is_small, number_of_places, score_effects
 from .search import Found
 from .thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
 from .variants import Variant, variants
@@ -103,7 +103,7 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
         if one.criterion > best.criterion - WORTH
     } - {best.variant.effect.name}  # fmt: skip
     # the places are those where the rows jump most, of all rows
-    places = int(np.count_nonzero(fit.series.weight)) * len(effects)
+    places = sum(number_of_places(effect, fit) for effect in effects)
     chance = evidence.correct_for_tries(min(one.chance for one in strikes), places)
     if chance > SIGNIFICANT or len(rivals) > MOST_RIVALS:
         return None
@@ -128,7 +128,7 @@ def around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
     period = 1 / series.reference_frequency_hz
     out = []
     for one in tried:
-        if INSTANT in one.values:
+        if INSTANT in one.values and not one.anywhere:
             number = max(0, int(one.values[RUN]))
             t = series.time_s[number][series.weight[number] > 0]
             row = float(np.median(np.diff(t)))

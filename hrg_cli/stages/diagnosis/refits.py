@@ -13,12 +13,12 @@ from ...effects.effect import Effect
 from ...fitting.causes import extended_fit
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
-from .scoring import is_gross, is_small
-from .thresholds import CLEARLY
+from .scoring import is_gross, is_small, price_of_place, worth
+from .thresholds import CLEARLY, WORTH
 from .variants import Variant
 
 SHORTLIST = 3
-"""Candidates refitted to the end before one is chosen."""
+"""Candidates refitted to the end before one is chosen, at least."""
 QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
 HOPELESS = 10.0
@@ -70,6 +70,19 @@ def adopt(
     )
 
 
+def shortlist(
+    ranked: Sequence[tuple[Score, Variant]], fit: ExtendedFit, slow: float
+) -> list[tuple[Score, Variant]]:
+    """The best candidates by their scores, and all that come within the odds of `WORTH` of the first:
+    whoever is not refitted is nobody's rival."""
+    level = worth(*ranked[0], fit, slow) - WORTH if ranked else 0.0
+    return [
+        pair
+        for place, pair in enumerate(ranked)
+        if place < SHORTLIST or worth(*pair, fit, slow) > level
+    ]
+
+
 def adopt_hopeful(
     fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], most: int
 ) -> list[tuple[ExtendedFit, Score, Variant]]:
@@ -96,8 +109,9 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
 
 
 def bic(fit: ExtendedFit) -> float:
-    """χ² + rank·ln N."""
-    return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual)))
+    """χ² + rank·ln N, and what the choice of their instants costs causes that happen at one."""
+    chosen = sum(price_of_place(effect, fit) for effect, _ in fit.point.active)
+    return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual))) + chosen
 
 
 Trial = tuple[float, ExtendedFit, Score, Variant]
@@ -108,8 +122,9 @@ def refit(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Tria
     """The candidates refitted, best first; what did not settle or came out larger than thinkable is
     none.
 
-    Many are refitted in few steps first where the misfit is gross, and only the best of these to
-    the end. A selection at another noise asks for the same: what was refitted once is remembered.
+    Many are refitted in few steps first, and to the end only the best of these and what comes within
+    `WORTH` of them. A selection at another noise asks for the same: what was refitted once is
+    remembered.
     """
     tried = tuple((variant.effect, tuple(variant.values.items())) for _, variant in close)
     trials: list[Trial] = fit.remembered(("refitted", tried), lambda: _refitted(fit, close))
@@ -121,7 +136,9 @@ def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[
     trials: list[Trial] = [(bic(one[0]), *one) for one in adopt_hopeful(fit, close, most)]
     trials.sort(key=lambda t: t[0])
     whole: list[Trial] = []
-    for level, trial, score, variant in trials[:SHORTLIST]:
+    for place, (level, trial, score, variant) in enumerate(trials):
+        if place >= SHORTLIST and level > trials[0][0] + WORTH:
+            break
         if not trial.converged:
             trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
             level = bic(trial)

@@ -70,7 +70,7 @@ def patterns(
     open_ones = [
         one
         for v in inquiry.candidates
-        if not v.secants
+        if not (v.secants or v.anywhere)
         and (one := v if v.effect.name not in active else _unshown(v, fit)) is not None
     ]
     for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):

@@ -10,6 +10,7 @@ from ...effects.effect import Effect
 from ...fitting.causes import evidence, scales
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
+from .places import placed
 from .thresholds import GROSS, MOST_TYPICAL, SMALL_IN_MOTION, SMALL_IN_READOUT
 from .variants import Variant
 
@@ -19,10 +20,32 @@ def is_gross(fit: ExtendedFit) -> bool:
     return fit.chi2 > GROSS * fit.dof
 
 
+def number_of_places(effect: Effect, fit: ExtendedFit) -> int:
+    """At how many places a cause may stand: at every row where it happens at an instant."""
+    return int(np.count_nonzero(fit.series.weight)) if effect.of_one_run else 1
+
+
+def price_of_place(effect: Effect, fit: ExtendedFit) -> float:
+    """What the choice of its place costs a cause, as ΔBIC: −2 ln of the odds of each."""
+    return 2 * float(np.log(number_of_places(effect, fit)))
+
+
+def worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
+    """ΔBIC that a candidate's score promises beside a fit; slow: variance of the noise over the
+    stated one."""
+    gained = evidence.criterion(score.gain / slow, score.rank, len(fit.residual))
+    return gained - price_of_place(variant.effect, fit)
+
+
 def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
     """Every effect's best variant with its score beside the fit, best criterion first."""
     active = {effect.name for effect, _ in fit.point.active}
-    open_ones = [v for v in candidates if v.effect.name not in active]
+    open_ones = [
+        one
+        for v in candidates
+        if v.effect.name not in active and not (v.anywhere and is_gross(fit))
+        for one in (placed(v, fit) if v.anywhere else [v])
+    ]
     columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
     found = evidence.scores(
@@ -33,13 +56,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
             continue
         if score.name not in best or score.gain > best[score.name][0].gain:
             best[score.name] = (score, variant)
-    rows = len(fit.residual)
-    return sorted(
-        best.values(),
-        key=lambda pair: (
-            -evidence.criterion(pair[0].gain, pair[0].rank, rows) if pair[0].visible else np.inf
-        ),
-    )
+    return sorted(best.values(), key=lambda pair: -worth(*pair, fit) if pair[0].visible else np.inf)
 
 
 def _thinkable(score: Score, variant: Variant, fit: ExtendedFit) -> bool:

@@ -16,7 +16,6 @@ from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
 from .refits import (
     HOPELESS,
-    SHORTLIST,
     adopt_hopeful,
     bic,
     free_second_order,
@@ -24,8 +23,9 @@ from .refits import (
     leave_out,
     loosen,
     refit,
+    shortlist,
 )
-from .scoring import is_gross, score_effects
+from .scoring import is_gross, number_of_places, score_effects, worth
 from .thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
 from .variants import Variant
 
@@ -110,19 +110,23 @@ def best_step(
     tried = sum(s.visible for s, _ in ranked)
     if tried == 0:
         return None
-    top = ranked[0][0]
+    top, first = ranked[0]
     _, p = evidence.significance(top.gain / noise.slow, top.rank)
     if (
         not top.visible
-        or evidence.correct_for_tries(p, tried) > SIGNIFICANT
-        or evidence.criterion(top.gain / noise.slow, top.rank, len(fit.residual)) < WORTH
+        or evidence.correct_for_tries(p, tried * number_of_places(first.effect, fit)) > SIGNIFICANT
+        or worth(top, first, fit, noise.slow) < WORTH
     ):
         return None
-    close = [
-        pair
-        for pair in ranked
-        if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)
-    ][:SHORTLIST]
+    close = shortlist(
+        [
+            pair
+            for pair in ranked
+            if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)
+        ],
+        fit,
+        noise.slow,
+    )
     trials = refit(fit, close)
     if is_gross(fit) and not (trials and not is_gross(trials[0][1])):
         # so far from the data a score says little of the refit: more are refitted before one is
@@ -147,6 +151,7 @@ def best_step(
         and evidence.correlate_spaces(s, score) > TOGETHER
         and s.rank == score.rank
     ]
+    tried *= number_of_places(variant.effect, fit)
     return chosen, Found(hold_unseen(variant, chosen), score, tried, gain, tuple(rivals))
 
 
@@ -191,7 +196,7 @@ def exchange_causes(
                 Found(hold_unseen(variant, trial), score, old.tried, old.delta_bic, ()),
             )
             for trial, score, variant in adopt_hopeful(
-                reduced, near[:SHORTLIST], extended_fit.MOST_STEPS
+                reduced, shortlist(near, reduced, noise.slow), extended_fit.MOST_STEPS
             )
         ]
         trials.sort(key=lambda t: t[0])

@@ -44,7 +44,9 @@ def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool
     own = fit.design.shared[:, np.isin(fit.design.places, columns)]
     done = beside.off(own @ size)
     active = {one.name for one, _ in fit.point.active}
-    others = [one.wanted for one in candidates if one.effect.name not in active]
+    others = [
+        one.wanted for one in candidates if one.effect.name not in active and not one.anywhere
+    ]
     for sensitivity in fit.sensitivities(others):
         Q = evidence.orthonormal(beside.off(sensitivity))
         left = done - Q @ (Q.T @ done)

@@ -47,8 +47,9 @@ BOUND_COST = 16.0
 """χ² that the bound of a passive resonator may cost before it is a finding: 4 σ."""
 FREQUENCIES = 4.9
 """σ by which the runs' own frequencies may differ where nothing known makes them: chance 1e-6."""
-SAME_FREQUENCY = 1e-8
-"""Part of the frequency by which runs may always differ: the slow model is not known better."""
+SAME_FREQUENCY = 1e-9
+"""Part of the frequency by which runs may always differ: that of a second of time stamps in whole
+nanoseconds. Models and simulated samples agree to 1e-12."""
 RUN_PREDICTED = 1.5
 """rms of a run's errors over σ when it is predicted by the others, beyond which the run is not of
 the same device."""

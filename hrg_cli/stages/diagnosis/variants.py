@@ -21,12 +21,14 @@ class Variant:
     those of them that are secants.
 
     A secant leads from the neutral value to one tried, of a parameter that has no slope there.
+    anywhere: it happens at an instant that is still to be found beside a fit (`places`).
     """
 
     effect: Effect
     values: Mapping[str, float]
     steps: Mapping[str, float]
     secants: tuple[str, ...] = ()
+    anywhere: bool = False
 
     @property
     def wanted(self) -> Wanted:
@@ -55,6 +57,8 @@ def variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
             held = {name: value for name, value in start.items() if name not in secants}
             levels = {name: start[name] - values[name] for name in secants if name in start}
             out.append(Variant(effect, {**values, **held}, {**steps, **levels}, secants))
+        if effect.strikes:
+            out.append(Variant(effect, values, steps, secants, anywhere=True))
     return out
 
 
