@@ -103,6 +103,20 @@ def test_a_log_of_single_values_of_a_smooth_command_gives_its_means() -> None:
     np.testing.assert_allclose(means_of_values(np.arange(300.0), noise), noise, atol=0.3)
 
 
+def test_values_at_uneven_instants_give_the_means_of_their_surroundings() -> None:
+    """Rows after 9/16 and 7/16 of a period by turns stand off the centre of what they stand for,
+    which a row's own value misses by (c − t) ẏ, in noise as well as along a smooth course."""
+    t = (np.arange(100)[:, None] + [3.5 / 16, 12.5 / 16]).ravel() * 0.015
+    border = np.concatenate([[t[0] - 3.28125e-3], (t[1:] + t[:-1]) / 2, [t[-1] + 3.28125e-3]])
+    exact = -np.diff(np.exp(-20 * border)) / 20 / np.diff(border)
+    means = means_of_values(t, np.exp(-20 * t))
+    assert np.abs(np.exp(-20 * t) / exact - 1)[1:-1].min() > 8e-3
+    assert np.abs(means / exact - 1)[1:-1].max() < 5e-4
+    noisy = np.exp(-20 * t) + 1e-3 * np.random.default_rng(4).normal(size=len(t))
+    left = np.sum(np.abs(means_of_values(t, noisy) - noisy - exact + np.exp(-20 * t))[1:30])
+    assert left < 0.3 * np.sum(np.abs(exact - np.exp(-20 * t))[1:30])
+
+
 def test_means_of_a_smooth_quantity_are_its_integral() -> None:
     step = 0.01
     t = (np.arange(300) + 0.5) * step

@@ -8,6 +8,7 @@ import numpy as np
 from diagnosis_programme import programme, waves
 
 from hrg_cli.effects import find
+from hrg_cli.effects.effect import RUN
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.wave_frame import real
 from hrg_cli.stages.diagnosis.data import freedom_of, prepare
@@ -24,8 +25,9 @@ FORCED = {
 }
 CYCLE = {"thermal_gradient", "thermal_hysteresis", "thermal_lag"}
 POSITIVE = {"nonlinear_damping", "inertial_nonlinearity", "finite_quadrature_gain", "thermal_lag"}
-COHERENT = {"coherent_offset", "drive_feedthrough", "parasitic_force"}
-"""The overall sign of these is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave."""
+COHERENT = {"coherent_offset", "drive_feedthrough", "parasitic_force", "momentum_kick"}
+"""The overall sign of these is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave, and a
+knock is the opposite one half a period later."""
 BACKGROUND = {
     "thermal_lag": {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.5}}
 }
@@ -78,6 +80,10 @@ def sized(effect, fit, z, random):
     values = effect.values()
     if "reference_temperature_degc" in values:
         values["reference_temperature_degc"] = 22.5
+
+    if effect.of_one_run:  # in one run, away from its ends
+        values[RUN] = float(random.integers(len(fit.series.names)))
+        values["time_s"] = float(random.uniform(0.3, 0.7) * fit.series.time_s.max())
 
     def beside(columns):
         return fit.basis.off(fit.basis.off(columns))

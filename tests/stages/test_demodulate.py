@@ -564,3 +564,22 @@ def test_short_windows_state_the_noise_of_a_wave_that_moves_within_them(periods,
     few = samples_a_period * periods < 8
     ratio = np.sqrt(np.mean(scattered**2))
     assert ratio < 1.2 and (few or ratio > 0.9)
+
+
+@pytest.mark.parametrize("periods_per_window", (3.0, 4.0))
+def test_the_noise_is_known_beside_what_a_quick_turn_bends_within_a_window(periods_per_window):
+    """A turn of 5 rad/s bends the envelope of a window by ten times the noise of its samples: the
+    standard deviations are the noise's, run after run."""
+    rate, noise, told = 3729.3, 2e-6, []
+    t = np.arange(int(0.6 * rate)) / rate
+    wave = np.stack([np.cos(5 * t), np.sin(5 * t)]) * np.cos(2 * np.pi * 401.0 * t)
+    for seed in range(6):
+        c, s = wave + noise * np.random.default_rng([seed, 5]).standard_normal(wave.shape)
+        recording = Recording(
+            c=c, s=s, sample_rate_hz=rate, mode="free", readout="direct", mode_number=2
+        )
+        rows = collect(demodulate(recording, periods_per_window=periods_per_window))
+        samples = round(rows.window_s * rate)
+        told.append(np.median(np.asarray(rows.signals_std)) / noise / np.sqrt(2 / samples))
+    assert np.ptp(told) < 0.15
+    assert 0.93 < np.mean(told) < 1.2

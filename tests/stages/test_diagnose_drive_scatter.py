@@ -16,7 +16,7 @@ from hrg_cli.fitting.causes.evidence import Softened
 from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
 from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
 from hrg_cli.fitting.envelopes import coordinates
-from hrg_cli.fitting.samples.course import impulse, mean_of
+from hrg_cli.fitting.samples.course import impulse, mean_of, means_of_values
 from hrg_cli.physics.resonator import exponential
 from hrg_cli.stages.diagnosis import closing, drive_scatter
 from hrg_cli.stages.diagnosis.drive_scatter import Scatter
@@ -69,7 +69,8 @@ def measured(seen, commands, logged, seed):
     mean, area = np.zeros((2, 2, RUNS, ROWS))
     for run in range(RUNS):
         for n in range(2):
-            course = impulse(log_time, commands[run][:, logged, n].ravel())
+            values = means_of_values(log_time, commands[run][:, logged, n].ravel())
+            course = impulse(log_time, values)
             mean[n, run], area[n, run] = mean_of(course, t, ROW_S), course.at(t)
     random = np.random.default_rng(seed)
     envelope = seen + NOISE * (random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape))

@@ -9,6 +9,11 @@ What moves under a force f is v, which demodulation shows as u = v + jf/2ω (`sh
 displacement lead at once, and v alone follows it in time. From z̈ + 2Γż + Wz = Re[2jωf e^{jωt}] and
 u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf, so that v̇ = Lv + f + j(Γ + L)f/ω = Lv + f − δωR f/ω: to
 second order in the rates over ω, and without ḟ, however quickly the loops change it.
+
+Where the rate changes, L = L₁ + L₂ changes with it, and u̇ = L u leaves L̇ of the displacement's
+equation, L̇ + L² + 2ΓL + 2jωL = …: L̇₁ = KΩ̇J is the Euler term's own, −L̇₂/2jω a derivative, so that
+it stands beside what moves at once: u = v + jL₂v/2ω, but for [L, L₂]/2ω. Without splits that is u =
+(1 − K²Ω²/4ω²) v, the amplitude of constant action at the frequency √(ω² + K²Ω²).
 """
 
 from __future__ import annotations
@@ -16,6 +21,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -276,6 +282,7 @@ class RungeKuttaStage:
 
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
         self.state = state_of(series, point)
+        self.of = series, point
         self.active = point.active
         self.driven = bool(np.any(series.forced))
         hz = series.reference_frequency_hz
@@ -325,10 +332,20 @@ class RungeKuttaStage:
             )
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
 
+    @cached_property
+    def beside_motion(self) -> Array | None:
+        """jL₂/2ω (R, n, 2, 2): what the displacement shows beside the motion at a rate; None where
+        no run turns."""
+        series, point = self.of
+        if not np.any(series.rate_rad_s):
+            return None
+        return lead_of_force(series.reference_frequency_hz) * _orders(series, point)[1]
+
     def shown(self, v: Array) -> Array:
-        """The envelopes u = v + jf/2ω that demodulation shows of the displacement, before the
-        read-outs."""
-        return v + self.lead * self.drive(v) if self.driven else v
+        """The envelopes u = v + jf/2ω + jL₂v/2ω that demodulation shows of the displacement, before
+        the read-outs."""
+        u = v + self.lead * self.drive(v) if self.driven else v
+        return u if self.beside_motion is None else u + times(self.beside_motion, v)
 
     def lit(self, u: Array) -> SlowState:
         """What the effects look at beside the envelopes u, with the drive these call for."""
@@ -372,12 +389,11 @@ class RungeKuttaStage:
 
     def seen(self, v: Array) -> Array:
         """As demodulation shows it, through the read-outs."""
-        if self.idle:
-            return v
-        state = self.lit(v)
-        u = v + self.lead * state.drive if self.driven else v
-        for effect, values in self.active:
-            u = effect.slow_readout(values, u, state)
+        u = self.shown(v)
+        if self.active:
+            state = self.lit(v)
+            for effect, values in self.active:
+                u = effect.slow_readout(values, u, state)
         return u
 
     @property
@@ -400,11 +416,17 @@ def lead_of_force(frequency_hz: float) -> complex:
 def generators(series: MeasuredRuns, point: Point) -> Array:
     """L (R, n, 2, 2) with the runs' frequency offsets beside their mean turn, which the steps take
     exactly."""
+    first, second = _orders(series, point)
+    offset = 1j * (point.offset_rad_s - series.turn_rad_s)[:, None, None, None] * np.eye(2)
+    return first + second + offset
+
+
+def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:
+    """L by plain averaging, and what the second order changes of it, (R, n, 2, 2)."""
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
     plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
     full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
-    offset = 1j * (point.offset_rad_s - series.turn_rad_s)[:, None, None, None] * np.eye(2)
-    return plain + point.p[6] * (full - plain) + offset
+    return plain, point.p[6] * (full - plain)
 
 
 def jump_times(series: MeasuredRuns, point: Point) -> list[float]:
@@ -543,7 +565,7 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
         for k in range(u.shape[1] - 1):
             u[:, k + 1] = times(propagators[:, k], u[:, k])
         if rule.rows.idle:
-            return Prediction(series, point, u, u)
+            return Prediction(series, point, u, rule.rows.seen(u))
         step = real_matrix(propagators)
     else:
         u, step = near[0].copy(), near[1]

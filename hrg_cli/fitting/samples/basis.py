@@ -32,8 +32,9 @@ class WindowBasis:
     """The basis of one evenly sampled window, orthonormal: q = y @ `orthonormal` (n, k),
     coefficients p, q = q @ `triangle` (k, 2F).
 
-    `sloping` (n, 2F): what t·cos, t·sin add to it; empty where they stand in it already or the
-    samples are too few. `bent`: the curvature's pull, its residual taken off `sloping` too.
+    `sloping` (n, 2F): what t·cos, t·sin add to it, where they stand in it already what t²·cos,
+    t²·sin do; empty where the samples are too few. `bent`: the curvature's pull, its residual taken
+    off `sloping` too.
     `variance` (2F,): of p_0, q_0, p_1, … for unit sample noise; `slope` and `curvature`: their
     pulls. `condition`: of the basis with its columns scaled to one.
     """
@@ -121,9 +122,7 @@ def window_basis(
     for motion in (tau[:, None] * matrix[:, :tones], tau[:, None] ** 2 / 2 * matrix[:, :tones]):
         taken = q.T @ motion
         pulls.append(pull((inverse @ taken)[None], (motion.T @ motion - taken.T @ taken)[None]))
-    sloping = np.empty((samples, 0))
-    if not moving:
-        sloping = _sloping(q, tau[:, None] * matrix[:, :tones])
+    sloping = _sloping(q, motion if moving else tau[:, None] * matrix[:, :tones])
     taken = sloping.T @ motion
     return WindowBasis(
         np.ascontiguousarray(q),

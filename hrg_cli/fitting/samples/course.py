@@ -100,19 +100,24 @@ def impulse(time_s: Array, mean: Array) -> Course:
 
 
 def means_of_values(time_s: Array, value: Array) -> Array:
-    """Means (n,) about a log's rows of which it has the values at single instants: y + h²y''/24
-    where the log shows its bend.
+    """Means (n,) about a log's rows of which it has the values at single instants.
 
-    Where it shows none (noise, steps that hold each value), a row stands for its own surroundings.
+    A row stands for its surroundings, half way to its neighbours: of length h, their centre c off
+    the row's time, so that their mean is y + (c − t) ẏ + (h²/24 + (c − t)²/2) ÿ. Rows at uneven
+    times are off it whatever they hold; the bend is taken where the log shows one (not in noise,
+    nor in steps that hold each value).
     """
     t, y = np.asarray(time_s, float), np.asarray(value, float)
-    shown = course(t, y).alpha != 0
     if len(t) < FEWEST:
         return y
-    steps = np.diff(t)
-    second = 2 * np.diff(np.diff(y) / steps) / (t[2:] - t[:-2])
-    inside = np.where(shown[1:] & shown[:-1], second * ((t[2:] - t[:-2]) / 2) ** 2 / 24, 0.0)
-    return y + np.concatenate([[0.0], inside, [0.0]])
+    shown = course(t, y).alpha != 0
+    before, behind = np.diff(t)[:-1], np.diff(t)[1:]
+    left, right = np.diff(y)[:-1] / before, np.diff(y)[1:] / behind
+    first = (left * behind + right * before) / (before + behind)
+    second = 2 * (right - left) / (before + behind)
+    off, length = (behind - before) / 4, (before + behind) / 2
+    bend = np.where(shown[1:] & shown[:-1], second * (length**2 / 24 + off**2 / 2), 0.0)
+    return y + np.concatenate([[0.0], off * first + bend, [0.0]])
 
 
 def mean_of(impulse: Course, time_s: Array, width_s: Array | float) -> Array:

@@ -11,12 +11,13 @@ from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import WindowBasis, window_basis
 from .demodulator import Demodulator, Rows
 from .survey import Look
-from .windows import NEIGHBOURS, Fits, fit_even, motion_counts, pool_rows, slopes
+from .windows import NEIGHBOURS, Fits, curvatures, fit_even, motion_counts, pool_rows, slopes
 
 Array = np.ndarray
 
 SLOPING = 0.05
-"""Part of the residual that the envelope's slope makes, from which it is taken out."""
+"""Part of the residual that the envelope's slope makes, or its curvature where the slope is fitted,
+from which it is taken out."""
 CONDITION, CONDITION_SHORT = 5.0, 1e3
 """Highest condition of a window's basis; windows asked to be shorter than a period may be worse."""
 
@@ -126,7 +127,7 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
         look for look in run.survey.looks[1:] or run.survey.looks if look.y.shape[1] >= samples
     ]
     bases = [run.basis(samples, rate, run.local_hz(float(x.time_s.mean()))) for x in looks]
-    run.apart = _slopes_count(run, looks, bases, samples)
+    run.apart = _motion_counts(run, looks, bases, samples)
     for look, basis in zip(looks, bases, strict=True):
         count = look.y.shape[1] // samples
         fits = [
@@ -146,11 +147,13 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
     )
 
 
-def _slopes_count(
+def _motion_counts(
     run: Demodulator, looks: Sequence[Look], bases: Sequence[WindowBasis], samples: int
 ) -> bool:
-    """Whether the envelopes' slopes from window to window put more than a part of it into the
-    residuals of the looks, and the windows hold samples enough to take it out."""
+    """Whether the envelopes' slopes from window to window, or their curvatures where the windows fit
+    the slopes, put more than a part of it into the residuals of the looks, and the windows hold
+    samples enough to take it out."""
+    still = np.zeros(len(run.reference))
     for look, basis in zip(looks, bases, strict=True):
         if not basis.sloping.shape[1]:
             return False
@@ -158,7 +161,11 @@ def _slopes_count(
         turn = run.turns(float(look.time_s[0]) + run.window_s / 2, count)
         for y in look.y[:, : count * samples].reshape(2, count, samples):
             envelope, left = fit_even(y, basis)
-            slope = slopes((envelope * turn)[None], np.zeros(len(run.reference)), run.window_s)
-            if slope is not None and motion_counts(left[None], slope, basis.slope, SLOPING):
+            u = (envelope * turn)[None]
+            if run.moving:
+                motion, pull = (curvatures(u, still, run.window_s) or (None,))[0], basis.curvature
+            else:
+                motion, pull = slopes(u, still, run.window_s), basis.slope
+            if motion is not None and motion_counts(left[None], motion, pull, SLOPING):
                 return True
     return False

@@ -193,7 +193,7 @@ def colour(
     apart: bool = False,
 ) -> Array:
     """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it
-    were white; apart: a residual without the envelope's slope.
+    were white; apart: a residual without the envelope's first motion that the basis lacks.
 
     A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n −
     Σ|Q_j(f)|²) to the residual of the basis Q; so κ = ∫S|H|² / (variance · ∫S(n −

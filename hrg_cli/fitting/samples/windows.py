@@ -60,15 +60,16 @@ class Fits:
     slope: Pull
     curvature: Pull
     apart: bool = False
-    """Whether the residual is free of the slope."""
+    """Whether the residual is free of the slope, or of the curvature where the slope is fitted."""
 
 
 def fit_even(raw: Array, basis: WindowBasis, apart: bool = False) -> tuple[Array, Array]:
     """Envelope (rows, F) and residual sum of squares (rows,) of one channel's windows (rows,
     samples), in raw units.
 
-    apart: what the envelope's slope puts into the residual is taken out of it, by the columns of
-    the slope, and the envelope stays that of the basis without them.
+    apart: what the envelope's slope (its curvature, where the slope is fitted) puts into the
+    residual is taken out of it, by columns of its own, and the envelope stays that of the basis
+    without them.
 
     One matrix product for each stretch that fits the cache; the residual is |y|² less the power in
     the orthonormal basis q, and where that difference has lost its digits (below `LOST` of |y|²)

@@ -16,6 +16,7 @@ from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ..thresholds import GROSS
 from ..variants import Variant
+from .laws import is_one_law
 from .logs import usual_scale_factor, wrong_logs
 from .readings import DAMPING, KNOCK, Maker, Reading, fit_held, of_a_knock, own_damping, readings
 from .rivals import fit_catalogue, fit_warming
@@ -96,18 +97,28 @@ def suspect_runs(
         or _find_leaks(waves, fitted, base)
         or (_wrong_runs(waves, warm, warm(waves), of_the_thermometer) if warm is not None else None)
     )
-    if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof):
+    if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
         return wrong_logs(waves, base)
     return [*wrong_logs(waves, found.fit), *found.suspicions]
 
 
 @dataclass(frozen=True)
 class SuspectFound:
-    """What explains the runs: the suspicions, and the fit once they are undone."""
+    """What explains the runs: the suspicions, the numbers free in them, the fit before and the fit
+    once they are undone, and what that leaves."""
 
     suspicions: tuple[Suspicion, ...]
+    numbers: int
+    before: ExtendedFit
     fit: ExtendedFit
     chi2_per_dof: float
+
+    @property
+    def follow_a_law(self) -> bool:
+        """Whether the mistakes of several runs are one law of what is logged of these."""
+        return len(self.suspicions) > 1 and is_one_law(
+            self.before, self.chi2_per_dof, self.numbers, PRICE
+        )
 
 
 def _wrong_runs(
@@ -149,7 +160,8 @@ def _wrong_runs(
     if last is None or last.chi2 / last.dof - 1 > (1 - REMOVED) * (before - 1):
         return None
     told = tuple(_describe_case(waves, case, beside, before) for case, beside in chosen)
-    return SuspectFound(told, last.fit, last.chi2 / last.dof)
+    numbers = sum(case.reading.parameters for case, _ in chosen)
+    return SuspectFound(told, numbers, level, last.fit, last.chi2 / last.dof)
 
 
 def _find_culprits(
@@ -243,7 +255,7 @@ def _find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> Sus
         )
         for k in sorted(high)
     )
-    return SuspectFound(told, fit, after)
+    return SuspectFound(told, len(waves) - 1, base, fit, after)
 
 
 def _read(

@@ -1,0 +1,27 @@
+"""Several wrong runs against one law: mistakes are each run's own, and follow neither the rate nor
+the temperature nor the amplitude of the runs; what does is physics, though no catalogue holds it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..inquiry import STATED
+from ..remainder import describe
+from ..thresholds import SIGNIFICANT
+
+
+def is_one_law(before: ExtendedFit, left: float, numbers: int, price: float) -> bool:
+    """Whether one open term beside the runs as they are serves as well as mistakes of several runs.
+
+    before: the fit of the runs as they are; left: χ² a degree of freedom once the mistakes are
+    undone; numbers: free in them; price: Δ(χ² + k ln N), at the noise that is left, a number.
+    """
+    law = describe(before, STATED, 1, SIGNIFICANT)
+    if not law.terms:
+        return False
+    own = law.chi2 / law.fit.dof
+    noise = max(1.0, min(left, own))
+    each = float(np.log(len(before.residual))) + price
+    return own * before.dof / noise + law.rank * each < left * before.dof / noise + numbers * each
