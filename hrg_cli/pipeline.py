@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -119,9 +120,7 @@ def run_stage(
         for key, given in (beside or {}).items()
     }
     all_beside = [path for paths in paths_beside.values() for path in paths]
-    for path in (*inputs, *all_beside):
-        if path.exists() and output.exists() and path.samefile(output):
-            raise HrgError(f"{output}: is an input of this command too; choose another --output")
+    store.need_no_input(output, (*inputs, *all_beside))
     with ExitStack() as open_files, Sources([*inputs, *all_beside], taken=values) as sources:
         kind = _KIND[stage.takes]
         read = {
@@ -317,16 +316,16 @@ class Sources:
     def __init__(self, paths: Sequence[Path], taken: Mapping[str, Any] | None = None) -> None:
         self._paths = [Path(p) for p in paths]
         self._pool = ThreadPoolExecutor(1)
+        self._failed = Event()
         self._part = part_of(taken or {})
 
     def __enter__(self) -> Sources:
         for path in self._paths:
-            if not path.exists():
-                raise HrgError(
-                    f"{path}: no such file; name a file that `hrg` or your laboratory wrote"
-                )
+            store.need_readable(path)
         self._before = [self._stamp(p) for p in self._paths]
-        self._hashes: list[Future[str]] = [self._pool.submit(store.sha256, p) for p in self._paths]
+        self._hashes: list[Future[str]] = [
+            self._pool.submit(store.sha256, p, self._failed) for p in self._paths
+        ]
         self._samples = [samples_of(path, self._part) for path in self._paths]
         first: dict[str, list[tuple[Path, str]]] = {}
         for path, samples in zip(self._paths, self._samples):
@@ -343,6 +342,8 @@ class Sources:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        if exception[0] is not None:
+            self._failed.set()  # a failed command does not wait for gigabytes to be hashed
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     @staticmethod

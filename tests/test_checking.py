@@ -242,6 +242,8 @@ def test_baseline(hrg, results, tmp_path):
     assert hrg("check", results / "diagnosis.h5", "--baseline", earlier).status == 3, (
         "what the baseline lacks does not pass"
     )
+    gone = hrg("check", results / "resonator.h5", "--baseline", tmp_path / "no.h5")
+    assert gone.status == 1 and "no such file" in gone.err, "a baseline that is not there"
     assert hrg("check", results / "resonator.h5").status == 2
 
 

@@ -1,6 +1,7 @@
 """Memory that runs out while libraries are loaded is called so, whatever the library makes of it."""
 
 import ctypes
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from hrg_cli.errors import NO_MEMORY, is_no_memory
 from hrg_cli.lots import lot_work
 from hrg_cli.store.atomic import write_error
+from hrg_cli.store.handles import read_error
 
 LIMITED = """
 import resource, sys
@@ -61,3 +63,11 @@ def test_a_gyro_of_a_lot_that_finds_no_memory_is_no_internal_error():
     with lot_work._reporting({"gyro_id": "G"}) as result:
         raise MemoryError("Unable to allocate 32.0 KiB")
     assert result == {"gyro_id": "G", "status": "failed", "error": NO_MEMORY}
+
+
+def test_an_input_that_memory_has_no_room_for_is_not_called_damaged(tmp_path):
+    lacking = OSError(errno.ENOMEM, "Cannot allocate memory")
+    assert NO_MEMORY in str(read_error(lacking, tmp_path / "in.h5"))
+    assert "damaged" in str(
+        read_error(OSError(errno.EIO, "Input/output error"), tmp_path / "in.h5")
+    )

@@ -6,8 +6,11 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -91,8 +94,12 @@ def test_no_text_of_a_file_reaches_the_terminal_unchanged(hrg, tmp_path):
     attack = "\x1b]0;owned\x07\x9b31m\u202e"
     assert not set(plain(attack)) & set("\x1b\x07\x9b\u202e")
     path = tmp_path / "a\x1b[31m.h5"
-    record = records_by_hand.wave().replace(
-        gyro_id=attack, run_id=attack, units="V", status="suspect", status_reasons=(attack,)
+    record = (
+        records_by_hand.wave()
+        .rows(0, 100)
+        .replace(  # nothing that a fit ends soon on
+            gyro_id=attack, run_id=attack, units="V", status="suspect", status_reasons=(attack,)
+        )
     )
     store.write(path, record)
     for words in (
@@ -320,3 +327,102 @@ def test_a_table_of_numbers_that_are_none_is_not_exported(hrg, tmp_path):
         )
         with h5py.File(tmp_path / "c.h5", "r+") as file:
             file["calibration"][name][...] = before
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["import", "log.h5", "-o", "log.h5"],
+        ["ledger", "show", "--ledger", "ledger", "-o", "ledger"],
+        ["check", "r.h5", "--limits", "limits", "-o", "limits"],
+        ["check", "r.h5", "--limits", "limits", "--junit", "r.h5"],
+        ["check", "r.h5", "--limits", "limits", "--markdown", "limits"],
+        ["check", "r.h5", "--config", "limits", "-o", "limits"],
+        ["verify", "r.h5", "-o", "link"],
+        ["simulate", "gyro", "-o", "gyro"],
+        ["diagnose", "w.h5", "--model", "out.extended.toml", "-o", "out.h5"],
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_no_input_is_replaced(words, hrg, tmp_path, monkeypatch):
+    """Whatever option names it; `--force` replaces earlier outputs only."""
+    monkeypatch.chdir(tmp_path)
+    store.write(Path("r.h5"), records_by_hand.RECORDS["resonator"]())
+    store.write(Path("w.h5"), records_by_hand.RECORDS["wave"]())
+    assert hrg("ledger", "add", "r.h5", "--ledger", "ledger").status == 0
+    with h5py.File("log.h5", "w") as log:
+        for name, phase in (("c", 0.0), ("s", 1.0)):
+            log[name] = np.cos(np.arange(400) / 2 + phase)
+        log["time"] = np.arange(400) / 5000
+    for name in ("limits", "gyro", "out.extended.toml"):
+        Path(name).write_text("[resonator]\nscale_factor = { maximum = 1.0 }\n")
+    os.link("r.h5", "link")
+    before = {name: Path(name).read_bytes() for name in os.listdir()}
+    told = hrg(*words, "--force")
+    assert told.status == 1 and "is an input of this command too" in told.err, told
+    assert {name: Path(name).read_bytes() for name in os.listdir()} == before
+
+
+def test_outputs_of_one_command_are_different_files(hrg, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    store.write(Path("r.h5"), records_by_hand.RECORDS["resonator"]())
+    limits = ("--set", "resonator.scale_factor.maximum=1.0")
+    for words in (["--junit", "a", "--markdown", "./a"], ["-o", "a", "--junit", "a"]):
+        told = hrg("check", "r.h5", *limits, *words, "--force")
+        assert told.status == 2 and "two outputs" in told.err, told
+    (tmp_path / "no").mkdir()
+    for words in (["-o", "r.pdf"], ["-o", "no"], ["--markdown", "no"]):
+        told = hrg("check", "r.h5", *limits, "--junit", "j.xml", *words)
+        assert told.status in (1, 2) and set(os.listdir()) == {"r.h5", "no"}, told
+
+
+def test_the_name_of_a_ledger_is_one_that_a_file_can_have(hrg, tmp_path):
+    store.write(tmp_path / "r.h5", records_by_hand.RECORDS["resonator"]())
+    for words in (["add", tmp_path / "r.h5"], ["show"], ["history", "G-17"]):
+        told = hrg("ledger", *words, "--ledger", tmp_path / ("x" * 300))
+        assert told.status == 1 and "too long" in told.err and "internal" not in told.err, told
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["demodulate"], ["info"], ["import"], ["simulate"], ["export"], ["verify"], ["run"], ["batch"],
+        ["check", "r.h5", "--limits"], ["check", "r.h5", "--baseline"],
+        ["check", "r.h5", "--config"], ["diff", "r.h5"],
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_an_input_that_no_file_can_be_is_refused_in_words(words, hrg, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    store.write(Path("r.h5"), records_by_hand.RECORDS["resonator"]())
+    told = hrg(*words, "x" * 300, "-o", "out")
+    assert told.status == 1 and "too long" in told.err and "internal" not in told.err, told
+    assert os.listdir() == ["r.h5"]
+
+
+def test_a_pipe_is_imported_and_no_other_command_waits_for_one(hrg, tmp_path, monkeypatch):
+    """A pipe can be read once; samples are read again and again."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("log")
+    for command in ("demodulate", "info", "identify"):
+        told = hrg(command, "log", "-o", "out")
+        assert told.status == 1 and "pipe" in told.err, told
+    time_s = np.arange(400) / 5000
+    rows = "\n".join(f"{t:.6f},{np.cos(2700 * t):.6f},{np.sin(2700 * t):.6f}" for t in time_s)
+    writer = threading.Thread(
+        target=Path("log").write_text, args=(f"time [s],C [V],S [V]\n{rows}\n",)
+    )
+    writer.start()
+    told = hrg("import", "log", "-o", "out.h5")
+    writer.join()
+    assert told.status == 0 and len(store.read_any("out.h5")) == 400, told
+
+
+def test_a_refused_file_is_not_hashed_to_its_end(hrg, tmp_path):
+    """200 GB of nothing are refused at once: nobody needs their SHA-256 then."""
+    with open(tmp_path / "huge.h5", "wb") as huge:
+        huge.truncate(200 << 30)
+    started = time.process_time()
+    told = hrg("demodulate", tmp_path / "huge.h5", "-o", tmp_path / "out.h5")
+    assert told.status == 1 and "not an HDF5 file" in told.err, told
+    assert time.process_time() - started < 10

@@ -37,6 +37,7 @@ USUAL_SIGMA = 5.0
         ),
         "show_config": "Print the limits as TOML and leave.",
     },
+    also_written=("junit", "markdown"),
 )
 def main(
     run: Common,
@@ -219,7 +220,9 @@ def _checked(
 
 
 def _moved(path: Path, record: Record, baseline: Path, limit_sigma: float) -> list[str]:
-    other = baseline / path.name if baseline.is_dir() else baseline
+    if not baseline.is_dir():
+        return compare(store.read_any(baseline), record).beyond(limit_sigma)
+    other = baseline / path.name
     if not other.exists():
         return [f"{other.name} is not in the baseline {baseline}"]
     return compare(store.read_any(other), record).beyond(limit_sigma)

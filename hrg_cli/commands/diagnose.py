@@ -77,6 +77,7 @@ def diagnose_files(
     extended, resonator = beside_it(output)
     for path in (extended, resonator):
         store.check_output(path, run.force)
+        store.need_no_input(path, [model] if model else [])
     beside: dict[str, Path] = {}
     further: dict[str, Any] = (
         {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}

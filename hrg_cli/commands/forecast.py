@@ -92,12 +92,13 @@ def _write(made: Forecast, report: dict[str, Any], suffix: str, path: Path) -> N
 
 
 def _csv(made: Forecast) -> str:
-    """The table over time, SI units in the columns' names."""
+    """The table over time, SI units in the columns' names; what has no value is empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(made.table)
     writer.writerows(
-        [f"{v:.9g}" for v in row] for row in np.column_stack(list(made.table.values()))
+        [f"{v:.9g}" if math.isfinite(v) else "" for v in row]
+        for row in np.column_stack(list(made.table.values()))
     )
     return text.getvalue()
 

@@ -285,13 +285,15 @@ def command(
     flags: Sequence[inspect.Parameter] = (),
     idle: Mapping[str, str] | None = None,
     says: Mapping[str, str] | None = None,
+    also_written: Sequence[str] = (),
 ) -> Callable[[Callable[..., None]], Any]:
     """Make a command of its body: common options added, errors turned into one line and an exit
     status, an example under its help.
 
     flags: options made from a stage's signature (`options.flags_of`), which the body takes as
     **flags; idle: common option -> why it changes nothing in this command, said in its help; says:
-    common option -> its help in this command.
+    common option -> its help in this command; also_written: the command's own options that name
+    further outputs.
     """
     helps = {
         **(says or {}),
@@ -306,7 +308,7 @@ def command(
             given = {key: arguments.pop(key) for key in _OPTIONS}
             given["assignments"] = tuple(given["assignments"] or ())
             run_guarded(
-                functools.partial(_piped, name, function, Common(**given), arguments),
+                functools.partial(_piped, name, function, Common(**given), arguments, also_written),
                 given["verbose"],
             )
 
@@ -341,19 +343,42 @@ def command(
 
 
 @contextlib.contextmanager
-def _dropped_where_it_fails(output: Path | None) -> Iterator[None]:
-    """A command that fails leaves no output, also where it fails after writing it."""
-    if output is None:
+def _dropped_where_it_fails(outputs: Sequence[Path]) -> Iterator[None]:
+    """A command that fails leaves no output, also where it fails after writing one."""
+    if not outputs:
         yield
         return
     from ..store import whole_or_none
 
-    with whole_or_none([output], unless=(typer.Exit,)):
+    with whole_or_none(outputs, unless=(typer.Exit,)):
         yield
 
 
+def _need_apart(inputs: Sequence[Path], outputs: Sequence[Path]) -> None:
+    """HrgError: an input has a name that no file can have, or would be replaced. UsageError: two
+    outputs are one file."""
+    from .. import store
+
+    for path in inputs:
+        store.need_possible(path)
+    for place, output in enumerate(outputs):
+        store.need_no_input(output, inputs)
+        if any(store.is_same_file(output, other) for other in outputs[:place]):
+            raise UsageError(f"{output}: two outputs have this name; give each its own")
+
+
+def _paths(value: Any) -> list[Path]:
+    """The files that an option or an argument names."""
+    values = value if isinstance(value, list) else [value]
+    return [one for one in values if isinstance(one, Path)]
+
+
 def _piped(
-    name: str, function: Callable[..., None], common: Common, arguments: Mapping[str, Any]
+    name: str,
+    function: Callable[..., None],
+    common: Common,
+    arguments: Mapping[str, Any],
+    also_written: Sequence[str],
 ) -> None:
     """The command with its pipes: `-` among the inputs, `-o -`; what an interrupted one leaves is
     said."""
@@ -364,12 +389,15 @@ def _piped(
             raise UsageError("-o - prints the name of a file, --json an object; choose one of them")
         common = replace(common, output=piped_output(name), piped=True)
     given, names = take_from_pipe(name, arguments)
+    outputs = [*_paths(common.output), *(p for key in also_written for p in _paths(given[key]))]
+    taken = [value for key, value in given.items() if key not in also_written]
+    _need_apart([p for value in (*taken, common.config) for p in _paths(value)], outputs)
     if name in SIMULATING and not common.quiet and (slow := without_compiler()):
         from ..reporting.console import message
 
         message(slow)
     try:
-        with _dropped_where_it_fails(common.output):
+        with _dropped_where_it_fails(outputs):
             function(common, **given)
     except KeyboardInterrupt:
         if common.output is not None and common.output.is_dir():

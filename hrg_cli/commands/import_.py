@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -176,14 +176,16 @@ def show(report: Mapping[str, Any]) -> None:
     print_table("", ("figure", "value"), facts)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _on_disk(log: Path) -> Iterator[Path]:
-    """The log as a file: standard input is copied to a temporary one."""
-    if str(log) != "-":
+    """The log as a file: standard input or a pipe, which can be read once only, is copied to a
+    temporary one."""
+    if str(log) != "-" and not log.is_fifo():
         yield log
         return
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as opened:
         path = Path(folder) / "standard-input"
+        source = sys.stdin.buffer if str(log) == "-" else opened.enter_context(open(log, "rb"))
         with open(path, "wb") as file:
-            shutil.copyfileobj(sys.stdin.buffer, file)
+            shutil.copyfileobj(source, file)
         yield path

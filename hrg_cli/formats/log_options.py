@@ -44,7 +44,7 @@ ConstantTemperature = Annotated[
 ]
 Mode = Annotated[Literal["free", "forced"], Field(description="run-down or driven")]
 ModeNumber = Annotated[
-    int, Field(ge=1, description="angular mode number m: 2 for a shell, 1 for a pendulum")
+    int, Field(ge=1, le=1000, description="angular mode number m: 2 for a shell, 1 for a pendulum")
 ]
 GyroId = Annotated[str, Field(description="name of the gyro")]
 RunId = Annotated[str, Field(description="name of the run; the file's where not given")]

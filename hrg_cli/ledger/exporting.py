@@ -29,12 +29,11 @@ def json_lines(entries: Sequence[Entry]) -> bytes:
 
 
 def csv_table(entries: Sequence[Entry]) -> bytes:
-    """A row a result and figure; what a spreadsheet would take for a formula is text."""
+    """A row a result and figure."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow((*OF_ENTRY, *OF_FIGURE))
-    for row in _rows(entries):
-        writer.writerow([spreadsheet(value) for value in row])
+    writer.writerows(_rows(entries))
     return text.getvalue().encode()
 
 
@@ -62,9 +61,11 @@ FORMATS: Mapping[str, Callable[[Sequence[Entry]], bytes]] = {
 """Suffix of the output -> what makes its content."""
 
 
-def _rows(entries: Sequence[Entry]) -> list[tuple[Any, ...]]:
-    return [
+def _rows(entries: Sequence[Entry]) -> list[list[Any]]:
+    """A row a result and figure; what a spreadsheet would take for a formula is text."""
+    rows = (
         (*(getattr(entry, name) for name in OF_ENTRY), name, f.value, f.std, f.units)
         for entry in entries
         for name, f in entry.figures.items()
-    ]
+    )
+    return [[spreadsheet(value) for value in row] for row in rows]

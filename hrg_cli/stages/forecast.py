@@ -8,7 +8,6 @@ force drive with its amplitude held, one ring electrode (M3p).
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass
 from itertools import islice
 from typing import Annotated, Any, Literal
@@ -368,13 +367,14 @@ def _followed(
     decay = float(np.max(law.quadrature_decay(gyros, drive, gain)))
     follows = gain > 0 and decay > FAST_LOOP * (turning + splits)
     fastest = turning + splits + (0.0 if follows else 2 * decay)
-    step = float(times[0]) / math.ceil(float(times[0]) * fastest / step_angle)
-    numbers = np.round(times / step).astype(int)
-    if numbers[-1] > MOST_STEPS:
+    first = np.ceil(times[0] * fastest / step_angle)  # steps up to the first row
+    step, whole = float(times[0] / first), float(first * (times[-1] / times[0]))
+    if not whole < MOST_STEPS:
         raise HrgError(
-            f"a forecast of {times[-1]:g} s takes {numbers[-1]} steps of {step:.2g} s; shorten it"
+            f"a forecast of {times[-1]:g} s takes {whole:.3g} steps of {step:.2g} s; shorten it"
             " (--duration-s) or its rate"
         )
+    numbers = np.round(times / step).astype(int)
     begin = np.zeros((len(np.atleast_1d(gyros.damping_rate_1_s)), len(angles)))
     settled = (
         begin if drive == "free" else begin + law.quadrature_settled(gyros, angles, drive, gain)

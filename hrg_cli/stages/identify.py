@@ -85,7 +85,8 @@ def identify(
         bool, Field(description="profile-likelihood intervals of every parameter")
     ] = False,
     bootstrap: Annotated[
-        int, Field(ge=0, description="block-bootstrap draws for the errors, 0: none")
+        int,
+        Field(ge=0, le=100_000, description="block-bootstrap draws for the errors, 0: none"),
     ] = 0,
     seed: Annotated[int, Field(ge=0, description="seed of the bootstrap")] = 0,
     blocks: Annotated[

@@ -6,7 +6,15 @@ replaced only when asked. Datasets carry dimension scales, so each group opens w
 `xarray.open_dataset(path, group=..., engine="h5netcdf")`.
 """
 
-from .atomic import atomic_path, check_output, remove_stale, whole_or_none
+from .atomic import (
+    atomic_path,
+    check_output,
+    is_same_file,
+    need_no_input,
+    remove_stale,
+    whole_or_none,
+)
+from .handles import need_possible, need_readable
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
 from .reading import (
     changes,
@@ -31,7 +39,11 @@ __all__ = [
     "created_now",
     "heading_of",
     "is_hdf5",
+    "is_same_file",
     "kind_of",
+    "need_no_input",
+    "need_possible",
+    "need_readable",
     "open_record",
     "provenance_of",
     "read",

@@ -16,7 +16,7 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ..errors import NO_MEMORY, DiskFullError, HrgError, UsageError, is_no_memory
@@ -49,6 +49,21 @@ def check_output(path: Path | str, force: bool = False) -> Path:
     if not os.access(folder, os.W_OK) or (os.geteuid() == 0 and _read_only(folder)):
         raise HrgError(f"{path}: no right to write in {folder}; choose another --output")
     return path
+
+
+def need_no_input(output: Path, inputs: Iterable[Path]) -> None:
+    """HrgError: the output would replace one of the inputs."""
+    for path in inputs:
+        if is_same_file(path, output):
+            raise HrgError(f"{output}: is an input of this command too; choose another --output")
+
+
+def is_same_file(one: Path, other: Path) -> bool:
+    """Whether two names are of one file, there or yet to be made; folders are no files."""
+    try:
+        return one.samefile(other) and not one.is_dir()
+    except OSError:  # one of them is not there
+        return os.path.realpath(one) == os.path.realpath(other)
 
 
 def _check_name(path: Path) -> None:

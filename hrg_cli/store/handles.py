@@ -12,7 +12,7 @@ from pathlib import Path
 
 import h5py
 
-from ..errors import HrgError
+from ..errors import NO_MEMORY, HrgError, is_no_memory
 from .heaps import check_heaps
 from .layout import first_line
 
@@ -63,7 +63,9 @@ class Handle:
 def _open(path: Path) -> h5py.File:
     """The file for reading; every way that opening fails is a sentence."""
     try:
-        _need_readable(path)
+        need_readable(path)
+        if path.stat().st_size == 0:
+            raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
         check_heaps(path)
     except (OSError, ValueError) as error:
         raise read_error(error, path) from error
@@ -73,8 +75,9 @@ def _open(path: Path) -> h5py.File:
         raise _open_error(error, path) from error
 
 
-def _need_readable(path: Path) -> None:
-    """HrgError: there is no file of this name, or none that can be read."""
+def need_readable(path: Path) -> None:
+    """HrgError: there is no file of this name, or none that can be read again and again."""
+    need_possible(path)
     if not path.exists():
         raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
     if path.is_dir():
@@ -83,8 +86,15 @@ def _need_readable(path: Path) -> None:
         raise HrgError(f"{path}: is a device, pipe or socket; name a file")
     if not os.access(path, os.R_OK):
         raise HrgError(f"{path}: no right to read it; ask for read access")
-    if path.stat().st_size == 0:
-        raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
+
+
+def need_possible(path: Path) -> None:
+    """HrgError: no file can have this name."""
+    try:
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
+            path.lstat()
+    except (OSError, ValueError) as error:
+        raise read_error(error, path) from error
 
 
 def _open_error(error: Exception, path: Path) -> HrgError:
@@ -122,6 +132,8 @@ def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
         )
     if number == errno.ENOENT:
         return HrgError(f"{path}: no such file; name a file that is there")
+    if is_no_memory(error):
+        return HrgError(f"{path}: {NO_MEMORY}")
     if number == errno.ENAMETOOLONG:
         return HrgError(
             f"{str(path)[:80]}…: the name is too long for a file; name a file that is there"

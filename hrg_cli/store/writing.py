@@ -14,6 +14,7 @@ import json
 import os
 import re
 import shutil
+import threading
 import time
 import traceback
 import zlib
@@ -29,10 +30,11 @@ from ..records import GROWING, Column, Record
 from ..version import __version__
 from .atomic import atomic_path, lost_writes
 from .checksums import Running, seal
-from .handles import reading
+from .handles import need_readable, reading
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
 from .validity import WrittenBlocks
 
+HASHED_BYTES = 1 << 20
 ROW_CHUNK = {"recording": 1 << 18}
 LARGEST_CORRELATION = 1 + 1e-6
 """Correlation above which a covariance is none and is not written."""
@@ -45,10 +47,15 @@ def created_now() -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(float(epoch) if epoch else None))
 
 
-def sha256(path: Path | str) -> str:
-    """SHA-256 of a file's bytes, hexadecimal. HrgError: it cannot be read."""
+def sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:
+    """SHA-256 of a file's bytes, hexadecimal; of some of them where it becomes `unwanted` meanwhile.
+    HrgError: it cannot be read."""
+    need_readable(Path(path))
+    digest = hashlib.sha256()
     with reading(Path(path)), open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        while (unwanted is None or not unwanted.is_set()) and (part := file.read(HASHED_BYTES)):
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def write(

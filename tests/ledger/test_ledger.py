@@ -216,7 +216,7 @@ def test_exports_hold_every_result(hrg, files, tmp_path):
     pytest.importorskip("pyarrow")
     assert hrg(*asked, "-o", tmp_path / "t.parquet", "-q").status == 0
     typed = pd.read_parquet(tmp_path / "t.parquet")
-    assert typed["value"].dtype == float and "=SUM(A1)" in set(typed["gyro_id"])
+    assert typed["value"].dtype == float and "'=SUM(A1)" in set(typed["gyro_id"])
     one = hrg("ledger", "history", "SN-1", "--ledger", ledger, "-o", tmp_path / "h.jsonl", "-q")
     assert one.status == 0 and len((tmp_path / "h.jsonl").read_text().splitlines()) == 2
     assert hrg(*asked, "-o", tmp_path / "t.json", "-q").status == 0

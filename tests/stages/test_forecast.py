@@ -208,6 +208,24 @@ def test_refusals_name_what_to_do():
     assert any("faded" in reason for reason in gone.status_reasons)
 
 
+@pytest.mark.parametrize("rate", [1e6, 1e19, 1e300])
+def test_a_forecast_of_too_many_steps_is_refused_whatever_their_number(rate):
+    with pytest.raises(HrgError, match=r"steps of .*shorten it"):
+        forecast(made(), rate_rad_s=rate, duration_s=3600.0)
+
+
+def test_what_a_forecast_does_not_know_is_an_empty_cell(tmp_path, hrg):
+    """The tangent law is one of a gyro at rest."""
+    store.write(tmp_path / "r.h5", made())
+    for rate, known in ((0.0, True), (0.1, False)):
+        output = tmp_path / f"{rate}.csv"
+        told = hrg("forecast", tmp_path / "r.h5", "-o", output, "--rate-rad-s", rate)
+        assert told.status == 0, told
+        rows = list(csv.DictReader(output.open()))
+        assert all(bool(row["tangent_law_rad"]) == known for row in rows)
+        assert "nan" not in output.read_text()
+
+
 def test_forecast_command(tmp_path, hrg):
     path = tmp_path / "resonator.h5"
     store.write(path, made())
