@@ -205,7 +205,7 @@ def _write_periods(run: Demodulator, rows: Rows, judge: StreamJudge) -> Periods:
         signals_std=rows["signals_std"],
         residual_rms=rows["residual_rms"],
         flags=rows["flags"],
-        **judge.log.read_at(rows["time_s"]),
+        **judge.log.read_at(rows["time_s"], run.window_s),
         reference_frequency_hz=run.reference_hz,
         periods_per_window=run.window_s * run.reference_hz,
         window_s=run.window_s,

@@ -36,7 +36,7 @@ class StreamJudge:
     settle: int = 0
 
     def __post_init__(self) -> None:
-        self.log = WindowLog(self.run.recording, self.run.name, self.run.window_s)
+        self.log = WindowLog(self.run.recording, self.run.name)
 
     def _flag_outside(self, rows: Rows) -> Array:
         """Flag the rows that reach beyond the run-down; those before it (n,) bool."""

@@ -19,8 +19,7 @@ class WindowLog:
     """The log of one recording, read at the windows of its stream. HrgError: its times do not
     increase."""
 
-    def __init__(self, recording: Recording, name: str, window_s: float) -> None:
-        self.window_s = window_s
+    def __init__(self, recording: Recording, name: str) -> None:
         self.rows_outside = 0
         """Windows so far that lie outside the log."""
         self.courses: dict[str, Course] = {}
@@ -42,9 +41,9 @@ class WindowLog:
                     else course(self.time_s, values)
                 )
 
-    def read_at(self, times: Array) -> dict[str, Any]:
-        """The log at the windows' centres `times` (n,); up to one of its steps beyond its ends the
-        end value, farther out NaN."""
+    def read_at(self, times: Array, window_s: float) -> dict[str, Any]:
+        """The log at the centres `times` (n,) of windows of that length; up to one of its steps
+        beyond its ends the end value, farther out NaN."""
         if not self.courses:
             return {}
         log = self.time_s
@@ -52,7 +51,7 @@ class WindowLog:
         outside = (times < log[0] - reach) | (times > log[-1] + reach)
         self.rows_outside += int(outside.sum())
         values = {
-            name: mean_of(series, times, self.window_s) if name in COMMANDS else series.at(times)
+            name: mean_of(series, times, window_s) if name in COMMANDS else series.at(times)
             for name, series in self.courses.items()
         }
         if outside.any():
