@@ -12,19 +12,13 @@ from typing import Any
 from . import pipeline, settings, store
 from .errors import HrgError
 from .executors import local_processes, run_tasks
-from .records import (
-    Calibration,
-    Diagnosis,
-    Periods,
-    Record,
-    Recording,
-    Resonator,
-    Source,
-    Wave,
-)
-from .stages.rehearse import Rehearsal, Rehearsed, Work, rehearse, rehearse_once, with_verdict
-from .stages.twin import Measured
-from .stages.twin_physical import Identified, is_physical
+from .records import Calibration, Diagnosis, Periods, Record, Recording, Resonator, Source, Wave
+from .stages.rehearse import rehearse
+from .stages.rehearsing.figures import Rehearsed
+from .stages.rehearsing.repeat import Work, rehearse_once
+from .stages.rehearsing.twin_physical import Identified, is_physical
+from .stages.rehearsing.twin_run import Measured
+from .stages.rehearsing.verdict import Rehearsal, judge_by_rehearsal
 from .version import __version__
 
 STAGE_OF = {Resonator: "identify", Calibration: "calibrate", Diagnosis: "diagnose"}
@@ -75,7 +69,7 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
     is whole at any time."""
     provenance = record.provenance
     line = f"{store.created_now()} hrg {__version__} {typed}"
-    judged = with_verdict(record, told)
+    judged = judge_by_rehearsal(record, told)
     store.write(
         path,
         judged.replace(

@@ -489,6 +489,31 @@ def test_outliers_stand_out_of_the_lot():
     )
 
 
+def test_a_diagnosis_own_values_go_before_the_linear_fit():
+    """A row has the parameters of one model: the extended one where the gyro has a diagnosis; what
+    that only assumed is left out."""
+    linear = {
+        "frequency_hz": {"value": 5000.0, "std": 0.1},
+        "scale_factor": {"value": 0.5, "std": 0.1},
+    }
+    extended = [
+        {"name": "frequency_hz", "value": 5001.0, "std": 0.01},
+        {"name": "scale_factor", "value": 0.554, "std": 0.0, "assumed": True},
+    ]
+    results = {"identify": {"status": "valid", "parameters": linear}}
+    gyros = [
+        {"gyro_id": "a", "status": "valid", "results": results},
+        {
+            "gyro_id": "b",
+            "status": "valid",
+            "results": results | {"diagnose": {"status": "valid", "values": extended}},
+        },
+    ]
+    a, b = judged_rows(LotSettings(recordings=["x"]), [], gyros)
+    assert (a["frequency_hz"], a["scale_factor"]) == (5000.0, 0.5)
+    assert (b["frequency_hz"], b["frequency_hz_std"], b["scale_factor"]) == (5001.0, 0.01, None)
+
+
 def identified(values, std):
     """Results of gyros whose scale factor is one of these values."""
     return [

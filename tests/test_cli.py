@@ -1,6 +1,7 @@
 """The command line as a contract: every command documented, JSON alone on standard output, exit
 statuses, provenance."""
 
+import dataclasses
 import json
 
 import h5py
@@ -81,6 +82,21 @@ def test_chain_with_provenance(hrg, recording, tmp_path):
         "wave_angle" in hrg("info", tmp_path / "w.h5").out
         or "rows" in hrg("info", tmp_path / "w.h5").out
     )
+
+
+def test_info_tells_the_last_commands_of_a_long_history(hrg, recording, tmp_path):
+    hrg("demodulate", recording, "-o", tmp_path / "p.h5", "-q")
+    periods = store.read(tmp_path / "p.h5", Periods)
+    long = tuple(f"hrg step number {k} of many" for k in range(20))
+    store.write(
+        tmp_path / "long.h5",
+        periods.replace(provenance=dataclasses.replace(periods.provenance, history=long)),
+    )
+    said, whole = (hrg("info", tmp_path / "long.h5", *flags).out for flags in ((), ("--full",)))
+    assert [line for line in said.splitlines() if "step number" in line] == list(long[-3:])
+    assert "history: 20 commands, the last 3 of them (--full: all)" in said
+    assert [line for line in whole.splitlines() if "step number" in line] == list(long)
+    assert len(hrg("info", tmp_path / "long.h5", "--json").json["history"]) == 20
 
 
 def test_a_streams_json_tells_of_all_its_blocks(hrg, recording, tmp_path):

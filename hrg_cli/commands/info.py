@@ -5,13 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from .. import store
 from ..reporting import answer_text, console, tables
 from ..reporting.answer import answer
 from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing, no_settings
 
+LINES_OF_HISTORY = 3
+"""Lines of the history that are told without --full: the last ones made this file."""
 RESULTS = ("diagnosis", "resonator", "calibration")
 """Kinds that have an answer; of the others the figures are told."""
 
@@ -25,12 +29,19 @@ RESULTS = ("diagnosis", "resonator", "calibration")
     | {"strict": "the status is told, not judged"},
     says={"output": "File to write the JSON report into."},
 )
-def main(run: Common, /, file: OneFile = None) -> None:
+def main(
+    run: Common,
+    /,
+    file: OneFile = None,
+    full: Annotated[bool, typer.Option("--full", help="Print the whole history.")] = False,
+) -> None:
     """What a file holds: kind, validity, history, sources, figures."""
-    run.finish(*info_file(file, run), judged=False)
+    run.finish(*info_file(file, run, full), judged=False)
 
 
-def info_file(file: Path | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
+def info_file(
+    file: Path | None, run: Common, full: bool = False
+) -> tuple[dict[str, Any], Callable[[], None]]:
     """What a file holds. Its status is told, not judged: the command ends with 0 whatever it is."""
     started = time.monotonic()
     path = existing([file] if file else [], "an hrg file")[0]
@@ -63,7 +74,13 @@ def info_file(file: Path | None, run: Common) -> tuple[dict[str, Any], Callable[
         if found is not None:
             answer_text.show(found)
         console.print_table("", ("figure", "value"), list(facts.items()))
-        for line in provenance.history:
+        history = provenance.history
+        told = history if full else history[-LINES_OF_HISTORY:]
+        if len(told) < len(history):
+            console.say(
+                f"history: {len(history)} commands, the last {len(told)} of them (--full: all)"
+            )
+        for line in told:
             console.say(line)
 
     return run.kept(report), show

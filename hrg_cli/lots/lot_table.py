@@ -101,12 +101,14 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
 
 
 def _figures(results: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Parameters and figures of a gyro as (value, σ): those identified, else those beside the causes
-    of its diagnosis."""
+    """Parameters and figures of a gyro as (value, σ): those beside the causes of its diagnosis where
+    it has one, else those identified."""
     figures: dict[str, tuple[float, float]] = {}
-    parameters = results.get("identify", {}).get("parameters") or {
-        p["name"]: p for p in results.get("diagnose", {}).get("values") or []
-    }
+    parameters = {
+        p["name"]: p
+        for p in results.get("diagnose", {}).get("values") or []
+        if not p.get("assumed")
+    } or results.get("identify", {}).get("parameters", {})
     for name, parameter in parameters.items():
         figures[name] = (_number(parameter["value"]), _number(parameter["std"]))
     calibrated = results.get("calibrate", {})

@@ -17,6 +17,7 @@ from ..fitting.tables.increments import Path, path_of
 from ..fitting.tables.joint import Fitted, TableLayout, fit
 from ..records import Calibration, Resonator, Wave
 from .calibration import late_log
+from .calibration.accuracy_stages import LadderSettings
 from .calibration.checks import noisy_angles, stray_harmonics
 from .calibration.choice import (
     Wanted,
@@ -29,7 +30,7 @@ from .calibration.choice import (
 from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.factors import build
 from .calibration.folds import choose_folds, choose_limits
-from .calibration.ladder import Settings, climb
+from .calibration.ladder import climb
 from .calibration.prices import an_hour_more
 from .calibration.programme import choose_nodes, examine
 from .calibration.resonators import ResonatorCoefficients, pool_resonators
@@ -234,7 +235,7 @@ def calibrate(
             fitted, folds, tried, chosen.scale_factor, bootstrap, seed
         )
     if ladder:
-        settings = Settings(*answer.limits, chosen.scale_factor, bootstrap, seed)
+        settings = LadderSettings(*answer.limits, chosen.scale_factor, bootstrap, seed)
         details["ladder"], details["final_analysis"] = climb(
             _with_loops(fitted), free, folds, settings, chosen.penalty
         )

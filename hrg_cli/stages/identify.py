@@ -18,17 +18,13 @@ from ..fitting.envelopes.frozen import CORRECTION, find_frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
-from .identification.methods import (
-    RegressionMethod,
-    by_likelihood,
-    by_regression,
-    compare_methods,
-    profile_intervals,
-    resample_errors,
-    unknown_rate,
-)
+from .identification.by_likelihood import identify_by_likelihood
+from .identification.by_regression import compare_methods, identify_by_regression
+from .identification.methods import RegressionMethod
 from .identification.monitored import monitor_working_mode
 from .identification.outcome import Verdict
+from .identification.resampled_errors import profile_intervals, resample_errors
+from .identification.unknown_rate import identify_with_unknown_rate
 from .one_gyro import of_one_gyro
 from .usable import not_refused, with_known_rates
 
@@ -158,15 +154,17 @@ def identify(
             chosen = free_windows.choose_different(runs, most_different)
             runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
         if fit_rate:
-            return usable.judged(record_of(unknown_rate(runs, known, blocks), waves, method))
+            return usable.judged(
+                record_of(identify_with_unknown_rate(runs, known, blocks), waves, method)
+            )
         if method in ("likelihood", "all"):
-            verdict = by_likelihood(runs, known, blocks)
+            verdict = identify_by_likelihood(runs, known, blocks)
             if profile:
                 verdict.details["profile"] = profile_intervals(verdict, runs)
             if bootstrap:
                 resample_errors(verdict, bootstrap, seed)
         else:
-            verdict = by_regression(runs, known, method, eliminate_rate, blocks)
+            verdict = identify_by_regression(runs, known, method, eliminate_rate, blocks)
         if method == "all":
             verdict.details["methods"] = compare_methods(runs, known, verdict, eliminate_rate)
         return usable.judged(record_of(verdict, waves, method))

@@ -30,7 +30,8 @@ from ..stages.diagnose import diagnose, summary
 from ..stages.diagnosis.data import freedom_of, prepare
 from ..stages.diagnosis.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
-from ..stages.inject import UnchangedError, inject
+from ..stages.inject import inject
+from ..stages.injection.samples import UnchangedError
 from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
 from .power import coverage, share
 

@@ -256,16 +256,19 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("store.sha256(folder / name) == digest for name", "True for name"),
         ),
     ),
-    "stages/demodulate.py": (
+    "stages/demodulation/judge.py": (
         "tests/stages/test_demodulate.py tests/stages/test_demodulate_uneven.py tests/test_bad_inputs.py",
         (
-            ("(suspect if clipped > 0.01 * self.rows", "(suspect if clipped > 0.2 * self.rows"),
-            ("(suspect if bad > 0.01 * self.rows", "(suspect if bad > 0.2 * self.rows"),
+            ("(suspect if clipped > CLIPPED_SHARE * self.rows", "(suspect if clipped > 20 * CLIPPED_SHARE * self.rows"),
+            ("(suspect if bad > NOT_FINITE_SHARE * self.rows", "(suspect if bad > 20 * NOT_FINITE_SHARE * self.rows"),
             ("(suspect if gaps > GAPS_SHARE * self.rows", "(suspect if gaps > 9 * GAPS_SHARE * self.rows"),
-            ("if bad == self.rows:", "if False:"),
-            ("series[outside] = np.nan", "pass"),
+            ("if self.flagged.get(FLAG_NOT_FINITE, 0) == self.rows:", "if False:"),
             ("rows[\"flags\"][:stop][far[:stop]] |= FLAG_SETTLING", "pass"),
         ),
+    ),
+    "stages/demodulation/log.py": (
+        "tests/stages/test_demodulate.py tests/stages/test_demodulate_uneven.py tests/test_bad_inputs.py",
+        (("series[outside] = np.nan", "pass"),),
     ),
     "stages/compensate.py": (
         "tests/stages/test_compensate.py",

@@ -456,6 +456,32 @@ def test_the_log_is_interpolated_and_not_stretched() -> None:
     )
 
 
+def test_commands_are_means_over_the_windows() -> None:
+    """Of t² over a window of length w about t₀ the mean is t₀² + w²/12; a temperature is that of the
+    centre."""
+    time, log = np.arange(40_000) / 40_000, np.arange(0, 1.0005, 1e-3)
+    c = np.cos(2 * np.pi * 1000 * time) + 1e-4 * np.random.default_rng(2).normal(size=len(time))
+    periods = collect(
+        demodulate(
+            recording(
+                c,
+                0.2 * c,
+                40_000.0,
+                auxiliary_time_s=log,
+                drive_main=log**2,
+                temperature_degc=log**2,
+            ),
+            periods_per_window=50,
+        )
+    )
+    inner = slice(1, -1)
+    mean = periods.time_s**2 + periods.window_s**2 / 12
+    assert np.allclose(periods.drive_main[inner], mean[inner], atol=1e-7, rtol=0)
+    centre = periods.temperature_degc - periods.time_s**2
+    assert np.abs(centre[inner]).max() < 1e-7
+    assert periods.window_s**2 / 12 > 1e-4
+
+
 def test_few_samples_a_period_take_longer_windows_and_say_so() -> None:
     rng = np.random.default_rng(8)
     time = np.arange(50_000) / 40_000

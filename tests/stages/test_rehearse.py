@@ -14,25 +14,23 @@ from hrg_cli.fitting.envelopes import rows
 from hrg_cli.fitting.envelopes.coordinates import SPLIT_COMPONENTS
 from hrg_cli.fitting.envelopes.envelope_runs import average_rows
 from hrg_cli.physics.resonator import PARAMETERS
+from hrg_cli.records import REHEARSAL as PREFIX
 from hrg_cli.records import Resonator, collect
-from hrg_cli.stages import twin_colour
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
-from hrg_cli.stages.rehearse import (
-    PREFIX,
-    Named,
-    figure,
-    match_noise,
-    rehearse,
-    twin_wave,
-    with_verdict,
-)
+from hrg_cli.stages.rehearse import rehearse
+from hrg_cli.stages.rehearsing import twin_colour
+from hrg_cli.stages.rehearsing.noise import match_noise
+from hrg_cli.stages.rehearsing.repeat import make_wave
+from hrg_cli.stages.rehearsing.statistics import Named, judge_figure
+from hrg_cli.stages.rehearsing.twin import make_twin
+from hrg_cli.stages.rehearsing.twin_colour import course
+from hrg_cli.stages.rehearsing.twin_run import Measured
+from hrg_cli.stages.rehearsing.verdict import judge_by_rehearsal
 from hrg_cli.stages.simulate import simulate
-from hrg_cli.stages.twin import Measured, twin_of
-from hrg_cli.stages.twin_colour import course
 
 RATE_HZ = 2000.0
 DEVICE = {
@@ -88,7 +86,7 @@ def test_a_clean_programme_stays_valid(inputs):
     assert told.status == "valid" and told.failed == 0, told.reasons
     t_rms = np.sqrt(np.mean([f.error_over_std_rms**2 for f in told.figures]))
     assert 0.6 < t_rms < 1.5
-    judged = with_verdict(result, told)
+    judged = judge_by_rehearsal(result, told)
     assert judged.status == result.status and json.loads(judged.details)["rehearsal"]["times"] == 6
 
 
@@ -125,13 +123,13 @@ def test_rows_too_few_for_the_turning_wave_become_suspect(inputs, monkeypatch):
     result = identify([m.wave for m in inputs])
     told = rehearse(result, inputs, own(), times=4)
     assert told.status == "suspect" and all(reason.startswith(PREFIX) for reason in told.reasons)
-    judged = with_verdict(result, told)
+    judged = judge_by_rehearsal(result, told)
     assert judged.status != "valid" and set(told.reasons) <= set(judged.status_reasons)
 
 
 def test_the_twin_is_the_same_programme(inputs):
     result = identify([m.wave for m in inputs])
-    twin = match_noise(twin_of(result, inputs, own()), inputs, 0)
+    twin = match_noise(make_twin(result, inputs, own()), inputs, 0)
     for run, measured in zip(twin.config["run"], inputs, strict=True):
         again = collect(simulate(twin.config, run=run["run_id"], seed=1))
         wave = collect(estimate(collect(demodulate(again, **WINDOWS))))
@@ -159,7 +157,7 @@ def test_limits_leave_right_results_alone_and_find_wrong_ones():
         return np.mean(
             [
                 any(
-                    figure("x", factor * random.normal(size=times) + bias, 7).sentence()
+                    judge_figure("x", factor * random.normal(size=times) + bias, 7).sentence()
                     for _ in range(7)
                 )
                 for _ in range(600)
@@ -175,9 +173,12 @@ def test_an_earlier_verdict_is_replaced(inputs):
     result = identify([m.wave for m in inputs])
     told = rehearse(result, inputs, own(), times=2)
     blamed = result.judged([f"{PREFIX}something of last week"])
-    assert with_verdict(blamed, told).status_reasons == (*result.status_reasons, *told.reasons)
+    assert judge_by_rehearsal(blamed, told).status_reasons == (
+        *result.status_reasons,
+        *told.reasons,
+    )
     refused = result.judged(["it cannot be"], "refused")
-    assert with_verdict(refused, told).status == "refused"
+    assert judge_by_rehearsal(refused, told).status == "refused"
 
 
 def test_too_much_work_is_refused_with_advice(inputs):
@@ -342,15 +343,15 @@ def test_the_colour_of_the_noise_is_measured_and_simulated():
         made.append(Measured(wave, RATE_HZ, None, dict(WINDOWS)))
     waves = [m.wave for m in made]
     result = identify(waves)
-    twin = match_noise(twin_of(result, made, own()), made, 0)
+    twin = match_noise(make_twin(result, made, own()), made, 0)
     measured = twin.runs[0].colour[2]
     # over a tenth of a second, which such a run knows
     assert 0.5 < measured.after(0.1) / ColouredNoise(1.0, 2e-5, 0.0, 0.0).after(0.1) < 2
-    again = [twin_wave(twin, number, 3) for number in range(2)]
+    again = [make_wave(twin, number, 3) for number in range(2)]
     simulated = twin_colour.of_free_runs(again, own(), 0.0)[2]
     assert 0.4 < simulated.after(0.1) / measured.after(0.1) < 2.5
     plain = replace(twin, runs=[replace(run, colour=()) for run in twin.runs])
-    assert not twin_colour.of_free_runs([twin_wave(plain, n, 3) for n in range(2)], own(), 0.0)
+    assert not twin_colour.of_free_runs([make_wave(plain, n, 3) for n in range(2)], own(), 0.0)
     told = rehearse(result, made, own(), times=2).table()
     assert "angle" in [c["component"] for c in told["colour"]]
 
@@ -399,7 +400,7 @@ def test_a_diagnosis_is_rehearsed_with_its_extended_model_for_truth(inputs):
     table = told.table()
     assert {"gain_mismatch gain", "scale_factor"} <= {f["name"] for f in table["figures"]}
     assert table["causes"][0] == {"name": "gain_mismatch", "held": True, "named": 2, "times": 2}
-    judged = with_verdict(result, told)
+    judged = judge_by_rehearsal(result, told)
     assert json.loads(judged.report)["rehearsal"]["times"] == 2
     assert judged.extended_model == result.extended_model
 

@@ -12,10 +12,12 @@ from hrg_cli.stages.calibration import resonators
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
-from hrg_cli.stages.rehearse import rehearse, twin_wave
+from hrg_cli.stages.rehearse import rehearse
+from hrg_cli.stages.rehearsing.repeat import make_wave
+from hrg_cli.stages.rehearsing.twin import make_twin
+from hrg_cli.stages.rehearsing.twin_physical import Identified
+from hrg_cli.stages.rehearsing.twin_run import Measured
 from hrg_cli.stages.simulate import simulate
-from hrg_cli.stages.twin import Measured, twin_of
-from hrg_cli.stages.twin_physical import Identified
 
 RATE_HZ = 2000.0
 WINDOWS = {"periods_per_window": 5.0}
@@ -119,8 +121,8 @@ def test_the_twin_drifts_as_the_resonators_say(programme):
     """Forced runs of the twin show the drift of the same device: their tables, fitted to them
     alone, are those of the resonator files."""
     forced, identified, tables = programme
-    twin = twin_of(tables, forced, settings.checked(calibrate, ASKED), None, identified)
-    waves = [twin_wave(twin, number, 5) for number in range(len(forced))]
+    twin = make_twin(tables, forced, settings.checked(calibrate, ASKED), None, identified)
+    waves = [make_wave(twin, number, 5) for number in range(len(forced))]
     alone = calibrate(waves, model="parametric", bootstrap=0)
     for k in (1, 2):
         error = alone.drift_harmonics[:, k] - tables.drift_harmonics[:, k]

@@ -11,12 +11,12 @@ import numpy as np
 
 from ...fitting.tables.joint import Fitted, Model, chi_square
 from ...records import Calibration, Wave
+from .accuracy_stages import list_first_stages
 from .checks import interpolation_doubt
 from .choice import TriedVariant, Wanted, solve_again
 from .figures import cells, figure_rows, predictions
 from .folds import choose_smoothness
 from .guards import say_noise
-from .ladder import first_stages
 from .record import record_of
 from .stability import drop_unstable, repeat_of_harmonics, thermal_memory
 from .variants import measured_details, variant
@@ -111,7 +111,7 @@ class Chosen:
 
     def steps(self, draws: int, seed: int) -> list[dict[str, Any]]:
         """Figures of the first stages and of the answer, on data used and left out."""
-        stages = first_stages(self.fitted.layout, *self.answer.limits)
+        stages = list_first_stages(self.fitted.layout, *self.answer.limits)
         tried = self.answer.tried
         whole, held = predictions(self.fitted, stages[:2], self.folds)
         whole = np.concatenate([whole, tried.solution.coefficients[:, None]], axis=1)

@@ -13,7 +13,7 @@ from ...fitting.checks import CHANCE
 from ...fitting.tables.increments import Path
 from ...fitting.tables.joint import PIECES, Fitted, Model, TableLayout, fit, piece_of, solve
 from ...fourier import coefficients_at
-from .ladder import solve_columns
+from .column_spaces import solve_columns
 
 Array = np.ndarray
 NOT_REPEATED = 0.01

@@ -13,7 +13,7 @@ from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.free_windows import driven_and_free
 from ...fitting.envelopes.regressions import Regression
 from ...records import Wave
-from .methods import physical_of
+from .methods import name_parameters
 from .outcome import Verdict
 from .verdict import ORDER
 
@@ -34,7 +34,7 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
     covariance = np.zeros((7, 7))
     order = [3, 4, 1, 2]
     covariance[1:5, 1:5] = found.covariance[np.ix_(order, order)]
-    values, std, full = physical_of(
+    values, std, full = name_parameters(
         Regression(vector, covariance), mode, "working-mode", thin, Known()
     )
     frequency = np.array([r.reference_frequency_hz for r in thin])

@@ -7,13 +7,13 @@ import json
 
 import numpy as np
 
-from ..effects.effect import Effect, Values
-from ..errors import HrgError
-from ..fitting.envelopes.base_fit import nominal_scale_factor
-from ..fitting.envelopes.one_mode import DECAY_POWERS, FREQUENCY_POWERS
-from ..physics.plant import Readout, Samples, SlowState
-from ..physics.resonator import Mechanics
-from ..records import Resonator, Wave
+from ...effects.effect import Effect, Values
+from ...errors import HrgError
+from ...fitting.envelopes.base_fit import nominal_scale_factor
+from ...fitting.envelopes.one_mode import DECAY_POWERS, FREQUENCY_POWERS
+from ...physics.plant import Readout, Samples, SlowState
+from ...physics.resonator import Mechanics
+from ...records import Resonator, Wave
 
 Array = np.ndarray
 NAME = "one_mode"

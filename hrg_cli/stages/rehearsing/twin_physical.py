@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..effects.effect import Effect, Values
-from ..errors import HrgError
-from ..fourier import node_weights
-from ..physics.plant import SlowState
-from ..physics.resonator import J
-from ..records import Calibration, Resonator
-from .calibration.resonators import NAMES
+from ...effects.effect import Effect, Values
+from ...errors import HrgError
+from ...fourier import node_weights
+from ...physics.plant import SlowState
+from ...physics.resonator import J
+from ...records import Calibration, Resonator
+from ..calibration.resonators import NAMES
 
 Array = np.ndarray
 PHYSICAL = "identified_resonators"

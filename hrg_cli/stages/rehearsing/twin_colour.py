@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from ..effects.effect import Effect, Values
-from ..errors import HrgError
-from ..fitting.causes import colour
-from ..fitting.causes.colour import ColouredNoise
-from ..fitting.causes.wave_frame import real
-from ..fitting.envelopes import condensed, free_windows
-from ..fitting.envelopes.base_fit import Known, base_fit
-from ..physics.plant import Readout, Samples
-from ..records import Calibration, Diagnosis, Wave
+from ...effects.effect import Effect, Values
+from ...errors import HrgError
+from ...fitting.causes import colour
+from ...fitting.causes.colour import ColouredNoise
+from ...fitting.causes.wave_frame import real
+from ...fitting.envelopes import condensed, free_windows
+from ...fitting.envelopes.base_fit import Known, base_fit
+from ...physics.plant import Readout, Samples
+from ...records import Calibration, Diagnosis, Wave
 
 Array = np.ndarray
 NAME = "measured_colour"

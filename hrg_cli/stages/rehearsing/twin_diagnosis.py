@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import EFFECTS
-from ..errors import HrgError
-from ..records import Diagnosis
+from ...effects import EFFECTS
+from ...errors import HrgError
+from ...records import Diagnosis
 from . import twin_colour
-from .twin import Measured, Twin, TwinRun, carrier_table, named_and_missing, sample_rate
+from .twin import Twin
+from .twin_run import Measured, TwinRun, choose_sample_rate, name_run, write_carrier
 
 COHERENT = {effect.name for effect in EFFECTS if effect.coherent}
 """Effects whose vector stands with the wave's phase, so that its sign is nobody's to know."""
@@ -24,7 +25,7 @@ Causes = dict[str, tuple[dict[str, tuple[float, float]], frozenset[str]]]
 the cause."""
 
 
-def twin_of_diagnosis(
+def make_twin_of_diagnosis(
     truth: Diagnosis,
     inputs: Sequence[Measured],
     settings: Mapping[str, Any],
@@ -48,12 +49,12 @@ def twin_of_diagnosis(
         wave = measured.wave
         frequency = float(run["device"]["frequency_hz"])
         carrier = measured.carrier_hz if wave.readout == "carrier" else None
-        sampling = sample_rate(measured, frequency, carrier or 0.0, samples_a_period)
-        readout = {**run["readout"], **carrier_table(carrier)}
+        sampling = choose_sample_rate(measured, frequency, carrier or 0.0, samples_a_period)
+        readout = {**run["readout"], **write_carrier(carrier)}
         readout["noise"] *= float(np.sqrt(sampling / config["recording"]["sample_rate_hz"]))
         recording = {**config["recording"], **run["recording"], "sample_rate_hz": sampling}
         tables.append({**run, "readout": readout, "recording": recording})
-        carried, missing = named_and_missing(wave)
+        carried, missing = name_run(wave)
         windows = {k: v for k, v in measured.demodulate.items() if k != "nominal_frequency_hz"}
         windows.setdefault("periods_per_window", max(1.0, wave.window_s * frequency))
         one = TwinRun(run["run_id"], windows, measured.estimate, carried, missing, colour)

@@ -1,0 +1,44 @@
+"""Models of growing detail: a constant scale factor, functions of the angle, functions of temperature
+and angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...fitting.tables.joint import Model, TableLayout
+
+
+@dataclass(frozen=True)
+class LadderSettings:
+    """What the ladder needs to know of the calibration."""
+
+    drift_limit: int
+    scale_limit: int
+    scale_factor: float
+    draws: int
+    seed: int
+
+
+def list_first_stages(layout: TableLayout, drift_limit: int, scale_limit: int) -> list[Model]:
+    """Stages 1 to 3: constant scale factor; functions of the angle; functions of temperature and
+    angle."""
+    constant, one_drift = (
+        layout.part("scale", 0, one_node=True),
+        layout.part("drift", drift_limit, one_node=True),
+    )
+    one_scale = layout.part("scale", scale_limit, one_node=True)
+    return [
+        Model("1 constant scale factor", constant),
+        Model(
+            "2 drift and scale factor over angle", np.concatenate([one_drift, one_scale], axis=1)
+        ),
+        Model(
+            "3 drift and scale factor over temperature and angle",
+            np.concatenate(
+                [layout.part("drift", drift_limit), layout.part("scale", scale_limit)], axis=1
+            ),
+        ),
+    ]

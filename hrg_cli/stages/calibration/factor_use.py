@@ -1,0 +1,157 @@
+"""Stage 7 of the ladder: what every group of coefficients buys: its significance, its own part, and the
+drift and scale-factor error on data not used that comes back without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from ...fitting.tables.joint import Fitted, Model, chi_square, held_out_chi_square, solve
+from .accuracy_stages import LadderSettings, list_first_stages
+from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes
+from .figures import cells, figure_rows, of_runs, predictions
+from .joint_runs import BESIDE
+from .named_elements import name_loop_elements, name_readout_elements
+from .prices import need
+
+Array = np.ndarray
+MEANING = {
+    "quadrature": "measured quadrature, (11)",
+    "quadrature_drive": "phase error of the quadrature loop",
+    "main_drive": "drive matrix, by the drive's log",
+    "drive_matrix": "drive matrix, forced runs against free ones",
+}
+SIGNIFICANT = 3.0
+"""z above which a factor counts, if it also lowers the held-out χ²."""
+FALSE_RATE = 1.35e-3
+"""Part of absent factors that reach `SIGNIFICANT` by chance (upper tail of the normal
+distribution)."""
+
+
+def analyse_factors(
+    joint: Fitted, factors: Sequence[str], settings: LadderSettings, folds: Array, runs: int
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """(the final model's row of the ladder, significance, independence and use of every factor);
+    errors are those of the first `runs` runs, the forced ones."""
+    base = list_first_stages(joint.layout, settings.drift_limit, settings.scale_limit)[-1].matrix
+    if BESIDE in joint.layout.factors:
+        base = np.concatenate([base, joint.layout.of_factors(BESIDE)], axis=1)
+    final = Model("final", np.concatenate([base, joint.layout.of_factors(*factors)], axis=1))
+    groups = _group_columns(joint, settings, factors)
+    A, b, _, _ = joint.pieces.sum()
+    solution = solve(A, b, final)
+    models = [
+        final,
+        *(Model(name, leave_out(final.matrix, columns)) for name, (columns, _) in groups.items()),
+    ]
+    whole, held = predictions(joint, models, folds)
+    used, unseen = (of_runs(c, runs) for c in cells(joint, whole, held, folds))
+    rows = figure_rows(
+        [m.name for m in models], used, unseen, settings.scale_factor, settings.draws, settings.seed
+    )
+    covariance = solution.covariance * joint.chi2_per_dof
+    table = []
+    for row, model in zip(rows[1:], models[1:], strict=True):
+        columns, kind = groups[model.name]
+        table.append(
+            {
+                "name": model.name,
+                "needs": need(kind, joint.layout.axis),
+                **_weigh_group(joint, final, model, folds),
+                "independence": measure_independence(joint, model.matrix, columns),
+                **_price_group(row, rows[0]),
+                **_read_values(joint, kind, solution.coefficients, covariance),
+            }
+        )
+    analysis = {
+        "factors": table,
+        "significant": [
+            one["name"] for one in table if one["z"] > SIGNIFICANT and one["held_out_chi2_gain"] > 0
+        ],
+        "false_rate": FALSE_RATE,
+        "correlated": find_correlated(joint, groups),
+        "readout_matrix": name_readout_elements(joint, solution.coefficients, covariance),
+        "loops": name_loop_elements(joint, factors, solution.coefficients, covariance),
+    }
+    return rows[0], analysis
+
+
+def _weigh_group(joint: Fitted, final: Model, without: Model, folds: Array) -> dict[str, Any]:
+    """How many coefficients a group has, by how much χ² rises without them as a normal deviate, and
+    by how much on data not used."""
+    A, b, c, _ = joint.pieces.sum()
+    lost = chi_square(A, b, c, solve(A, b, without).coefficients) - chi_square(
+        A, b, c, solve(A, b, final).coefficients
+    )
+    freedom = final.free - without.free
+    return {
+        "coefficients": freedom,
+        "z": _normal_deviate(lost / max(joint.chi2_per_dof, 1.0), freedom),
+        "held_out_chi2_gain": held_out_chi_square(joint.pieces, folds, without)
+        - held_out_chi_square(joint.pieces, folds, final),
+    }
+
+
+def _price_group(row: dict[str, Any], final: dict[str, Any]) -> dict[str, Any]:
+    """The errors on data not used without a group, and what it takes off them."""
+    return {
+        "drift_without_rad_s": row["drift"]["value"],
+        "scale_without_ppm": row["scale"]["value"],
+        "drift_bought_rad_s": _subtract(row, final, "drift"),
+        "scale_bought_ppm": _subtract(row, final, "scale"),
+    }
+
+
+def _read_values(
+    joint: Fitted, kind: str, coefficients: Array, covariance: Array
+) -> dict[str, list[float]]:
+    """A factor's own coefficients with their standard deviations; nothing for a part of a table."""
+    if kind not in joint.layout.factors:
+        return {}
+    place = joint.layout.factor(kind)
+    return {
+        "values": coefficients[place].tolist(),
+        "std": np.sqrt(np.diag(covariance)[place]).tolist(),
+    }
+
+
+def _group_columns(
+    joint: Fitted, settings: LadderSettings, factors: Sequence[str]
+) -> dict[str, tuple[Array, str]]:
+    """Name of each group of coefficients -> (its columns as variations, kind)."""
+    layout, groups = joint.layout, {}
+    limits: tuple[tuple[Literal["drift", "scale"], int], ...] = (
+        ("drift", settings.drift_limit),
+        ("scale", settings.scale_limit),
+    )
+    for kind, limit in limits:
+        word = "drift" if kind == "drift" else "scale factor"
+        if limit:
+            groups[f"{word} over angle"] = (layout.part(kind, limit, lowest=1), kind + " angle")
+        if len(layout.nodes) > 1:
+            groups[f"{word} over temperature"] = (
+                take_along_nodes(layout.part(kind, limit), layout.part(kind, limit, one_node=True)),
+                kind + " nodes",
+            )
+    for name in factors:
+        groups[MEANING.get(name, name)] = (layout.of_factors(name), name)
+    return groups
+
+
+def _subtract(row: dict[str, Any], reference: dict[str, Any], key: str) -> float | None:
+    """The difference of two rows' errors; None where one of them could not be told."""
+    one, other = row[key]["value"], reference[key]["value"]
+    return None if one is None or other is None else one - other
+
+
+def _normal_deviate(chi2: float, freedom: int) -> float:
+    """Standard normal deviate with the tail probability of χ² at `freedom` degrees
+    (Wilson–Hilferty)."""
+    freedom = max(freedom, 1)
+    return float(
+        ((max(chi2, 0.0) / freedom) ** (1 / 3) - (1 - 2 / (9 * freedom)))
+        / np.sqrt(2 / (9 * freedom))
+    )

@@ -1,0 +1,52 @@
+"""Stage 6 of the ladder: forced and free runs fitted jointly, with a drive matrix in the forced ones
+alone: what turns the wave without a drive is the resonator, what only a drive adds is the loops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...fitting.tables.increments import Path
+from ...fitting.tables.joint import Fitted, TableLayout, fit
+from .accuracy_stages import LadderSettings, list_first_stages
+from .column_spaces import measure_independence
+from .factors import build
+
+LOOP_FACTORS = ("quadrature_drive", "main_drive")
+BESIDE = "ellipticity"
+"""Fitted beside the tables where free runs with their larger quadrature take part, not a factor of
+its own."""
+LEAST_INDEPENDENCE = 0.02
+"""A factor with a smaller part of its columns outside the others' span is not told from them."""
+
+
+def fit_jointly(
+    forced: Fitted, free: Sequence[Path], settings: LadderSettings
+) -> tuple[Fitted, list[str]]:
+    """All runs' fit, and the factors that its other columns do not hold."""
+    layout = forced.layout
+    paths = [*forced.paths, *free]
+    places = (layout.nodes, layout.axis, layout.interpolation)
+    made, widths = build(paths, *places, ["quadrature", *LOOP_FACTORS, BESIDE])
+    if "main_drive" not in made:
+        unlogged = build(paths, *places, ["drive_matrix"])
+        made, widths = made | unlogged[0], widths | unlogged[1]
+    wide = TableLayout(
+        layout.nodes,
+        layout.axis,
+        layout.mode_number,
+        settings.drift_limit,
+        settings.scale_limit,
+        layout.interpolation,
+        made,
+        widths,
+    )
+    joint = fit(paths, wide)
+    base = list_first_stages(wide, settings.drift_limit, settings.scale_limit)[-1].matrix
+    factors: list[str] = []
+    for name in (n for n in made if n != BESIDE):
+        others = np.concatenate([base, wide.of_factors(*factors)], axis=1)
+        if measure_independence(joint, others, wide.of_factors(name)) > LEAST_INDEPENDENCE:
+            factors.append(name)
+    return joint, factors

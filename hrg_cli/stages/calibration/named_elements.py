@@ -1,0 +1,106 @@
+"""What a calibration says of loops and pick-offs in the catalogue's names: the drive matrix by what it
+does to drift, the read-out matrix by what it does to the scale factor.
+
+A rotation ρ, non-orthogonality ε and gain mismatch g of the drive turn the wave as
+mθ' = a_ΦA/a_A·(ρ + ε/2·cos 2mθ − g/2·sin 2mθ); those of the pick-offs make the scale factor
+K₁(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ) (PHYSICS R1, R2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...effects import (
+    drive_gain_mismatch,
+    drive_nonorthogonality,
+    drive_rotation,
+    quadrature_drive_phase_error,
+)
+from ...effects.effect import Effect
+from ...fitting.tables.increments import Path
+from ...fitting.tables.joint import Fitted
+
+Array = np.ndarray
+ELEMENTS = (
+    (drive_rotation.EFFECT, 1.0),
+    (drive_nonorthogonality.EFFECT, 2.0),
+    (drive_gain_mismatch.EFFECT, -2.0),
+)
+"""What the three coefficients of the drive matrix are, by the catalogue's pages: ρ, ε/2, −g/2 of
+a_ΦA/a_A·(1, cos 2mθ, sin 2mθ)."""
+
+
+def name_loop_elements(
+    joint: Fitted, factors: Sequence[str], coefficients: Array, covariance: Array
+) -> list[dict[str, Any]]:
+    """What is wrong with the loops, in the catalogue's names: value, standard deviation, z
+    (two-sided) of each element.
+
+    The drive matrix is seen in the pick-off's axes: a read-out matrix that also feeds the loops
+    adds its own elements to it. Without a log of the drive its elements come in rad/s and are
+    divided by the damping rate, which the free runs show.
+    """
+    rows: list[tuple[Effect, float, float]] = []
+    std = np.sqrt(np.maximum(np.diag(covariance), 0))
+    if "quadrature_drive" in factors:
+        place = joint.layout.factor("quadrature_drive").start
+        rows.append((quadrature_drive_phase_error.EFFECT, -coefficients[place], std[place]))
+    for name in ("main_drive", "drive_matrix"):
+        if name in factors:
+            damping = 1.0 if name == "main_drive" else _measure_damping(joint.paths)
+            first = joint.layout.factor(name).start
+            for k, (effect, factor) in enumerate(ELEMENTS):
+                rows.append(
+                    (
+                        effect,
+                        factor * coefficients[first + k] / damping,
+                        abs(factor) * std[first + k] / damping,
+                    )
+                )
+    return [
+        {
+            "name": effect.name,
+            "value": float(value),
+            "std": float(sigma),
+            "units": effect.parameters[0].units,
+            "z": float(value / sigma) if sigma > 0 else 0.0,
+        }
+        for effect, value, sigma in rows
+    ]
+
+
+def _measure_damping(paths: Sequence[Path]) -> float:
+    """ν = −d ln a_A/dt of the free runs, 1/s."""
+    slopes = [
+        float(np.polyfit(p.time_s, np.log(np.maximum(p.main_amplitude, 1e-300)), 1)[0])
+        for p in paths
+        if not p.forced
+    ]
+    return max(-float(np.mean(slopes)), 1e-300)
+
+
+def name_readout_elements(
+    joint: Fitted, coefficients: Array, covariance: Array
+) -> dict[str, float] | None:
+    """Gain mismatch g and non-orthogonality ε of the pick-offs (PHYSICS R1, R2).
+
+    K₁(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ): static angle errors turn with the wave.
+    """
+    layout = joint.layout
+    if layout.scale_harmonics < 1:
+        return None
+    starts = np.array([layout.scale(j).start for j in range(len(layout.nodes))])
+    mean = np.zeros((3, layout.size))
+    for h in range(3):
+        mean[h, starts + h] = 1 / len(starts)
+    k0, c, s = mean @ coefficients
+    if k0 == 0:
+        return None
+    std = np.sqrt(np.diag(mean @ covariance @ mean.T)) / abs(k0)
+    return {
+        "gain_mismatch": float(-c / k0), "gain_mismatch_std": float(std[1]),
+        "electrode_nonorthogonality_rad": float(-s / k0), "electrode_nonorthogonality_rad_std": float(std[2]),
+    }  # fmt: skip

@@ -1,0 +1,105 @@
+"""The samples that are demodulated: a recording that can be, the part of it that was asked for, and the
+survey of the run-down in it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting.samples.run_down import RunDown
+from ...fitting.samples.survey import Survey, survey
+from ...records import Recording
+
+
+def check_recording(recording: Recording) -> str:
+    """The run's name for messages, after the checks that need no sample."""
+    name = f"run {recording.run_id}" if recording.run_id else "the recording"
+    c, s = len(recording.c), len(recording.s)
+    if c != s:
+        raise HrgError(f"{name}: channel C has {c} samples and S {s}; equal lengths were expected")
+    if recording.time_s is not None and len(recording.time_s) != c:
+        raise HrgError(
+            f"{name}: time_s has {len(recording.time_s)} values for {c} samples; one time a sample"
+            " was expected"
+        )
+    rate = recording.sample_rate_hz
+    if recording.time_s is None and not (rate is not None and np.isfinite(rate) and rate > 0):
+        raise HrgError(
+            f"{name}: sample_rate_hz is {rate}; a positive number (or a time_s of every sample) was"
+            " expected"
+        )
+    if recording.readout not in ("direct", "carrier"):
+        raise HrgError(f"{name}: read-out is {recording.readout!r}; direct or carrier was expected")
+    if recording.readout == "carrier" and recording.carrier_hz is None:
+        raise HrgError(
+            f"{name}: read-out is by carrier, but carrier_hz is missing; add it to the recording"
+        )
+    return name
+
+
+def cut_part(
+    recording: Recording, name: str, from_s: float | None, to_s: float | None
+) -> tuple[Recording, list[str]]:
+    """The samples from_s ≤ t − t_first < to_s, and notes. HrgError: nothing lies between them."""
+    if from_s is None and to_s is None:
+        return recording, []
+    n = len(recording.c)
+    if n == 0:
+        return recording, []
+    begin, end = (float(recording.times(k, k + 1)[0]) for k in (0, n - 1))
+    if from_s is not None and to_s is not None and not from_s < to_s:
+        raise HrgError(
+            f"{name}: from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the recording"
+            " was expected"
+        )
+    if from_s is not None and begin + from_s > end:
+        raise HrgError(
+            f"{name}: from_s = {from_s:g} lies behind its end; it is {end - begin:.6g} s long"
+        )
+    notes = []
+    if to_s is not None and begin + to_s > end + 1.5 * (end - begin) / max(1, n - 1):
+        notes.append(
+            f"to_s = {to_s:g} lies behind the recording's end at {end - begin:.6g} s; it was taken"
+            " up to there"
+        )
+    start, stop = (
+        fallback if at is None else _find_row(recording, begin + at)
+        for at, fallback in ((from_s, 0), (to_s, n))
+    )
+    last = min(end - begin, to_s or np.inf)
+    notes.append(
+        f"samples {start + 1} to {stop} of {n} were taken: {from_s or 0:.6g} s to {last:.6g} s of"
+        " the recording"
+    )
+    return recording.part(start, stop), notes
+
+
+def survey_run_down(recording: Recording, whole: Survey, found: RunDown, name: str) -> Survey:
+    """The survey of the run-down alone; of the whole where too little is left."""
+    start, stop = (
+        fallback if not np.isfinite(at) else _find_row(recording, at)
+        for at, fallback in ((found.begin_s, 0), (found.end_s, len(recording.c)))
+    )
+    try:
+        inside = survey(recording.part(start, stop), name)
+    except HrgError:
+        return whole
+    return whole if inside.refused else inside
+
+
+def _find_row(recording: Recording, time_s: float) -> int:
+    """The first row whose time is not before `time_s`."""
+    if recording.time_s is None:
+        assert recording.sample_rate_hz is not None
+        return min(
+            len(recording.c),
+            max(0, int(np.ceil(time_s * recording.sample_rate_hz - 1e-6)) - recording.first_sample),
+        )
+    low, high = 0, len(recording.c)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (
+            (middle + 1, high) if recording.times(middle, middle + 1)[0] < time_s else (low, middle)
+        )
+    return low

@@ -1,0 +1,57 @@
+"""Angles and phases made continuous through a stream of blocks: (mθ, φ) and (mθ + π, φ + π) are one
+wave, and the copy nearest to the path of trusted rows is taken.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from ...fitting.ellipse.continuity import CONTEXT_ROWS, continue_angles, nearest_copy
+from ...records import FLAG_GAP, FLAG_NOT_FINITE, Array, Periods
+from .solution import find_finite
+
+DETECTED = 5.0
+"""An amplitude below this many standard deviations is no wave; noise alone exceeds it in 5e-5 of
+the windows (χ² of four)."""
+
+
+def make_continuous(x: Array, block: Periods, context: Array | None) -> Array | None:
+    """Make (mθ, φ, ψ) of x (n, 5) continuous in place; `context` and the result hold the last
+    trusted rows (k, 4: time, mθ, φ, ψ).
+
+    The path runs through trusted rows only, for one stray value near half a period away would turn
+    all that follows; the others take the copy nearest to the path. Where fewer than half of the
+    rows can be trusted, all have a say.
+    """
+    time_s, std = np.asarray(block.time_s, float), np.asarray(block.signals_std, float)
+    finite = find_finite(x) & np.isfinite(time_s)
+    largest = functools.reduce(np.maximum, std.T)
+    stray = (np.asarray(block.flags) & (FLAG_GAP | FLAG_NOT_FINITE) != 0) | (
+        x[:, 0] < DETECTED * largest
+    )
+    trusted = finite & ~stray
+    if 2 * np.count_nonzero(trusted) < np.count_nonzero(finite):
+        trusted = finite
+    rows = np.stack([time_s, *x[:, 2:].T])
+    every = bool(trusted.all())
+    if not every:
+        rows = rows[:, trusted]
+    if rows.shape[1] == 0:
+        return context
+    known = 0 if context is None else len(context)
+    if context is not None:
+        rows = np.concatenate([context.T, rows], axis=1)
+    at, angle, phase, carrier = rows
+    path = np.stack(continue_angles(at, angle, phase, carrier, block.window_s))
+    if context is not None:
+        path -= np.pi * np.round((path[:, known - 1] - context[-1, 1:]) / np.pi)[:, None]
+    x[slice(None) if every else trusted, 2:] = path[:, known:].T
+    others = finite & ~trusted
+    if others.any():
+        expected = np.stack(
+            [np.interp(time_s[others], rows[0], column) for column in path], axis=-1
+        )
+        x[others, 2:] = nearest_copy(x[others, 2:], expected)
+    return np.column_stack([rows[0, -CONTEXT_ROWS - 1 :], path[:, -CONTEXT_ROWS - 1 :].T])

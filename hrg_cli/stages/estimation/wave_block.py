@@ -1,0 +1,104 @@
+"""A block's record: the solutions with their standard deviations, the signals' pooled noise, and the
+frequency as the reference's and the slope of φ, f = f_r + φ̇/2π.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+
+from ...fitting.ellipse.continuity import local_slope
+from ...fitting.ellipse.uncertainty import standard_deviations
+from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Array, Periods, Wave
+from .solution import find_finite
+
+DIRTY = FLAG_CLIPPED | FLAG_GAP | FLAG_NOT_FINITE
+UNKNOWN = 100.0
+"""A signal's standard deviation so many times the usual one says that it was not measured."""
+
+
+def write_block(
+    block: Periods, x: Array, misfit: Array, iterations: Array, carrier_known: bool
+) -> Wave:
+    """The block's record, but for its frequency."""
+    variances = np.asarray(block.signals_std, float) ** 2
+    std = standard_deviations(x, variances, carrier_known)
+    direct = block.readout == "direct"
+    flags = np.asarray(block.flags).astype(np.uint8)
+    flags[~find_finite(x)] |= FLAG_NOT_FINITE
+    shared = (
+        name
+        for name in Wave.columns()
+        if name in Periods.columns() and name not in ("flags", "residual_rms")
+    )
+    passed: dict[str, Any] = {name: getattr(block, name) for name in shared}
+    m = block.mode_number
+    return Wave(
+        **passed,
+        main_amplitude=x[:, 0],
+        quadrature_amplitude=x[:, 1],
+        wave_angle_rad=x[:, 2] / m,
+        phase_rad=x[:, 3],
+        carrier_phase_rad=x[:, 4],
+        main_amplitude_std=std[:, 0],
+        quadrature_amplitude_std=std[:, 1],
+        wave_angle_rad_std=std[:, 2] / m,
+        phase_rad_std=std[:, 3],
+        carrier_phase_rad_std=std[:, 4],
+        residual_rms=misfit,
+        signal_std=np.sqrt(_pool_noise(variances) / (1 if direct else 2)),
+        iterations=iterations,
+        flags=flags,
+        frequency_hz=np.full(len(x), np.nan),
+        status=block.status,
+        status_reasons=block.status_reasons,
+        provenance=block.provenance,
+    )
+
+
+def _pool_noise(variances: Array) -> Array:
+    """Mean variance (n,) of the signals, without those of which nothing is known (the phase of a
+    bare amplitude)."""
+    mean = variances @ np.full(variances.shape[1], 1 / variances.shape[1])
+    least = functools.reduce(np.minimum, variances.T)
+    if np.all(mean <= UNKNOWN * least) or not least.any():
+        return np.asarray(mean)
+    known = variances <= UNKNOWN**2 * np.median(variances, axis=1, keepdims=True)
+    return np.asarray(
+        np.divide(
+            (variances * known).sum(axis=1),
+            known.sum(axis=1),
+            out=mean.copy(),
+            where=known.any(axis=1),
+        )
+    )
+
+
+def add_frequency(before: Wave | None, wave: Wave, after: Wave | None, half_width: int) -> Wave:
+    """The wave with its frequency: reference + slope of φ over the neighbouring windows, across the
+    blocks' borders too.
+
+    Clipped rows and rows beside gaps weigh next to nothing, but where there are no others they
+    still tell the frequency.
+    """
+    parts = (
+        [wave]
+        if before is None
+        else [before.rows(max(0, len(before) - half_width), len(before)), wave]
+    )
+    if after is not None:
+        parts.append(after.rows(0, half_width))
+    time_s, phase, flags = (
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in ("time_s", "phase_rad", "flags")
+    )
+    weights = np.where(
+        np.isfinite(phase) & np.isfinite(time_s), np.where(flags & DIRTY, 1e-6, 1.0), 0.0
+    )
+    slope = local_slope(time_s, phase, weights, half_width)
+    first = 0 if before is None else len(parts[0])
+    return wave.replace(
+        frequency_hz=wave.reference_frequency_hz + slope[first : first + len(wave)] / (2 * np.pi)
+    )

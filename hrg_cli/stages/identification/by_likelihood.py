@@ -1,0 +1,41 @@
+"""The first way to answer: all runs together by maximum likelihood, or two modes without axes where
+the record shows no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting.envelopes.base_fit import Known, base_fit
+from ...fitting.envelopes.envelope_runs import EnvelopeRun
+from .modes import free_modes, one_channel
+from .outcome import Verdict
+from .verdict import POOR_FIT, contradictions, judge_fit
+
+
+def identify_by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
+    """All runs together by maximum likelihood, judged; two modes without axes where the record
+    shows no more."""
+    modes = one_channel(runs)
+    if modes is not None:
+        return modes
+    try:
+        verdict = judge_fit(
+            base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks)
+        )
+    except HrgError:
+        modes = free_modes(runs, np.inf)
+        if modes is None:
+            raise
+        return modes
+    if verdict.chi2_per_dof > POOR_FIT:
+        impossible = (
+            bool(verdict.refused)
+            or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
+        )
+        modes = free_modes(runs, verdict.chi2_per_dof, impossible)
+        contradictions(verdict, runs, lambda rest: base_fit(rest, known, blocks))
+    return verdict if modes is None else modes

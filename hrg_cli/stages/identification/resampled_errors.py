@@ -1,0 +1,58 @@
+"""Errors beyond the curvature at the optimum: profile-likelihood intervals and a block bootstrap of
+the same fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...fitting.envelopes import coordinates, inference, resampling
+from ...fitting.envelopes.envelope_runs import EnvelopeRun
+from .outcome import Verdict
+from .splits import state_splits
+from .verdict import ORDER
+
+
+def profile_intervals(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
+    """Profile-likelihood intervals of the verdict's fit."""
+    assert verdict.fit is not None
+    return resampling.profile(
+        verdict.fit,
+        runs[0].mode_number,
+        {n: verdict.std[n] for n in verdict.values},
+        verdict.details["variance_factor"],
+    )
+
+
+def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
+    """Replace the errors by those of a block bootstrap and keep its 68 and 95 % intervals."""
+    assert verdict.fit is not None
+    p = resampling.bootstrap(verdict.fit, draws, seed)
+    mode = verdict.mode_number
+    table = np.array([coordinates.to_parameters(row, mode)[0] for row in p])
+    centre = coordinates.to_parameters(verdict.fit.p, mode)[0]
+    period = np.pi / mode
+    for axis in (2, 4):
+        table[:, axis] = (
+            centre[axis] + np.mod(table[:, axis] - centre[axis] + period / 2, period) - period / 2
+        )
+    covariance, own = np.cov(table.T), np.cov(p.T)
+    inference.widen_axes(covariance, own, verdict.fit.p, mode)
+    verdict.covariance[1:, 1:] = covariance
+    intervals = {}
+    for row, name in enumerate(ORDER[1:]):
+        if name in verdict.values:
+            verdict.std[name] = float(np.sqrt(covariance[row, row]))
+            intervals[name] = {
+                "68": [float(v) for v in np.quantile(table[:, row], [0.16, 0.84])],
+                "95": [float(v) for v in np.quantile(table[:, row], [0.025, 0.975])],
+            }
+    verdict.details |= state_splits(verdict.values, verdict.std, verdict.fit.p, own)
+    verdict.details["bootstrap"] = {
+        "draws": draws,
+        "blocks_a_run": resampling.BLOCKS_A_RUN,
+        "intervals": intervals,
+    }

@@ -1,0 +1,104 @@
+"""One unknown constant rate beside the resonator: fitted with it, and refused where a damping split
+imitates it.
+
+mθ' = −KΩ + νδμ·sin 2m(θ − θ_μ) (PHYSICS §4): over a part of a turn of 2mθ a steady rate and a damping
+split turn the wave alike.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...fitting import checks
+from ...fitting.envelopes import envelope_runs, inference, rate_offset
+from ...fitting.envelopes.base_fit import Known, base_fit, nominal_scale_factor
+from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR
+from ...fitting.envelopes.envelope_runs import EnvelopeRun
+from ...physics import ellipse
+from . import closing
+from .outcome import Verdict
+from .verdict import is_one_rate, judge_parameters
+
+
+def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
+    """One unknown constant rate beside the resonator, added to the logged rates; refused where a
+    damping split imitates it.
+
+    K is fitted where the logs hold different rates and none is given; else it is held, for K·Ω
+    alone is seen.
+    """
+    mode = runs[0].mode_number
+    told = known.scale_factor is not None
+    if not told and not _rates_differ(runs):
+        known = dataclasses.replace(known, scale_factor=nominal_scale_factor(mode))
+    start = 0.0
+    if max(float(np.ptp(r.turn_rad)) for r in runs) == 0:  # no log: K·Ω at unit rate is the start
+        turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
+        factor = (
+            known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
+        )
+        start = (
+            float(
+                base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[
+                    SCALE_FACTOR
+                ]
+            )
+            / factor
+        )
+    found = rate_offset.rate_offset(runs, known, blocks, start)
+    noise = inference.inflation(found.fit)[0]
+    verdict = judge_parameters(
+        found.fit,
+        [envelope_runs.turn_table(r, found.value) for r in runs],
+        known,
+        noise * found.beside,
+    )
+    std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
+    factor = float(found.fit.p[SCALE_FACTOR])
+    seen = max(abs(found.value), abs(found.fit.p[DAMPING] / factor))
+    unclear = not std < 0.3 * seen or (known.scale_factor is not None and is_one_rate(found.fit))
+    span = 2 * max(
+        float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))
+        for r in found.fit.response.batch.runs
+    )
+    closing.close_verdict(
+        verdict,
+        [
+            checks.holds(
+                "rate_offset_converged",
+                found.converged,
+                "the unknown rate did not settle; give the rate, or runs at several angles",
+            ),
+            checks.holds(
+                "rate_is_distinct",
+                not unclear,
+                "an unknown rate is ill-conditioned here (condition number"
+                f" {verdict.condition:.3g}, {found.distinct:.1g} of its information is its own):"
+                f" the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, where a steady rate"
+                " and a damping split turn it alike, and the residual's own structure decides"
+                " between them; give the rate, or runs at several angles",
+            ),
+        ],
+    )
+    logged = max(float(np.ptp(r.turn_rad)) for r in runs) > 0
+    verdict.details["rate_rad_s"] = {
+        "value": found.value,
+        "std": std,
+        "scale_factor": factor,
+        "of": "common offset of the logged rates" if logged else "constant rate of all runs",
+        "logged_mean_rad_s": [float((r.turn_rad[-1] - r.turn_rad[0]) / r.duration_s) for r in runs],
+    }
+    if not told and known.scale_factor is not None:
+        verdict.values.pop("scale_factor", None)
+    return verdict
+
+
+def _rates_differ(runs: Sequence[EnvelopeRun]) -> bool:
+    """Whether the runs' logged rates differ enough between or within them for K to be seen beside a
+    common offset."""
+    rate = np.concatenate([np.diff(r.turn_rad) / np.diff(r.time_s) for r in runs])
+    low, high = np.quantile(rate, [0.01, 0.99])
+    return bool(high - low > 0.1 * max(abs(low), abs(high)) > 0)

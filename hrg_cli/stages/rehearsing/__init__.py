@@ -1,0 +1,1 @@
+"""Parts of the stage rehearse: the simulated twin of a result and what is held against it."""

@@ -1,0 +1,137 @@
+"""What one rehearsal found of every figure that has an error, beside what was put in:
+t = (estimate − truth)/σ.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...fitting.envelopes.coordinates import SPLITS
+from ...fourier import coefficients_at
+from ...records import Calibration, Diagnosis, Record, Resonator
+from .twin import Twin
+from .twin_diagnosis import base_values, causes, causes_held, same_sign
+
+CLEAR = 4.0
+"""Standard deviations from which a split's size is Gaussian, and its axis; below, its components are
+judged instead, for a size lost in noise is Rice's and never comes out as small as it is."""
+
+
+@dataclass(frozen=True)
+class RehearsedFigure:
+    """What one rehearsal found of one figure, and what was put in."""
+
+    value: float
+    std: float
+    truth: float
+    period: float = 0.0
+
+    def t(self) -> float:
+        """(estimate − truth)/σ, an angle modulo its period."""
+        error = self.value - self.truth
+        if self.period:
+            error = float(np.mod(error + self.period / 2, self.period) - self.period / 2)
+        return error / self.std
+
+
+@dataclass(frozen=True)
+class Rehearsed:
+    """One rehearsal: its figures, its status, or the sentence why it failed; of a diagnosis, the
+    causes that were named."""
+
+    figures: Mapping[str, RehearsedFigure] = field(default_factory=dict)
+    status: str = "failed"
+    reason: str = ""
+    named: tuple[str, ...] = ()
+
+
+def compare_figures(record: Record, twin: Twin) -> dict[str, RehearsedFigure]:
+    """Every figure of a rehearsal's result that has an error, beside the truth."""
+    truth = twin.truth
+    if isinstance(record, Diagnosis) and isinstance(truth, Diagnosis):
+        return _compare_sizes(record, truth, twin)
+    if isinstance(record, Resonator) and isinstance(truth, Resonator):
+        return _compare_parameters(record, truth)
+    assert isinstance(record, Calibration) and isinstance(truth, Calibration)
+    return _compare_coefficients(record, truth)
+
+
+def _compare_parameters(record: Resonator, truth: Resonator) -> dict[str, RehearsedFigure]:
+    true, period = truth.parameters(), np.pi / truth.mode_number
+    found = {
+        name: RehearsedFigure(
+            value, std, true[name][0], period if name.endswith("axis_rad") else 0.0
+        )
+        for name, (value, std, _) in record.parameters().items()
+        if name in true and np.isfinite(std) and std > 0
+    }
+    for size, axis, components in SPLITS:
+        if size in true and axis in true and not true[size][0] >= CLEAR * true[size][1]:
+            found.pop(size, None)
+            found.pop(axis, None)
+            vector = true[size][0] * np.exp(2j * truth.mode_number * true[axis][0])
+            seen = json.loads(record.details).get("split_components", {})
+            found |= {
+                name: RehearsedFigure(seen[name]["value"], seen[name]["std"], put_in)
+                for name, put_in in zip(components, (vector.real, vector.imag), strict=True)
+                if name in seen and seen[name]["std"] > 0
+            }
+    rate, true_rate = (json.loads(r.details).get("rate_rad_s") for r in (record, truth))
+    if rate and true_rate and rate["std"] > 0:
+        found["rate_rad_s"] = RehearsedFigure(rate["value"], rate["std"], true_rate["value"])
+    return found
+
+
+def _compare_sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str, RehearsedFigure]:
+    """The named causes' parameters, and the resonator beside them."""
+    found: dict[str, RehearsedFigure] = {}
+    named = causes(record)
+    for name, (true, _) in causes_held(twin).items():
+        seen = named[name][0] if name in named else {}
+        sign = same_sign(name, seen, true)
+        for key, (value, std) in seen.items():
+            if key in true:
+                found[f"{name} {key}"] = RehearsedFigure(sign * value, std, true[key][0])
+    period = np.pi / int(json.loads(truth.report).get("mode_number", 2))
+    beside = base_values(truth)
+    lost = {
+        name
+        for size, axis, _ in SPLITS
+        if size in beside and not beside[size][0] >= CLEAR * beside[size][1]
+        for name in (size, axis)
+    }
+    for name, (value, std) in base_values(record).items():
+        if name in beside and name not in lost and np.isfinite(std) and std > 0:
+            axis = period if name.endswith("axis_rad") else 0.0
+            found[name] = RehearsedFigure(value, std, beside[name][0], axis)
+    return found
+
+
+def _compare_coefficients(record: Calibration, truth: Calibration) -> dict[str, RehearsedFigure]:
+    """Fourier coefficients of both tables at the rehearsal's nodes; the truth's tables are read
+    there."""
+    found = {}
+    for kind in ("drift_harmonics", "scale_factor_harmonics"):
+        values, std = np.asarray(getattr(record, kind)), np.asarray(getattr(record, f"{kind}_std"))
+        true = coefficients_at(
+            np.asarray(record.node, float),
+            np.asarray(truth.node, float),
+            np.asarray(getattr(truth, kind)),
+            truth.interpolation,
+        )
+        for node, x in enumerate(record.node):
+            for k in range(min(values.shape[1], true.shape[1])):
+                if np.isfinite(std[node, k]) and std[node, k] > 0:
+                    name = f"{kind.removesuffix('_harmonics')} {_name_harmonic(k)} at {x:.4g} °C"
+                    found[name] = RehearsedFigure(
+                        float(values[node, k]), float(std[node, k]), float(true[node, k])
+                    )
+    return found
+
+
+def _name_harmonic(k: int) -> str:
+    return "constant" if k == 0 else f"{'cos' if k % 2 else 'sin'} {(k + 1) // 2}·2mθ"

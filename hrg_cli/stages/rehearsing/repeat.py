@@ -1,0 +1,75 @@
+"""A twin's programme run again with other noise: raw samples, demodulate, estimate and the result's own
+stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+from ... import settings as checking
+from ...effects.effect import no_term
+from ...errors import HrgError
+from ...records import Diagnosis, Record, Wave, collect
+from ..calibrate import calibrate
+from ..demodulate import demodulate
+from ..diagnose import diagnose
+from ..estimate import estimate
+from ..identify import identify
+from ..simulate import simulate
+from .figures import Rehearsed, compare_figures
+from .twin import Twin
+from .twin_diagnosis import causes
+from .twin_effects import make_effects
+
+STREAMS = 1_000_003
+"""Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
+STAGES: Mapping[str, Callable[..., Any]] = {
+    "identify": identify,
+    "calibrate": calibrate,
+    "diagnose": diagnose,
+}
+"""The stages whose results are rehearsed."""
+Work = tuple[Twin, int]
+
+
+def rehearse_once(work: Work) -> Rehearsed:
+    """One rehearsal: the twin's runs through raw samples, demodulate, estimate and the result's own
+    stage."""
+    twin, seed = work
+    try:
+        record = repeat_stage(twin, seed)
+    except HrgError as error:
+        return Rehearsed(reason=str(error))
+    return Rehearsed(
+        compare_figures(record, twin),
+        record.status,
+        record.status_reasons[0] if record.status_reasons else "",
+        tuple(causes(record)) if isinstance(record, Diagnosis) else (),
+    )
+
+
+def repeat_stage(twin: Twin, seed: int) -> Record:
+    """The result of a twin's own stage on its runs, and on the resonator files that were made
+    again."""
+    waves = [make_wave(twin, number, seed) for number in range(len(twin.runs))]
+    stage = STAGES[twin.stage]
+    beside = [
+        repeat_stage(one, seed + number * STREAMS**2)
+        for number, one in enumerate(twin.resonators, start=1)
+    ]
+    given = {"resonator": beside} if beside else {}
+    record: Record = stage(waves, **given, **checking.checked(stage, twin.settings))
+    return record
+
+
+def make_wave(twin: Twin, number: int, seed: int) -> Wave:
+    """A run of the twin as the chain sees it."""
+    run, config = twin.runs[number], dict(twin.config)
+    extra = make_effects(twin, number, seed)
+    model: Literal["fast", "slow"] = "slow" if any(e.slow is not no_term for e in extra) else "fast"
+    config["effects"] = {**config.get("effects", {}), **{effect.name: {} for effect in extra}}
+    recording = collect(simulate(config, extra, model=model, run=run.name, seed=seed))
+    periods = collect(demodulate(recording, **checking.checked(demodulate, run.demodulate)))
+    wave = collect(estimate(periods, **checking.checked(estimate, run.estimate)))
+    return wave.replace(**run.carried, **dict.fromkeys(run.missing))

@@ -1,0 +1,86 @@
+"""What a twin's runs have beside its device: the tables of a calibration, the laws of one mode, the
+colour of the noise, each as an effect of the simulation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...effects.effect import Effect, Values, frame
+from ...fourier import evaluate
+from ...physics.plant import SlowState
+from ...physics.resonator import J
+from ...records import Calibration, Resonator
+from . import twin_colour, twin_mode, twin_physical
+from .twin import Twin
+from .twin_physical import is_physical
+
+Array = np.ndarray
+COLOUR = 2
+"""Number of the random stream of a run's coloured noise."""
+TABLES = "calibrated_tables"
+"""Name of the twin's own effect: drift and scale factor as a calibration file has them."""
+
+
+def make_effects(twin: Twin, number: int, seed: int) -> tuple[Effect, ...]:
+    """The twin's own effects in one of its runs: the tables of a calibration, what one mode's decay
+    and frequency do with its amplitude, the colour of the noise."""
+    run, table = twin.runs[number], twin.config["run"][number]
+    out: list[Effect] = []
+    if isinstance(twin.truth, Calibration):
+        factor = twin.config["device"]["scale_factor"]
+        out.append(
+            twin_physical.effect(twin.truth, run.frequency)
+            if is_physical(twin.truth)
+            else make_tables_effect(twin.truth, factor, run.frequency)
+        )
+    elif isinstance(twin.truth, Resonator) and twin_mode.is_modes(twin.truth):
+        out.append(twin_mode.effect(twin_mode.laws_of(twin.truth), run.silent))
+    if run.colour:
+        length = float(table["recording"]["duration_s"])
+        out.append(
+            twin_colour.effect(run.colour, run.std, run.window_s, length, (seed, number, COLOUR))
+        )
+    return tuple(out)
+
+
+def make_tables_effect(
+    truth: Calibration,
+    device_scale_factor: float,
+    frequency: tuple[Array, Array] | None = None,
+) -> Effect:
+    """The effect that turns the wave as the tables say, mθ' = −K(x,θ)Ω + D(x,θ): what the device's
+    constant K leaves of it.
+
+    x: the temperature or, with the course `frequency` of a run, the frequency, which then follows
+    the course.
+    """
+    nodes, mode = np.asarray(truth.node, float), truth.mode_number
+    drift, scale = (
+        np.asarray(truth.drift_harmonics, float),
+        np.asarray(truth.scale_factor_harmonics, float),
+    )
+
+    def slow(_: Values, u: Array, state: SlowState) -> Array:
+        e_A = frame(u, state.phase_rad)[1]
+        angle = np.arctan2(e_A[..., 1], e_A[..., 0]).ravel() / mode
+        x = state.temperature_degc if frequency is None else np.interp(state.time_s, *frequency)
+        at = np.broadcast_to(x, u.shape[:-1]).ravel()
+        D, K = (
+            evaluate(at, angle, nodes, table, mode, truth.interpolation) for table in (drift, scale)
+        )
+        rate = np.broadcast_to(state.rate_rad_s, u.shape[:-1]).ravel()
+        turning = ((K - device_scale_factor) * rate - D).reshape(u.shape[:-1])
+        change = turning[..., None] * (u @ J.T)
+        if frequency is not None:
+            faster = 2j * np.pi * (np.asarray(x) - state.mechanics.frequency_hz)
+            change = change + faster[..., None] * u
+        return np.asarray(change)
+
+    return Effect(
+        TABLES,
+        "bench",
+        "Drift and scale factor as a calibration file has them, mθ' = −K(T,θ)Ω + D(T,θ).",
+        (),
+        slow=slow,
+    )

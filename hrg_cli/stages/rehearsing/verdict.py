@@ -1,0 +1,148 @@
+"""All rehearsals of a result together: their statistics, the sentences that make the result suspect,
+and its record with both.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import HrgError
+from ...records import REHEARSAL as PREFIX
+from ...records import Calibration, Diagnosis, Record, Resonator
+from . import twin_colour
+from .figures import Rehearsed
+from .statistics import FigureStatistics, Named, judge_figure
+from .twin import Twin
+from .twin_diagnosis import causes, causes_held
+
+FEWEST = 2
+"""Rehearsals that must succeed for anything to be said."""
+FAILING = 0.1
+"""Part of the rehearsals that may fail."""
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """All rehearsals of a result: the figures, the sentences that make it suspect, and how many
+    failed."""
+
+    times: int
+    figures: Sequence[FigureStatistics]
+    reasons: tuple[str, ...]
+    failed: int
+    statuses: Mapping[str, int]
+    truth: str
+    causes: Sequence[Named] = ()
+    colour: Sequence[Mapping[str, Any]] = ()
+
+    @property
+    def status(self) -> str:
+        """Whether the result's errors hold."""
+        return "suspect" if self.reasons else "valid"
+
+    def table(self) -> dict[str, Any]:
+        """The rehearsal as the JSON has it."""
+        return {
+            "times": self.times,
+            "figures": [asdict(figure) for figure in self.figures],
+            "failed": self.failed,
+            "statuses": dict(self.statuses),
+            "truth": self.truth,
+            "causes": [asdict(cause) for cause in self.causes],
+            "colour": [dict(component) for component in self.colour],
+        }
+
+
+def _count_names(twin: Twin, good: Sequence[Rehearsed]) -> list[Named]:
+    """How often each cause was named: those of the truth (or one that cannot be told from it), then
+    any other."""
+    if not isinstance(twin.truth, Diagnosis):
+        return []
+    true = causes_held(twin)
+    alike = {name: {name} | rivals for name, (_, rivals) in true.items()}
+    known = set().union(*alike.values()) if alike else set()
+    # what the file names and the twin cannot hold is neither expected of it nor strange to it
+    known |= set(causes(twin.truth))
+    out = [
+        Named(name, True, sum(bool(own & set(one.named)) for one in good), len(good))
+        for name, own in alike.items()
+    ]
+    others = sorted({name for one in good for name in one.named} - known)
+    return out + [
+        Named(name, False, sum(name in one.named for one in good), len(good)) for name in others
+    ]
+
+
+def summarise(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
+    """The rehearsals' statistics and verdict. HrgError: fewer than `FEWEST` of them gave a
+    result."""
+    good = [one for one in done if one.status != "failed"]
+    failed = [one for one in done if one.status == "failed"]
+    if len(good) < FEWEST:
+        raise HrgError(
+            f"{len(failed)} of {len(done)} rehearsals failed; the first: {failed[0].reason}"
+        )
+    names = [
+        name
+        for name in dict.fromkeys(name for one in good for name in one.figures)
+        if _is_estimated([one.figures[name].value for one in good if name in one.figures])
+    ]
+    t = {
+        name: np.array([one.figures[name].t() for one in good if name in one.figures])
+        for name in names
+    }
+    figures = [judge_figure(name, values, len(names)) for name, values in t.items()]
+    named = _count_names(twin, good)
+    reasons = [sentence for sentence in (f.sentence() for f in figures) if sentence]
+    reasons += [s for s in (cause.sentence(len(named)) for cause in named) if s]
+    if len(failed) > FAILING * len(done):
+        reasons.append(
+            f"{PREFIX}{len(failed)} of {len(done)} simulated twins gave no result; the first:"
+            f" {failed[0].reason}"
+        )
+    refused = sum(one.status == "refused" for one in good)
+    if refused > FAILING * len(done):
+        first = next(one.reason for one in good if one.status == "refused")
+        reasons.append(
+            f"{PREFIX}{refused} of {len(done)} results of simulated twins were refused; the first:"
+            f" {first}"
+        )
+    statuses = {
+        status: sum(one.status == status for one in good)
+        for status in ("valid", "suspect", "refused")
+    }
+    what = {
+        Resonator: "the file's parameters",
+        Calibration: "the file's tables",
+        Diagnosis: "the file's extended model",
+    }[type(twin.truth)]
+    colour = twin_colour.describe_colour([run.colour for run in twin.runs])
+    return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what, named, colour)
+
+
+def _is_estimated(values: Sequence[float]) -> bool:
+    """Whether a figure was estimated at all: what a model holds comes out the same every time."""
+    return len(values) >= FEWEST and float(np.ptp(values)) > 0
+
+
+def judge_by_rehearsal(record: Record, rehearsal: Rehearsal) -> Record:
+    """The record with the rehearsal's verdict in its status and its figures in its details; an
+    earlier rehearsal's are replaced."""
+    others = tuple(reason for reason in record.status_reasons if not reason.startswith(PREFIX))
+    status = (
+        "valid"
+        if record.status == "suspect" and record.status_reasons and not others
+        else record.status
+    )
+    place = "report" if isinstance(record, Diagnosis) else "details"
+    told = json.loads(getattr(record, place)) | {"rehearsal": rehearsal.table()}
+    return record.replace(
+        status=status,
+        status_reasons=others,
+        **{place: json.dumps(told, ensure_ascii=False)},
+    ).judged(rehearsal.reasons)
