@@ -301,11 +301,14 @@ def stability(report: Mapping[str, Any]) -> tuple[str, ...]:
     """Where the causes' names change with the windows or on a shortened record; one sentence where
     none does."""
     rows = entries(dict(report), "stability")
-    usual = sorted(str(e.get("name")) for e in entries(dict(report), "effects"))
+    # what the runs' frequencies show is not sought again in a part of them
+    between = child(report, "frequencies").get("follow")
+    apart = set(map(str, between)) if isinstance(between, list) else set()
+    usual = sorted({str(e.get("name")) for e in entries(dict(report), "effects")} - apart)
     changed = []
     for row in rows:
         names = row.get("effects")
-        there = sorted(str(n) for n in names) if isinstance(names, list) else []
+        there = sorted({str(n) for n in names} - apart) if isinstance(names, list) else []
         if there != usual:
             changed.append(
                 f"with {plain(row.get('change'))} the causes are"
@@ -313,7 +316,7 @@ def stability(report: Mapping[str, Any]) -> tuple[str, ...]:
             )
     if rows and not changed:
         return (f"the same causes under all {len(rows)} changes of the evaluation",)
-    return tuple(changed)
+    return tuple(dict.fromkeys(changed))
 
 
 def next_runs(report: Mapping[str, Any]) -> tuple[str, ...]:

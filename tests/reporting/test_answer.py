@@ -254,6 +254,23 @@ def test_what_later_versions_write_is_said():
     )
 
 
+def test_stability_asks_again_only_what_a_part_of_the_runs_can_show():
+    """A cause that the frequencies of all runs show is not sought in half of them; what two halves
+    say alike is said once."""
+    record = by_hand.diagnosis()
+    found = [{"name": "thermal_frequency"}, {"name": "gain_mismatch"}]
+    more = {
+        "effects": found,
+        "frequencies": {"follow": ["thermal_frequency"]},
+        "stability": [{"change": "half of the runs", "effects": ["gain_mismatch"]}] * 2,
+    }
+    said = answer([record.replace(report=json.dumps(json.loads(record.report) | more))])
+    assert said.stability == ("the same causes under all 2 changes of the evaluation",)
+    more["stability"] = [{"change": "half of the runs", "effects": []}] * 2
+    said = answer([record.replace(report=json.dumps(json.loads(record.report) | more))])
+    assert said.stability == ("with half of the runs the causes are none",)
+
+
 def test_requirements_have_a_margin():
     row = Row("scale_factor", 0.55, 0.5, 0.56, True, std=0.002)
     assert row.margin_sigma == pytest.approx(5.0)
