@@ -81,8 +81,8 @@ def _try_in_a_child(path: Path) -> None:
         )
     except subprocess.TimeoutExpired as error:
         raise HrgError(
-            f"{path}: cannot be read as a MATLAB file within {limit:.0f} s; it is damaged: save it"
-            " again"
+            f"{path}: cannot be read as a MATLAB file within {limit:.0f} s; it is damaged, or"
+            " unpacks to far more than its size: save it again, in parts"
         ) from error
     if child.returncode < 0:
         raise HrgError(
