@@ -67,8 +67,8 @@ def _read_in_a_child(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float
             timer.cancel()
     if late:
         raise HrgError(
-            f"{path}: cannot be read as a MATLAB file within {limit_s:.0f} s; it is damaged: save"
-            " it again"
+            f"{path}: cannot be read as a MATLAB file within {limit_s:.0f} s; it is damaged, or"
+            " unpacks to far more than its size: save it again, in parts"
         )
     if child.returncode != 0 or not told:
         raise HrgError(

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from ..errors import HrgError
 from .plant import Environment, Plant
 from .resonator import IDENTITY, J, solvent
 
@@ -164,8 +165,14 @@ def _momentum_matrix(table: Coefficients, t: Array, omega_r: float) -> Array:
 
 
 def _exponential(A: Array) -> Array:
-    """exp(A) (m, n, n) by a Taylor series of order 14 after halving; exact to rounding."""
+    """exp(A) (m, n, n) by a Taylor series of order 14 after halving; exact to rounding. HrgError: A
+    is not finite."""
     norm = float(np.abs(A).sum(-1).max())
+    if not np.isfinite(norm):
+        raise HrgError(
+            "the resonator's equations of motion hold numbers that are not finite; look for a"
+            " frequency, damping, split or rate out of all proportion"
+        )
     halvings = max(0, math.ceil(math.log2(norm / 0.5))) if norm > 0.5 else 0
     A = A / 2**halvings
     unit = np.eye(A.shape[-1])

@@ -21,11 +21,12 @@ One judge holds every run to the promises: exit status 0, 1, 2 or 3; with 1 and 
 output; with 0 and 3 one JSON object; no traceback, no library's words, no half file, no figure that is not finite in a valid result,
 bounded time and memory. An input that broke one is kept in `tests/robustness/corpus.json` and replayed in every run of the tests.
 """
-LIBRARY = """A crash at a failed allocation is the library's: numpy (2.4.6) lets go of Python's lock before the iterator of a
-broadcast of more than 500 elements allocates its buffers (64 KiB each), and where these cannot be had it raises MemoryError
-without the lock (`npyiter_allocate_buffers` below `NpyIter_Reset`). `np.ones(4000)[:, None, None] * np.eye(2)` with the second
-allocation refused ends in a segmentation fault without any code of this project. What such an end leaves is what a kill leaves:
-the output is absent, and the next run removes the temporary file.
+LIBRARY = """A crash (exit -11) at a failed allocation is the library's: numpy (2.4.6) lets go of Python's lock before the iterator of
+a broadcast or cast of more than 500 elements allocates its buffers (64 KiB each), and where these cannot be had it raises
+MemoryError without the lock (`npyiter_allocate_buffers` below `NpyIter_Reset`). `np.ones(4000)[:, None, None] * np.eye(2)` and
+`np.ones((4000, 2)) + np.full((4000, 2), 1j)` with the second allocation refused end in a segmentation fault without any code of
+this project. An end by exit -6 is LLVM's, which ends the process where it has no memory to compile ("LLVM ERROR: out of memory").
+What such an end leaves is what a kill leaves: the output is absent, and the next run removes the temporary file.
 """
 
 
