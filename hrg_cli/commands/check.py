@@ -16,7 +16,7 @@ from ..errors import HrgError, UsageError
 from ..limits import Row, check
 from ..records import Record
 from ..reporting import check_pages, console
-from ..reporting.answer import answer
+from ..reporting.answer import Answer, answer
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
@@ -110,22 +110,15 @@ def check_files(
             store.check_output(path, run.force)
     paths = existing(files, "hrg files")
     done = [
-        _checked(path, name, wanted, baseline, limit_sigma, len(paths) > 1)
-        for path, name in zip(paths, told_apart(paths), strict=True)
+        _check_file(path, name, wanted, baseline, limit_sigma, len(paths) > 1)
+        for path, name in zip(paths, tell_apart(paths), strict=True)
     ]
     if not any(one.rows or one.moved is not None for one in done):
         raise HrgError(
             f"{paths[0]}: the limits hold nothing for a {done[0].record.kind} file, nor for any"
             f" other; write [{done[0].record.kind}]"
         )
-    records = [one.record for one in done]
-    found = None
-    if len({getattr(record, "gyro_id", "") for record in records}) == 1:  # an answer is one gyro's
-        found = answer(
-            records,
-            [row for one in done for row in one.rows],
-            {one.record.kind: one.path.name for one in done},
-        )
+    found = _answer_one_gyro(done)
     for target, text in (
         (junit, check_pages.junit(done, found)),
         (markdown, check_pages.markdown(done, found)),
@@ -133,17 +126,33 @@ def check_files(
         if target is not None:
             with store.atomic_path(target, run.force) as temporary:
                 temporary.write_text(text, encoding="utf-8")
+    report = _report(done, found) | {"elapsed_s": round(time.monotonic() - started, 3)}
+    return run.kept(report), lambda: _show(done)
+
+
+def _answer_one_gyro(done: Sequence[Checked]) -> Answer | None:
+    """The answer of the files; None where they are of several gyros, for an answer is one gyro's."""
+    records = [one.record for one in done]
+    if len({getattr(record, "gyro_id", "") for record in records}) != 1:
+        return None
+    return answer(
+        records,
+        [row for one in done for row in one.rows],
+        {one.record.kind: one.path.name for one in done},
+    )
+
+
+def _report(done: Sequence[Checked], found: Answer | None) -> dict[str, Any]:
+    """The command's JSON, but for its time."""
     passed = all(one.passed for one in done)
-    named = len(done) > 1
-    report = {
+    return {
         "kind": "check",
         "status": "valid" if passed else "refused",
         "status_reasons": [
-            f"{one.name}: {reason}" if named else reason
+            f"{one.name}: {reason}" if len(done) > 1 else reason
             for one in done
             for reason in check_pages.why_missed(one)
         ],
-        "elapsed_s": round(time.monotonic() - started, 3),
         "passed": passed,
         "answer": found.json() if found else None,
         "files": [
@@ -161,13 +170,16 @@ def check_files(
             for row in one.rows
         ],
     }
-    head = (*(("file",) if named else ()), "figure", "value", "limit", "margin, σ", "passed")
-    lines = [
-        (*((one.name,) if named else ()), *check_pages.cells(row))
-        for one in done
-        for row in one.rows
-    ]
-    return run.kept(report), lambda: console.print_table("", head, lines)
+
+
+def _show(done: Sequence[Checked]) -> None:
+    """Every figure beside its limit, with its file where there are several."""
+    head = ("figure", "value", "limit", "margin, σ", "passed")
+    lines = [(one.name, *check_pages.cells(row)) for one in done for row in one.rows]
+    if len(done) > 1:
+        console.print_table("", ("file", *head), lines)
+    else:
+        console.print_table("", head, [line[1:] for line in lines])
 
 
 def limits_of(run: Common, limits: Path | None) -> dict[str, Any]:
@@ -180,7 +192,7 @@ def limits_of(run: Common, limits: Path | None) -> dict[str, Any]:
     return wanted
 
 
-def told_apart(paths: Sequence[Path]) -> list[str]:
+def tell_apart(paths: Sequence[Path]) -> list[str]:
     """The paths' ends, as long as it takes to tell them apart."""
     for parts in range(1, max(len(path.parts) for path in paths) + 1):
         names = [str(Path(*path.parts[-parts:])) for path in paths]
@@ -189,7 +201,7 @@ def told_apart(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def _checked(
+def _check_file(
     path: Path,
     name: str,
     wanted: dict[str, Any],
@@ -197,6 +209,8 @@ def _checked(
     limit_sigma: float,
     one_of_many: bool,
 ) -> Checked:
+    """One file held against its limits and its baseline; of many files, one whose kind has no limits
+    is passed over."""
     record = store.read_any(path)
     rows: list[Row] = []
     if wanted and not (
@@ -215,11 +229,12 @@ def _checked(
         name,
         record,
         rows,
-        None if baseline is None else _moved(path, record, baseline, limit_sigma),
+        None if baseline is None else _compare_with(path, record, baseline, limit_sigma),
     )
 
 
-def _moved(path: Path, record: Record, baseline: Path, limit_sigma: float) -> list[str]:
+def _compare_with(path: Path, record: Record, baseline: Path, limit_sigma: float) -> list[str]:
+    """What has moved by more than `limit_sigma` since the baseline."""
     if not baseline.is_dir():
         return compare(store.read_any(baseline), record).beyond(limit_sigma)
     other = baseline / path.name

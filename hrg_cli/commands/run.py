@@ -101,40 +101,15 @@ def run_files(
     if dry_run:
         return _plan(paths, folder, tables, rehearsals, started)
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
-    files, gyro = [one.path for one in inputs], gyro_of(inputs)
+    gyro = gyro_of(inputs)
     made_folder = not folder.is_dir()
     if made_folder:
         store.check_output(folder)
         folder.mkdir()
-    page = folder / "report.html"
-    ours = (folder / MARK).exists()
-    store.check_output(page, run.force or ours)
-    with console.progress_bar(f"run {gyro}".strip(), run.quiet or run.json) as progress:
-
-        def told(step: Step, share: float) -> None:
-            progress(share)
-            if run.verbose and not run.quiet and not run.json:
-                console.message(f"{step.name} → {step.output}: {step.status}")
-
-        steps = run_gyro(
-            paths,
-            folder,
-            tables,
-            limits=wanted,
-            force=run.force,
-            command_line=command_line(),
-            told=told,
-            jobs=run.jobs,
-            rehearse=rehearsals,
-        )
-    failed = [step for step in steps if step.status == "failed"]
-    if failed and not any(
-        step.name in ("identify", "diagnose", "calibrate") and step.status != "failed"
-        for step in steps
-    ):
-        if made_folder and not any(folder.iterdir()):
-            folder.rmdir()
-        raise HrgError(failed[0].reasons[0])
+    page, force = folder / "report.html", run.force or (folder / MARK).exists()
+    store.check_output(page, force)
+    steps = _follow_chain(paths, folder, tables, wanted, run, gyro, rehearsals)
+    _need_result(steps, folder if made_folder else None)
     made = list(
         dict.fromkeys(
             folder / step.output
@@ -145,22 +120,9 @@ def run_files(
     found, rows = _answer(made, wanted)
     pageless = without_pages()
     if not pageless:
-        _write_page(
-            page,
-            [*(p for p in files if p.suffix == ".h5" and p.exists()), *made],
-            rows,
-            full,
-            run.force or ours,
-        )
-    deciding = (
-        [step for step in steps if step.name != "identify"] if _is_explained(steps) else steps
-    )
-    missed = [row.sentence() for row in rows if not row.passed]
-    worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
-    report: dict[str, Any] = {
-        "kind": "run",
-        "status": worst,
-        "status_reasons": [*missed, *reasons_of(deciding)],
+        recorded = [one.path for one in inputs if one.path.suffix == ".h5" and one.path.exists()]
+        _write_page(page, [*recorded, *made], rows, full, force)
+    report = _judge(steps, rows) | {
         "output": str(folder),
         "answer": found.json() if found else None,
         "steps": [dataclasses.asdict(step) for step in steps],
@@ -178,6 +140,65 @@ def run_files(
         print(f"page: {page}" if not pageless else f"no page: {pageless}")
 
     return report, show
+
+
+def _follow_chain(
+    paths: Sequence[Path],
+    folder: Path,
+    tables: Mapping[str, Any],
+    wanted: Mapping[str, Any],
+    run: Common,
+    gyro: str,
+    rehearsals: Mapping[str, Any] | None,
+) -> list[Step]:
+    """The chain's steps, told on the screen as they are done."""
+    quiet = run.quiet or run.json
+    with console.progress_bar(f"run {gyro}".strip(), quiet) as progress:
+
+        def told(step: Step, share: float) -> None:
+            progress(share)
+            if run.verbose and not quiet:
+                console.message(f"{step.name} → {step.output}: {step.status}")
+
+        return run_gyro(
+            paths,
+            folder,
+            tables,
+            limits=wanted,
+            force=run.force,
+            command_line=command_line(),
+            told=told,
+            jobs=run.jobs,
+            rehearse=rehearsals,
+        )
+
+
+def _need_result(steps: Sequence[Step], made_folder: Path | None) -> None:
+    """HrgError: no step of the chain gave a result of the gyro; a folder that was made for it goes
+    again where it is empty."""
+    failed = [step for step in steps if step.status == "failed"]
+    results = ("identify", "diagnose", "calibrate")
+    if not failed or any(s.name in results and s.status != "failed" for s in steps):
+        return
+    if made_folder is not None and not any(made_folder.iterdir()):
+        made_folder.rmdir()
+    raise HrgError(failed[0].reasons[0])
+
+
+def _judge(steps: Sequence[Step], rows: Sequence[Row]) -> dict[str, Any]:
+    """Kind, status and reasons of the whole: the worst of its steps, where a diagnosis explains what
+    the linear resonator leaves without that one; refused where a step failed or a limit is missed."""
+    deciding = (
+        [step for step in steps if step.name != "identify"] if _is_explained(steps) else steps
+    )
+    missed = [row.sentence() for row in rows if not row.passed]
+    failed = any(step.status == "failed" for step in steps)
+    worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
+    return {
+        "kind": "run",
+        "status": worst,
+        "status_reasons": [*missed, *reasons_of(deciding)],
+    }
 
 
 _ORDER = ["valid", "suspect", "refused"]

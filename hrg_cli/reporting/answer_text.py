@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from .answer import Answer
 from .console import print_table
-from .text import number
+from .text import drop_empty_columns, number
 
 
 def show(found: Answer) -> None:
@@ -38,11 +38,8 @@ def show(found: Answer) -> None:
             )
             for c in found.causes
         ]
-        print_table(
-            "",
-            ("cause", "size", "drift, °/h", "amplitude, ppm", "σ", "cannot be told from"),
-            causes,
-        )
+        head = ("cause", "size", "drift, °/h", "amplitude, ppm", "σ", "cannot be told from")
+        print_table("", *drop_empty_columns(head, causes))
     if found.parameters:
         print_table(
             "", (f"{found.parameters_of}", ""), [(p.label, p.text) for p in found.parameters]

@@ -18,3 +18,14 @@
   });
   show();
 })();
+(function () {
+  function mark(part) {
+    var hidden = part.scrollWidth - part.clientWidth;
+    part.classList.toggle("more", hidden > 1 && part.scrollLeft < hidden - 1);
+  }
+  var sizes = new ResizeObserver(function (changed) { changed.forEach(function (one) { mark(one.target); }); });
+  document.querySelectorAll(".scroll").forEach(function (part) {
+    sizes.observe(part);
+    part.addEventListener("scroll", function () { mark(part); }, {passive: true});
+  });
+})();

@@ -41,7 +41,8 @@ from .figures.answer import before_and_after
 from .figures.drawing import Plot, png, style, svg
 from .living import as_text, living_data
 from .methods import cited, methods
-from .page_content import STEPS, PageTable, ShownStep, cell, steps, tables
+from .page_content import STEPS, ShownStep, list_steps, list_tables
+from .page_table import PageTable, cell
 from .surface import surface_data
 from .tables import facts
 from .text import number, plain
@@ -297,7 +298,7 @@ def _entry(path: Path, index: int, full: bool) -> PageEntry:
         record = _thinned(record) if full or not isinstance(record, Periods | Wave) else record
         shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
         kept = record
-        found_tables = tables(kept) if full else []
+        found_tables = list_tables(kept) if full else []
     bare = _bare(kept)
     return PageEntry(
         plain(path.name),
@@ -412,7 +413,9 @@ def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: b
     kinds = [cls.kind for cls in KINDS]
     groups = [(kind, [e for e in entries if e.record.kind == kind]) for kind in kinds]
     history = list(dict.fromkeys(line for e in entries for line in e.provenance["history"]))
-    chain: list[ShownStep] = steps([(e.record.kind, e.record.status) for e in entries], history)
+    chain: list[ShownStep] = list_steps(
+        [(e.record.kind, e.record.status) for e in entries], history
+    )
     gyros = sorted({plain(getattr(e.record, "gyro_id", "")) for e in entries} - {""})
     return environment.get_template("page.html").render(
         entries=entries,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from numbers import Real
 from typing import Any
 
@@ -45,6 +46,14 @@ def c_comment(value: Any) -> str:
     text = re.sub(r"/(?=\*)", "/ ", text)
     text = text.replace("\\", "/ ").encode("ascii", "replace").decode().replace("*/", "* /")
     return re.sub(r"\?(?=\?)", "? ", text)  # two in a row begin a trigraph
+
+
+def drop_empty_columns(
+    head: Sequence[str], rows: Sequence[Sequence[Any]]
+) -> tuple[list[str], list[list[Any]]]:
+    """Heading and rows of a table without the columns in which nothing stands."""
+    kept = [k for k in range(len(head)) if any(row[k] not in (None, "", "–") for row in rows)]
+    return [head[k] for k in kept], [[row[k] for k in kept] for row in rows]
 
 
 def number(value: Any, digits: int = 4) -> str:

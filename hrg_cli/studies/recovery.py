@@ -10,7 +10,6 @@ root of χ² per degree of freedom.
 
 from __future__ import annotations
 
-import contextlib
 import zlib
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,33 +18,26 @@ import numpy as np
 from pydantic import Field
 
 from ..effects import EFFECTS, find
-from ..effects.effect import REFERENCE_TEMPERATURE, RUN, Effect
+from ..effects.effect import RUN, Effect
 from ..errors import HrgError, UsageError
 from ..executors import local_processes, run_tasks
-from ..fitting.causes import extended_fit, scales
-from ..fitting.causes.extended_fit import ExtendedFit
 from ..records import Recording, Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.diagnose import diagnose, summary
-from ..stages.diagnosis.data import freedom_of, prepare
-from ..stages.diagnosis.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
 from ..stages.inject import inject
 from ..stages.injection.samples import UnchangedError
-from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
 from .power import coverage, share
+from .recovery_sizes import choose_values, fit_background, need_thinkable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 Array = np.ndarray
 Row = dict[str, Any]
-LARGEST = 100.0
-"""Times its typical size that an effect is hidden with at most."""
 LARGEST_GROUP = 3
 """Names that a group may have in which the effect counts as named."""
-TONE_AWAY = (0.01, 0.05)
-"""Part of the oscillation's frequency by which a tone is beside it."""
 
 
 def recovery_study(
@@ -85,7 +77,7 @@ def recovery_study(
         find(name)
     if min(sizes) <= 0:
         raise UsageError(f"sizes holds {min(sizes):g}; a size is above 0 σ")
-    waves = [_wave(recording, periods_per_window) for recording in recordings]
+    waves = [_make_wave(recording, periods_per_window) for recording in recordings]
     background = _diagnosed(waves, scale_factor)
     rows = [dict(row) for row in known]
     done = {(row["effect"], row["draw"]) for row in rows}
@@ -134,20 +126,20 @@ def recover(
     effect, random = find(name), np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
     rows = []
     try:
-        fit = _fit(waves, scale_factor, background)
-        values_at = _values(effect, fit, recordings, waves, random)
+        fit = fit_background(waves, scale_factor, background)
+        values_at = choose_values(effect, fit, recordings, waves, random)
         for size in sizes[:1] if effect.whole_samples else sizes:
             true = values_at(size)
-            _thinkable(effect, true, size, fit)
+            need_thinkable(effect, true, size, fit)
             changed = [
-                _with(recording, number, effect, true)
+                _hide(recording, number, effect, true)
                 for number, recording in enumerate(recordings)
             ]
             if all(one is recording for one, recording in zip(changed, recordings, strict=True)):
                 raise HrgError(f"{name}: does nothing in these recordings")
             pairs = zip(changed, recordings, waves, strict=True)
             seen = [
-                wave if one is recording else _wave(one, periods_per_window)
+                wave if one is recording else _make_wave(one, periods_per_window)
                 for one, recording, wave in pairs
             ]
             report = _diagnosed(seen, scale_factor)
@@ -175,7 +167,7 @@ def judge_report(report: Row, background: Row, effect: Effect, true: dict[str, f
     new = [group for group in groups if group[0] not in before or group in own]
     found = next((e for e in entries if e["name"] == effect.name), None)
     sizes, errors = {}, {}
-    sign = _sign(effect, found, true) if found else 1.0
+    sign = _find_sign(effect, found, true) if found else 1.0
     for parameter, value in (found["parameters"] if found else {}).items():
         neutral = next(p.neutral for p in effect.parameters if p.name == parameter)
         wanted = true.get(parameter, neutral) - neutral
@@ -203,7 +195,7 @@ def judge_report(report: Row, background: Row, effect: Effect, true: dict[str, f
     }
 
 
-def _sign(effect: Effect, found: Row, true: dict[str, float]) -> float:
+def _find_sign(effect: Effect, found: Row, true: dict[str, float]) -> float:
     """Common sign of the parameters where it is nobody's to know: of a vector coherent with φ, and
     of a knock half a period later."""
     if not effect.coherent and effect.slow_jump is None:
@@ -260,84 +252,7 @@ def effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, Any
     }
 
 
-def _values(
-    effect: Effect,
-    fit: ExtendedFit,
-    recordings: Sequence[Recording],
-    waves: Sequence[Wave],
-    random: np.random.Generator,
-) -> Callable[[float], dict[str, float]]:
-    """The effect's parameters at a size, in a random direction. HrgError: these runs cannot show
-    it."""
-    neutral = effect.values()
-    first, wave = recordings[0], waves[0]
-    length = float(first.times(len(first) - 1)[-1])
-    if effect.follows_temperature:
-        warm = fit.series.temperature_degc[fit.series.weight > 0]
-        neutral[REFERENCE_TEMPERATURE] = (
-            float(np.round(warm.mean(), 3))
-            if fit.series.has_temperature
-            else neutral[REFERENCE_TEMPERATURE]
-        )
-    if "time_s" in neutral:
-        neutral["time_s"] = float(random.uniform(*MIDDLE)) * length
-    if effect.of_one_run:
-        neutral[RUN] = 0.0
-    if effect.whole_samples:
-        (lost,) = effect.fitted()
-        step = float(np.median(np.diff(first.times(0, 10_000))))
-        return lambda size: {**neutral, lost.name: step}
-    if effect.seen_in == "waveform":
-        neutral["frequency_hz"] = float(np.median(fit.frequency_hz)) * (
-            1 + float(random.choice([-1, 1]) * random.uniform(*TONE_AWAY))
-        )
-        sigma = float(np.median(wave.signal_std)) / np.sqrt(
-            max(1, int(np.count_nonzero(wave.good())))
-        )
-        vector = random.standard_normal(len(effect.fitted()))
-        direction = dict(
-            zip(
-                (p.name for p in effect.fitted()),
-                sigma * vector / np.linalg.norm(vector),
-                strict=True,
-            )
-        )
-        return lambda size: {
-            name: value + size * float(direction.get(name, 0.0)) for name, value in neutral.items()
-        }
-    louder = float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
-    if effect.sets_in:
-        return lambda size: {
-            **neutral,
-            **setting_in(effect, neutral, fit, size * louder, beside_model),
-        }
-    direction = direction_of(effect, fit, neutral, random, beside_model)
-    return lambda size: {
-        name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()
-    }
-
-
-def beside_model(fit: ExtendedFit, columns: Array) -> Array:
-    """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which
-    one run needs: SᵀS − SᵀJ Cov JᵀS."""
-    shared = fit.design.along(columns)
-    return columns.T @ columns - shared.T @ fit.covariance @ shared
-
-
-def _thinkable(effect: Effect, values: dict[str, float], size: float, fit: ExtendedFit) -> None:
-    """HrgError: the size is beyond what such a cause can have."""
-    amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
-    for p in effect.fitted():
-        typical = scales.typical(p, amplitude, frequency)
-        if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:
-            found = (
-                f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the"
-                f" typical {typical:.2g}"
-            )
-            raise HrgError(f"{effect.name}: {size:g} σ would be {found}")
-
-
-def _with(recording: Recording, number: int, effect: Effect, values: dict[str, float]) -> Recording:
+def _hide(recording: Recording, number: int, effect: Effect, values: dict[str, float]) -> Recording:
     """A recording with the effect in it; the same one where it does nothing, as what happens in one
     run does to the others."""
     if effect.of_one_run:
@@ -350,7 +265,7 @@ def _with(recording: Recording, number: int, effect: Effect, values: dict[str, f
         return recording
 
 
-def _wave(recording: Recording, periods_per_window: float) -> Wave:
+def _make_wave(recording: Recording, periods_per_window: float) -> Wave:
     return collect(estimate(collect(demodulate(recording, periods_per_window=periods_per_window))))
 
 
@@ -368,29 +283,6 @@ def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
             "after": {"chi2_per_dof": None},
         }
     return {key: report[key] for key in ("verdict", "effects", "after")}
-
-
-def _fit(waves: Sequence[Wave], scale_factor: float | None, background: Row) -> ExtendedFit:
-    """The base model's fit at the windows' own rate, with the causes of the background where it
-    finds one."""
-    series, point, _ = prepare(waves, scale_factor, ALL_ROWS)
-    fit = fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
-    names = {effect.name for effect in EFFECTS}
-    for entry in background["effects"]:
-        if entry["name"] not in names or find(entry["name"]).seen_in == "waveform":
-            continue
-        values = {
-            name: float(p["value"])
-            for name, p in (entry["parameters"] | entry.get("held", {})).items()
-        }
-        effect = find(entry["name"])
-        with contextlib.suppress(extended_fit.DivergedError):
-            fit = extended_fit.fit(
-                fit.series,
-                extended_fit.add_effect(fit.point, effect, effect.values(values)),
-                fit.freedom,
-            )
-    return fit
 
 
 def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:

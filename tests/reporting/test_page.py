@@ -14,7 +14,7 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.records import Provenance
 from hrg_cli.reporting import page
-from hrg_cli.reporting.page_content import for_people, steps
+from hrg_cli.reporting.page_content import list_steps, translate_parameter
 from hrg_cli.reporting.surface import surface_data
 from hrg_cli.units import DEGREE_PER_HOUR
 
@@ -304,7 +304,7 @@ def test_errors_are_sentences(tmp_path, files):
 def test_steps_from_files_and_history():
     found = {
         s.name: s.state
-        for s in steps(
+        for s in list_steps(
             [("wave", "valid"), ("wave", "suspect"), ("resonator", "refused")],
             ["2026-01-01T00:00:00Z hrg 0.1.0 hrg demodulate a.h5 -o b.h5"],
         )
@@ -321,10 +321,15 @@ def test_steps_from_files_and_history():
 
 
 def test_parameters_for_people():
-    assert for_people("damping_rate_1_s", 1.57e-3, 1e-6, 5000.0).startswith("τ = 636.9")
-    assert for_people("damping_rate_1_s", 1.57e-3, 1e-6, 5000.0).endswith("Q = 1.001×10⁷")
-    assert for_people("frequency_split_rad_s", 3.14159265e-3, 3.14e-5, None) == "Δf = 1 ± 0.01 mHz"
-    assert for_people("damping_split_1_s", np.pi / 180 / 3600, 0.0, None).startswith("1 ± 0 °/h")
+    assert translate_parameter("damping_rate_1_s", 1.57e-3, 1e-6, 5000.0).startswith("τ = 636.9")
+    assert translate_parameter("damping_rate_1_s", 1.57e-3, 1e-6, 5000.0).endswith("Q = 1.001×10⁷")
+    assert (
+        translate_parameter("frequency_split_rad_s", 3.14159265e-3, 3.14e-5, None)
+        == "Δf = 1 ± 0.01 mHz"
+    )
+    assert translate_parameter("damping_split_1_s", np.pi / 180 / 3600, 0.0, None).startswith(
+        "1 ± 0 °/h"
+    )
 
 
 def test_a_changed_source_is_named(tmp_path, files):

@@ -7,6 +7,7 @@ import io
 import itertools
 import json
 import re
+import time
 
 import browser
 import numpy as np
@@ -152,6 +153,33 @@ def test_no_screen_scrolls_sideways(window, width):
     boxes = window.run(BOXES)
     assert all(b["width"] > 250 for b in boxes)
     window.size(1200, 900)
+
+
+def test_what_scrolls_says_so_until_its_end(window):
+    """On a telephone a figure that goes on beyond the screen fades there and says so; nothing does
+    on a wide screen."""
+    more = "return document.querySelectorAll('figure .scroll.more').length"
+    hint = (
+        "return getComputedStyle(document.querySelector('figure figcaption'), '::before').content"
+    )
+    window.size(390, 800)
+    eventually(lambda: window.run(more) > 0)
+    assert "sideways" in window.run(hint)
+    window.run("document.querySelectorAll('figure .scroll').forEach(p => p.scrollLeft = 1e5)")
+    eventually(lambda: window.run(more) == 0)
+    assert window.run(hint) == "none"
+    window.size(1200, 900)
+    window.run("document.querySelectorAll('figure .scroll').forEach(p => p.scrollLeft = 0)")
+    eventually(lambda: window.run(more) == 0)
+
+
+def eventually(true):
+    """Wait for what follows a browser's own events."""
+    for _ in range(50):
+        if true():
+            return
+        time.sleep(0.1)
+    raise AssertionError("it did not come")
 
 
 def test_text_inside_figures_does_not_overlap(window):

@@ -17,6 +17,7 @@ from hrg_cli.stages.simulate import run_ids, simulate
 from hrg_cli.studies import recovery
 from hrg_cli.studies.hidden import programme
 from hrg_cli.studies.recovery import assemble, figure, judge_report, recovery_study, table
+from hrg_cli.studies.recovery_sizes import fit_background
 
 EFFECTS = ["damping_drift", "momentum_kick", "drive_rotation"]
 
@@ -112,7 +113,7 @@ def test_table_and_figure(quick, recordings):
 def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
     """Every effect that these runs show changes them by its size, and twice the size by twice as
     much."""
-    waves = [recovery._wave(recording, 40.0) for recording in recordings]
+    waves = [recovery._make_wave(recording, 40.0) for recording in recordings]
     cause = {
         "name": "cubic_stiffness",
         "parameters": {"pull_rad_s": {"value": 0.3, "std": 1e-4, "units": ""}},
@@ -120,7 +121,7 @@ def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
     }
     background = {"verdict": "explained", "effects": [cause], "after": {"chi2_per_dof": 1.0}}
     monkeypatch.setattr(recovery, "_diagnosed", lambda waves, scale_factor: background)
-    fit = recovery._fit(waves, None, background)
+    fit = fit_background(waves, None, background)
     for name in ("momentum_kick", "saturation"):
         one, two = recovery.recover(
             (recordings, waves, background, name, 0, (10.0, 20.0), 40.0, None, 0)

@@ -137,59 +137,67 @@ def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> l
                 )
             )
             continue
-        here, time = rates[near], times[near]
-        mean = float(np.average(here, weights=time))
-        spread = float(np.sqrt(np.average((here - mean) ** 2, weights=time)))
-        if spread < max(1e-3 * fastest, 1e-12):
-            if abs(mean) < 1e-3 * fastest or fastest == 0:
-                findings.append(
-                    Finding(
-                        f"{at}no run turns (run {names}): the scale factor K cannot be told; "
-                        "add a run at a rate well above the drift, best two of both signs",
-                        True,
-                    )
-                )
-            else:
-                findings.append(
-                    Finding(
-                        f"{at}there is one rate only, {mean:.4g} rad/s (run {names}): K and D"
-                        f" cannot be told apart; add a run at another rate, best at {-mean:.4g}"
-                        " rad/s, and one near 0",
-                        True,
-                    )
-                )
-            continue
-        if here.max() < 0.05 * fastest or here.min() > -0.05 * fastest:
-            sign = "positive" if here.min() > -0.05 * fastest else "negative"
-            findings.append(
-                Finding(
-                    f"{at}all turning runs are {sign}: asymmetry of the scale factor cannot be"
-                    " seen; add a run of the other sign",
-                    False,
-                )
+        rated, several = _examine_rates(rates[near], times[near], fastest, at, names)
+        findings += rated
+        if several and harmonics:
+            findings += _examine_angles(
+                angles[near], travels[near], rates[near], harmonics, m, at, names
             )
-        if harmonics == 0:
-            continue
-        turning = np.abs(here) > 0.2 * np.abs(here).max()
-        for what, chosen in (("the runs", np.ones(len(here), bool)), ("the turning runs", turning)):
-            arc = _uncovered(angles[near][chosen], travels[near][chosen], m)
-            if arc is None:
-                continue
-            start, length = arc
-            period = np.pi / m
-            if length > period / (2 * harmonics + 1):
-                findings.append(
-                    Finding(
-                        f"{at}{what} (run {names}) cover {100 * (1 - length / period):.0f} % of the"
-                        f" wave angle's period of {np.degrees(period):.0f}°:"
-                        f" {np.degrees(start):.0f}° to {np.degrees(start + length):.0f}° is"
-                        " missing; add a run that starts or turns through there, or turn for"
-                        " longer",
-                        True,
-                    )
-                )
-                break
     return findings
+
+
+def _examine_rates(
+    here: Array, time: Array, fastest: float, at: str, names: str
+) -> tuple[list[Finding], bool]:
+    """What rates `here` (n,) over times (n,) at a node cannot tell of K and D, and whether they are
+    several."""
+    mean = float(np.average(here, weights=time))
+    spread = float(np.sqrt(np.average((here - mean) ** 2, weights=time)))
+    if spread < max(1e-3 * fastest, 1e-12):
+        if abs(mean) < 1e-3 * fastest or fastest == 0:
+            sentence = (
+                f"{at}no run turns (run {names}): the scale factor K cannot be told; "
+                "add a run at a rate well above the drift, best two of both signs"
+            )
+        else:
+            sentence = (
+                f"{at}there is one rate only, {mean:.4g} rad/s (run {names}): K and D"
+                f" cannot be told apart; add a run at another rate, best at {-mean:.4g}"
+                " rad/s, and one near 0"
+            )
+        return [Finding(sentence, True)], False
+    if here.max() < 0.05 * fastest or here.min() > -0.05 * fastest:
+        sign = "positive" if here.min() > -0.05 * fastest else "negative"
+        sentence = (
+            f"{at}all turning runs are {sign}: asymmetry of the scale factor cannot be"
+            " seen; add a run of the other sign"
+        )
+        return [Finding(sentence, False)], True
+    return [], True
+
+
+def _examine_angles(
+    angle: Array, travel: Array, rate: Array, harmonics: int, m: int, at: str, names: str
+) -> list[Finding]:
+    """The arc of the wave angle's period that the runs at a node, or the turning ones among them,
+    leave out, where it is longer than so many harmonics allow."""
+    period = np.pi / m
+    turning = np.abs(rate) > 0.2 * np.abs(rate).max()
+    for what, chosen in (("the runs", np.ones(len(rate), bool)), ("the turning runs", turning)):
+        arc = _uncovered(angle[chosen], travel[chosen], m)
+        if arc is not None and arc[1] > period / (2 * harmonics + 1):
+            start, length = arc
+            return [
+                Finding(
+                    f"{at}{what} (run {names}) cover {100 * (1 - length / period):.0f} % of the"
+                    f" wave angle's period of {np.degrees(period):.0f}°:"
+                    f" {np.degrees(start):.0f}° to {np.degrees(start + length):.0f}° is"
+                    " missing; add a run that starts or turns through there, or turn for"
+                    " longer",
+                    True,
+                )
+            ]
+    return []
 
 
 def _uncovered(angle: Array, travel: Array, m: int) -> tuple[float, float] | None:

@@ -1,0 +1,132 @@
+"""How large an effect is hidden in a user's recordings: in σ of an ideal detector that knows it, with
+the base model and the background's causes as free as these runs and weak priors leave them.
+
+Fisher's information of columns S over σ beside a model J with its covariance: SᵀS − SᵀJ Cov JᵀS.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..effects import EFFECTS, find
+from ..effects.effect import REFERENCE_TEMPERATURE, RUN, Effect
+from ..errors import HrgError
+from ..fitting.causes import extended_fit, scales
+from ..fitting.causes.extended_fit import ExtendedFit
+from ..records import Recording, Wave
+from ..stages.diagnosis.data import freedom_of, prepare
+from ..stages.diagnosis.rate_steps import fit_rate_steps
+from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
+
+Array = np.ndarray
+Row = dict[str, Any]
+LARGEST = 100.0
+"""Times its typical size that an effect is hidden with at most."""
+TONE_AWAY = (0.01, 0.05)
+"""Part of the oscillation's frequency by which a tone is beside it."""
+
+
+def choose_values(
+    effect: Effect,
+    fit: ExtendedFit,
+    recordings: Sequence[Recording],
+    waves: Sequence[Wave],
+    random: np.random.Generator,
+) -> Callable[[float], dict[str, float]]:
+    """The effect's parameters at a size, in a random direction. HrgError: these runs cannot show
+    it."""
+    neutral = effect.values()
+    first, wave = recordings[0], waves[0]
+    length = float(first.times(len(first) - 1)[-1])
+    if effect.follows_temperature:
+        warm = fit.series.temperature_degc[fit.series.weight > 0]
+        neutral[REFERENCE_TEMPERATURE] = (
+            float(np.round(warm.mean(), 3))
+            if fit.series.has_temperature
+            else neutral[REFERENCE_TEMPERATURE]
+        )
+    if "time_s" in neutral:
+        neutral["time_s"] = float(random.uniform(*MIDDLE)) * length
+    if effect.of_one_run:
+        neutral[RUN] = 0.0
+    if effect.whole_samples:
+        (lost,) = effect.fitted()
+        step = float(np.median(np.diff(first.times(0, 10_000))))
+        return lambda size: {**neutral, lost.name: step}
+    if effect.seen_in == "waveform":
+        neutral["frequency_hz"] = float(np.median(fit.frequency_hz)) * (
+            1 + float(random.choice([-1, 1]) * random.uniform(*TONE_AWAY))
+        )
+        sigma = float(np.median(wave.signal_std)) / np.sqrt(
+            max(1, int(np.count_nonzero(wave.good())))
+        )
+        vector = random.standard_normal(len(effect.fitted()))
+        direction = dict(
+            zip(
+                (p.name for p in effect.fitted()),
+                sigma * vector / np.linalg.norm(vector),
+                strict=True,
+            )
+        )
+        return lambda size: {
+            name: value + size * float(direction.get(name, 0.0)) for name, value in neutral.items()
+        }
+    louder = float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
+    if effect.sets_in:
+        return lambda size: {
+            **neutral,
+            **setting_in(effect, neutral, fit, size * louder, beside_model),
+        }
+    direction = direction_of(effect, fit, neutral, random, beside_model)
+    return lambda size: {
+        name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()
+    }
+
+
+def beside_model(fit: ExtendedFit, columns: Array) -> Array:
+    """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which
+    one run needs: SᵀS − SᵀJ Cov JᵀS."""
+    shared = fit.design.along(columns)
+    return columns.T @ columns - shared.T @ fit.covariance @ shared
+
+
+def need_thinkable(effect: Effect, values: dict[str, float], size: float, fit: ExtendedFit) -> None:
+    """HrgError: the size is beyond what such a cause can have."""
+    amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
+    for p in effect.fitted():
+        typical = scales.typical(p, amplitude, frequency)
+        if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:
+            found = (
+                f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the"
+                f" typical {typical:.2g}"
+            )
+            raise HrgError(f"{effect.name}: {size:g} σ would be {found}")
+
+
+def fit_background(
+    waves: Sequence[Wave], scale_factor: float | None, background: Row
+) -> ExtendedFit:
+    """The base model's fit at the windows' own rate, with the causes of the background where it
+    finds one."""
+    series, point, _ = prepare(waves, scale_factor, ALL_ROWS)
+    fit = fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+    names = {effect.name for effect in EFFECTS}
+    for entry in background["effects"]:
+        if entry["name"] not in names or find(entry["name"]).seen_in == "waveform":
+            continue
+        values = {
+            name: float(p["value"])
+            for name, p in (entry["parameters"] | entry.get("held", {})).items()
+        }
+        effect = find(entry["name"])
+        with contextlib.suppress(extended_fit.DivergedError):
+            fit = extended_fit.fit(
+                fit.series,
+                extended_fit.add_effect(fit.point, effect, effect.values(values)),
+                fit.freedom,
+            )
+    return fit
