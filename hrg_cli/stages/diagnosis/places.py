@@ -13,7 +13,6 @@ whatever it was that struck.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,8 +27,6 @@ from .variants import Variant
 Array = np.ndarray
 START = slice(0, 4)
 """Columns of a run's start among its own."""
-MOST = 3
-"""Runs in which a cause is tried, the clearest first."""
 PHASES = 4
 """Parts of half a period at which a jump of the motion is tried: it is a velocity at one phase of
 the oscillation, which is fitted from the nearest."""
@@ -47,26 +44,27 @@ class Place:
 
 
 def placed(variant: Variant, fit: ExtendedFit) -> list[Variant]:
-    """A cause that may strike anywhere, at the places that stand out of a fit's residual; none where
-    chance makes them."""
+    """A cause that may strike anywhere, at the place that stands out of a fit's residual, at some
+    phases of the oscillation; none where no place does."""
     series, effect = fit.series, variant.effect
-    found: list[Place] = fit.remembered(
-        ("places", effect.name), lambda: sorted(_places(variant, fit), key=lambda p: -p.gain)[:MOST]
-    )
-    period = 1 / series.reference_frequency_hz
-    parts = range(PHASES) if effect.slow_jump is not None else range(1)
-    out = []
-    for place in found:
-        t = _times(fit, place.run)
-        between = float(t[place.row - 1] + t[place.row]) / 2
-        for part in parts:
-            values = {
-                **variant.values,
-                INSTANT: between + part * period / (2 * PHASES),
-                RUN: float(series.numbers[place.run]),
-            }
-            out.append(replace(variant, values=values, anywhere=False))
-    return out
+    place: Place | None = fit.remembered(("place", effect.name), lambda: _place(variant, fit))
+    if place is None:
+        return []
+    t = _times(fit, place.run)
+    at = {
+        INSTANT: float(t[place.row - 1] + t[place.row]) / 2,
+        RUN: float(series.numbers[place.run]),
+    }
+    step = 1 / series.reference_frequency_hz / (2 * PHASES)
+    shifts = step * np.arange(PHASES if effect.slow_jump is not None else 1)
+    return [
+        replace(
+            variant,
+            values={**variant.values, **at, INSTANT: at[INSTANT] + float(shift)},
+            anywhere=False,
+        )
+        for shift in shifts
+    ]
 
 
 def another_start(fit: ExtendedFit, slow: float) -> Place | None:
@@ -93,12 +91,16 @@ def _times(fit: ExtendedFit, run: int) -> Array:
     return np.asarray(fit.series.time_s[run][fit.series.weight[run] > 0])
 
 
-def _places(variant: Variant, fit: ExtendedFit) -> Iterator[Place]:
-    """The clearest place of every run that shows one."""
-    for run in range(len(fit.series.names)):
-        found = _clearest(_own_columns(variant, fit, run), fit, run)
-        if found is not None and found.chance < SIGNIFICANT:
-            yield found
+def _place(variant: Variant, fit: ExtendedFit) -> Place | None:
+    """The clearest place of all runs, where chance makes none; None where the other runs together
+    show as much: what strikes does so in one of them, what all of them show is no strike."""
+    runs = range(len(fit.series.names))
+    found = [_clearest(_own_columns(variant, fit, run), fit, run) for run in runs]
+    clear = [one for one in found if one is not None and one.chance < SIGNIFICANT]
+    best = max(clear, key=lambda one: one.gain, default=None)
+    if best is None or 2 * best.gain <= sum(one.gain for one in clear):
+        return None
+    return best
 
 
 def _clearest(
