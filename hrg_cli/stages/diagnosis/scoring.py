@@ -56,7 +56,12 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
             continue
         if score.name not in best or score.gain > best[score.name][0].gain:
             best[score.name] = (score, variant)
-    return sorted(best.values(), key=lambda pair: -worth(*pair, fit) if pair[0].visible else np.inf)
+
+    def order(pair: tuple[Score, Variant]) -> float:
+        score, variant = pair
+        return -worth(score, variant, fit) if score.visible else np.inf
+
+    return sorted(best.values(), key=order)
 
 
 def _thinkable(score: Score, variant: Variant, fit: ExtendedFit) -> bool:
