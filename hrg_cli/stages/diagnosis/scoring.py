@@ -56,7 +56,9 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
             continue
         if score.name not in best or score.gain > best[score.name][0].gain:
             best[score.name] = (score, variant)
-    return sorted(best.values(), key=lambda pair: -worth(*pair, fit) if pair[0].visible else np.inf)
+    return sorted(
+        best.values(), key=lambda pair: -worth(pair[0], pair[1], fit) if pair[0].visible else np.inf
+    )
 
 
 def _thinkable(score: Score, variant: Variant, fit: ExtendedFit) -> bool:
