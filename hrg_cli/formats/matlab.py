@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -32,50 +33,30 @@ def recognises(path: Path, head: bytes) -> bool:
 def open_matlab(path: Path) -> Log:
     """Every vector, matrix column and structure field as a column. HrgError: damaged, truncated, no
     numbers."""
-    from scipy.io import loadmat, whosmat
-
-    size = path.stat().st_size
-    _try_in_a_child(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            for name, shape, kind in whosmat(str(path)):
-                claimed = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 0
-                if any(int(n) < 0 for n in shape) or claimed * 2 > min(
-                    LARGEST_BYTES, LARGEST_RATIO * size
-                ):
-                    raise HrgError(
-                        f"{path}: variable {name} ({kind}) claims {claimed} values, more than the"
-                        " file can hold; it is damaged"
-                    )
-            content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
-    except HrgError:
-        raise
-    except Exception as error:
-        said = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise HrgError(
-            f"{path}: cannot be read as a MATLAB file ({said}); it is truncated or damaged: save it"
-            " again"
-        ) from error
-    arrays: dict[str, np.ndarray] = {}
-    scalars: dict[str, float] = {}
-    for name, value in content.items():
-        if not name.startswith("__"):
-            _flatten(name, value, arrays, scalars, DEPTH)
+    with tempfile.TemporaryDirectory(prefix="hrg-matlab-") as folder:
+        handed = Path(folder) / "columns.npz"
+        _read_in_a_child(path, handed)
+        with np.load(handed, allow_pickle=False) as columns:
+            arrays = {name.removeprefix("/"): columns[name] for name in columns.files}
+    scalars = {name: float(arrays.pop(name)) for name in list(arrays) if arrays[name].ndim == 0}
     if not arrays:
         raise HrgError(f"{path}: holds no vector of numbers; a variable a channel was expected")
     return log_of_arrays("matlab", arrays, sample_rate_hz=rate_of(scalars))
 
 
-def _try_in_a_child(path: Path) -> None:
-    """Load the file in a process of its own first: damaged cells and structures make scipy's reader
-    crash, not raise."""
-    program = "import sys, scipy.io; scipy.io.whosmat(sys.argv[1]); scipy.io.loadmat(sys.argv[1])"
+def _read_in_a_child(path: Path, handed: Path) -> None:
+    """The file's numbers into `handed` by a process of its own: damaged cells and structures make
+    scipy's reader crash, now and then, not raise."""
+    program = (
+        f"import sys; sys.path[:0] = sys.argv[3:]; from {__name__} import hand_over; hand_over()"
+    )
     limit = 60 + path.stat().st_size / 1e6
     try:
         child = subprocess.run(
-            [sys.executable, "-c", program, str(path)],
+            [sys.executable, "-c", program, str(path), str(handed), *sys.path],
             capture_output=True,
+            text=True,
+            errors="replace",
             timeout=limit,
             check=False,
         )
@@ -89,6 +70,47 @@ def _try_in_a_child(path: Path) -> None:
             f"{path}: cannot be read as a MATLAB file (scipy's reader crashed on it); it is"
             " damaged: save it again"
         )
+    if child.returncode:
+        said = (child.stderr.strip().splitlines() or ["no memory"])[-1][:160]
+        raise HrgError(f"{path}: cannot be read as a MATLAB file ({said}); save it again")
+
+
+def hand_over() -> None:
+    """Read the file sys.argv[1] and write its vectors and scalars to sys.argv[2]; what is wrong is
+    the last line on standard error, with exit status 1."""
+    path, handed = sys.argv[1:3]
+    try:
+        arrays, scalars = _numbers(path)
+        columns: dict[str, Any] = {f"/{name}": value for name, value in (arrays | scalars).items()}
+        np.savez(handed, **columns)
+    except Exception as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        print(said, file=sys.stderr)
+        raise SystemExit(1) from None
+
+
+def _numbers(path: str) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """Vectors and scalars of the file by name. ValueError: a variable claims more than the file
+    holds."""
+    from scipy.io import loadmat, whosmat
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, shape, kind in whosmat(path):
+            claimed = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 0
+            if any(int(n) < 0 for n in shape) or claimed * 2 > min(
+                LARGEST_BYTES, LARGEST_RATIO * Path(path).stat().st_size
+            ):
+                raise ValueError(
+                    f"variable {name} ({kind}) claims {claimed} values, more than the file can hold"
+                )
+        content = loadmat(path, squeeze_me=True, struct_as_record=True)
+    arrays: dict[str, np.ndarray] = {}
+    scalars: dict[str, float] = {}
+    for name, value in content.items():
+        if not name.startswith("__"):
+            _flatten(name, value, arrays, scalars, DEPTH)
+    return arrays, scalars
 
 
 def _flatten(
