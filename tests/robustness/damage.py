@@ -153,6 +153,7 @@ def apply(path: Path, damages: list[Damage]) -> None:
                 OSError,
                 RuntimeError,
                 KeyError,
+                AttributeError,
                 ValueError,
                 TypeError,
                 OverflowError,
