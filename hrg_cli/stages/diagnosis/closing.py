@@ -27,6 +27,7 @@ from .thresholds import (
     BOUND_COST,
     FREQUENCIES,
     INADEQUATE,
+    MOST_RIVALS,
     NOISE_LEVEL,
     OWN_SIGMA,
     RUN_PREDICTED,
@@ -237,6 +238,12 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
         small = is_small(one.variant.effect, fit.values(name), fit)
         yield checks.holds(
             f"{name}_is_small", small, f"{name} came out larger than such a cause can be"
+        )
+        yield checks.at_most(
+            f"{name}_is_told_apart",
+            float(len(one.rivals)),
+            float(MOST_RIVALS),
+            f"{name} or any of {len(one.rivals)} other causes explains the runs as well",
         )
     for entry in waveform:
         parameters = entry["parameters"]

@@ -28,7 +28,8 @@ BESIDE_MISFIT = 1e-2
 """Chance, for all causes tried, that a misfit which nothing explains would lend a cause what it takes
 of it away."""
 MOST_RIVALS = 2
-"""Other causes that explain a misfit as well, beyond which a cause is not named: a group of three."""
+"""Other causes that explain the runs as well, beyond which none of them is an explanation, and
+beside a misfit none is named: a group of three."""
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
 SAME = 0.995
