@@ -42,7 +42,8 @@ def open_matlab(path: Path) -> Log:
 
 
 def _read_in_a_child(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """The file's numbers, read by a process of its own that may crash or hang on damaged bytes."""
+    """The file's numbers, read by a process of its own that may crash or hang on damaged bytes.
+    MemoryError: there is no room for them."""
     limit_s = LEAST_S + S_PER_BYTE * path.stat().st_size
     # -P: the folder of the program, whose modules are named after formats, is not searched
     program = [sys.executable, "-P", str(matlab_child.__file__), str(path)]
@@ -75,6 +76,8 @@ def _read_in_a_child(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float
             f"{path}: cannot be read as a MATLAB file (scipy's reader crashed on it); it is"
             " damaged: save it again"
         )
+    if "no_memory" in told:
+        raise MemoryError
     if "error" in told:
         raise HrgError(f"{path}: {told['error']}")
     return arrays, told["scalars"]

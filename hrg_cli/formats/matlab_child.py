@@ -1,9 +1,9 @@
 """A program of its own that reads a MATLAB file and hands its numbers over on standard output.
 
 Damaged cells and structures make scipy's reader crash, not raise, and not every time; what crashes
-here takes nothing with it. First a line of JSON, `{"arrays": [names], "scalars": {name: value}}` or
-`{"error": sentence}`, then the arrays one after another as `.npy`. It imports nothing of the
-package, so that it can be run from its file.
+here takes nothing with it. First a line of JSON, `{"arrays": [names], "scalars": {name: value}}`,
+`{"error": sentence}` or `{"no_memory": true}`, then the arrays one after another as `.npy`. It
+imports nothing of the package, so that it can be run from its file.
 """
 
 from __future__ import annotations
@@ -90,6 +90,9 @@ def hand_over(path: Path) -> None:
     warnings.simplefilter("ignore")
     try:
         arrays, scalars = read_numbers(path)
+    except MemoryError:
+        out.write(json.dumps({"no_memory": True}).encode() + b"\n")
+        return
     except Exception as error:  # any: the reader's errors on damaged bytes are of every kind
         out.write(json.dumps({"error": _said(error)}).encode() + b"\n")
         return

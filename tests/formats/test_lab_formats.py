@@ -243,8 +243,9 @@ def test_tdms_slow_channel_has_its_own_rate(tmp_path):
         ('print(\'{"arrays": ["c"], "scalars": {}}\')', "crashed on it"),
         ("import sys; sys.exit(1)", "crashed on it"),
         ("import time; time.sleep(60)", "within 1 s"),
+        ("print('{\"no_memory\": true}')", "more data than fits in memory"),
     ],
-    ids=["crashes", "ends before its last", "fails", "hangs"],
+    ids=["crashes", "ends before its last", "fails", "hangs", "has no memory"],
 )
 def test_a_matlab_reader_takes_nothing_with_it(tmp_path, monkeypatch, program, said):
     """Damage may make the reader crash in one process and not in the next: it never runs in ours."""

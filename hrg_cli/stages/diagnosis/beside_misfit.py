@@ -64,7 +64,7 @@ def drop_indistinct(case: Case) -> Case:
                 _judge_cause(one, without, search.final, case.inquiry.candidates)
                 for one in search.found
                 if one.sizes is None
-                and (without := leave_out(search.final, one.variant.effect.name, search.base))
+                and (without := leave_out(search.final, one.variant.effect.name, base=search.base))
             ),
             key=lambda j: -j.chance,
         )

@@ -156,12 +156,11 @@ def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
     ]
     for name, place, allowed, cause in found:
         if place is not None:
-            t = fit.series.time_s[place.run][fit.series.weight[place.run] > 0]
             yield checks.at_most(
                 name,
                 -float(np.log10(max(place.chance, 1e-300))),
                 -float(np.log10(allowed)),
-                moved.format(t[place.row], fit.series.names[place.run], cause),
+                moved.format(place.time_s, fit.series.names[place.run], cause),
             )
 
 

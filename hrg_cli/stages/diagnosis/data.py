@@ -117,7 +117,7 @@ def is_averaged_well(series: MeasuredRuns, averaged_along: Point, fitted: Point)
     change = fitted.p - averaged_along.p
     row = np.diff(series.time_s, axis=1)
     turn = np.abs(np.diff(series.table_angle_rad, axis=1))
-    moved = np.linalg.norm(change[:5]) * row + abs(change[5]) * turn
+    moved = np.linalg.norm(change[:SCALE_FACTOR]) * row + abs(change[SCALE_FACTOR]) * turn
     # damping alike in all directions commutes with everything
     carried = np.linalg.norm(fitted.p[1:5]) * row + abs(fitted.p[SCALE_FACTOR]) * turn
     size = np.sqrt(np.sum(np.abs(series.envelope) ** 2, axis=-1)) * series.weight

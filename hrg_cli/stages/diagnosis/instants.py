@@ -80,7 +80,7 @@ def _without(case: Case, sharp: Sequence[Effect]) -> Case:
     search = case.search
     for one in search.found:
         if one.variant.effect.name in names:
-            reduced = leave_out(search.final, one.variant.effect.name, search.base)
+            reduced = leave_out(search.final, one.variant.effect.name, base=search.base)
             if reduced is not None:
                 search = search.without(one, reduced, case.inquiry.candidates)
     return case if search is case.search else replace(case, search=search)

@@ -34,11 +34,12 @@ the oscillation, which is fitted from the nearest."""
 
 @dataclass(frozen=True)
 class Place:
-    """Before which row of which run, by how much χ² falls with what happens there, and the chance, for
-    all rows of all runs, of as much."""
+    """Before which row of which run, that row's time, by how much χ² falls with what happens there, and
+    the chance, for all rows of all runs, of as much."""
 
     run: int
     row: int
+    time_s: float
     gain: float
     chance: float
 
@@ -117,7 +118,8 @@ def _clearest(
     if len(rows) == 0:
         return None
     row = int(rows[np.argmin(p[rows])])
-    return Place(run, row, float(gain[row]), evidence.correct_for_tries(float(p[row]), tried))
+    chance = evidence.correct_for_tries(float(p[row]), tried)
+    return Place(run, row, float(_times(fit, run)[row]), float(gain[row]), chance)
 
 
 def gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -190,15 +191,15 @@ def free_second_order(
     return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
 
 
-def leave_out(fit: ExtendedFit, name: str, base: ExtendedFit | None = None) -> ExtendedFit | None:
-    """The fit again without an effect; None where no motion is left: the model cannot do without
-    it.
+def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) -> ExtendedFit | None:
+    """The fit again without some effects; None where no motion is left: the model cannot do without
+    them.
 
-    base: a fit without effects, from whose place the others are fitted too where the effect has led
-    so far that there is no way back.
+    base: a fit without effects, from whose place the others are fitted too where the effects have
+    led so far that there is no way back.
     """
     reduced: ExtendedFit | None = None
-    point = extended_fit.remove_effect(fit.point, name)
+    point = reduce(extended_fit.remove_effect, names, fit.point)
     with contextlib.suppress(extended_fit.DivergedError):
         reduced = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
     if base is None or (reduced is not None and reduced.converged):

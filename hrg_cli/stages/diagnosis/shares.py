@@ -10,7 +10,6 @@ found.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -18,13 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes import extended_fit
-from ...fitting.causes.extended_fit import DivergedError, ExtendedFit, remove_effect
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.coordinates import to_parameters
 from ...physics import ellipse
 from ...units import DEGREE_PER_HOUR
-from .scoring import is_gross
+from .refits import leave_out
 
 Array = np.ndarray
 PIECES = 4
@@ -131,15 +129,18 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     time_s, whole = fit.series.time_s[good], real(fit.prediction.seen[good])
     names = [effect.name for effect, _ in fit.point.active]
     rows = {tuple(names): real(base.prediction.seen[good])} if names else {}
-    settled: dict[str, Array] = {}
+    settled = {names[0]: rows[(names[0],)]} if len(names) == 1 else {}
+    free, way_back = fit, None
+    if np.isfinite(fit.freedom.offset_std):
+        # a cause may have been found by the runs' frequencies alone, which the base model leaves free
+        free, way_back = replace(fit, freedom=replace(fit.freedom, offset_std=np.inf)), base
     for left_out in sets_left_out(names):
-        with contextlib.suppress(DivergedError):
-            refitted = _fit_without(left_out, base, fit)
-            rows[left_out] = real(refitted.prediction.seen[good])
-            if len(left_out) == 1 and refitted.converged:
-                settled[left_out[0]] = rows[left_out]
-    if len(names) == 1:
-        settled = {names[0]: rows[(names[0],)]}
+        refitted = leave_out(free, *left_out, base=way_back)
+        if refitted is None:
+            continue
+        rows[left_out] = real(refitted.prediction.seen[good])
+        if len(left_out) == 1 and refitted.converged:
+            settled[left_out[0]] = rows[left_out]
     found = {
         name: figures(difference(whole, without), run, time_s) for name, without in settled.items()
     }
@@ -148,21 +149,6 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
         np.stack(list(rows.values()), axis=-1) if rows else np.zeros((len(whole), 4, 0)),
         found,
     )
-
-
-def _fit_without(names: Sequence[str], base: ExtendedFit, fit: ExtendedFit) -> ExtendedFit:
-    """The fit without some of its causes, every run's frequency free as in the base model, from
-    where it stood there: a cause may have been found by these frequencies alone."""
-    point = fit.point
-    for name in names:
-        point = remove_effect(point, name)
-    free = replace(fit.freedom, offset_std=np.inf)
-    refitted = extended_fit.fit(fit.series, point, free, near=fit.flow.near)
-    if np.isinf(fit.freedom.offset_std) or not is_gross(refitted):
-        return refitted
-    from_base = replace(point, offset_rad_s=base.point.offset_rad_s)
-    other = extended_fit.fit(fit.series, from_base, free)
-    return min(refitted, other, key=lambda one: one.chi2)
 
 
 def covariance_of(fit: ExtendedFit, std: Array) -> Array:

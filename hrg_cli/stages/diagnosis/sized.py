@@ -60,7 +60,7 @@ def with_rivals(case: Case) -> list[ExtendedFit]:
     for one in case.search.found:
         if not one.rivals:
             continue
-        reduced = leave_out(case.search.final, one.variant.effect.name, case.search.base)
+        reduced = leave_out(case.search.final, one.variant.effect.name, base=case.search.base)
         if reduced is None:
             continue
         for score, variant in score_effects(reduced, case.inquiry.candidates):
