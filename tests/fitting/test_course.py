@@ -91,6 +91,18 @@ def test_a_log_of_means_keeps_every_row_however_rough() -> None:
     assert np.std(course(t, means).at(t[1:-1:3]) - three) > 0.5
 
 
+def test_a_command_goes_on_where_its_log_has_ended() -> None:
+    """A log may end within a last window, or begin within a first: the command does not stop there,
+    as its integral would if that were held."""
+    t = 0.5 + np.arange(40) * 0.1
+    means = 3.0 + 0.01 * t
+    windows = np.array([0.2, 0.4, 4.4, 4.65])
+    got = mean_of(impulse(t, means), windows, 0.4)
+    np.testing.assert_allclose(got, 3.0 + 0.01 * windows, atol=4e-3)
+    alone = mean_of(impulse(t[:1], means[:1]), windows, 0.4)
+    np.testing.assert_allclose(alone, means[0], rtol=1e-12)
+
+
 def test_a_log_of_single_values_of_a_smooth_command_gives_its_means() -> None:
     """Loops that settle as e^{−8t} beside twenty rows a second: taken for means, the values would
     miss h²·64/24 = 0.7 %."""

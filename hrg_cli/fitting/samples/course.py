@@ -40,7 +40,7 @@ class Course:
         t = self.time_s
         if len(t) == 1:
             return np.full(np.shape(time_s), self.value[0])
-        inside = np.clip(time_s, t[0] - self._reach(0, 1, 2), t[-1] + self._reach(-1, -2, -3))
+        inside = np.clip(time_s, *self.domain)
         k = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)
         x, h = inside - t[k], t[k + 1] - t[k]
         return np.asarray(
@@ -51,6 +51,12 @@ class Course:
                 + (x - h) * (self.alpha[k] + self.beta[k] * x)
             )
         )
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Times from which and to which the rows tell the course."""
+        t = self.time_s
+        return t[0] - self._reach(0, 1, 2), t[-1] + self._reach(-1, -2, -3)
 
     def _reach(self, end: int, next_one: int, third: int) -> float:
         """How far a course goes on beyond an end: one step where its last two steps are bent, or
@@ -84,7 +90,25 @@ class Course:
         return np.asarray(self.integral()[k] + part)
 
 
-def impulse(time_s: Array, mean: Array) -> Course:
+@dataclass(frozen=True)
+class Impulse:
+    """∫ of a quantity from its log's start: a course between the borders of the log's rows, and the
+    quantity's first and last mean, which hold where the log has ended."""
+
+    course: Course
+    first: float
+    last: float
+
+    def at(self, time_s: Array) -> Array:
+        """∫ to any times."""
+        start, end = self.course.domain
+        inside = np.clip(time_s, start, end)
+        beyond = time_s - inside
+        held = np.where(beyond < 0, self.first, self.last)
+        return np.asarray(self.course.at(inside) + held * beyond)
+
+
+def impulse(time_s: Array, mean: Array) -> Impulse:
     """∫ of a quantity whose rows (n,) are means about their times, at the borders between them.
 
     A row counts from half way to the row before to half way to the next one. So the course keeps
@@ -96,7 +120,8 @@ def impulse(time_s: Array, mean: Array) -> Course:
         t, y = t + np.array([-0.5, 0.5]), np.repeat(y, 2)
     middle = (t[1:] + t[:-1]) / 2
     border = np.concatenate([[2 * t[0] - middle[0]], middle, [2 * t[-1] - middle[-1]]])
-    return course(border, np.concatenate([[0.0], np.cumsum(y * np.diff(border))]))
+    through = course(border, np.concatenate([[0.0], np.cumsum(y * np.diff(border))]))
+    return Impulse(through, float(y[0]), float(y[-1]))
 
 
 def means_of_values(time_s: Array, value: Array) -> Array:
@@ -120,7 +145,7 @@ def means_of_values(time_s: Array, value: Array) -> Array:
     return y + np.concatenate([[0.0], off * first + bend, [0.0]])
 
 
-def mean_of(impulse: Course, time_s: Array, width_s: Array | float) -> Array:
+def mean_of(impulse: Impulse, time_s: Array, width_s: Array | float) -> Array:
     """Means (n,) of a quantity over windows about times, from its integral."""
     half = np.asarray(width_s) / 2
     return np.asarray((impulse.at(time_s + half) - impulse.at(time_s - half)) / width_s)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.samples.course import Course, course, impulse, mean_of, means_of_values
+from ...fitting.samples.course import Course, Impulse, course, impulse, mean_of, means_of_values
 from ...records import Array, Recording
 
 COMMANDS = ("drive_main", "drive_quadrature")
@@ -22,7 +22,7 @@ class WindowLog:
     def __init__(self, recording: Recording, name: str) -> None:
         self.rows_outside = 0
         """Windows so far that lie outside the log."""
-        self.courses: dict[str, Course] = {}
+        self.courses: dict[str, Course | Impulse] = {}
         time = recording.auxiliary_time_s
         if time is None or not len(time):
             return
@@ -51,7 +51,9 @@ class WindowLog:
         outside = (times < log[0] - reach) | (times > log[-1] + reach)
         self.rows_outside += int(outside.sum())
         values = {
-            name: mean_of(series, times, window_s) if name in COMMANDS else series.at(times)
+            name: mean_of(series, times, window_s)
+            if isinstance(series, Impulse)
+            else series.at(times)
             for name, series in self.courses.items()
         }
         if outside.any():

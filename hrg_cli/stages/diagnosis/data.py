@@ -29,7 +29,7 @@ from ...fitting.envelopes.coordinates import (
     SECOND_ORDER,
 )
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from ...fitting.samples.course import Course, course, impulse, mean_of
+from ...fitting.samples.course import Impulse, course, impulse, mean_of
 from ...physics import ellipse
 from ...records import Wave
 
@@ -287,7 +287,7 @@ def impulse_of(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     return np.zeros(len(t)) if logged is None else logged.at(t)
 
 
-def _logged(wave: Wave, name: str, forced: Array) -> Course | None:
+def _logged(wave: Wave, name: str, forced: Array) -> Impulse | None:
     """The integral of a command of which the windows hold the means; None where none is logged."""
     values = getattr(wave, name)
     if not forced.any() or not _has(values):
