@@ -15,11 +15,13 @@ from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.evidence import Softened
 from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
 from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
+from hrg_cli.fitting.causes.sensitivities import base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import impulse, mean_of, means_of_values
 from hrg_cli.physics.resonator import exponential
 from hrg_cli.stages.diagnosis import closing, drive_scatter
 from hrg_cli.stages.diagnosis.drive_scatter import Scatter
+from hrg_cli.stages.diagnosis.written import find_change
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])
 RATES = np.array([3.0, -3.0, 1.5])
@@ -124,6 +126,22 @@ def test_a_log_of_means_is_believed():
     before, after, left, walk = judged(4, 3e-4, MEANS)
     assert walk > 10
     assert 0.6 < after < 1.3 and 0.5 < after / before <= 1 and 0.9 < left < 1.1
+
+
+def test_a_written_start_is_moved_as_the_fit_judges_beside_a_scattered_log():
+    """Measured rows beside a walk that is allowed for: a simulation from another start is brought to
+    the fit in one step, and rows that were not compared say nothing."""
+    seen, commands = loops(1, 3e-4, seed=3)
+    fit = drive_scatter.allowed_for(fitted(measured(seen[0], commands[0], VALUES, 5)))
+    assert fit.series.scatter is not None
+    own = base_sensitivities(fit.flow)[1]
+    off = 1e-4 * np.random.default_rng(6).normal(size=(RUNS, own.shape[-1]))
+    compared = np.ones((RUNS, ROWS), bool)
+    compared[:, :7] = False
+    difference = np.einsum("rnik,rk->rni", own, off) * compared[..., None]
+    np.testing.assert_allclose(find_change(fit, difference, compared), off, rtol=1e-6)
+    compared[1] = False
+    assert not find_change(fit, difference * compared[..., None], compared)[1].any()
 
 
 @pytest.mark.slow

@@ -19,8 +19,9 @@ from ...effects.effect import Effect
 from ...errors import HrgError
 from ...fitting.causes import evidence
 from ...fitting.causes.extended import jump_times
-from ...fitting.causes.extended_fit import ExtendedFit, flatten_rows
+from ...fitting.causes.extended_fit import ExtendedFit, flatten_own, flatten_rows
 from ...fitting.causes.layout import OWN
+from ...fitting.causes.sensitivities import base_sensitivities
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...fitting.samples.demodulator import MOVING_PERIODS
@@ -176,7 +177,7 @@ def hold_written(
         simulated.append(_envelopes(wave, fit, tone, origin.index(order[number])))
     series = fit.series
     missed, fitted = np.zeros((2, *series.weight.shape, 4))
-    change = np.zeros((len(series.names), OWN))
+    compared = np.zeros(series.weight.shape, bool)
     for k in range(len(series.names)):
         t, slow, turn = simulated[order.index(origin[k])]
         inside = (
@@ -191,18 +192,28 @@ def hold_written(
         u = _at(at, t, slow) * np.exp(1j * turn * at)[:, None]
         weight = series.weight[k][inside][:, None]
         measured, said = series.envelope[k][inside], fit.prediction.seen[k][inside]
+        compared[k] = inside
         missed[k, inside] = real(measured - u) * weight
         fitted[k, inside] = real(measured - said) * weight
-        own = (
-            fit.design.own[k][2].reshape(-1, 4, OWN)[inside[series.weight[k] > 0]].reshape(-1, OWN)
-        )
-        change[k] = evidence.solve(own, (real(said - u) * weight).ravel())[0]
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
     figures = [
         float(np.sqrt(np.mean(flatten_rows(series, side) ** 2))) for side in (missed, fitted)
     ]
+    change = find_change(fit, missed - fitted, compared)
     return Written(figures[0], figures[1], share, change) if fitted.any() else None
+
+
+def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
+    """What of the runs' starts and frequency offsets (R, 5) makes up most of a difference over σ
+    (R, n, 4), judged as the fit judges, on the rows that were compared."""
+    own = base_sensitivities(fit.flow)[1] * compared[..., None, None]
+    columns, wanted = flatten_own(fit.series, own), flatten_own(fit.series, difference)
+    change = np.zeros((len(fit.series.names), OWN))
+    for k, (rows, _, _) in enumerate(fit.design.own):
+        if compared[k].any():
+            change[k] = evidence.solve(columns[rows], wanted[rows])[0]
+    return change
 
 
 def _estimated(recording: Any) -> Wave:
