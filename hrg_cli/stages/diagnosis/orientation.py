@@ -14,12 +14,12 @@ import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended_fit import ExtendedFit
-from .scoring import score_effects
+from .scoring import score_effects, worth
 from .variants import Variant
 
 Array = np.ndarray
 CLEARLY = 30.0
-"""χ² that turned signs must gain, beyond the choice among 2^R of them."""
+"""χ² that turned signs must gain, beyond the choice among 2^(R − 1) of them."""
 
 
 def orient_runs(base: ExtendedFit, candidates: Sequence[Variant]) -> ExtendedFit:
@@ -28,22 +28,16 @@ def orient_runs(base: ExtendedFit, candidates: Sequence[Variant]) -> ExtendedFit
     own = [variant for variant in candidates if variant.effect.coherent]
     if runs < 2 or not own:
         return base
-    rows = len(base.residual)
+    price = 2 * (runs - 1) * float(np.log(2))
     best, signs = -np.inf, np.ones(runs)
     for columns in base.sensitivities([variant.wanted for variant in own]):
         gain, plain, trial, rank = _turned(columns, base, runs)
-        if (
-            gain - plain > CLEARLY + 2 * runs * np.log(2)
-            and evidence.criterion(gain, rank, rows) > best
-        ):
-            best, signs = evidence.criterion(gain, rank, rows), trial
+        promised = evidence.criterion(gain, rank, len(base.residual)) - price
+        if gain - plain > CLEARLY + price and promised > best:
+            best, signs = promised, trial
     if np.all(signs > 0):
         return base
-    others = (
-        evidence.criterion(s.gain, s.rank, rows)
-        for s, v in score_effects(base, candidates)
-        if s.visible
-    )
+    others = (worth(s, v, base) for s, v in score_effects(base, candidates) if s.visible)
     if best < max(others, default=-np.inf):
         return base
     turned = base.series.phase_rad + np.pi * (signs < 0)[:, None]
