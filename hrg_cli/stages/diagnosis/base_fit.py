@@ -55,9 +55,12 @@ def fit_base(
             break  # no motion of the base model is theirs
         first = again
     late = fit_lateness(first)
-    if is_gross(late):  # a gross misfit would be laid on the log's time
-        return fit_rate_steps(first)
-    return _beside_log(fit_rate_steps(late))
+    if not is_gross(late):
+        return _beside_log(fit_rate_steps(late))
+    # a gross misfit would be laid on the log's time, but not on what the log's own scatter and the
+    # loops' own gains may do
+    beside = _beside_log(first)
+    return fit_rate_steps(first) if is_gross(beside) else beside
 
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:

@@ -32,6 +32,7 @@ from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.samples.course import Impulse, course, impulse, mean_of
 from ...physics import ellipse
 from ...records import Wave
+from .driven_guess import regress_driven
 
 Array = np.ndarray
 STEP_ANGLE = 0.05
@@ -156,14 +157,12 @@ def guess(
             offsets = rough_offsets.copy()
             offsets[[i for i, w in enumerate(waves) if w.mode != "forced"]] = found
     else:
-        damping = [
-            float(np.nanmean(w.drive_main / w.main_amplitude))
-            for w in waves
-            if w.drive_main is not None
-        ]
         p = np.zeros(COUNT)
-        p[DAMPING] = damping[0] if damping and np.isfinite(damping[0]) else 0.0
         p[SCALE_FACTOR] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
+        regressed = regress_driven(runs, waves, rough_offsets, scale_factor)
+        if regressed is not None:
+            p, offsets = regressed
+        p[DAMPING] = max(p[DAMPING], 0.0)
         p[SCALE_FACTOR] = (
             p[SCALE_FACTOR] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
         )

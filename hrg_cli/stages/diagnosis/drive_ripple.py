@@ -27,6 +27,8 @@ from ...fitting.causes.extended import RungeKuttaStage, generators, times
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.wave_frame import real
 from .drive_scatter import has_log, soften
+from .loop_gain import bound_gains
+from .scoring import is_gross
 
 Array = np.ndarray
 ANY_PHASE = 2.0
@@ -37,23 +39,33 @@ DIRECTION, QUADRATURE = 0, 2
 @dataclass(frozen=True)
 class Ripple:
     """What a ripple's answers do to the waves over σ (N, 5): of the direction, of the quadrature
-    loop in its two parts and of the amplitude loop, those for 1/s; and how large they are, 1/s."""
+    loop in its two parts and of the amplitude loop, those for 1/s; and how large the answers of
+    either loop may be, 1/s."""
 
     doings: Array
-    answer_1_s: float
+    amplitude_1_s: float
+    quadrature_1_s: float
 
     @classmethod
     def of(cls, fit: ExtendedFit) -> Ripple:
-        """Beside a fit, from its residual; without a quadrature loop nothing is seen, and nothing
-        answers."""
+        """Beside a fit, from its residual and from the loops' own gains; without a quadrature loop
+        nothing is seen, and nothing answers.
+
+        Any gross misfit might be taken for an answer: beside one the gains alone tell, and a loop
+        whose gain is not known answers nothing.
+        """
         doings = extended_fit.flatten_rows(fit.series, _doings(fit))
-        nulled = bool(fit.series.quadrature_drive.any())
-        return cls(doings, ANY_PHASE * _seen(fit, doings) if nulled else 0.0)
+        if not fit.series.quadrature_drive.any():
+            return cls(doings, 0.0, 0.0)
+        seen = np.inf if is_gross(fit) else ANY_PHASE * _seen(fit, doings)
+        sizes = (min(seen, gain) for gain in bound_gains(fit.series))
+        return cls(doings, *(size if np.isfinite(size) else 0.0 for size in sizes))
 
     @property
     def spread(self) -> Array:
         """What one standard deviation of each does, over σ (N, 5)."""
-        return self.doings * np.array([1.0, *np.full(4, self.answer_1_s)])
+        sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 2
+        return self.doings * np.array([1.0, *sizes])
 
 
 def _seen(fit: ExtendedFit, doings: Array) -> float:
