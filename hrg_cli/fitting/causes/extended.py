@@ -59,6 +59,7 @@ class MeasuredRuns:
     temperature_degc: Array
     temperature_rate_degc_s: Array
     branch: Array
+    """Mean of the temperature's branch over the step that follows a row."""
     table_angle_rad: Array
     phase_rad: Array
     main_drive: Array
@@ -135,7 +136,9 @@ class MeasuredRuns:
             # Simpson's rule then takes exactly the integral, however fast the quantity changes
             # within a step
             cut[name] = (6 * mean - ends[:, 1:] - ends[:, :-1]) / 4
-        return replace(self, branch=self.branch[:, :-1], forced=self.forced[:, :-1], **cut)
+        # likewise of the branch, which stands as its mean over the step that follows a row
+        cut["branch"] = (5 * self.branch[:, :-1] - self.branch[:, 1:]) / 4
+        return replace(self, forced=self.forced[:, :-1], **cut)
 
 
 _ARRAYS = (

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects.effect import branch, frame
+from ...effects.effect import frame
 from ...errors import HrgError
 from ...fitting.causes.extended import MeasuredRuns, Point
 from ...fitting.causes.extended_fit import CoordinatePriors
@@ -32,6 +32,7 @@ from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.samples.course import Impulse, course, impulse, mean_of
 from ...physics import ellipse
 from ...records import Wave
+from .branches import mean_branch
 from .driven_guess import regress_driven
 
 Array = np.ndarray
@@ -235,7 +236,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Measured
             "rate_rad_s": rate,
             "temperature_degc": smooth,
             "temperature_rate_degc_s": np.gradient(smooth, t),
-            "branch": branch(np.where(np.ptp(smooth) > 0, smooth, 0.0)),
+            "branch": mean_branch(t, smooth),
             "table_angle_rad": run.turn_rad,
             "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
             "main_drive": command(wave, "drive_main", t, forced),
