@@ -24,7 +24,8 @@ from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.causes.wave_frame import real
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
-from ..stages.diagnosis.data import freedom_of, prepare
+from ..stages.diagnosis.base_priors import freedom_of
+from ..stages.diagnosis.data import prepare
 from ..stages.diagnosis.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
 from ..stages.simulate import run_ids, simulate

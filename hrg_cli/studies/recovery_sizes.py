@@ -18,7 +18,8 @@ from ..errors import HrgError
 from ..fitting.causes import extended_fit, scales
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..records import Recording, Wave
-from ..stages.diagnosis.data import freedom_of, prepare
+from ..stages.diagnosis.base_priors import freedom_of
+from ..stages.diagnosis.data import prepare
 from ..stages.diagnosis.rate_steps import fit_rate_steps
 from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
 

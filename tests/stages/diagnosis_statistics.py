@@ -11,7 +11,8 @@ from hrg_cli.effects import find
 from hrg_cli.effects.effect import RUN
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.wave_frame import real
-from hrg_cli.stages.diagnosis.data import freedom_of, prepare
+from hrg_cli.stages.diagnosis.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.data import prepare
 from hrg_cli.stages.diagnosis.gain import held_out
 
 FORCED = {

@@ -10,8 +10,9 @@ from synthetic_waves import as_wave, envelope
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.physics.resonator import Mechanics
+from hrg_cli.stages.diagnosis.base_priors import freedom_of
 from hrg_cli.stages.diagnosis.case import Case
-from hrg_cli.stages.diagnosis.data import freedom_of, prepare
+from hrg_cli.stages.diagnosis.data import prepare
 from hrg_cli.stages.diagnosis.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.instants import take_strikes
 from hrg_cli.stages.diagnosis.scoring import is_gross

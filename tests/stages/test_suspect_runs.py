@@ -8,7 +8,8 @@ from wrong_runs import KINDS, estimated, knocked, recordings, table_of, wrong
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.data import freedom_of, prepare
+from hrg_cli.stages.diagnosis.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.data import prepare
 from hrg_cli.stages.diagnosis.rate_steps import fit_rate_steps
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
 from hrg_cli.stages.diagnosis.variants import variants

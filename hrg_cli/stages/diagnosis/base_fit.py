@@ -14,7 +14,8 @@ from ...fitting.causes import extended_fit
 from ...fitting.causes.extended import Point
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...records import Wave
-from .data import freedom_of, is_averaged_well, prepare
+from .base_priors import freedom_of
+from .data import is_averaged_well, prepare
 from .drive_log import blind_to_lateness, fit_lateness
 from .drive_ripple import allow_for_ripple
 from .drive_scatter import allowed_for, has_log

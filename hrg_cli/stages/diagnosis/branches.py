@@ -50,16 +50,14 @@ def turning_time_s(time_s: Array, temperature: Array, step: int) -> float:
     slopes = np.diff(temperature) / np.diff(time_s)
     first, last = time_s[step - 1], time_s[step + 1]
     inner = 2 <= step <= len(slopes) - 2
-    before, behind = (step - 2, step + 1) if inner else (step - 1, step)
-    if not inner or _is_smooth(slopes, step):
-        middle = (time_s[1:] + time_s[:-1]) / 2
-        fall = slopes[step - 1] - slopes[step]
-        turn = middle[step - 1] + (middle[step] - middle[step - 1]) * slopes[step - 1] / fall
-    else:
+    if inner and not _is_smooth(slopes, step) and slopes[step - 2] != slopes[step + 1]:
         gap = temperature[step + 1] - temperature[step - 1]
-        turn = (gap + slopes[before] * first - slopes[behind] * last) / (
-            slopes[before] - slopes[behind]
-        )
+        before, behind = slopes[step - 2], slopes[step + 1]
+        turn = (gap + before * first - behind * last) / (before - behind)
+    else:
+        middle = (time_s[1:] + time_s[:-1]) / 2
+        before, behind = slopes[step - 1], slopes[step]
+        turn = middle[step - 1] + (middle[step] - middle[step - 1]) * before / (before - behind)
     return float(np.clip(turn, first, last))
 
 

@@ -12,28 +12,20 @@ import numpy as np
 from ...effects.effect import frame
 from ...errors import HrgError
 from ...fitting.causes.extended import MeasuredRuns, Point
-from ...fitting.causes.extended_fit import CoordinatePriors
 from ...fitting.envelopes import envelope_runs, propagator
-from ...fitting.envelopes.base_fit import (
-    Known,
-    freedom,
-    nominal_scale_factor,
-    start_from_propagator,
-)
 from ...fitting.envelopes.coordinates import (
-    COUNT,
     DAMPING,
     DAMPING_SPLIT,
     FREQUENCY_SPLIT,
     SCALE_FACTOR,
-    SECOND_ORDER,
 )
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.samples.course import Impulse, course, impulse, mean_of
 from ...physics import ellipse
 from ...records import Wave
+from .base_priors import held_scale_factor
 from .branches import mean_branch
-from .driven_guess import regress_driven
+from .first_guess import guess
 
 Array = np.ndarray
 STEP_ANGLE = 0.05
@@ -46,10 +38,6 @@ DEGREES, ENDS = 3, 3
 count."""
 EXACT = 1e-6
 """Misfit, as a part of its range, below which a temperature log is the polynomial."""
-SHAPES = 0.1
-"""Part of the nominal scale factor by which the mode shapes of shells differ."""
-DIFFERENT_RATES = 0.1
-"""Part of the greatest rate by which rates must differ to count as different."""
 WELL = 0.1
 """σ by which the averages of all rows' windows together may miss the rows' middles."""
 QUIET = 1e-3
@@ -81,7 +69,7 @@ def prepare(
     own = np.array([r.reference_frequency_hz for r in runs])
     shift = 2 * np.pi * (own - _common_reference_hz(runs))
     p, offsets = (
-        guess(runs, free, waves, _held_scale_factor(waves, runs, scale_factor))
+        guess(runs, free, waves, held_scale_factor(waves, runs, scale_factor))
         if along is None
         else (along.p, along.offset_rad_s - shift)
     )
@@ -136,39 +124,6 @@ def _undamped(p: Array) -> Array:
 def _fastest_turn(run: EnvelopeRun) -> float:
     step = np.diff(run.time_s)
     return float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, 0.99))
-
-
-def guess(
-    runs: list[EnvelopeRun],
-    free: list[EnvelopeRun],
-    waves: Sequence[Wave],
-    scale_factor: float | None,
-) -> tuple[Array, Array]:
-    """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs,
-    else roughly."""
-    known = Known(scale_factor=scale_factor)
-    p, rough_offsets = propagator.guess_roughly(runs)
-    if scale_factor is not None:
-        p[SCALE_FACTOR] = scale_factor
-    offsets = rough_offsets
-    if free:
-        from_free, found, _, _ = start_from_propagator(free, known)
-        if np.all(np.isfinite(from_free)):
-            p = from_free
-            offsets = rough_offsets.copy()
-            offsets[[i for i, w in enumerate(waves) if w.mode != "forced"]] = found
-    else:
-        p = np.zeros(COUNT)
-        p[SCALE_FACTOR] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
-        regressed = regress_driven(runs, waves, rough_offsets, scale_factor)
-        if regressed is not None:
-            p, offsets = regressed
-        p[DAMPING] = max(p[DAMPING], 0.0)
-        p[SCALE_FACTOR] = (
-            p[SCALE_FACTOR] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
-        )
-    p[SECOND_ORDER] = 1.0
-    return p, offsets
 
 
 def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
@@ -344,59 +299,3 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
     inside[left] = y[0] + slope[0] * (t[left] - x[0])
     inside[right] = y[-1] + slope[-1] * (t[right] - x[-1])
     return inside
-
-
-def freedom_of(series: MeasuredRuns, point: Point, scale_factor: float | None) -> CoordinatePriors:
-    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
-    it, the second order's scale at 1.
-
-    With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale
-    factor fitted there takes up any misfit. Once it is not gross, K may be any that a mode shape
-    makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
-    """
-    span = float(series.time_s.max())
-    damping = max(abs(float(point.p[DAMPING])), 0.01 / span)
-    split = max(float(np.hypot(*point.p[FREQUENCY_SPLIT])), damping, 1 / span)
-    nominal = nominal_scale_factor(series.mode_number) if scale_factor is None else scale_factor
-    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 0.0, 0.0])
-    loose = std.copy()
-    loose[SECOND_ORDER] = 1.0
-    if scale_factor is None and shows_scale_factor(series, nominal):
-        std[SCALE_FACTOR] = loose[SCALE_FACTOR] = 3.0
-    elif scale_factor is None and series.mode_number > 1:
-        loose[SCALE_FACTOR] = SHAPES * nominal
-    mean = np.array([0, 0, 0, 0, 0, nominal, 1.0])
-    return CoordinatePriors(mean, std, loose=CoordinatePriors(np.append(mean[:6], 0.5), loose))
-
-
-def shows_scale_factor(series: MeasuredRuns, nominal: float) -> bool:
-    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole
-    period of its splits."""
-    good = series.weight > 0
-    turned = [
-        float(np.ptp(angle[rows]))
-        for angle, rows in zip(series.table_angle_rad, good, strict=True)
-        if rows.any()
-    ]
-    return _tell(series.rate_rad_s[good], turned, nominal)
-
-
-def _tell(rates: Array, turned: Sequence[float], nominal: float) -> bool:
-    """Whether logged rates, and the table's turn in every run, tell K."""
-    if np.ptp(rates) > DIFFERENT_RATES * np.abs(rates).max(initial=0.0):
-        return True
-    return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)
-
-
-def _held_scale_factor(
-    waves: Sequence[Wave], runs: Sequence[EnvelopeRun], scale_factor: float | None
-) -> float | None:
-    """The scale factor to be held from the guess on: the user's, or, where no run tells it, the
-    nominal one; None where it is free."""
-    if scale_factor is not None:
-        return scale_factor
-    logs = [np.asarray(w.rate_rad_s, float) for w in waves if _has(w.rate_rad_s)]
-    rates = np.concatenate([log[np.isfinite(log)] for log in logs] or [np.zeros(1)])
-    nominal = nominal_scale_factor(waves[0].mode_number)
-    turned = [float(np.ptp(run.turn_rad)) for run in runs]
-    return None if _tell(rates, turned, nominal) else nominal

@@ -1,4 +1,5 @@
-"""Diagnosis, where the fit of driven runs starts: a linear regression on what the loops commanded.
+"""Diagnosis, where the fit of the base model starts: the propagator of the free runs, or, of driven
+runs alone, a linear regression on what the loops commanded.
 
 u̇ = (L + jδ)u + F with the logged force F = e^{jφ}(f_A e_A − j f_B e_B) is linear in the coordinates of
 L and in every run's δ: with c_k = ∫ B_k u dt from the run's first row,
@@ -17,14 +18,48 @@ import numpy as np
 from ...effects.effect import frame
 from ...fitting.causes.extended import times
 from ...fitting.causes.wave_frame import real
-from ...fitting.envelopes import coordinates
-from ...fitting.envelopes.coordinates import COUNT, SCALE_FACTOR
+from ...fitting.envelopes import coordinates, propagator
+from ...fitting.envelopes.base_fit import Known, freedom, start_from_propagator
+from ...fitting.envelopes.coordinates import COUNT, DAMPING, SCALE_FACTOR, SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...records import Wave
 
 Array = np.ndarray
 SHOWN = 1e-6
 """Part of its own length that a column must have beside the others to be fitted."""
+
+
+def guess(
+    runs: list[EnvelopeRun],
+    free: list[EnvelopeRun],
+    waves: Sequence[Wave],
+    scale_factor: float | None,
+) -> tuple[Array, Array]:
+    """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs,
+    else roughly."""
+    known = Known(scale_factor=scale_factor)
+    p, rough_offsets = propagator.guess_roughly(runs)
+    if scale_factor is not None:
+        p[SCALE_FACTOR] = scale_factor
+    offsets = rough_offsets
+    if free:
+        from_free, found, _, _ = start_from_propagator(free, known)
+        if np.all(np.isfinite(from_free)):
+            p = from_free
+            offsets = rough_offsets.copy()
+            offsets[[i for i, w in enumerate(waves) if w.mode != "forced"]] = found
+    else:
+        p = np.zeros(COUNT)
+        p[SCALE_FACTOR] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
+        regressed = regress_driven(runs, waves, rough_offsets, scale_factor)
+        if regressed is not None:
+            p, offsets = regressed
+        p[DAMPING] = max(p[DAMPING], 0.0)
+        p[SCALE_FACTOR] = (
+            p[SCALE_FACTOR] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
+        )
+    p[SECOND_ORDER] = 1.0
+    return p, offsets
 
 
 def regress_driven(
@@ -88,7 +123,8 @@ def _integrated(run: EnvelopeRun, wave: Wave, offset: float) -> tuple[Array, Arr
     back = np.exp(-1j * offset * t)[:, None]
     u = run.envelope * back
     main, quadrature, phase = (
-        _at(t, wave, _logged(wave, name)) for name in ("drive_main", "drive_quadrature", "phase_rad")
+        _at(t, wave, _logged(wave, name))
+        for name in ("drive_main", "drive_quadrature", "phase_rad")
     )
     turn, e_A, e_B, _ = frame(run.envelope, phase)
     force = back * turn[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)

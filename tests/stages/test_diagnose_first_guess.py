@@ -3,12 +3,12 @@ engine with loops closed on them."""
 
 import numpy as np
 import pytest
-
 from diagnosis_programme import programme, waves
+
 from hrg_cli.fitting.envelopes import coordinates, envelope_runs
 from hrg_cli.fitting.envelopes.propagator import guess_roughly
 from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.driven_guess import regress_driven
+from hrg_cli.stages.diagnosis.first_guess import regress_driven
 
 
 @pytest.fixture(scope="module")
