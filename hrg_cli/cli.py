@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
+from . import threads
 from .errors import NO_MEMORY, is_no_memory
 
 COMMANDS = {
@@ -234,6 +235,7 @@ def _root(
 
 def main() -> None:
     """Entry point of the `hrg` script."""
+    threads.use_one()
     try:
         app(prog_name="hrg")
     except Exception as error:  # outside the command's own guard: while its modules are loaded

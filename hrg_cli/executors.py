@@ -28,13 +28,13 @@ from concurrent.futures import (
 )
 from typing import Any, TypeVar
 
+from . import threads
 from .errors import HrgError
 from .extras import how_to_install
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 OpenExecutor = Callable[[], contextlib.AbstractContextManager[Executor]]
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 CONNECT_S = 15
 """Seconds to wait for a scheduler."""
 WORKERS_S = 60
@@ -91,8 +91,8 @@ def local_processes(jobs: int) -> Iterator[Executor]:
     if jobs == 1:
         yield InlineExecutor()
         return
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    before = {name: os.environ.get(name) for name in threads.NAMES}
+    os.environ.update(dict.fromkeys(threads.NAMES, "1"))
     try:
         pool = _Processes(
             jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent

@@ -13,7 +13,7 @@ import pytest
 import hrg_cli
 
 PACKAGE = Path(hrg_cli.__file__).parent
-BASE = {"units", "errors", "version", "extras"}
+BASE = {"units", "errors", "version", "extras", "threads"}
 FITS = {*BASE, "fourier", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
@@ -28,10 +28,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "extras": set(),
     "version": set(),
+    "threads": set(),
     "fourier": set(),
     "settings": {"errors"},
     "notebook": {"errors", "extras"},
-    "executors": {"errors", "extras"},
+    "executors": {"errors", "extras", "threads"},
     "limit_values": {"units", "errors"},
     "physics": {"units", "errors"},
     "effects": {"units", "errors", "physics"},

@@ -44,7 +44,7 @@ FILES = (
 )
 ENVIRONMENT = (
     ("NO_COLOR", "When set, nothing is coloured."),
-    ("OMP_NUM_THREADS", "Threads of numerical libraries; 1 is best with --jobs."),
+    ("OMP_NUM_THREADS", "Threads of numerical libraries (default: 1, which is quickest here)."),
     ("SOURCE_DATE_EPOCH", "Seconds since 1970 that files bear as the time of their making."),
 )
 
