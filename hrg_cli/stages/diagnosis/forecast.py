@@ -95,12 +95,10 @@ class Errors:
 
     def drawn(self, random: np.random.Generator) -> Array:
         """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
-        other = self.learned.reshape(-1, self.learned.shape[-1]) @ random.standard_normal(
-            (self.learned.shape[-1], DRAWS)
-        )
-        return np.sum(
-            (self.difference[..., None] + other.reshape(*self.difference.shape, DRAWS)) ** 2, axis=1
-        )
+        taught = random.standard_normal((DRAWS, self.learned.shape[-1]))
+        # one at a time: all together are as large as everything else that a diagnosis holds
+        one_by_one = (np.sum((self.difference + self.learned @ one) ** 2, axis=1) for one in taught)
+        return np.stack(list(one_by_one), axis=-1)
 
 
 def folds_of(series: MeasuredRuns) -> list[Fold]:
