@@ -37,7 +37,7 @@ from .diagnosis.heard import find_unheard
 from .diagnosis.lines import folded_beside
 from .diagnosis.model import simulation_file
 from .diagnosis.odd_windows import say_odd_windows as odd_ones
-from .diagnosis.orientation import orient_runs
+from .diagnosis.orientation import orient_runs, settle_signs
 from .diagnosis.record import doubts, in_form, left_over, record_of, with_shares
 from .diagnosis.refusal import refuse, stop_search
 from .diagnosis.report import report as report_of
@@ -269,10 +269,14 @@ def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
     """The causes beside the base fit, without those whose waveform the samples do not hold."""
     candidates: Sequence[Variant] = variants(asked.searched, base)
     start = orient_runs(base, candidates)
-    case = explain(start, candidates, asked.most)
+
+    def explained(begin: ExtendedFit) -> Case:
+        return explain(begin, candidates, asked.most)
+
+    case, start = settle_signs(explained(start), start, explained)
     while silent := find_unheard(case.search.final, asked.waves):
         candidates = [one for one in candidates if one.effect.name not in silent]
-        case = explain(start, candidates, asked.most)
+        case = explained(start)
     return case
 
 

@@ -70,6 +70,29 @@ def test_a_gain_mismatch_is_not_a_damping_split():
     true_values(table, named(table, "gain_mismatch"), "damping_split_1_s", "damping_axis_rad")
 
 
+@pytest.mark.parametrize("forced", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_an_offset_hidden_by_a_larger_cause_needs_no_phase_of_its_own_sign(forced):
+    """(mθ, φ) and (mθ + π, φ + π) are one wave: written either way, run by run, it has the same
+    causes, though the larger one is found before anything tells the signs."""
+    offset = {name: 2 * value for name, value in OFFSET.items()}
+    effects = {"coherent_offset": offset, "gain_mismatch": {"gain": 2e-3}}
+    recorded = waves(programme(33, effects, forced=forced, runs=6))
+    turned = [
+        wave.replace(
+            wave_angle_rad=wave.wave_angle_rad + np.pi / 2, phase_rad=wave.phase_rad + np.pi
+        )
+        if number in (1, 3, 4)
+        else wave
+        for number, wave in enumerate(recorded)
+    ]
+    as_written, otherwise = (summary(diagnose(runs)) for runs in (recorded, turned))
+    for out in (as_written, otherwise):
+        assert out["verdict"] == "explained"
+        assert [e["name"] for e in out["effects"]] == ["gain_mismatch", "coherent_offset"]
+    z = [[abs(e["z"]) for e in out["effects"]] for out in (as_written, otherwise)]
+    np.testing.assert_allclose(z[1], z[0], rtol=1e-3)
+
+
 @pytest.mark.slow
 def test_feed_through_is_no_offset():
     named(programme(32, {"drive_feedthrough": FEED}, forced=True), "drive_feedthrough")

@@ -7,14 +7,17 @@ explains what nothing else does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended_fit import ExtendedFit
+from .case import Case
+from .refits import leave_out
 from .scoring import score_effects, worth
+from .thresholds import WORTH
 from .variants import Variant
 
 Array = np.ndarray
@@ -22,8 +25,11 @@ CLEARLY = 30.0
 """χ² that turned signs must gain, beyond the choice among 2^(R − 1) of them."""
 
 
-def orient_runs(base: ExtendedFit, candidates: Sequence[Variant]) -> ExtendedFit:
-    """The fit with the phase of some runs turned by π, or as it was."""
+def orient_runs(
+    base: ExtendedFit, candidates: Sequence[Variant], margin: float = 0.0
+) -> ExtendedFit:
+    """The fit with the phase of some runs turned by π, or as it was; margin: by how much the turned
+    vector may promise less than another cause."""
     runs = len(base.series.names)
     own = [variant for variant in candidates if variant.effect.coherent]
     if runs < 2 or not own:
@@ -38,10 +44,66 @@ def orient_runs(base: ExtendedFit, candidates: Sequence[Variant]) -> ExtendedFit
     if np.all(signs > 0):
         return base
     others = (worth(s, v, base) for s, v in score_effects(base, candidates) if s.visible)
-    if best < max(others, default=-np.inf):
+    if best + margin < max(others, default=-np.inf):
         return base
     turned = base.series.phase_rad + np.pi * (signs < 0)[:, None]
     return extended_fit.fit(replace(base.series, phase_rad=turned), base.point, base.freedom)
+
+
+def settle_signs(
+    case: Case, start: ExtendedFit, explained: Callable[[ExtendedFit], Case]
+) -> tuple[Case, ExtendedFit]:
+    """The case, and the start of its search, with the signs that are best beside the causes found,
+    which may have hidden a coherent vector or be one with the wrong signs.
+
+    explained: the search from a start. Where neither choice of signs is better by `WORTH`, the
+    coherent causes of each stand in for those of the other.
+    """
+    turned = _orient_beside(case.search.final, start, case.inquiry.candidates)
+    if turned is None:
+        return case, start
+    (better, from_here), (other, _) = sorted(
+        ((case, start), (explained(turned), turned)), key=lambda pair: _criterion(pair[0])
+    )
+    if _criterion(other) - _criterion(better) < WORTH:
+        better = _with_rivals_of(better, other)
+    return better, from_here
+
+
+def _orient_beside(
+    final: ExtendedFit, start: ExtendedFit, candidates: Sequence[Variant]
+) -> ExtendedFit | None:
+    """The start with the phases as they may stand as well beside all causes but the coherent ones;
+    None where there is no other way."""
+    coherent = [effect.name for effect, _ in final.point.active if effect.coherent]
+    beside = leave_out(final, *coherent, base=start) if coherent else final
+    if beside is None or not final.point.active:
+        return None
+    turned = orient_runs(beside, candidates, margin=WORTH)
+    if turned is beside:
+        return None
+    series = replace(start.series, phase_rad=turned.series.phase_rad)
+    return extended_fit.fit(series, start.point, start.freedom)
+
+
+def _criterion(case: Case) -> float:
+    """χ² of a case's final model, and what its parameters cost."""
+    final = case.search.final
+    return float(final.chi2 + final.layout.count * np.log(len(final.residual)))
+
+
+def _with_rivals_of(case: Case, other: Case) -> Case:
+    """The case whose coherent causes are not told from those of another."""
+    named = {one.variant.effect.name for one in case.search.found}
+    others = [one.variant.effect.name for one in other.search.found if one.variant.effect.coherent]
+    more = [name for name in others if name not in named]
+    found = tuple(
+        replace(one, rivals=tuple(dict.fromkeys([*one.rivals, *more])))
+        if one.variant.effect.coherent
+        else one
+        for one in case.search.found
+    )
+    return replace(case, search=replace(case.search, found=found))
 
 
 def _turned(columns: Array, base: ExtendedFit, runs: int) -> tuple[float, float, Array, int]:
