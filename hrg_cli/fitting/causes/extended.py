@@ -161,6 +161,7 @@ _ARRAYS = (
 )
 
 _INTEGRALS = {
+    "temperature_rate_degc_s": "temperature_degc",
     "rate_rad_s": "table_angle_rad",
     "main_drive": "main_impulse",
     "quadrature_drive": "quadrature_impulse",
