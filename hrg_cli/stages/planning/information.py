@@ -21,7 +21,7 @@ from ...fitting.causes.extended_fit import CoordinatePriors
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.sensitivities import base_sensitivities, propagation
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
-from ...physics import ellipse, slow_engine
+from ...physics import ellipse, slow_engine, slow_motion
 from ...physics.plant import linear_plant
 from ...physics.resonator import Mechanics
 from ...records import Wave
@@ -82,7 +82,7 @@ def wave_of(run: SimulationFile) -> Wave:
         world,
         plant,
         simulate.control_of(run),
-        slow_engine.SlowTerms(),
+        slow_motion.SlowTerms(),
         start,
         step,
         STEPS,
